@@ -1,0 +1,193 @@
+"""The hierarchy of failure causes: what a skill may say that went wrong, in one file for all floors."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from .errors import PicktreeError
+
+Evidence: TypeAlias = "Mapping[str, str | float | int | bool | None | list[float] | list[str]]"
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """A dotted name, a sentence for people, and the first remedy to try."""
+
+    name: str
+    sentence: str
+    remedy: str
+
+    def __str__(self) -> str:
+        return self.name
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """All causes that begin with `name`; a skill declares it when it may end in any of them."""
+
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.name}.*"
+
+
+class perception:
+    NOT_FOUND = Cause("perception.not_found", "The object was not seen where it should be.", "observe again")
+    AMBIGUOUS = Cause(
+        "perception.ambiguous", "Several objects fit what was asked for.", "observe from another view"
+    )
+    STALE = Cause("perception.stale", "What is known of the object is too old.", "observe again")
+    ANY = Family("perception")
+
+
+class planning:
+    NO_IK = Cause("planning.no_ik", "No joint configuration reaches the pose.", "try another candidate")
+    NO_PATH = Cause("planning.no_path", "No path free of collision was found.", "replan with another seed")
+    START_IN_COLLISION = Cause(
+        "planning.start_in_collision", "The arm is believed to touch something where it is.", "retreat safely"
+    )
+    GOAL_IN_COLLISION = Cause(
+        "planning.goal_in_collision",
+        "Every way to reach the goal touches something.",
+        "try another candidate",
+    )
+    BUDGET = Cause(
+        "planning.budget", "The planner used up its collision checks.", "replan with a larger budget"
+    )
+    ANY = Family("planning")
+
+
+class grasp:
+    NO_CANDIDATE = Cause("grasp.no_candidate", "No grasp is left to try.", "clear what stands around it")
+    MISSED = Cause("grasp.missed", "The fingers closed and hold nothing.", "observe again")
+    SLIPPED = Cause("grasp.slipped", "The object slipped out of the fingers.", "observe again, grip harder")
+    ANY = Family("grasp")
+
+
+class place:
+    OCCUPIED = Cause("place.occupied", "Something stands where the object should go.", "choose another spot")
+    MISSED = Cause("place.missed", "The object is not where it was put.", "observe again")
+    FULL = Cause("place.full", "No free spot is left.", "empty the bin")
+    ANY = Family("place")
+
+
+class insert:
+    NOT_FOUND = Cause("insert.not_found", "The hole was not found by feeling for it.", "observe the hole")
+    JAMMED = Cause("insert.jammed", "The part is stuck in the hole.", "pull out and try again")
+    MISSED = Cause("insert.missed", "The part is not in the hole.", "observe again")
+    ANY = Family("insert")
+
+
+class push:
+    LOST_CONTACT = Cause("push.lost_contact", "The tool no longer touches the object.", "observe again")
+    STALLED = Cause("push.stalled", "The object does not move any further.", "push from another side")
+    MISSED = Cause("push.missed", "The object did not end where it should.", "push again")
+    ANY = Family("push")
+
+
+class control:
+    TRACKING = Cause("control.tracking", "The arm did not follow its trajectory.", "retreat safely")
+    TIMEOUT = Cause("control.timeout", "A motion took longer than it may.", "retreat safely")
+    ANY = Family("control")
+
+
+class safety:
+    FORCE_LIMIT = Cause("safety.force_limit", "The force at the wrist exceeded its limit.", "retreat safely")
+    SPEED_LIMIT = Cause("safety.speed_limit", "A joint moved faster than it may.", "retreat safely")
+    WORKSPACE = Cause("safety.workspace", "The tool left the workspace.", "retreat safely")
+    JOINT_LIMIT = Cause("safety.joint_limit", "A joint came too close to its limit.", "retreat safely")
+    STOP = Cause("safety.stop", "Motion is refused: a safety stop is not acknowledged.", "retreat safely")
+    ANY = Family("safety")
+
+
+class world:
+    UNKNOWN_OBJECT = Cause("world.unknown_object", "No such object is known.", "observe")
+    DISTURBED = Cause("world.disturbed", "The scene changed while it was acted on.", "observe again")
+    ANY = Family("world")
+
+
+class tree:
+    TIMEOUT = Cause("tree.timeout", "The branch took longer than its time.", "give it more time")
+    ATTEMPTS = Cause("tree.attempts", "All attempts are used up.", "allow more attempts")
+    NO_CASE = Cause("tree.no_case", "No case matches and there is no default.", "add a default")
+    MISSING_INPUT = Cause("tree.missing_input", "An input has no value.", "write it before it is read")
+    ANY = Family("tree")
+
+
+class internal:
+    ERROR = Cause("internal.error", "The program has a fault of its own.", "report it with the log")
+    ANY = Family("internal")
+
+
+FAMILIES: tuple[type, ...] = (
+    perception, planning, grasp, place, insert, push, control, safety, world, tree, internal
+)  # fmt: skip
+_causes: dict[str, Cause] = {
+    cause.name: cause for family in FAMILIES for cause in vars(family).values() if isinstance(cause, Cause)
+}
+
+
+def register_cause(cause: Cause) -> Cause:
+    """Add a plug-in's cause. Raises PicktreeError for a malformed name or one of a family of ours."""
+    prefix = cause.name.split(".")[0]
+    if not re.fullmatch(r"[a-z]\w*(\.[a-z]\w*)+", cause.name):
+        raise PicktreeError(f"cause {cause.name!r}: must be lower-case words with dots, as 'grasp.missed'")
+    if prefix in {family.__name__ for family in FAMILIES}:
+        raise PicktreeError(f"cause {cause.name!r}: the prefix {prefix!r} belongs to picktree; use your own")
+    return _causes.setdefault(cause.name, cause)
+
+
+def all_causes() -> tuple[Cause, ...]:
+    """Every registered cause, in the order of registration."""
+    return tuple(_causes.values())
+
+
+def cause_named(name: str) -> Cause:
+    """The cause of that name. Raises PicktreeError with the known names when there is none."""
+    try:
+        return _causes[name]
+    except KeyError:
+        raise PicktreeError(f"unknown cause {name!r}; known: {', '.join(_causes)}") from None
+
+
+def matches(pattern: str, cause: Cause) -> bool:
+    """Whether a `when:` pattern (`grasp.missed`, `grasp.*`, `*`) covers the cause.
+
+    `*` does not match `internal.error`: a fault of the program is not to be recovered by accident.
+    """
+    if pattern == "*":
+        return cause.name != internal.ERROR.name
+    if pattern.endswith(".*"):
+        return cause.name.startswith(pattern[:-1])
+    return cause.name == pattern
+
+
+@dataclass(frozen=True, slots=True)
+class FailureReport:
+    """One failure as it travels to the root: cause, sentence, evidence, where; others that led to it."""
+
+    cause: Cause
+    message: str
+    evidence: Evidence = field(
+        default_factory=dict[str, "str | float | int | bool | None | list[float] | list[str]"]
+    )
+    node: str = ""
+    attached: tuple[FailureReport, ...] = ()
+
+
+class Failure(Exception):
+    """Raised by a skill's body: the node ends in FAILURE with this report. No other code catches it."""
+
+    def __init__(
+        self,
+        cause: Cause,
+        message: str,
+        **evidence: str | float | int | bool | list[float] | list[str] | None,
+    ) -> None:
+        super().__init__(f"{cause}: {message}")
+        self.cause = cause
+        self.message = message
+        self.evidence: Evidence = evidence

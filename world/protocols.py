@@ -1,0 +1,113 @@
+"""The hardware as skills and controllers meet it: two simulations implement it, a driver would be a third."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .values import Array, GripperState, JointState, Pose, Wrench
+
+
+class Clock(Protocol):
+    """Simulated (on hardware: the controller's) time."""
+
+    @property
+    def now(self) -> float:
+        """Seconds since the run began."""
+        ...
+
+
+class Arm(Protocol):
+    """The joints of the arm, at the control rate."""
+
+    def read(self) -> JointState:
+        """What the encoders say in this control period; the same answer until the next step."""
+        ...
+
+    def follow(self, position: Array, velocity: Array) -> None:
+        """Command the stiff joint servo for the next period: (n,) rad, (n,) rad/s."""
+        ...
+
+    def apply_torque(self, torque: Array) -> None:
+        """Command joint torques (n,) Nm for the next period; gravity is not compensated for you."""
+        ...
+
+
+class Gripper(Protocol):
+    """Two parallel fingers. A command stays in force until the next."""
+
+    def read(self) -> GripperState: ...
+
+    def command(self, width: float, force: float) -> None:
+        """Drive towards an opening of `width` m with at most `force` N a finger."""
+        ...
+
+
+class WrenchSensor(Protocol):
+    """The force/torque sensor in the wrist."""
+
+    def read(self) -> Wrench:
+        """Wrench that the rest of the robot's hand side exerts on the wrist: the weight of hand and load
+        plus contact forces, in the *world's* axes about the sensor's origin, with noise; not tared.
+
+        A load of m kg hanging still adds (0, 0, -9.81·m); a table that pushes the hand up adds +z.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Intrinsics:
+    """Pinhole camera: pixels. The ray of pixel (column u, row v) is ((u - cx)/fx, (v - cy)/fy, 1)."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RgbdImage:
+    """One shot: colour (h, w, 3) uint8, depth (h, w) float32 in m along the optical axis, 0 where unknown."""
+
+    camera: str
+    colour: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    stamp: float
+    intrinsics: Intrinsics
+    camera_in_world: Pose
+    """As believed (from the scene file): x right, y down, z forward."""
+
+
+class Camera(Protocol):
+    """A camera that returns colour, depth and stamp, and no segmentation."""
+
+    def capture(self) -> RgbdImage: ...
+
+
+class Hardware(Protocol):
+    """Everything that a `World` stands on. `step` lets one control period pass."""
+
+    @property
+    def clock(self) -> Clock: ...
+    @property
+    def arm(self) -> Arm: ...
+    @property
+    def gripper(self) -> Gripper: ...
+    @property
+    def wrench(self) -> WrenchSensor: ...
+    @property
+    def cameras(self) -> Mapping[str, Camera]: ...
+    @property
+    def period(self) -> float:
+        """Length of a control period, s."""
+        ...
+
+    def step(self) -> None:
+        """Apply the commands, let `period` pass, refresh the sensors."""
+        ...

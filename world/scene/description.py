@@ -1,0 +1,172 @@
+"""What a scene file says, as values: what stands where, what may be spawned, where items belong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+from ..shapes import Box, Shape
+from ..values import Bounds, ObjectId, Pose, Vector3
+
+Form: TypeAlias = Literal["box", "cylinder", "sphere", "plate", "mesh"]
+
+
+@dataclass(frozen=True, slots=True)
+class Fixture:
+    """A body that never moves."""
+
+    id: ObjectId
+    shape: Shape
+    pose: Pose
+    """In the world."""
+    colour: str = "grey"
+
+
+@dataclass(frozen=True, slots=True)
+class Bin:
+    """An open-topped box. `size` is the outside (x, y, z); the frame is the centre of its underside."""
+
+    id: ObjectId
+    size: Vector3
+    wall: float
+    pose: Pose
+    colour: str = "grey"
+
+    def parts(self) -> tuple[tuple[Box, Pose], ...]:
+        """Floor and four walls, with their poses in the world."""
+        (x, y, z), w = self.size, self.wall
+        local = (
+            (Box((x, y, w)), Pose((0.0, 0.0, w / 2))),
+            (Box((w, y, z - w)), Pose((-(x - w) / 2, 0.0, (z + w) / 2))),
+            (Box((w, y, z - w)), Pose(((x - w) / 2, 0.0, (z + w) / 2))),
+            (Box((x - 2 * w, w, z - w)), Pose((0.0, -(y - w) / 2, (z + w) / 2))),
+            (Box((x - 2 * w, w, z - w)), Pose((0.0, (y - w) / 2, (z + w) / 2))),
+        )
+        return tuple((box, self.pose @ part) for box, part in local)
+
+    def inside(self) -> tuple[Vector3, Vector3]:
+        """Lowest and highest corner of the free inside, in the bin's frame, m."""
+        (x, y, z), w = self.size, self.wall
+        return (-x / 2 + w, -y / 2 + w, w), (x / 2 - w, y / 2 - w, z)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraDescription:
+    """An RGB-D camera. `pose` is the optical frame in the world as everybody believes it: z looks forward,
+    y down. `error` is the true optical frame given in the believed one: only the simulation reads it."""
+
+    name: str
+    pose: Pose
+    size: tuple[int, int]
+    """Width, height in pixels."""
+    fov: float
+    """Vertical field of view, rad."""
+    depth_noise: float = 0.002
+    """Standard deviation at 0.7 m, m; grows with the square of the depth."""
+    edge_dropout: float = 0.5
+    """Probability that a pixel on a depth edge returns nothing."""
+    near: float = 0.05
+    far: float = 3.0
+    error: Pose = field(default_factory=Pose)
+
+
+@dataclass(frozen=True, slots=True)
+class CatalogueEntry:
+    """A kind of item: what perception may recognise and the simulation may spawn."""
+
+    kind: str
+    form: Form
+    shape: Shape
+    """A plate is a flat Box."""
+    mass: float
+    """kg"""
+    friction: float
+    force_limit: float | None = None
+    """Greatest grip force a finger that it survives, N."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spawn:
+    """Items set down at random. Drawn from the stream `spawn`, from scene and seed alone."""
+
+    counts: tuple[tuple[str, int], ...]
+    """(kind, number)"""
+    colours: tuple[str, ...]
+    """Given out in turn, shuffled."""
+    area: tuple[tuple[float, float], tuple[float, float]]
+    """((x min, y min), (x max, y max)) for the items' centres, m."""
+    gap: float = 0.025
+    """Free distance between the items' footprints, m."""
+    lying: float = 0.0
+    """Share of the cylinders that lie on their side."""
+    tumbled: bool = False
+    """Dropped from 10 cm in any orientation instead of set down."""
+
+
+@dataclass(frozen=True, slots=True)
+class Destination:
+    """Items for which `where` is true belong into the bin `to`. The first rule that holds counts."""
+
+    where: str
+    to: ObjectId
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the safety monitor enforces."""
+
+    force: float = 60.0
+    """Contact force at the wrist, N."""
+    workspace: Bounds = field(default_factory=lambda: Bounds((-0.5, -1.0, -0.02), (1.0, 1.0, 1.5)))
+    """Where the TCP may be, in the world."""
+
+
+@dataclass(frozen=True, slots=True)
+class Thinking:
+    """Simulated time that computing costs, s."""
+
+    collision_check: float = 25e-6
+    image: float = 0.06
+
+
+@dataclass(frozen=True, slots=True)
+class SensorNoise:
+    """Standard deviations of the sensors other than the cameras."""
+
+    encoder: float = 2e-5
+    """rad"""
+    width: float = 1e-4
+    """m"""
+    force: float = 0.15
+    """N, each axis"""
+    torque: float = 0.01
+    """Nm, each axis"""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneDescription:
+    """A scene file, read and resolved."""
+
+    name: str
+    robot: str
+    """Name of a shipped robot, or the path of a robot file."""
+    fixtures: tuple[Fixture, ...]
+    bins: tuple[Bin, ...]
+    cameras: tuple[CameraDescription, ...]
+    catalogue: tuple[CatalogueEntry, ...]
+    spawn: tuple[Spawn, ...]
+    destinations: tuple[Destination, ...]
+    limits: Limits = field(default_factory=Limits)
+    thinking: Thinking = field(default_factory=Thinking)
+    noise: SensorNoise = field(default_factory=SensorNoise)
+    checkpoint_every: int = 4
+    """Items between two checkpoints."""
+    goal: str | None = None
+    """An expression over `total`, `sorted`, `misplaced`, `left`; default: all are sorted."""
+    source: str = ""
+    """Path of the file."""
+    text: str = ""
+    """The file as it was read, for the log."""
+
+    def entry(self, kind: str) -> CatalogueEntry:
+        return next(e for e in self.catalogue if e.kind == kind)

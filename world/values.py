@@ -1,0 +1,170 @@
+"""Values of rigid-body mechanics that cross borders: poses, wrenches, joint states. SI units, xyzw."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NewType, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+Vector3: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
+
+ObjectId = NewType("ObjectId", str)
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A rigid transform, or a frame given in another: `a_in_b`. Position in m, unit quaternion xyzw."""
+
+    position: Vector3 = (0.0, 0.0, 0.0)
+    orientation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+    @classmethod
+    def from_matrix(cls, matrix: Array) -> Pose:
+        """From a homogeneous (4, 4) matrix whose upper left block is a rotation."""
+        x, y, z = matrix[:3, 3]
+        return cls((float(x), float(y), float(z)), quaternion_from_rotation(matrix[:3, :3]))
+
+    @classmethod
+    def from_rotation(cls, position: Array | Vector3, rotation: Array) -> Pose:
+        """From a position (3,) and a rotation matrix (3, 3)."""
+        x, y, z = position
+        return cls((float(x), float(y), float(z)), quaternion_from_rotation(rotation))
+
+    @classmethod
+    def from_rpy(cls, position: Vector3, rpy: Vector3) -> Pose:
+        """From roll, pitch, yaw about the fixed x, y, z axes (URDF's convention), rad."""
+        (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in rpy)
+        return cls(
+            position,
+            (
+                sr * cp * cy - cr * sp * sy,
+                cr * sp * cy + sr * cp * sy,
+                cr * cp * sy - sr * sp * cy,
+                cr * cp * cy + sr * sp * sy,
+            ),
+        )
+
+    def rotation(self) -> Array:
+        """Rotation matrix (3, 3)."""
+        x, y, z, w = self.orientation
+        return np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        )
+
+    def matrix(self) -> Array:
+        """Homogeneous matrix (4, 4)."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.rotation()
+        matrix[:3, 3] = self.position
+        return matrix
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """Composition: `a_in_c = b_in_c @ a_in_b`."""
+        x, y, z = self.apply(np.array(other.position))
+        return Pose((float(x), float(y), float(z)), quaternion_product(self.orientation, other.orientation))
+
+    def inverse(self) -> Pose:
+        x, y, z, w = self.orientation
+        px, py, pz = -(self.rotation().T @ np.array(self.position))
+        return Pose((float(px), float(py), float(pz)), (-x, -y, -z, w))
+
+    def apply(self, points: Array) -> Array:
+        """Points of this frame, (3,) or (n, 3), given in the parent frame."""
+        return points @ self.rotation().T + np.array(self.position)
+
+    def shifted(self, offset: Vector3 | Array) -> Pose:
+        """Moved by `offset` (3,), which is given in the parent frame."""
+        x, y, z = (float(p + o) for p, o in zip(self.position, offset, strict=True))
+        return Pose((x, y, z), self.orientation)
+
+    def distance(self, other: Pose) -> float:
+        """Distance of the two origins, m."""
+        return math.dist(self.position, other.position)
+
+    def angle(self, other: Pose) -> float:
+        """Smallest rotation between the two, rad in [0, π]."""
+        dot = abs(sum(a * b for a, b in zip(self.orientation, other.orientation, strict=True)))
+        return 2.0 * math.acos(min(1.0, dot))
+
+
+def quaternion_product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Hamilton product of two xyzw quaternions, renormalised."""
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    x = aw * bx + ax * bw + ay * bz - az * by
+    y = aw * by - ax * bz + ay * bw + az * bx
+    z = aw * bz + ax * by - ay * bx + az * bw
+    w = aw * bw - ax * bx - ay * by - az * bz
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    return (x / norm, y / norm, z / norm, w / norm)
+
+
+def quaternion_from_rotation(rotation: Array) -> Quaternion:
+    """Unit quaternion xyzw with w ≥ 0 of a rotation matrix (3, 3). Shepperd's method (1978)."""
+    m = rotation
+    trace = float(m[0, 0] + m[1, 1] + m[2, 2])
+    squares = (1 + 2 * float(m[0, 0]) - trace, 1 + 2 * float(m[1, 1]) - trace, 1 + 2 * float(m[2, 2]) - trace)
+    if trace >= max(float(m[0, 0]), float(m[1, 1]), float(m[2, 2])):
+        q = (m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1 + trace)
+    elif squares[0] >= squares[1] and squares[0] >= squares[2]:
+        q = (squares[0], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0], m[2, 1] - m[1, 2])
+    elif squares[1] >= squares[2]:
+        q = (m[0, 1] + m[1, 0], squares[1], m[1, 2] + m[2, 1], m[0, 2] - m[2, 0])
+    else:
+        q = (m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], squares[2], m[1, 0] - m[0, 1])
+    norm = math.copysign(math.sqrt(sum(float(c) ** 2 for c in q)), float(q[3]))
+    x, y, z, w = (float(c) / norm for c in q)
+    return (x, y, z, w)
+
+
+@dataclass(frozen=True, slots=True)
+class Wrench:
+    """Force (N) and torque (Nm) on a body, in the frame that the giver names."""
+
+    force: Vector3 = (0.0, 0.0, 0.0)
+    torque: Vector3 = (0.0, 0.0, 0.0)
+
+    def magnitude(self) -> float:
+        """Length of the force, N."""
+        return math.hypot(*self.force)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointState:
+    """What the encoders of the arm say: arrays of shape (n,), rad, rad/s, Nm."""
+
+    position: Array
+    velocity: Array
+    effort: Array
+
+
+@dataclass(frozen=True, slots=True)
+class GripperState:
+    """Opening between the fingers, m; its rate, m/s; the force with which each finger is driven, N."""
+
+    width: float
+    speed: float
+    force: float
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """An axis-aligned box: corners in m."""
+
+    min: Vector3
+    max: Vector3
+
+    def contains(self, point: Vector3 | Array, margin: float = 0.0) -> bool:
+        return all(
+            lo + margin <= float(p) <= hi - margin
+            for lo, p, hi in zip(self.min, point, self.max, strict=True)
+        )
