@@ -1,1 +1,1 @@
-"""picktree."""
+"""Reading files: YAML with places, quantities, expressions, and faults that say what would be right."""

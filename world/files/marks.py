@@ -1,0 +1,54 @@
+"""Places in files, and what is wrong there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from ..errors import PicktreeError
+
+Location: TypeAlias = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Mark:
+    """A place in a file; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that is wrong in a file. `where` is the value's dotted path, `hint` what would be right."""
+
+    mark: Mark
+    where: str
+    message: str
+    hint: str = ""
+    code: str = ""
+
+    def __str__(self) -> str:
+        trail = f"{self.where}: " if self.where else ""
+        return f"{self.mark}: {trail}{self.message}" + (f" ({self.hint})" if self.hint else "")
+
+
+class FileError(PicktreeError):
+    """Everything that is wrong with a file, in the order of the file; one line per fault."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(sorted(dict.fromkeys(faults), key=lambda fault: fault.mark))
+        super().__init__("\n".join(map(str, self.faults)))
+
+
+def where(loc: Iterable[str | int]) -> str:
+    """`("trees", "Main", 0)` as people read it: `trees.Main[0]`."""
+    text = ""
+    for part in loc:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
