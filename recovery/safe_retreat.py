@@ -1,0 +1,47 @@
+"""SafeRetreat: come to rest, acknowledge a safety stop, get clear, and go home."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from ..trees.ports import In, port
+from ..trees.skill import ARM, GRIPPER, Skill, Steps
+from ..world.causes import Failure, control, planning, safety
+from ..world.journal import Happened
+from ..world.manipulation.dropping import let_go
+from ..world.manipulation.escape import escape
+from ..world.motion.requests import NamedGoal, Scaling
+from ..world.world import World
+
+
+class SafeRetreat(Skill):
+    """Brake, acknowledge a latched safety stop, move clear of what is near, then go to a safe pose.
+
+    The way out is straight up, else back along the way that the arm came; never through an obstacle.
+    When there is no safe way the skill says so and stays where it is.
+    """
+
+    pose: In[str] = port("named configuration to end in", default="home")
+    hand: In[Literal["keep", "open"]] = port("what to do with a held object", default="keep")
+    speed: In[float] = port("share of the joints' speed limits", default=0.4)
+    causes = (planning.ANY, control.ANY, safety.ANY)
+    uses = (ARM, GRIPPER)
+
+    def run(self, world: World) -> Steps:
+        yield from world.move.rest()
+        stop = world.control.monitor.stopped
+        if stop is not None:
+            world.control.monitor.acknowledge()
+            world.journal.note(Happened("safety_acknowledged", f"{stop.cause}: {stop.message}", self.path))
+        if self.hand == "open":
+            yield from world.grip.open()
+            let_go(world.scene, "let go by SafeRetreat")
+        slowly = Scaling(velocity=self.speed, acceleration=self.speed)
+        yield from escape(world, slowly, self.path)
+        try:
+            plan = yield from world.plan.to(NamedGoal(self.pose), scaling=slowly, node=self.path)
+        except Failure as failure:
+            raise Failure(
+                failure.cause, f"there is no safe way to {self.pose}: {failure.message}", **failure.evidence
+            ) from failure
+        yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)

@@ -1,0 +1,33 @@
+"""OpenGripper and CloseGripper: the fingers alone."""
+
+from __future__ import annotations
+
+from ..trees.ports import In, Out, port
+from ..trees.skill import GRIPPER, Skill, Steps
+from ..world.causes import control
+from ..world.manipulation.dropping import let_go
+from ..world.world import World
+
+
+class OpenGripper(Skill):
+    """Open the fingers; what they held is believed to be gone from the hand."""
+
+    width: In[float] = port("opening between the fingers; 0 for as wide as they go", unit="m", default=0.0)
+    causes = (control.TIMEOUT,)
+    uses = (GRIPPER,)
+
+    def run(self, world: World) -> Steps:
+        yield from world.grip.open(self.width or None)
+        let_go(world.scene, "let go by OpenGripper")
+
+
+class CloseGripper(Skill):
+    """Close the fingers with a force and report the opening at which they stopped."""
+
+    force: In[float] = port("grip force per finger", unit="N", default=30.0)
+    width: Out[float] = port("opening at which the fingers stopped", unit="m")
+    causes = (control.TIMEOUT,)
+    uses = (GRIPPER,)
+
+    def run(self, world: World) -> Steps:
+        self.width = yield from world.grip.close(self.force)

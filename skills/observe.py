@@ -1,0 +1,32 @@
+"""Observe: look through a camera and bring the planning scene up to date."""
+
+from __future__ import annotations
+
+from ..trees.ports import In, Out, port
+from ..trees.skill import CAMERA, Skill, Steps
+from ..world.causes import Failure, perception
+from ..world.values import ObjectId
+from ..world.world import World
+
+
+class Observe(Skill):
+    """Look through a camera; list the items that are to be taken somewhere, nearest to the robot first."""
+
+    camera: In[str] = port("which camera", default="overhead")
+    expect: In[ObjectId] = port("fail when this object is not seen", default=ObjectId(""))
+    objects: Out[list[ObjectId]] = port("items that do not lie where they belong")
+    causes = (perception.NOT_FOUND,)
+    uses = (CAMERA,)
+
+    def run(self, world: World) -> Steps:
+        yield from world.control.settle()
+        summary = yield from world.eyes.look(self.camera)
+        if self.expect and self.expect not in summary.seen:
+            raise Failure(
+                perception.NOT_FOUND,
+                f"{self.expect} is not in the view of {self.camera}",
+                object=self.expect,
+                seen=[str(o) for o in summary.seen],
+            )
+        items = sorted(world.to_do(), key=lambda o: (o.pose.position[0], o.id))
+        self.objects = [o.id for o in items]

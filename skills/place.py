@@ -1,0 +1,184 @@
+"""Place: put what the hand holds into a bin or down at a point, and feel that it is gone."""
+
+from __future__ import annotations
+
+from ..trees.ports import In, port
+from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
+from ..world.causes import Failure, control, grasp, place, planning, safety
+from ..world.causes import world as world_causes
+from ..world.journal import Happened
+from ..world.manipulation.dropping import let_go
+from ..world.manipulation.holding import Hold
+from ..world.manipulation.reaching import lower, withdraw
+from ..world.manipulation.spots import STEPS, Spot, heap, put_down_poses, release_poses, spots
+from ..world.motion.requests import Plan, PoseGoal
+from ..world.scene.description import Bin
+from ..world.scene.planning_scene import BeliefObject
+from ..world.shapes import bottom
+from ..world.values import ObjectId, Pose
+from ..world.world import World
+
+
+class Place(Skill):
+    """Place the held object into a bin, over the lowest part of its heap, or down at a point.
+
+    The hold is felt again before the release, and that the hand is empty after it.
+    """
+
+    object: In[ObjectId] = port("what is to be placed")
+    into: In[ObjectId] = port("the bin; empty when `at` is given", default=ObjectId(""))
+    at: In[list[float]] = port("x, y, z in the world where its underside is put down, m", default=[])
+    speed: In[float] = port("share of the joints' speed limits", default=1.0)
+    causes = (
+        place.OCCUPIED,
+        place.MISSED,
+        place.FULL,
+        grasp.SLIPPED,
+        planning.ANY,
+        control.ANY,
+        safety.ANY,
+        world_causes.UNKNOWN_OBJECT,
+        world_causes.DISTURBED,
+    )
+    uses = (ARM, GRIPPER)
+
+    def run(self, world: World) -> Steps:
+        held = yield from self._held(world)
+        if self.at:
+            plan = yield from self._over_point(world, held)
+        else:
+            plan = yield from self._over_bin(world, held, self._bin(world))
+        yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)
+        held = yield from self._held(world)
+        yield from lower(world, held, None if self.at else self._bin(world), self.path)
+        yield from self._release(world, held)
+
+    def _bin(self, world: World) -> Bin:
+        bin_ = world.scene.bins.get(self.into)
+        if bin_ is None:
+            raise Failure(
+                world_causes.UNKNOWN_OBJECT,
+                f"there is no bin {self.into!r}",
+                object=self.object,
+                known=list(world.scene.bins),
+            )
+        return bin_
+
+    def _held(self, world: World) -> Doing[BeliefObject]:
+        """What the hand holds, felt; raises grasp.slipped when it is no longer there."""
+        held = world.scene.held
+        if held is None or held.id != self.object:
+            raise Failure(
+                grasp.SLIPPED,
+                f"{self.object} is not in the hand",
+                object=self.object,
+                held=held.id if held else None,
+            )
+        yield from world.control.settle()
+        hold = Hold(world.grip.width, world.control.load())
+        if not hold.held:
+            let_go(world.scene, "no longer felt in the hand")
+            yield from world.grip.open()
+            raise Failure(
+                grasp.SLIPPED,
+                f"{self.object} was lost on the way (opening {hold.width * 1000:.1f} mm, "
+                f"load {hold.load or 0.0:.2f} N)",
+                object=self.object,
+                width=hold.width,
+                load=hold.load,
+            )
+        return held
+
+    def _over_bin(self, world: World, held: BeliefObject, bin_: Bin) -> Doing[Plan]:
+        assert held.object_in_tcp is not None
+        seen = world.eyes.bins.get(bin_.id)
+        heights = heap(bin_, world.scene.objects, None if seen is None else seen.cells)
+        cells = spots(bin_, heights, held.shape, held.pose.rotation())
+        if not cells:
+            raise Failure(
+                place.FULL,
+                f"{bin_.id} is full: its heap is {heights.min() * 1000:.0f} mm high at its lowest",
+                object=self.object,
+                bin=bin_.id,
+            )
+        refused: Failure | None = None
+        for higher in STEPS:
+            for spot in cells[:4]:
+                goal = PoseGoal(release_poses(bin_, spot, held.shape, held.object_in_tcp, higher))
+                try:
+                    plan = yield from world.plan.to(
+                        goal, scaling=world.handling.scaling(self.speed), node=self.path
+                    )
+                except Failure as failure:
+                    if failure.cause not in (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH):
+                        raise
+                    refused = failure
+                    continue
+                self._spot = spot
+                return plan
+        assert refused is not None
+        raise refused
+
+    def _over_point(self, world: World, held: BeliefObject) -> Doing[Plan]:
+        assert held.object_in_tcp is not None
+        if len(self.at) != 3:
+            raise Failure(
+                world_causes.UNKNOWN_OBJECT,
+                f"`at` needs three numbers x, y, z, not {self.at}",
+                object=self.object,
+            )
+        x, y, z = self.at
+        poses = put_down_poses((x, y, z), held.shape, held.object_in_tcp)
+        blocked = world.queries.free(
+            held.shape, poses[0].shifted((0.0, 0.0, 0.002)) @ held.object_in_tcp, ignore=(held.id,)
+        )
+        blocked = [c for c in blocked if c.distance < -0.001]
+        if blocked:
+            raise Failure(
+                place.OCCUPIED,
+                f"{blocked[0].b} stands where {self.object} should go",
+                object=self.object,
+                by=blocked[0].b,
+            )
+        self._spot = Spot("point", (x, y), 0.0)
+        over = tuple(p.shifted((0.0, 0.0, world.handling.approach)) for p in poses)
+        return (
+            yield from world.plan.to(
+                PoseGoal(over), scaling=world.handling.scaling(self.speed), node=self.path
+            )
+        )
+
+    def _release(self, world: World, held: BeliefObject) -> Steps:
+        before = world.control.load()
+        held = world.scene.get(held.id)
+        where = self.into or "table"
+        yield from world.grip.open()
+        world.scene.detach(held.id, self._resting(world, held), where, "placed")
+        yield from withdraw(world, self.path)
+        yield from world.control.settle()
+        after = world.control.load()
+        if before - after < 0.5 * before:
+            world.scene.put(held, "still felt in the open hand")
+            raise Failure(
+                place.MISSED,
+                f"{held.id} still hangs on the open fingers (load {before:.2f} N, then {after:.2f} N)",
+                object=held.id,
+                load_before=before,
+                load_after=after,
+            )
+        world.journal.note(
+            Happened(
+                "item_done",
+                f"{held.id} placed {('into ' + self.into) if self.into else f'at {self.at}'}",
+                self.path,
+                {"object": held.id, "form": held.form, "into": self.into, "spot": self._spot.name},
+            )
+        )
+
+    def _resting(self, world: World, held: BeliefObject) -> Pose:
+        """Where the object is believed to come to rest."""
+        if self.at:
+            return held.pose
+        bin_ = self._bin(world)
+        floor = bin_.pose.position[2] + bin_.wall + max(0.0, self._spot.height)
+        return held.pose.shifted((0.0, 0.0, floor - bottom(held.shape, held.pose)))

@@ -1,0 +1,173 @@
+"""The belief: versions, attaching, allowed collisions, snapshots that do not change, attempts, thinking."""
+
+from dataclasses import FrozenInstanceError, replace
+
+import pytest
+
+from picktree.world.attempts import Attempts
+from picktree.world.causes import (
+    Cause,
+    Failure,
+    all_causes,
+    cause_named,
+    grasp,
+    internal,
+    matches,
+    register_cause,
+)
+from picktree.world.errors import PicktreeError
+from picktree.world.manipulation.dropping import let_go
+from picktree.world.scene.description import Bin, Fixture
+from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
+from picktree.world.shapes import Box
+from picktree.world.streams import Streams
+from picktree.world.thinking import ThinkingAccount
+from picktree.world.values import ObjectId, Pose
+
+TABLE = Fixture(ObjectId("table"), Box((1.0, 1.0, 0.04)), Pose((0.5, 0.0, -0.02)))
+BIN = Bin(ObjectId("red_bin"), (0.2, 0.2, 0.1), 0.005, Pose((0.5, 0.4, 0.0)))
+
+
+def block(name: str = "red_block_1") -> BeliefObject:
+    return BeliefObject(
+        ObjectId(name), "item", "block", "box", Box((0.04, 0.04, 0.04)), "red",
+        Pose((0.5, 0.0, 0.02)), 0.001, 0.01, 1.0, 0.0,
+    )  # fmt: skip
+
+
+def scene() -> PlanningScene:
+    return PlanningScene([TABLE], [BIN], lambda o: ObjectId(f"{o.colour}_bin"))
+
+
+def test_each_change_has_a_version_and_is_recorded_once() -> None:
+    belief = scene()
+    belief.put(block(), "seen")
+    belief.put(block(), "seen again, nothing new")
+    belief.remove("red_block_1", "its place is empty")
+    belief.remove("red_block_1", "again")
+    assert belief.version == 2
+    assert [c.reason for c in belief.take_changes()] == ["seen", "its place is empty"]
+    assert belief.take_changes() == ()
+
+
+def test_a_snapshot_is_immutable_and_does_not_follow() -> None:
+    belief = scene()
+    belief.put(block(), "seen")
+    before = belief.snapshot()
+    belief.remove("red_block_1", "gone")
+    assert before.of("red_block_1") == block()
+    with pytest.raises(FrozenInstanceError):
+        before.version = 7  # type: ignore[misc]
+
+
+def test_attached_objects_move_with_the_tcp() -> None:
+    belief = scene()
+    belief.put(block(), "seen")
+    belief.attach("red_block_1", Pose((0.0, 0.0, 0.01)))
+    version = belief.version
+    belief.carry(Pose((0.3, 0.2, 0.5)))
+    assert belief.held is not None
+    assert belief.held.pose.position == (0.3, 0.2, 0.51)
+    assert belief.version == version
+    belief.detach("red_block_1", Pose((0.5, 0.4, 0.03)), "red_bin")
+    assert belief.held is None
+    assert belief.get("red_block_1").place == "red_bin"
+
+
+def test_allowed_collisions_nest_and_end_with_their_block() -> None:
+    belief = scene()
+    with belief.allow(("gripper", "a"), ("a", "b")):
+        with belief.allow(("a", "gripper")):
+            assert belief.allowed("gripper", "a")
+        assert belief.allowed("b", "a")
+        assert belief.allowed("gripper", "a")
+    assert not belief.allowed("gripper", "a")
+
+
+def test_unknown_objects_are_a_typed_failure() -> None:
+    with pytest.raises(Failure) as caught:
+        scene().get("blue_can_9")
+    assert str(caught.value) == "world.unknown_object: no object 'blue_can_9' in the planning scene"
+
+
+def test_what_is_let_go_is_believed_straight_below() -> None:
+    belief = scene()
+    belief.put(block(), "seen")
+    belief.attach("red_block_1", Pose())
+    belief.carry(Pose((0.45, 0.38, 0.4)))
+    let_go(belief, "slipped")
+    fallen = belief.get("red_block_1")
+    assert fallen.place == "red_bin"
+    assert fallen.pose.position == pytest.approx((0.45, 0.38, 0.005 + 0.02))
+    assert fallen.confidence < 0.5
+
+
+def test_state_and_restore_give_the_same_belief() -> None:
+    belief = scene()
+    belief.put(block(), "seen")
+    assert belief.new_id("red_block") == "red_block_1"
+    snapshot, numbers = belief.state()
+    other = scene()
+    other.restore(snapshot, numbers)
+    assert other.snapshot() == belief.snapshot()
+    assert other.new_id("red_block") == "red_block_2"
+    other.put(replace(block(), colour="blue"), "repainted")
+    assert belief.get("red_block_1").colour == "red"
+
+
+def test_patterns_match_families_and_never_hide_a_fault_of_the_program() -> None:
+    assert matches("grasp.missed", grasp.MISSED)
+    assert matches("grasp.*", grasp.MISSED)
+    assert matches("*", grasp.MISSED)
+    assert not matches("grasp.slipped", grasp.MISSED)
+    assert not matches("*", internal.ERROR)
+    assert all(c.sentence.endswith(".") and c.remedy for c in all_causes())
+
+
+def test_causes_of_plugins_keep_to_a_prefix_of_their_own() -> None:
+    with pytest.raises(PicktreeError, match=r"the prefix 'grasp' belongs to picktree"):
+        register_cause(Cause("grasp.tired", "It is tired.", "rest"))
+    with pytest.raises(PicktreeError, match="must be lower-case words with dots"):
+        register_cause(Cause("Oops", "It.", "rest"))
+    with pytest.raises(PicktreeError, match=r"unknown cause 'nope.x'"):
+        cause_named("nope.x")
+
+
+class Named:
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+def test_attempts_are_remembered_for_each_node_and_object() -> None:
+    attempts = Attempts()
+    a, b = Named("a"), Named("b")
+    attempts.failed("Main/Grasp", "can_1", "a")
+    assert attempts.remaining("Main/Grasp", "can_1", [a, b]) == [b]
+    assert attempts.remaining("Main/Grasp", "can_2", [a, b]) == [a, b]
+    attempts.failed("Main/Grasp", "can_1", "b")
+    restored = Attempts()
+    restored.restore(attempts.state())
+    assert restored.remaining("Main/Grasp", "can_1", [a, b]) == [a, b]
+    assert restored.count("Main/Grasp", "can_1") == 0
+
+
+def test_streams_do_not_shift_each_other() -> None:
+    one, two = Streams(5), Streams(5)
+    one.take("camera")
+    assert one.number("planner") == two.number("planner")
+    assert one.number("planner") != one.number("planner")
+    assert Streams(6).number("planner") != Streams(5).number("planner")
+    three = Streams(5)
+    three.restore(one.state())
+    assert three.number("planner") == one.number("planner")
+
+
+def test_small_thoughts_add_up_to_whole_ticks() -> None:
+    account = ThinkingAccount(0.05)
+    ticks = 0
+    for _ in range(10):
+        account.spend(0.02)
+        ticks += len(list(account.charge()))
+    assert ticks * 0.05 + account.owed == pytest.approx(0.2)
+    assert account.owed < 0.05
+    assert account.total == pytest.approx(0.2)

@@ -1,0 +1,37 @@
+"""Where an object is believed to be once the hand has let go of it in the open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..scene.planning_scene import PlanningScene
+from ..shapes import Box, bottom, top
+
+UNSURE = 0.3
+"""Confidence in the guess, until the object is seen again."""
+
+
+def let_go(scene: PlanningScene, reason: str) -> None:
+    """Detach what is held and believe it straight below, on the highest fixture or bin floor there."""
+    held = scene.held
+    if held is None:
+        return
+    x, y, z = held.pose.position
+    support, place = 0.0, "table"
+    for fixture in scene.fixtures.values():
+        if isinstance(fixture.shape, Box):
+            local = fixture.pose.inverse().apply(np.array([x, y, fixture.pose.position[2]]))
+            size = fixture.shape.size
+            if abs(float(local[0])) <= size[0] / 2 and abs(float(local[1])) <= size[1] / 2:
+                support = max(support, top(fixture.shape, fixture.pose))
+    for bin_ in scene.bins.values():
+        local = bin_.pose.inverse().apply(np.array([x, y, z]))
+        if abs(float(local[0])) <= bin_.size[0] / 2 and abs(float(local[1])) <= bin_.size[1] / 2:
+            support, place = bin_.pose.position[2] + bin_.wall, bin_.id
+    fallen = held.pose.shifted((0.0, 0.0, support - bottom(held.shape, held.pose)))
+    scene.put(
+        replace(held, object_in_tcp=None, pose=fallen, place=place, confidence=UNSURE, sigma_position=0.02),
+        reason,
+    )

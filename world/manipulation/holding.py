@@ -1,0 +1,32 @@
+"""Whether something is in the hand: the opening tells held from empty, the load on the wrist tells what."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+EMPTY_WIDTH = 0.002
+"""Fingers that are closer than this hold nothing, m."""
+LEAST_LOAD = 0.012 * 9.81
+"""Weight of 12 g: the least load that counts as held, N."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """What the hand feels: opening in m, load in N since the last tare."""
+
+    width: float
+    load: float | None
+
+    @property
+    def empty(self) -> bool:
+        """The fingers met."""
+        return self.width <= EMPTY_WIDTH
+
+    @property
+    def loaded(self) -> bool:
+        """The wrist carries something; taken as true when the load was not measured."""
+        return self.load is None or self.load >= LEAST_LOAD
+
+    @property
+    def held(self) -> bool:
+        return not self.empty and self.loaded

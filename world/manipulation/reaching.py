@@ -1,0 +1,85 @@
+"""The last centimetres: straight lines onto an object, up from it, into a bin and out again."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+from ..motion.requests import Line, Offset
+from ..scene.description import Bin
+from ..scene.planning_scene import BeliefObject
+from ..shapes import bottom
+from ..values import ObjectId
+from ..world import World
+from .grasps import GraspCandidate
+
+Steps = Generator[None, None, None]
+
+NEAR = 0.02
+"""Neighbours closer than this may be grazed while lifting: they were cleared by the open hand before, m."""
+DOWN = (0.0, 0.0, -1.0)
+
+
+def descend(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str) -> Steps:
+    """From the pre-grasp pose straight down to the grasp; the last bit is felt for flat objects."""
+    target = candidate.tcp_in_world
+    with world.scene.allow(("gripper", object_id)):
+        if not candidate.flat:
+            plan = yield from world.plan.line(Line(target), scaling=world.handling.slowly, node=node)
+            yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)
+            return
+        way = world.handling.felt_way
+        above = target.shifted((0.0, 0.0, way / 2))
+        plan = yield from world.plan.line(Line(above), scaling=world.handling.slowly, node=node)
+        yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)
+        felt = yield from world.move.guarded(
+            DOWN, way, force=world.handling.touch, speed=world.handling.touch_speed, node=node
+        )
+        if felt.contact:
+            up = Offset((0.0, 0.0, world.handling.back_off), least_fraction=0.5)
+            plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
+            yield from world.move.along(plan.trajectory, node=node)
+
+
+def lift(world: World, object_id: ObjectId, node: str) -> Steps:
+    """Straight up out of the neighbours, with or without the object in the hand."""
+    held = world.scene.held
+    near = [
+        ("gripper", str(c.b))
+        for c in world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=NEAR)
+        if c.b != object_id
+    ]
+    with world.scene.allow(("gripper", object_id), *near):
+        up = Offset((0.0, 0.0, world.handling.approach), least_fraction=0.3)
+        plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
+        guard = world.handling.guard + (0.0 if held is None else 10.0)
+        yield from world.move.along(plan.trajectory, guard=guard, node=node)
+
+
+def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Steps:
+    """Down with the object until it is felt, or as deep into the bin as the hand fits."""
+    if bin_ is None:
+        felt = world.handling.approach + world.handling.felt_way
+    else:
+        rim = bin_.pose.position[2] + bin_.size[2]
+        palm = world.control.tcp.position[2] + world.robot.description.gripper.palm
+        room = palm - rim - world.handling.felt_way
+        felt = min(
+            world.handling.lower, room, bottom(held.shape, held.pose) - bin_.pose.position[2] - bin_.wall
+        )
+    if felt > world.handling.felt_way:
+        with world.scene.allow(("gripper", bin_.id if bin_ else "")):
+            yield from world.move.guarded(
+                DOWN, felt, force=world.handling.touch, speed=world.handling.touch_speed * 2, node=node
+            )
+
+
+def withdraw(world: World, node: str) -> Steps:
+    """Straight up from what was just released, as far as that is free."""
+    near = [
+        ("gripper", str(c.b))
+        for c in world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=NEAR)
+    ]
+    with world.scene.allow(*near):
+        up = Offset((0.0, 0.0, world.handling.approach / 2), least_fraction=0.2)
+        plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
+        yield from world.move.along(plan.trajectory, node=node)

@@ -1,0 +1,70 @@
+"""What skills, recovery and trees see of the robot and its surroundings: beliefs, sensors, motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .attempts import Attempts
+from .control.grip import Grip
+from .control.loop import ControlLoop
+from .control.motion import Motions
+from .eyes import Eyes
+from .handling import Handling
+from .journal import Journal
+from .motion.fcl_queries import SceneQueries
+from .motion.service import PlanService
+from .protocols import Clock
+from .robot.model import RobotModel
+from .scene.description import SceneDescription
+from .scene.planning_scene import BeliefObject, PlanningScene
+from .streams import Streams
+from .thinking import ThinkingAccount
+
+ASIDE = "aside"
+"""The place of an item that the mission has given up."""
+
+
+@dataclass(frozen=True)
+class World:
+    """One robot and one belief, shared by all nodes of a tree. Ground truth is not in here."""
+
+    description: SceneDescription
+    robot: RobotModel
+    clock: Clock
+    scene: PlanningScene
+    journal: Journal
+    attempts: Attempts
+    streams: Streams
+    thinking: ThinkingAccount
+    control: ControlLoop
+    plan: PlanService
+    move: Motions
+    grip: Grip
+    eyes: Eyes
+    queries: SceneQueries
+    handling: Handling = Handling()
+    tick: float = 0.05
+    """Seconds between two ticks of the tree."""
+
+    def to_do(self) -> tuple[BeliefObject, ...]:
+        """Items that are believed to lie elsewhere than where they belong, and are not put aside."""
+        return tuple(
+            o
+            for o in self.scene.objects
+            if o.role == "item"
+            and o.place != ASIDE
+            and (to := self.scene.destination(o.id)) is not None
+            and o.place != to
+        )
+
+    def facts(self) -> Mapping[str, bool | int | float | str]:
+        """Names that every expression of a mission may use."""
+        held = self.scene.held
+        return {
+            "items_left": bool(self.to_do()),
+            "items_to_do": len(self.to_do()),
+            "holding": held is not None,
+            "held_object": held.id if held else "",
+            "time": self.clock.now,
+        }
