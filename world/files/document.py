@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 from .marks import Fault, FileError, Location, Mark, where
 from .nearest import nearest
@@ -12,7 +13,7 @@ from .reader import MAX_BYTES, Node, Value, mark_at, read
 
 __all__ = [
     "KINDS", "Document", "Fault", "FileError", "Location", "Mark",
-    "Value", "load_document", "nearest", "parse_document", "where",
+    "Value", "load_document", "nearest", "overlaid", "parse_document", "where",
 ]  # fmt: skip
 
 FORMAT = 1
@@ -60,6 +61,30 @@ class Document:
     ) -> Fault:
         """A fault of the value there, or (`key`) of its key."""
         return Fault(self.key_mark(loc) if key else self.mark(loc), where(loc), message, hint, code)
+
+
+def overlaid(base: Document, over: Document) -> Document:
+    """`over` laid on `base` as a merge patch (RFC 7396): mappings merge, the rest replaces, null removes.
+
+    Every value keeps its place in the file that it came from.
+    """
+    root = _merged(base.root, over.root)
+    return Document(over.path, over.text, over.kind, cast("dict[str, Value]", root.value), root)
+
+
+def _merged(base: Node, over: Node) -> Node:
+    merged: dict[str, Node] = dict(base.entries)
+    keys = dict(base.keys)
+    for name, node in over.entries.items():
+        below = merged.get(name)
+        both = below is not None and isinstance(below.value, dict) and isinstance(node.value, dict)
+        if node.value is None:
+            merged.pop(name, None)
+        else:
+            merged[name] = _merged(below, node) if below is not None and both else node
+        keys[name] = over.keys[name]
+    value: Value = {name: node.value for name, node in merged.items()}
+    return Node(value, over.mark, entries=merged, keys=keys)
 
 
 def load_document(path: Path, kind: str | None = None) -> Document:
