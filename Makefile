@@ -1,0 +1,44 @@
+# The verbs: setup, demo, test, check, bench. Each does what it depends on.
+
+VENV ?= .venv
+JOBS ?= 2
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+# The first interpreter that is a Python 3.11; `make PYTHON=/path/to/python3.11` overrides it.
+version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep=".")' 2>/dev/null)
+PYTHON ?= $(firstword $(foreach p,python3.11 python3 python,$(if $(filter 3.11,$(call version_of,$(p))),$(p))) python3.11)
+WRONG_PYTHON = picktree needs Python 3.11; '$(PYTHON)' is $(or $(patsubst %,Python %,$(call version_of,$(PYTHON))),missing or no Python) (name another: make PYTHON=/path/to/python3.11)
+
+.PHONY: setup demo test check bench clean
+
+setup: $(READY)
+
+$(READY): pyproject.toml constraints.txt
+	$(if $(filter 3.11,$(call version_of,$(PYTHON))),,$(error $(WRONG_PYTHON)))
+	@echo "Installing into $(VENV): about 1.4 GB, one to three minutes."
+	@"$(PYTHON)" -m venv "$(VENV)"
+	@"$(BIN)/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch "$@"
+	@echo "Ready: $(BIN)/picktree --help"
+
+# Exit code 1 is the run's answer "goal missed", a result and no fault of the demonstration.
+demo: $(READY)
+	@"$(BIN)/picktree" run examples/sort_by_colour.yaml || [ $$? -eq 1 ]
+
+test: $(READY)
+	@"$(BIN)/python" -m pytest -n $(JOBS)
+
+check: $(READY)
+	@"$(BIN)/ruff" check
+	@"$(BIN)/ruff" format --check
+	@"$(BIN)/pyright" --pythonpath "$(BIN)/python"
+	@"$(BIN)/lint-imports" --no-logo --no-cache
+
+bench: $(READY)
+	@set -e; for program in benchmarks/*.py; do \
+		case "$$program" in benchmarks/_*|'benchmarks/*.py') continue;; esac; \
+		echo "== $$program"; "$(BIN)/python" "$$program"; done
+
+clean:
+	rm -rf "$(VENV)" build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
