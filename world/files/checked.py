@@ -15,7 +15,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Str
 
 from .document import Document, Fault, FileError, Location
 from .nearest import nearest
-from .quantities import parse_quantity
+from .quantities import dimension, parse_quantity
 
 HEADER = ("picktree", "kind")
 
@@ -47,8 +47,13 @@ def quantity(
         except ValueError as error:
             raise Wrong(str(error)) from None
         written = value if isinstance(value, str) else f"{value} {unit}".strip()
+        what = dimension(unit) or "it"
         if number < 0 and (above == 0 or least == 0):
-            raise Wrong(f"{written} is negative")
+            raise Wrong(
+                f"{written} is negative", f"{what} is {'positive' if above == 0 else '0 or more'} here"
+            )
+        if number == 0 and above == 0:
+            raise Wrong(f"{written} is not positive")
         if above is not None and number <= above:
             raise Wrong(f"{written} is not more than {_amount(above, unit)}")
         if least is not None and number < least:
@@ -146,8 +151,12 @@ class Checker:
         given = [k for k in keys if isinstance(value, dict) and value.get(k) is not None]
         if len(given) == 1:
             return given[0]
-        message = "is missing" if not given else f"only one of {', '.join(given)} may be given"
-        self.fault(loc, f"one of {', '.join(keys)} is missing" if not given else message, key=True)
+        message = (
+            f"only one of {', '.join(given)} may be given"
+            if given
+            else f"one of {', '.join(keys)} is missing"
+        )
+        self.fault(loc, message, key=True)
         return None
 
     def finish(self) -> None:

@@ -82,6 +82,12 @@ def units_like(unit: str) -> tuple[str, ...]:
     return (unit, *(name for name in same if name != unit))
 
 
+def dimension(unit: str) -> str:
+    """What the unit measures: `a length`; nothing for a bare number or an unknown unit."""
+    known = _UNITS.get(_ALIASES.get(unit, unit))
+    return known.dimension if known is not None and unit not in ("", "%") else ""
+
+
 def _finite(value: float, unit: str) -> float:
     if isinstance(value, bool):
         raise ValueError(f"{str(value).lower()} is not {_wanted(unit)}")

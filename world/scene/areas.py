@@ -1,0 +1,93 @@
+"""Whether the items of a spawn entry can stand in their area at all; the spawner settles where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ..files.checked import Checker
+from ..files.document import Location
+from ..files.nearest import nearest
+from ..shapes import Box, Cylinder, Shape, Sphere, corners
+from .description import CatalogueEntry, Fixture, Limits
+from .schema import SpawnFile
+
+CROWDED = 0.8
+"""Share of an area that items and their gaps may cover."""
+Outline = tuple[float, float]
+"""Area of an item's footprint with half the gap around it, m², and its greatest reach from the centre, m."""
+
+
+def check_spawn(
+    check: Checker,
+    n: int,
+    entry: SpawnFile,
+    catalogue: Mapping[str, CatalogueEntry | None],
+    fixtures: Sequence[Fixture] | None,
+    limits: Limits | None,
+) -> None:
+    """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read."""
+    loc: Location = ("spawn", n)
+    for name in entry.of:
+        if name not in catalogue:
+            hint = nearest(name, catalogue)
+            check.fault((*loc, "of", name), f"the catalogue has no {name!r}", hint, key=True)
+    (x0, y0), (x1, y1) = entry.area.min, entry.area.max
+    if x1 <= x0 or y1 <= y0:
+        check.fault((*loc, "area"), "the area is empty: 'max' must be greater than 'min' along x and y")
+        return
+    points = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)]
+    if limits is not None:
+        (wx0, wy0, _), (wx1, wy1, _) = limits.workspace.min, limits.workspace.max
+        if any(not (wx0 <= x <= wx1 and wy0 <= y <= wy1) for x, y in points):
+            hint = f"which is x {wx0:g} … {wx1:g} m, y {wy0:g} … {wy1:g} m"
+            check.fault((*loc, "area"), "the area is outside the workspace", hint)
+    if fixtures is not None and any(not _covered(fixtures, x, y) for x, y in points):
+        check.fault((*loc, "area"), "the area is not over a level fixture", "items stand on a table")
+    outlines = [
+        (number, _outline(known.shape, entry.gap, entry.lying))
+        for name, number in entry.of.items()
+        if (known := catalogue.get(name)) is not None
+    ]
+    if not outlines:
+        return
+    needed = sum(number * area for number, (area, _) in outlines)
+    reach = max(reach for _, (_, reach) in outlines)
+    offered = (x1 - x0 + 2 * reach + entry.gap) * (y1 - y0 + 2 * reach + entry.gap)
+    if needed > CROWDED * offered:
+        count = sum(entry.of.values())
+        message = (
+            f"{count} items with gaps of {1000 * entry.gap:g} mm do not fit: "
+            f"they need {needed:.3f} m², and the area with its rim has {offered:.3f} m²"
+        )
+        check.fault((*loc, "area"), message, "enlarge the area, or ask for fewer items or smaller gaps")
+
+
+def _covered(fixtures: Iterable[Fixture], x: float, y: float) -> bool:
+    for fixture in fixtures:
+        rotation = fixture.pose.rotation()
+        if abs(rotation[2, 2]) < 0.999 or not isinstance(fixture.shape, Box):
+            continue
+        away = rotation.T @ (np.array([x, y, fixture.pose.position[2]]) - fixture.pose.position)
+        width, depth, _ = fixture.shape.size
+        if abs(away[0]) <= width / 2 + 1e-9 and abs(away[1]) <= depth / 2 + 1e-9:
+            return True
+    return False
+
+
+def _outline(shape: Shape, gap: float, lying: float) -> Outline:
+    match shape:
+        case Sphere(radius):
+            return math.pi * (radius + gap / 2) ** 2, radius
+        case Cylinder(radius, height):
+            upright = math.pi * (radius + gap / 2) ** 2
+            flat = (2 * radius + gap) * (height + gap)
+            reach = radius if lying == 0 else math.hypot(radius, height / 2)
+            return (1 - lying) * upright + lying * flat, reach
+        case _:
+            spread = np.ptp(corners(shape)[:, :2], axis=0)
+            # A hull fills at least half of the rectangle around it.
+            share = 1.0 if isinstance(shape, Box) else 0.5
+            return share * float(spread[0] + gap) * float(spread[1] + gap), float(np.hypot(*spread)) / 2
