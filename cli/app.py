@@ -1,0 +1,64 @@
+"""The commands, and the border where every outcome becomes an exit code.
+
+0: done. 1: the answer is no. 2: bad input. 3: a fault of picktree. 130: interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from ..world.errors import PicktreeError
+from .run import run
+from .snapshot import snapshot
+
+app = typer.Typer(
+    help="Behaviour-tree missions for robot arms: run them in simulation, look into their logs.",
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,  # importing rich would triple the time of --help
+    pretty_exceptions_enable=False,
+)
+app.command()(run)
+app.command()(snapshot)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from .. import __version__
+
+        print(f"picktree {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _picktree(  # pyright: ignore[reportUnusedFunction] - typer calls it
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None: ...
+
+
+def answer(arguments: Sequence[str]) -> int:
+    """Carry out one command line and return the exit code."""
+    try:
+        app(args=list(arguments), prog_name="picktree")
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 0
+    except PicktreeError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    except Exception:  # noqa: BLE001 - the border to the shell: a fault of ours is exit code 3
+        traceback.print_exc()
+        print(
+            "This is a fault of picktree, not of your input; please report it with the lines above.",
+            file=sys.stderr,
+        )
+        return 3
+    return 0

@@ -1,0 +1,194 @@
+"""What a run came to: one value, rendered once as text and once as JSON."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from ..world.journal import Plain
+
+RunStatus: TypeAlias = Literal["success", "incomplete", "failure", "timeout", "interrupted"]
+
+_SENTENCES: Mapping[RunStatus, str] = {
+    "success": "the goal is reached",
+    "incomplete": "the tree ended in SUCCESS, but the goal is missed",
+    "failure": "the tree ended in FAILURE",
+    "timeout": "the run was ended at its limit of simulated time",
+    "interrupted": "the run was interrupted",
+}
+
+
+def _none() -> Mapping[str, int]:
+    return {}
+
+
+@dataclass(frozen=True, slots=True)
+class FormCount:
+    """Items of one form (box, cylinder, …)."""
+
+    total: int
+    sorted: int
+
+
+@dataclass(frozen=True, slots=True)
+class ItemCount:
+    """Where the scorer found the items. `total` = `sorted` + `misplaced` + `left`."""
+
+    total: int
+    sorted: int
+    misplaced: int
+    left: int
+    by_form: Mapping[str, FormCount]
+
+
+@dataclass(frozen=True, slots=True)
+class PickCount:
+    """Grasps as the robot felt them."""
+
+    tried: int
+    """Times that the fingers closed on an object."""
+    held: int
+    objects: int
+    """Different objects that were tried."""
+    held_first_try: int
+    """Objects that were held when the fingers first closed on them."""
+
+
+@dataclass(frozen=True, slots=True)
+class WallSeconds:
+    """Seconds of the wall clock; the parts do not sum up to the total."""
+
+    total: float
+    physics: float
+    planning: float
+    perception: float
+    logging: float
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """The result of one run. All but wall and CPU seconds and the paths follows from the request."""
+
+    status: RunStatus
+    seed: int
+    digest: str
+    """SHA-256 over all simulated content, hexadecimal."""
+    items: ItemCount
+    picks: PickCount
+    sim_seconds: float
+    cpu_seconds: float
+    wall_seconds: WallSeconds
+    log: Path
+    folder: Path
+    """Of the run: the log, the result, reports."""
+    failures: Mapping[str, int] = field(default_factory=_none)
+    """How often a leaf failed, by cause."""
+    recoveries: Mapping[str, int] = field(default_factory=_none)
+    """How often recovery was tried, by cause."""
+    message: str = ""
+    """Why the tree failed, in a sentence."""
+    thinking_charged: bool = True
+    """Whether planning and perception took simulated time."""
+    moment: float | None = None
+    """Simulated seconds of what is worth a look, as the first failure; None: the end."""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the tree ended in SUCCESS and the goal is reached."""
+        return self.status == "success"
+
+    @property
+    def seconds_per_pick(self) -> float | None:
+        """Simulated seconds for each object held; None when none was."""
+        return self.sim_seconds / self.picks.held if self.picks.held else None
+
+    @property
+    def explain(self) -> str:
+        """The command that shows what happened."""
+        moment = self.sim_seconds if self.moment is None else self.moment
+        picture = shlex.quote(str(self.folder / "moment.png"))
+        return f"picktree snapshot {shlex.quote(str(self.folder))} --at {moment:.2f} -o {picture}"
+
+    def to_json(self) -> dict[str, Plain]:
+        items, picks, wall = self.items, self.picks, self.wall_seconds
+        by_form: dict[str, Plain] = {
+            form: {"total": count.total, "sorted": count.sorted}
+            for form, count in sorted(items.by_form.items())
+        }
+        return {
+            "status": self.status,
+            "message": self.message,
+            "seed": self.seed,
+            "digest": self.digest,
+            "items": {
+                "total": items.total,
+                "sorted": items.sorted,
+                "misplaced": items.misplaced,
+                "left": items.left,
+                "by_form": by_form,
+            },
+            "picks": {
+                "tried": picks.tried,
+                "held": picks.held,
+                "held_first_try": picks.held_first_try,
+                "objects": picks.objects,
+            },
+            "failures": dict(sorted(self.failures.items())),
+            "recoveries": dict(sorted(self.recoveries.items())),
+            "sim_seconds": round(self.sim_seconds, 6),
+            "thinking_charged": self.thinking_charged,
+            "cpu_seconds": round(self.cpu_seconds, 3),
+            "wall_seconds": {
+                "total": round(wall.total, 3),
+                "physics": round(wall.physics, 3),
+                "planning": round(wall.planning, 3),
+                "perception": round(wall.perception, 3),
+                "logging": round(wall.logging, 3),
+            },
+            "log": str(self.log.absolute()),
+            "folder": str(self.folder.absolute()),
+        }
+
+    def to_json_text(self) -> str:
+        """One object, with a line's end."""
+        return json.dumps(self.to_json(), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
+
+    def to_text(self) -> str:
+        """The summary for a terminal, without a line's end."""
+        items, picks, wall = self.items, self.picks, self.wall_seconds
+        lines = [
+            f"{self.status}: {_SENTENCES[self.status]}" + (f": {self.message}" if self.message else ""),
+            f"items       {items.sorted} of {items.total} sorted, "
+            f"{items.misplaced} misplaced, {items.left} left",
+        ]
+        lines += [
+            f"  {form:<10}{count.sorted} of {count.total}" for form, count in sorted(items.by_form.items())
+        ]
+        lines += [
+            f"grasps      {picks.tried} tried, {picks.held} held; "
+            f"{picks.held_first_try} of {picks.objects} objects held at the first try",
+            f"failures    {_counts(self.failures)}",
+            f"recoveries  {_counts(self.recoveries)}",
+            f"simulated   {self.sim_seconds:.1f} s{self._rate()}{self._thinking()}",
+            f"wall        {wall.total:.1f} s: physics {wall.physics:.1f}, planning {wall.planning:.1f}, "
+            f"perception {wall.perception:.1f}, logging {wall.logging:.1f}; CPU {self.cpu_seconds:.1f} s",
+            f"seed        {self.seed}, digest {self.digest[:16]}",
+            f"log         {self.log.absolute()}",
+            f"look at it  {self.explain}",
+        ]
+        return "\n".join(lines)
+
+    def _rate(self) -> str:
+        rate = self.seconds_per_pick
+        return "" if rate is None else f", {rate:.1f} s a pick"
+
+    def _thinking(self) -> str:
+        return "" if self.thinking_charged else " (planning and perception took no simulated time)"
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {number}" for name, number in sorted(counts.items())) or "none"
