@@ -1,1 +1,1 @@
-"""picktree."""
+"""The language of missions: node declarations, control nodes, loader, registry, runner."""

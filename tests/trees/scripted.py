@@ -1,0 +1,196 @@
+"""A small world without a robot, and leaves that do what the test's text says, tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from textwrap import dedent
+from typing import TYPE_CHECKING, ClassVar, cast
+
+from picktree.trees.builder import build
+from picktree.trees.loader import parse_mission
+from picktree.trees.mission import Mission
+from picktree.trees.node import Node
+from picktree.trees.ports import In, Out, port
+from picktree.trees.registry import Registry
+from picktree.trees.runner import TickReport, Tree
+from picktree.trees.skill import ARM, Skill, Steps
+from picktree.trees.status import NodeStatus
+from picktree.world.attempts import Attempts
+from picktree.world.causes import Failure, cause_named, control, grasp, perception, safety
+from picktree.world.journal import Entry, Happened, Journal, Plain
+from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
+from picktree.world.shapes import Box
+from picktree.world.streams import Streams
+from picktree.world.values import ObjectId, Pose
+
+if TYPE_CHECKING:
+    from picktree.world.world import World
+
+TICK = 0.05
+
+
+class FakeClock:
+    def __init__(self) -> None:
+        self.now = 0.0
+
+
+@dataclass
+class FakeWorld:
+    clock: FakeClock = field(default_factory=FakeClock)
+    scene: PlanningScene = field(
+        default_factory=lambda: PlanningScene((), (), lambda o: ObjectId(f"{o.colour}_bin"))
+    )
+    journal: Journal = field(default_factory=Journal)
+    attempts: Attempts = field(default_factory=Attempts)
+    streams: Streams = field(default_factory=lambda: Streams(0))
+    known: dict[str, object] = field(default_factory=dict[str, object])
+    trace: list[str] = field(default_factory=list[str])
+    """What the scripted leaves did, in order."""
+
+    def facts(self) -> Mapping[str, object]:
+        return {"time": self.clock.now, **self.known}
+
+    def put(self, identity: str, colour: str, **changes: object) -> None:
+        belief = BeliefObject(
+            ObjectId(identity), "item", "cube", "box", Box((0.04, 0.04, 0.04)), colour, Pose(), 0.001, 0.01,
+            0.9, 0.0,
+        )  # fmt: skip
+        self.scene.put(replace(belief, **cast("dict[str, str]", changes)), "test")
+
+
+class Scripted(Skill):
+    """Does what its script says: R one tick RUNNING, S succeed, F fail without end, or a cause to fail with.
+
+    `script` is words for each activation, divided by `|`; the last is used again. `RR S` runs two ticks.
+    """
+
+    script: In[str] = port("what it does", default="S")
+    causes = (grasp.ANY, perception.ANY, control.ANY, safety.ANY)
+    uses = (ARM,)
+    activations: ClassVar[dict[str, int]] = {}
+
+    def run(self, world: World) -> Steps:
+        fake = cast("FakeWorld", world)
+        n = fake.trace.count(f"start {self.name}")
+        fake.trace.append(f"start {self.name}")
+        turns = self.script.split("|")
+        ended = False
+        try:
+            for word in turns[min(n, len(turns) - 1)].split():
+                if set(word) == {"R"}:
+                    for _ in word:
+                        fake.trace.append(f"run {self.name}")
+                        yield
+                elif word == "crash":
+                    raise ZeroDivisionError("scripted")
+                elif word != "S":
+                    raise Failure(cause_named(word), f"{self.name} was told to", turn=n)
+            ended = True
+        finally:
+            fake.trace.append(f"{'end' if ended else 'leave'} {self.name}")
+
+
+class Answer(Node):
+    """Answers one letter of `script` at each tick: S, F, R or K for SKIPPED; the last is used again."""
+
+    kind = "action"
+    script: In[str] = port("one letter for each tick")
+
+    def __init__(self, *given: object) -> None:
+        super().__init__(*given)  # pyright: ignore[reportArgumentType]
+        self.asked = 0
+
+    def on_tick(self) -> NodeStatus:
+        fake = cast("FakeWorld", self.world)
+        letter = self.script[min(self.asked, len(self.script) - 1)]
+        self.asked += 1
+        fake.trace.append(f"{self.name}:{letter}")
+        return {"S": NodeStatus.SUCCESS, "F": NodeStatus.FAILURE, "R": NodeStatus.RUNNING}.get(
+            letter, NodeStatus.SKIPPED
+        )
+
+    def on_halt(self) -> None:
+        cast("FakeWorld", self.world).trace.append(f"halt {self.name}")
+
+
+class Find(Skill):
+    """Finds the ids that its script names."""
+
+    ids: In[list[str]] = port("what it finds")
+    found: Out[list[ObjectId]] = port("what was found")
+
+    def run(self, world: World) -> Steps:
+        yield
+        self.found = [ObjectId(i) for i in self.ids]
+
+
+class Take(Skill):
+    """Takes an object and says which, of what colour, and with what force."""
+
+    object: In[ObjectId] = port("what to take")
+    force: In[float] = port("grip force", unit="N", default=30.0)
+    colour: In[str] = port("its colour", default="")
+    hand: In[str] = port("which hand", default="left", choices=("left", "right"))
+    causes = (grasp.ANY,)
+    uses = (ARM,)
+
+    def run(self, world: World) -> Steps:
+        yield
+        cast("FakeWorld", world).trace.append(f"take {self.object} {self.colour} {self.force:g}".strip())
+
+
+NODES: tuple[type[Node], ...] = (Scripted, Answer, Find, Take)
+FILE = Path("mission.yaml")
+
+
+def registry() -> Registry:
+    return Registry(NODES, installed=False)
+
+
+def mission(body: str) -> Mission:
+    """A mission whose `trees:` is the given text."""
+    indented = "\n".join(f"  {line}" for line in dedent(body).strip().splitlines())
+    return parse_mission(f"picktree: 1\nkind: mission\ntrees:\n{indented}\n", FILE, registry())
+
+
+@dataclass
+class Run:
+    """A tree with its world; `tick` lets one tick of simulated time pass afterwards."""
+
+    tree: Tree
+    world: FakeWorld
+
+    def tick(self) -> NodeStatus:
+        self.report: TickReport = self.tree.tick()
+        self.world.clock.now += TICK
+        return self.tree.status
+
+    def to_end(self, most: int = 200) -> list[NodeStatus]:
+        """The root's status after each tick, until it no longer runs."""
+        seen = [self.tick()]
+        while seen[-1] is NodeStatus.RUNNING and len(seen) < most:
+            seen.append(self.tick())
+        return seen
+
+    def status(self, path: str) -> NodeStatus:
+        return self.tree.find(path).state
+
+    @property
+    def trace(self) -> list[str]:
+        return self.world.trace
+
+    def notes(self, kind: str) -> list[Happened]:
+        entries: tuple[Entry, ...] = self.world.journal.take()
+        return [e for e in entries if isinstance(e, Happened) and e.kind == kind]
+
+
+def start(body: str, world: FakeWorld | None = None, **parameters: Plain) -> Run:
+    world = world or FakeWorld()
+    return Run(build(mission(body), cast("World", world), parameters), world)
+
+
+def letters(statuses: list[NodeStatus]) -> str:
+    """`[RUNNING, SUCCESS]` as `RS`; SKIPPED is K, IDLE is I."""
+    return "".join("K" if s is NodeStatus.SKIPPED else s.value[0] for s in statuses)

@@ -1,0 +1,101 @@
+"""The blackboard: plain values by key, one namespace for each instance of a sub-tree, a log of writes.
+
+It belongs to one tree, so that two missions in a process share nothing (py_trees' is global).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from ..world.journal import Plain
+from ..world.scene.planning_scene import PlanningScene
+from .plain import plain_copy
+from .references import Reference, resolve
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """One write: the full key (`Main/.../SortOne/item`), a copy of the value, the path of the node."""
+
+    key: str
+    value: Plain
+    node: str
+
+
+class Blackboard:
+    """All values of a tree by their full keys. What goes in and comes out is a copy."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, Plain] = {}
+        self._writes: list[Write] = []
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def read(self, key: str) -> Plain:
+        """Raises KeyError when nothing was written there."""
+        return plain_copy(self._values[key])
+
+    def write(self, key: str, value: object, node: str) -> None:
+        """Raises TypeError or ValueError for a value that is not plain."""
+        self._values[key] = plain_copy(value)
+        self._writes.append(Write(key, plain_copy(value), node))
+
+    def take_writes(self) -> tuple[Write, ...]:
+        """Writes since the last call, in their order."""
+        writes = tuple(self._writes)
+        self._writes.clear()
+        return writes
+
+    def save(self) -> dict[str, Plain]:
+        return {key: plain_copy(value) for key, value in self._values.items()}
+
+    def restore(self, values: Mapping[str, Plain]) -> None:
+        self._values = {key: plain_copy(value) for key, value in values.items()}
+        self._writes.clear()
+
+
+class Namespace:
+    """What the nodes of one sub-tree instance see: its own keys, and those wired to its caller's."""
+
+    def __init__(self, board: Blackboard, prefix: str) -> None:
+        self._board = board
+        self._prefix = prefix
+        self._wired: dict[str, tuple[Namespace, Reference]] = {}
+
+    def wire(self, key: str, outer: Namespace, reference: Reference) -> None:
+        """From now on `key` means the caller's `reference`."""
+        self._wired[key] = (outer, reference)
+
+    def has(self, key: str) -> bool:
+        wired = self._wired.get(key)
+        return wired[0].has(wired[1].key) if wired else f"{self._prefix}/{key}" in self._board
+
+    def read(self, reference: Reference, scene: PlanningScene) -> Plain:
+        """Raises KeyError when nothing was written there, Failure when the object or attribute is unknown."""
+        wired = self._wired.get(reference.key)
+        if wired is None:
+            value = self._board.read(f"{self._prefix}/{reference.key}")
+        else:
+            value = wired[0].read(wired[1], scene)
+        return resolve(scene, reference, value)
+
+    def write(self, key: str, value: object, node: str) -> None:
+        """Raises TypeError or ValueError for a value that is not plain, or a key that is read-only here."""
+        wired = self._wired.get(key)
+        if wired is None:
+            self._board.write(f"{self._prefix}/{key}", value, node)
+        elif wired[1].attributes:
+            raise ValueError(f"{key!r} stands for {wired[1]}, which cannot be written")
+        else:
+            wired[0].write(wired[1].key, value, node)
+
+    def names(self) -> list[str]:
+        """The keys that can be read at this moment."""
+        own = f"{self._prefix}/"
+        local = [key[len(own) :] for key in self._board if key.startswith(own) and "/" not in key[len(own) :]]
+        return sorted({*local, *(key for key in self._wired if self.has(key))})

@@ -1,0 +1,122 @@
+"""From a Mission to a Tree that can be ticked: sub-trees are written out, each with its own namespace."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from ..world.errors import PicktreeError
+from ..world.files.nearest import nearest
+from ..world.files.reader import resolve
+from ..world.journal import Plain
+from .blackboard import Namespace
+from .mission import Mission, NodeSpec, TreeSpec
+from .node import Node
+from .ports import PortDeclaration
+from .references import Binding, Constant, Reference
+from .runner import Tree
+from .runtime import Runtime, Wiring
+from .subtree import SubTree
+from .types import convert
+
+if TYPE_CHECKING:
+    from ..world.world import World
+
+
+def build(mission: Mission, world: World, parameters: Mapping[str, Plain] | None = None) -> Tree:
+    """The mission as a tree. `parameters` are values for the ports of `Main`; texts are read as in a file.
+
+    Raises PicktreeError for an unknown, missing or unfitting parameter.
+    """
+    runtime = Runtime(world)
+    main = mission.main
+    bindings = _parameters(main.ports, parameters or {})
+    caller = Namespace(runtime.blackboard, "")
+    root = _Builder(mission, runtime).tree(main, main.name, main.name, caller, bindings)
+    return Tree(root, runtime)
+
+
+def _parameters(ports: tuple[PortDeclaration, ...], given: Mapping[str, Plain]) -> dict[str, Binding]:
+    names = [port.key for port in ports]
+    for name in given:
+        if name not in names:
+            known = nearest(name, names) or "it has none"
+            raise PicktreeError(f"the mission has no parameter {name!r} ({known})")
+    bindings: dict[str, Binding] = {}
+    for port in ports:
+        if port.key not in given:
+            if port.required:
+                raise PicktreeError(
+                    f"the mission's parameter {port.key!r} needs a value: {port.doc}".rstrip(": ")
+                )
+            continue
+        value = given[port.key]
+        try:
+            bindings[port.key] = Constant(_parameter(value, port), value)
+        except ValueError as error:
+            raise PicktreeError(f"the mission's parameter {port.key!r}: {error}") from None
+    return bindings
+
+
+def _parameter(value: Plain, port: PortDeclaration) -> object:
+    if isinstance(value, str) and port.type.many:
+        value = [_scalar(part.strip(), port) for part in value.split(",") if part.strip()]
+    elif isinstance(value, str):
+        value = _scalar(value, port)
+    return convert(value, port.type, port.unit, port.choices)
+
+
+def _scalar(text: str, port: PortDeclaration) -> Plain:
+    # A text from the command line means what it would mean in a file.
+    return text if port.type.name in ("string", "object") else resolve(text)
+
+
+class _Builder:
+    def __init__(self, mission: Mission, runtime: Runtime) -> None:
+        self._mission = mission
+        self._runtime = runtime
+
+    def tree(
+        self,
+        tree: TreeSpec,
+        name: str,
+        path: str,
+        outer: Namespace,
+        given: Mapping[str, Binding],
+        spec: NodeSpec | None = None,
+    ) -> SubTree:
+        """An instance of a tree: its ports are wired to the caller's namespace or hold constants."""
+        inside = Namespace(self._runtime.blackboard, path)
+        bindings: dict[str, Binding] = {}
+        for port in tree.ports:
+            bound = given.get(port.key)
+            if isinstance(bound, Reference):
+                inside.wire(port.key, outer, bound)
+                bindings[port.key] = bound
+            elif bound is not None:
+                bindings[port.key] = bound
+            elif port.direction == "in":
+                bindings[port.key] = Constant(port.default, _plain(port.default))
+        wiring = Wiring(tree.name, name, path, outer, bindings, spec.preconditions if spec else {})
+        node = SubTree(wiring, self._runtime, inside)
+        node.fill({"do": (("", self.node(tree.root, path, inside)),)})
+        return node
+
+    def node(self, spec: NodeSpec, above: str, namespace: Namespace) -> Node:
+        path = f"{above}/{spec.name}"
+        if spec.node is None:
+            called = self._mission.trees[spec.id]
+            return self.tree(called, spec.name, path, namespace, spec.ports, spec)
+        wiring = Wiring(spec.id, spec.name, path, namespace, spec.ports, spec.preconditions)
+        node = spec.node(wiring, self._runtime)
+        node.fill(
+            {
+                key: tuple((label, self.node(child, path, namespace)) for label, child in filled)
+                for key, filled in spec.slots.items()
+            }
+        )
+        return node
+
+
+def _plain(value: object) -> Plain:
+    return value if isinstance(value, str | int | float | bool) else str(value)

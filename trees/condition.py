@@ -1,0 +1,26 @@
+"""The base of leaves that answer at once whether something holds."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING
+
+from .node import Node
+from .status import NodeStatus
+
+if TYPE_CHECKING:
+    from ..world.world import World
+
+
+class ConditionNode(Node, abstract=True):
+    """A question. No is FAILURE without a report: a status, not a failure that needs a cure."""
+
+    kind = "condition"
+
+    @abstractmethod
+    def answer(self, world: World) -> bool:
+        """Whether it holds now. Raise Failure when that cannot be said."""
+        ...
+
+    def on_tick(self) -> NodeStatus:
+        return NodeStatus.SUCCESS if self.answer(self.world) else NodeStatus.FAILURE

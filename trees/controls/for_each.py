@@ -1,0 +1,76 @@
+"""ForEach: the same branch for each element of a list."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from ..node import Node
+from ..ports import In, Out, port
+from ..reports import cannot_be_hidden
+from ..status import NodeStatus
+from .decorator import Decorator
+
+
+class ForEach(Decorator):
+    """Runs its child once for each element of a list, which is read when the loop starts.
+
+    The tick ends between two elements. With `on_failure: continue` a failure is noted in the record as
+    handled and the loop goes on; it then succeeds at the end. What it does not pass over: a fault of the
+    program, and a safety stop that nobody has acknowledged. An empty list is SUCCESS; SKIPPED when the child
+    was skipped for every element.
+    """
+
+    items: In[list[object]] = port("the elements", key="in")
+    item: Out[object] = port("the present element, for the child to read", key="out")
+    on_failure: In[Literal["fail", "continue"]] = port("what to do when the child fails", default="fail")
+    remembers = ("_items", "_index", "_skipped")
+    _items: list[object] = []  # noqa: RUF012 - replaced when the loop starts, never changed
+    _index: int = 0
+    _skipped: int = 0
+
+    def on_start(self) -> None:
+        self._items = list(self.items)
+        self._index = self._skipped = 0
+
+    def on_tick(self) -> NodeStatus:
+        if not self._items:
+            return NodeStatus.SUCCESS
+        if self.body.state is not NodeStatus.RUNNING:
+            self.item = self._items[self._index]
+        match self.body.step():
+            case NodeStatus.RUNNING:
+                return NodeStatus.RUNNING
+            case NodeStatus.FAILURE:
+                if self.on_failure == "fail" or not self._may_pass_over():
+                    return self.fail_with(self.body.failure)
+                self._note_handled(self.body)
+            case NodeStatus.SKIPPED:
+                self._skipped += 1
+            case _:
+                pass
+        self._index += 1
+        if self._index < len(self._items):
+            return NodeStatus.RUNNING
+        return NodeStatus.SKIPPED if self._skipped == len(self._items) else NodeStatus.SUCCESS
+
+    def _may_pass_over(self) -> bool:
+        report = self.body.failure
+        if report is None or not cannot_be_hidden(report):
+            return True
+        stopped = self.world.facts().get("stopped", True)
+        return report.cause.name.startswith("safety.") and not stopped
+
+    def _note_handled(self, failed: Node) -> None:
+        report = failed.failure
+        cause = report.cause.name if report else None
+        why = f"{report.cause}: {report.message}" if report else "the condition does not hold"
+        message = f"element {self._index + 1} of {len(self._items)} failed and is passed over: {why}"
+        element = self._items[self._index]
+        self.note(
+            "handled",
+            message,
+            cause=cause,
+            by="ForEach",
+            element=element if isinstance(element, str | int | float | bool) else str(element),
+            failed=report.node if report else failed.path,
+        )

@@ -1,0 +1,67 @@
+"""Parallel: all children in the same tick."""
+
+from __future__ import annotations
+
+from ...world.causes import FailureReport
+from ..node import Control
+from ..ports import In, port
+from ..reports import with_attached
+from ..slots import children
+from ..status import NodeStatus
+
+
+class Parallel(Control):
+    """Ticks all children that have not ended, in order, in each tick.
+
+    A number below zero counts from the end: -1 is all children, -2 all but one. It fails with the first
+    failure, the others' attached. What still runs when it ends is halted. SKIPPED when all were skipped.
+    """
+
+    parts = children("what is done at the same time")
+    success_count: In[int] = port("how many children must succeed", default=-1)
+    failure_count: In[int] = port("how many failures are too many", default=1)
+    remembers = ("_ended", "_succeeded", "_failed", "_reports")
+    _ended: tuple[int, ...] = ()
+    _succeeded: int = 0
+    _failed: int = 0
+    _reports: tuple[FailureReport, ...] = ()
+
+    def on_start(self) -> None:
+        self._ended, self._reports = (), ()
+        self._succeeded = self._failed = 0
+
+    def on_tick(self) -> NodeStatus:
+        total = len(self.parts)
+        wanted = self._count(self.success_count)
+        tolerated = self._count(self.failure_count)
+        if wanted > total or tolerated > total:
+            raise ValueError(f"{max(wanted, tolerated)} of {total} children are wanted")
+        skipped = 0
+        for index, part in enumerate(self.parts):
+            if index in self._ended:
+                continue
+            match part.step():
+                case NodeStatus.SUCCESS:
+                    self._ended += (index,)
+                    self._succeeded += 1
+                case NodeStatus.FAILURE:
+                    self._ended += (index,)
+                    self._failed += 1
+                    self._reports += (part.failure,) if part.failure else ()
+                case NodeStatus.SKIPPED:
+                    skipped += 1
+                case _:
+                    pass
+            if self._succeeded >= wanted:
+                return NodeStatus.SUCCESS
+            if total - self._failed < wanted or self._failed >= tolerated:
+                first = self._reports[0] if self._reports else None
+                return self.fail_with(with_attached(first, self._reports[1:]) if first else None)
+        if skipped == total:
+            return NodeStatus.SKIPPED
+        # As BT.CPP: of a number that counts from the end, skipped children need not succeed.
+        enough = self.success_count < 0 and self._succeeded + skipped >= wanted
+        return NodeStatus.SUCCESS if enough else NodeStatus.RUNNING
+
+    def _count(self, number: int) -> int:
+        return max(0, len(self.parts) + number + 1) if number < 0 else number

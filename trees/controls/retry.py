@@ -1,0 +1,50 @@
+"""RetryUntilSuccessful: the same branch again after a failure."""
+
+from __future__ import annotations
+
+from ...world.causes import FailureReport, internal, matches, tree
+from ..ports import In, port
+from ..reports import with_attached
+from ..status import NodeStatus
+from .decorator import Decorator
+
+
+class RetryUntilSuccessful(Decorator):
+    """Runs its child until it succeeds, at most `num_attempts` times, one tick apart.
+
+    When all attempts are used up it fails with the last failure, the earlier ones attached; with
+    tree.attempts when the child gave no reason. A fault of the program is not tried again.
+    """
+
+    num_attempts: In[int] = port("how often it may run; -1 for without end")
+    causes = (tree.ATTEMPTS,)
+    remembers = ("_attempts", "_reports")
+    _attempts: int = 0
+    _reports: tuple[FailureReport, ...] = ()
+
+    def on_start(self) -> None:
+        self._attempts, self._reports = 0, ()
+
+    def on_tick(self) -> NodeStatus:
+        if self.num_attempts == 0:
+            return self.fail(tree.ATTEMPTS, "no attempt is allowed")
+        state = self.body.step()
+        if state is not NodeStatus.FAILURE:
+            return state
+        self._attempts += 1
+        report = self.body.failure
+        fault = report is not None and matches(str(internal.ANY), report.cause)
+        if fault or self._attempts == self.num_attempts:
+            return self._give_up(report)
+        # Without end, so that hours of retrying do not grow the state.
+        self._reports = (*self._reports, *((report,) if report else ()))[-_KEPT:]
+        return NodeStatus.RUNNING
+
+    def _give_up(self, last: FailureReport | None) -> NodeStatus:
+        if last is None:
+            message = f"{self._attempts} attempts are used up"
+            return self.fail(tree.ATTEMPTS, message, attached=self._reports)
+        return self.fail_with(with_attached(last, self._reports))
+
+
+_KEPT = 20

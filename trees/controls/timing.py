@@ -1,0 +1,52 @@
+"""Timeout and Delay, in simulated time."""
+
+from __future__ import annotations
+
+from ...world.causes import Failure, tree
+from ..ports import In, port
+from ..status import NodeStatus
+from .decorator import Decorator
+
+_ROUNDING = 1e-9
+"""Seconds by which a sum of ticks may fall short of the time that it means."""
+
+
+class Timeout(Decorator):
+    """Halts its child and fails with tree.timeout when it still runs after that time. 0 is without limit."""
+
+    msec: In[float] = port("time that the child may take; a bare number is in ms", unit="ms")
+    causes = (tree.TIMEOUT,)
+    remembers = ("_since",)
+    _since: float = 0.0
+
+    def on_start(self) -> None:
+        self._since = self.world.clock.now
+
+    def on_tick(self) -> NodeStatus:
+        elapsed = self.world.clock.now - self._since
+        if self.msec > 0 and elapsed >= self.msec / 1000.0 - _ROUNDING:
+            self.body.halt()
+            raise Failure(
+                tree.TIMEOUT,
+                f"{self.body.name} still ran after {self.msec / 1000.0:g} s",
+                seconds=self.msec / 1000.0,
+                running=self.body.path,
+            )
+        return self.relay()
+
+
+class Delay(Decorator):
+    """Waits that time, RUNNING, and then ticks its child."""
+
+    delay_msec: In[float] = port("time to wait; a bare number is in ms", unit="ms")
+    remembers = ("_since", "_over")
+    _since: float = 0.0
+    _over: bool = False
+
+    def on_start(self) -> None:
+        self._since, self._over = self.world.clock.now, False
+
+    def on_tick(self) -> NodeStatus:
+        waited = self.world.clock.now - self._since
+        self._over = self._over or waited >= self.delay_msec / 1000.0 - _ROUNDING
+        return self.relay() if self._over else NodeStatus.RUNNING

@@ -1,0 +1,159 @@
+"""The one declaration of a node, from which loader, schema, linter and reference are made."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+import typing
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from ..world.causes import Cause, Family
+from ..world.errors import PicktreeError
+from .ports import In, Out, PortDeclaration, PortSpec, Required
+from .slots import Slot, SlotDeclaration
+from .types import PortType, convert
+
+if TYPE_CHECKING:
+    from .node import Node
+
+Kind: TypeAlias = Literal["action", "condition", "control", "decorator", "subtree"]
+
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
+"""In the order in which BT.CPP tries them."""
+
+
+class Resource(StrEnum):
+    """What two skills cannot use at once."""
+
+    ARM = "arm"
+    GRIPPER = "gripper"
+    CAMERA = "camera"
+
+
+@dataclass(frozen=True, slots=True)
+class NodeDeclaration:
+    """Everything that can be known of a node without running it."""
+
+    id: str
+    doc: str
+    kind: Kind
+    ports: tuple[PortDeclaration, ...] = ()
+    causes: tuple[Cause | Family, ...] = ()
+    uses: tuple[Resource, ...] = ()
+    slots: tuple[SlotDeclaration, ...] = ()
+
+    def port(self, key: str) -> PortDeclaration | None:
+        return next((p for p in self.ports if p.key == key), None)
+
+    def slot(self, key: str) -> SlotDeclaration | None:
+        return next((s for s in self.slots if s.key == key), None)
+
+    @property
+    def inputs(self) -> tuple[PortDeclaration, ...]:
+        return tuple(p for p in self.ports if p.direction == "in")
+
+    @property
+    def outputs(self) -> tuple[PortDeclaration, ...]:
+        return tuple(p for p in self.ports if p.direction == "out")
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All keys that may stand under the node in a file."""
+        return (*(p.key for p in self.ports), *(s.key for s in self.slots), "name", *PRECONDITIONS)
+
+
+def declare(node: type[Node]) -> NodeDeclaration:
+    """Read the class body: ports become descriptors. Raises PicktreeError for what cannot be a node."""
+    identity = node.node_id or node.__name__
+    if not IDENTIFIER.fullmatch(identity):
+        raise PicktreeError(f"node {identity!r}: an ID is a letter or '_', then letters, digits and '_'")
+    doc = inspect.getdoc(node) if node.__doc__ else None
+    if not doc:
+        raise PicktreeError(f"node {identity}: it needs a docstring, which people read in the reference")
+    _make_descriptors(node, identity)
+    ports = tuple(d.declaration for d in _members(node) if isinstance(d, In | Out))
+    slots = tuple(d.declaration for d in _members(node) if isinstance(d, Slot))
+    keys = [*(p.key for p in ports), *(s.key for s in slots)]
+    twice = sorted({key for key in keys if keys.count(key) > 1})
+    if twice:
+        raise PicktreeError(f"node {identity}: the key {twice[0]!r} is declared twice")
+    return NodeDeclaration(identity, doc, node.kind, ports, node.causes, node.uses, slots)
+
+
+def _make_descriptors(node: type[Node], identity: str) -> None:
+    specs = {name: value for name, value in vars(node).items() if isinstance(value, PortSpec)}
+    slots = [name for name, value in vars(node).items() if isinstance(value, Slot)]
+    for name in (*specs, *slots):
+        if name in _reserved():
+            raise PicktreeError(
+                f"node {identity}: {name!r} would hide an attribute that every node has; "
+                f"use another attribute, and key={name!r} if the file must say {name!r}"
+            )
+    if specs:
+        annotations = _annotations(node, tuple(specs), identity)
+        for name, spec in specs.items():
+            setattr(node, name, _descriptor(f"{identity}.{name}", name, spec, annotations.get(name)))
+
+
+def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) -> object:
+    direction, args = typing.get_origin(annotation), typing.get_args(annotation)
+    if direction not in (In, Out) or len(args) != 1:
+        raise PicktreeError(f"port {where}: annotate it as In[...] or Out[...]")
+    try:
+        kind, choices = PortType.of(args[0])
+    except TypeError as error:
+        raise PicktreeError(f"port {where}: {error}") from None
+    key = spec.key or attribute
+    if not IDENTIFIER.fullmatch(key) or key.startswith("_") or key == "name":
+        raise PicktreeError(f"port {where}: {key!r} cannot be a key")
+    choices = spec.choices if spec.choices is not None else choices
+    default = spec.default
+    # An empty text as the default of an id or a choice says "not given": it need not convert.
+    if not isinstance(default, Required) and default != "":
+        try:
+            default = convert(default, kind, spec.unit, choices)
+        except ValueError as error:
+            raise PicktreeError(f"port {where}: its default: {error}") from None
+    side: Literal["in", "out"] = "in" if direction is In else "out"
+    declaration = PortDeclaration(key, attribute, side, kind, spec.doc, spec.unit, default, choices)
+    return In[object](declaration) if side == "in" else Out[object](declaration)
+
+
+def _annotations(node: type[Node], names: tuple[str, ...], identity: str) -> dict[str, object]:
+    # Only the ports' own: a port named `list` must not change what `list` means in the next line.
+    texts = {name: node.__annotations__[name] for name in names if name in node.__annotations__}
+    carrier = type(node.__name__, (), {"__annotations__": texts, "__module__": node.__module__})
+    try:
+        return typing.get_type_hints(carrier, globalns=vars(sys.modules[node.__module__]))
+    except (NameError, KeyError, TypeError) as error:
+        raise PicktreeError(f"node {identity}: the type of a port cannot be read: {error}") from None
+
+
+def _members(node: type[Node]) -> list[object]:
+    """Ports and slots in the order of declaration, those of the bases first."""
+    found: dict[str, object] = {}
+    for cls in reversed(node.__mro__):
+        for name, value in vars(cls).items():
+            if isinstance(value, In | Out | Slot):
+                found[name] = value
+    return [value for name, value in found.items() if getattr(node, name) is value]
+
+
+@cache
+def _reserved() -> frozenset[str]:
+    from .node import Node  # the base declares nothing itself, and it is made by now
+
+    class Plainest(Behaviour):
+        def update(self) -> Status:
+            return Status.SUCCESS
+
+    attributes = {name for name in Node.__annotations__ if not name.startswith("_")}
+    return frozenset(dir(Node)) | frozenset(vars(Plainest(""))) | attributes

@@ -1,0 +1,75 @@
+"""A mission as values: what a mission file says, checked and converted, before anything is built."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from ..world.files.document import Document, Mark
+from ..world.files.expressions import Expression
+from .node import Node
+from .ports import PortDeclaration
+from .references import Binding
+
+MAIN = "Main"
+
+
+@dataclass(frozen=True, slots=True)
+class NodeSpec:
+    """One node of the text. `node` is its class; None: it is an instance of the sub-tree `id`."""
+
+    id: str
+    name: str
+    mark: Mark
+    node: type[Node] | None
+    ports: Mapping[str, Binding] = field(default_factory=dict[str, Binding])
+    slots: Mapping[str, tuple[tuple[str, NodeSpec], ...]] = field(
+        default_factory=dict[str, "tuple[tuple[str, NodeSpec], ...]"]
+    )
+    """Children by slot: (label, node); the label is a table's key, else empty."""
+    preconditions: Mapping[str, Expression] = field(default_factory=dict[str, Expression])
+
+    @property
+    def children(self) -> tuple[NodeSpec, ...]:
+        return tuple(node for filled in self.slots.values() for _, node in filled)
+
+    def iterate(self) -> Iterator[NodeSpec]:
+        """This node and all below it in the same tree, parents first."""
+        yield self
+        for node in self.children:
+            yield from node.iterate()
+
+
+@dataclass(frozen=True, slots=True)
+class TreeSpec:
+    """One tree of a mission: its ports (for `Main`: the mission's parameters) and its root."""
+
+    name: str
+    mark: Mark
+    ports: tuple[PortDeclaration, ...]
+    root: NodeSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Mission:
+    """A mission file, read and checked."""
+
+    name: str
+    trees: Mapping[str, TreeSpec]
+    document: Document
+    scene: str | None = None
+    """A shipped scene, or a file beside the mission."""
+    goal: Expression | None = None
+    plugins: tuple[str, ...] = ()
+
+    @property
+    def main(self) -> TreeSpec:
+        return self.trees[MAIN]
+
+    @property
+    def parameters(self) -> tuple[PortDeclaration, ...]:
+        return self.main.ports
+
+    @property
+    def text(self) -> str:
+        return self.document.text

@@ -1,0 +1,352 @@
+"""The base of every node of a tree."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, ClassVar, cast
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from ..world.causes import Cause, Failure, FailureReport, Family, internal, matches, tree, world
+from ..world.files.expressions import Expression
+from ..world.journal import Happened, Plain
+from .declaration import PRECONDITIONS, Kind, NodeDeclaration, Resource, declare
+from .plain import plain_copy
+from .ports import PortDeclaration
+from .references import Constant, Reference
+from .reports import pack, plain_evidence, report_from_plain, report_to_plain, unpack
+from .runtime import Runtime, Wiring, evaluate
+from .status import NodeStatus
+from .types import accept
+
+if TYPE_CHECKING:
+    from ..world.world import World
+
+_PY_TREES: Mapping[NodeStatus, Status] = {
+    NodeStatus.IDLE: Status.INVALID,
+    NodeStatus.RUNNING: Status.RUNNING,
+    NodeStatus.SUCCESS: Status.SUCCESS,
+    NodeStatus.FAILURE: Status.FAILURE,
+    NodeStatus.SKIPPED: Status.INVALID,
+}
+_ALWAYS_POSSIBLE = (tree.MISSING_INPUT, world.UNKNOWN_OBJECT, internal.ERROR)
+
+
+class Node(Behaviour):
+    """A node of a tree. A parent calls `step` for a tick and `halt` to stop it.
+
+    A sub-class writes `on_tick`, and where it needs them `on_start` and `on_halt`. Its status is that of its
+    present activation: when a node starts, everything below it goes back to IDLE first; when it ends, what
+    still runs below it is halted, and what ended keeps its status and failure until the next start.
+    """
+
+    node_id: ClassVar[str] = ""
+    """The ID in mission files; the class's name unless given."""
+    kind: ClassVar[Kind] = "control"
+    causes: ClassVar[tuple[Cause | Family, ...]] = ()
+    """What the node itself may fail with; what its children fail with comes on top."""
+    uses: ClassVar[tuple[Resource, ...]] = ()
+    remembers: ClassVar[tuple[str, ...]] = ()
+    """Attributes that change how the node goes on: plain values, FailureReports, tuples of them."""
+    declaration: ClassVar[NodeDeclaration]
+
+    path: str
+    ticked: bool
+    """Whether it was ticked in the tree's present or last tick."""
+    failure: FailureReport | None
+    """Why it is in FAILURE; None for a false condition."""
+    seconds: float
+    """Wall time that its last tick took, children included. For the record only."""
+
+    def __init_subclass__(cls, *, abstract: bool = False) -> None:
+        """Declare the node; `abstract=True` for a base of nodes that stands in no file."""
+        super().__init_subclass__()
+        if not abstract:
+            cls.declaration = declare(cls)
+
+    def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
+        super().__init__(name=wiring.name)
+        self.path = wiring.path
+        self.ticked = False
+        self.failure = None
+        self.seconds = 0.0
+        self._wiring = wiring
+        self._runtime = runtime
+        self._state = NodeStatus.IDLE
+        self._slots: dict[str, tuple[tuple[str, Node], ...]] = {}
+        self._inputs: dict[str, object] = {}
+        self._outputs: dict[str, object] = {}
+
+    # What a sub-class writes.
+
+    def on_start(self) -> None:
+        """Called before `on_tick` when the node was not RUNNING: forget what was. May raise Failure."""
+
+    def on_tick(self) -> NodeStatus:
+        """Do one tick's work and return the status. May raise Failure."""
+        raise NotImplementedError(f"{type(self).__name__}.on_tick")
+
+    def on_halt(self) -> None:
+        """Called when the node is stopped while RUNNING, before its children are."""
+
+    @classmethod
+    def check_ports(cls, given: frozenset[str]) -> tuple[str, ...]:
+        """What is wrong with the set of keys that a file gives, as sentences: rules about several keys."""
+        return ()
+
+    # What a parent and the runner call.
+
+    @property
+    def state(self) -> NodeStatus:
+        return self._state
+
+    @property
+    def world(self) -> World:
+        return self._runtime.world
+
+    @property
+    def wiring(self) -> Wiring:
+        return self._wiring
+
+    @property
+    def below(self) -> tuple[Node, ...]:
+        """All children, in the order of the slots and of the file."""
+        return cast("tuple[Node, ...]", tuple(self.children))
+
+    def step(self) -> NodeStatus:
+        """One tick. Never raises for what a node does: a fault of its own code is `internal.error`."""
+        began = time.perf_counter()
+        self.ticked = True
+        try:
+            state = self._one_tick()
+        except Failure as failure:
+            state = self.fail_with(self._report(failure))
+        except Exception as error:  # noqa: BLE001 - the border of this floor
+            state = self.fail_with(self._fault(error, "ticked"))
+        self._set(state)
+        if state is not NodeStatus.RUNNING:
+            for node in self.below:
+                if node.state is NodeStatus.RUNNING:
+                    node.halt()
+        if state is not NodeStatus.FAILURE:
+            self.failure = None
+        self.seconds = time.perf_counter() - began
+        return state
+
+    def halt(self) -> None:
+        """Stop what runs here and below; then all of it is IDLE. Never raises."""
+        if self._state is NodeStatus.IDLE:
+            return
+        if self._state is NodeStatus.RUNNING:
+            self._guarded_halt()
+        for node in self.below:
+            node.halt()
+        self.failure = None
+        self.feedback_message = ""
+        self._set(NodeStatus.IDLE)
+
+    def save(self) -> dict[str, Plain]:
+        """What `restore` needs to go on from here, as plain values."""
+        remembered: dict[str, Plain] = {name: pack(getattr(self, name)) for name in self.remembers}
+        return {
+            "state": self._state.value,
+            "failure": report_to_plain(self.failure),
+            "message": self.feedback_message,
+            "inputs": {
+                key: pack(value) for key, value in self._inputs.items() if key not in self._constants()
+            },
+            "memory": remembered,
+        }
+
+    def restore(self, saved: Mapping[str, Plain]) -> None:
+        """Go back to what `save` gave."""
+        self._set(NodeStatus(str(saved["state"])))
+        self.failure = report_from_plain(saved["failure"])
+        self.feedback_message = str(saved["message"])
+        inputs = cast("dict[str, Plain]", saved["inputs"])
+        self._inputs = {**self._constants(), **{key: unpack(value) for key, value in inputs.items()}}
+        for name, value in cast("dict[str, Plain]", saved["memory"]).items():
+            setattr(self, name, unpack(value))
+
+    # What `on_tick` and `on_start` may use.
+
+    def slot(self, key: str) -> tuple[tuple[str, Node], ...]:
+        """The children of a slot: (label, node); the label is a table's key, else empty."""
+        return self._slots.get(key, ())
+
+    def fill(self, slots: Mapping[str, tuple[tuple[str, Node], ...]]) -> None:
+        """Give the node its children; called once, by the builder."""
+        self._slots = dict(slots)
+        for filled in self._slots.values():
+            for _, node in filled:
+                node.parent = self
+                self.children.append(node)
+
+    def fail_with(self, report: FailureReport | None) -> NodeStatus:
+        """FAILURE with that report, which may be a child's: causes travel up unchanged."""
+        self.failure = report
+        return NodeStatus.FAILURE
+
+    def fail(self, cause: Cause, message: str, *, attached: tuple[FailureReport, ...] = ()) -> NodeStatus:
+        """FAILURE of this node's own making, with others' reports attached."""
+        return self.fail_with(FailureReport(cause, message, {}, self.path, attached))
+
+    def holds(self, expression: Expression) -> bool:
+        """Whether the expression is true now. Raises Failure(tree.missing_input) when it has no value."""
+        return bool(evaluate(expression, self._wiring.namespace, self.world))
+
+    def input(self, key: str) -> object:
+        """The input as it was when the node started."""
+        return self._inputs[key]
+
+    def read_inputs(self) -> None:
+        """Read all inputs anew; for control nodes that follow a value while they run. Raises Failure."""
+        self._inputs = self._constants()
+        for key, wired in self._wiring.ports.items():
+            port = self.declaration.port(key)
+            if isinstance(wired, Reference) and port is not None and port.direction == "in":
+                self._inputs[key] = self._read(port, wired)
+
+    def output(self, key: str, value: object) -> None:
+        """Write an output. Raises TypeError for a value that is not of the port's type."""
+        port = self.declaration.port(key)
+        if port is None or port.direction != "out":
+            raise TypeError(f"{self.declaration.id} has no output {key!r}")
+        try:
+            checked = plain_copy(accept(value, port.type, port.choices))
+        except (TypeError, ValueError) as error:
+            raise TypeError(f"output {key!r}: {error}") from None
+        self._outputs[key] = checked
+        wired = self._wiring.ports.get(key)
+        if wired is not None and not isinstance(wired, Constant):
+            self._wiring.namespace.write(wired.key, checked, self.path)
+
+    def written(self, key: str) -> object:
+        """The output as this activation wrote it last. Raises AttributeError before."""
+        if key not in self._outputs:
+            raise AttributeError(f"output {key!r} is read before it is written")
+        return plain_copy(self._outputs[key])
+
+    def note(self, kind: str, message: str, **data: Plain) -> None:
+        """Tell the journal that something happened here."""
+        self.world.journal.note(Happened(kind, message, self.path, data))
+
+    # py_trees' own ways in, so that its tools work on our trees.
+
+    def tick(self) -> Iterator[Behaviour]:
+        self.step()
+        yield from (node for node in self.iterate() if cast("Node", node).ticked)
+
+    def update(self) -> Status:
+        return _PY_TREES[self.step()]
+
+    def stop(self, new_status: Status) -> None:
+        self.halt()
+
+    # Private.
+
+    def _one_tick(self) -> NodeStatus:
+        if self._wiring.preconditions:
+            settled = self._precondition()
+            if settled is not None:
+                return settled
+        if self._state is not NodeStatus.RUNNING:
+            self._start()
+        return self.on_tick()
+
+    def _start(self) -> None:
+        for node in self.below:
+            node.halt()
+        self.failure = None
+        self.feedback_message = ""
+        self._outputs = {}
+        self._set(NodeStatus.RUNNING)
+        for hook in self._runtime.start_hooks:
+            hook(self.path)
+        self.read_inputs()
+        self.on_start()
+
+    def _precondition(self) -> NodeStatus | None:
+        """BT.CPP's: the first three are asked when the node would start, `_while` at every tick."""
+        running = self._state is NodeStatus.RUNNING
+        for name in PRECONDITIONS:
+            expression = self._wiring.preconditions.get(name)
+            if expression is None or (running and name != "_while"):
+                continue
+            try:
+                true = self.holds(expression)
+            except Failure:
+                self.halt()
+                raise
+            if name == "_while" and not true:
+                self.halt()
+                return NodeStatus.SKIPPED
+            if name != "_while" and true:
+                self.halt()
+                return _SETTLED[name]
+        return None
+
+    def _read(self, port: PortDeclaration, wired: Reference) -> object:
+        where = f"input {port.key!r} of {self._wiring.id}: "
+        evidence = {"port": port.key, "reference": str(wired)}
+        try:
+            value = self._wiring.namespace.read(wired, self.world.scene)
+        except KeyError:
+            message = f"{where}nothing has written {wired} yet"
+            raise Failure(tree.MISSING_INPUT, message, **evidence) from None
+        if value is None and not port.type.optional and port.type.name != "any":
+            raise Failure(tree.MISSING_INPUT, f"{where}{wired} is empty", **evidence)
+        try:
+            return accept(value, port.type, port.choices)
+        except ValueError as error:
+            raise Failure(tree.MISSING_INPUT, f"{where}{wired}: {error}", **evidence) from None
+
+    def _constants(self) -> dict[str, object]:
+        """The inputs that no reference feeds."""
+        found: dict[str, object] = {}
+        for port in self.declaration.inputs:
+            wired = self._wiring.ports.get(port.key)
+            value = wired.value if isinstance(wired, Constant) else port.default
+            if not isinstance(wired, Reference):
+                found[port.key] = plain_copy(cast("Plain", value)) if isinstance(value, list) else value
+        return found
+
+    def _set(self, state: NodeStatus) -> None:
+        self._state = state
+        self.status = _PY_TREES[state]
+
+    def _report(self, failure: Failure) -> FailureReport:
+        declared = (*self.causes, *_ALWAYS_POSSIBLE)
+        if not any(matches(str(cause), failure.cause) for cause in declared):
+            message = f"{self._wiring.id} failed with {failure.cause}, which it does not declare"
+            self.note("undeclared_cause", message, cause=failure.cause.name)
+        return FailureReport(failure.cause, failure.message, plain_evidence(failure.evidence), self.path)
+
+    def _fault(self, error: Exception, doing: str) -> FailureReport:
+        trace = "".join(traceback.format_exception(error))
+        message = f"{type(error).__name__} while {self._wiring.id} was {doing}: {error}"
+        self.note("internal_error", message, traceback=trace)
+        evidence = {"exception": type(error).__name__, "traceback": trace}
+        return FailureReport(internal.ERROR, message, evidence, self.path)
+
+    def _guarded_halt(self) -> None:
+        try:
+            self.on_halt()
+        except Exception as error:  # noqa: BLE001 - a fault here must not keep siblings from being halted
+            self._fault(error, "halted")
+
+
+_SETTLED: Mapping[str, NodeStatus] = {
+    "_failureIf": NodeStatus.FAILURE,
+    "_successIf": NodeStatus.SUCCESS,
+    "_skipIf": NodeStatus.SKIPPED,
+}
+
+
+class Control(Node, abstract=True):
+    """Base of the nodes that decide which of several children is ticked."""
+
+    kind = "control"

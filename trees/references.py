@@ -1,0 +1,93 @@
+"""`"{item}"` and `"{item.colour}"`: references to the blackboard, and what may be asked of an object."""
+
+from __future__ import annotations
+
+import re
+import typing
+from dataclasses import dataclass, fields
+from typing import TypeAlias
+
+from ..world.causes import Failure, tree
+from ..world.files.nearest import nearest
+from ..world.journal import Plain
+from ..world.scene.planning_scene import BeliefObject, PlanningScene
+from ..world.values import ObjectId
+
+_REFERENCE = re.compile(r"\{([A-Za-z_]\w*)((?:\.[A-Za-z_]\w*)*)\}", re.ASCII)
+_BRACES = re.compile(r"\{.*\}", re.DOTALL)
+
+
+def _attributes() -> tuple[str, ...]:
+    hints = typing.get_type_hints(BeliefObject)
+    plain = (str, int, float, bool, ObjectId)
+    found = [
+        f.name for f in fields(BeliefObject)
+        if hints[f.name] in plain or typing.get_origin(hints[f.name]) is typing.Literal
+    ]  # fmt: skip
+    # A property's type stands on its getter; those with a plain one are part of the language too.
+    for name, member in vars(BeliefObject).items():
+        getter = member.fget if isinstance(member, property) else None
+        if getter is not None and typing.get_type_hints(getter).get("return") in plain:
+            found.append(name)
+    return (*found, "destination")
+
+
+ATTRIBUTES: tuple[str, ...] = _attributes()
+"""What may stand after the dot: the plain fields of a BeliefObject, and `destination`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """A key of the blackboard; with attributes: of the object whose id is there."""
+
+    key: str
+    attributes: tuple[str, ...] = ()
+
+    @classmethod
+    def parse(cls, text: str) -> Reference | None:
+        """None when the text is a literal. Raises ValueError for braces that are no reference."""
+        match = _REFERENCE.fullmatch(text)
+        if match is None:
+            if _BRACES.fullmatch(text):
+                raise ValueError(f"{text!r} is not a reference")
+            return None
+        return cls(match[1], tuple(match[2].split(".")[1:]))
+
+    def __str__(self) -> str:
+        return "{" + ".".join((self.key, *self.attributes)) + "}"
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A literal that was converted to the port's type already; `text` is what the file says."""
+
+    value: object
+    text: Plain
+
+
+Binding: TypeAlias = Reference | Constant
+
+
+def attribute(scene: PlanningScene, owner: object, name: str) -> Plain:
+    """`owner.name`, read from the belief of this moment.
+
+    Raises ValueError when there is no such attribute, Failure(world.unknown_object) when no such object.
+    """
+    if not isinstance(owner, str):
+        raise ValueError(f"only an object has attributes, so not {name!r} either")
+    if name not in ATTRIBUTES:
+        raise ValueError(f"an object has no attribute {name!r}; {nearest(name, ATTRIBUTES)}")
+    if name == "destination":
+        return scene.destination(owner)
+    value: Plain = getattr(scene.get(owner), name)
+    return value
+
+
+def resolve(scene: PlanningScene, reference: Reference, value: Plain) -> Plain:
+    """Follow the reference's attributes from the value of its key. Raises Failure."""
+    for name in reference.attributes:
+        try:
+            value = attribute(scene, value, name)
+        except ValueError as error:
+            raise Failure(tree.MISSING_INPUT, f"{reference}: {error}", reference=str(reference)) from None
+    return value

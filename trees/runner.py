@@ -1,0 +1,178 @@
+"""A tree that is ticked, and what one tick looked like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import cast
+
+from ..world.causes import Evidence, FailureReport
+from ..world.errors import PicktreeError
+from ..world.journal import Plain
+from .blackboard import Blackboard, Write
+from .node import Node
+from .references import Constant
+from .runtime import Runtime
+from .status import NodeStatus
+
+
+@dataclass(frozen=True, slots=True)
+class NodeReport:
+    """One node at the end of a tick. `cause` and `evidence` are set where it is in FAILURE with a report."""
+
+    path: str
+    id: str
+    status: NodeStatus
+    ticked: bool
+    message: str
+    cause: str | None
+    evidence: Evidence | None
+
+
+@dataclass(frozen=True, slots=True)
+class TickReport:
+    """One tick: every node, parents first, and the writes to the blackboard in their order."""
+
+    nodes: tuple[NodeReport, ...]
+    writes: tuple[Write, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class NodeInfo:
+    """What does not change about a node: for the record, once."""
+
+    path: str
+    id: str
+    name: str
+    kind: str
+    parent: str | None
+    children: tuple[str, ...]
+    ports: Mapping[str, Plain]
+    """As the mission file says it."""
+
+
+class Tree:
+    """The nodes of a mission with their blackboard. One tick is one call of `tick`."""
+
+    def __init__(self, root: Node, runtime: Runtime) -> None:
+        self._root = root
+        self._runtime = runtime
+        self._nodes = tuple(_parents_first(root))
+        self._by_path = {node.path: node for node in self._nodes}
+
+    @property
+    def root(self) -> Node:
+        """For py_trees' own tools: its display, its visitors."""
+        return self._root
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """Parents first."""
+        return self._nodes
+
+    @property
+    def blackboard(self) -> Blackboard:
+        return self._runtime.blackboard
+
+    @property
+    def on_start(self) -> list[Callable[[str], None]]:
+        """Called with the path of each node that starts, before it reads its inputs."""
+        return self._runtime.start_hooks
+
+    @property
+    def status(self) -> NodeStatus:
+        return self._root.state
+
+    @property
+    def failure(self) -> FailureReport | None:
+        """Why the mission failed."""
+        return self._root.failure
+
+    @property
+    def quiescent(self) -> bool:
+        """Whether no leaf is RUNNING, so that the state can be saved."""
+        return not any(node.state is NodeStatus.RUNNING and not node.children for node in self._nodes)
+
+    def tick(self) -> TickReport:
+        """Tick the root once. After the root has ended, another tick starts the mission anew."""
+        for node in self._nodes:
+            node.ticked = False
+            node.seconds = 0.0
+        self._root.step()
+        return TickReport(self._reports(), self.blackboard.take_writes())
+
+    def halt(self) -> TickReport:
+        """Stop whatever runs; every node is IDLE then."""
+        for node in self._nodes:
+            node.ticked = False
+        self._root.halt()
+        return TickReport(self._reports(), self.blackboard.take_writes())
+
+    def find(self, path: str) -> Node:
+        """Raises PicktreeError for an unknown path."""
+        if path not in self._by_path:
+            raise PicktreeError(f"the tree has no node {path!r}")
+        return self._by_path[path]
+
+    def seconds(self) -> dict[str, float]:
+        """Wall time of the nodes that the last tick ticked, children included; no part of the digest."""
+        return {node.path: node.seconds for node in self._nodes if node.ticked}
+
+    def structure(self) -> tuple[NodeInfo, ...]:
+        """The shape of the tree, parents first."""
+        return tuple(
+            NodeInfo(
+                node.path,
+                node.wiring.id,
+                node.name,
+                node.kind,
+                cast("Node", node.parent).path if node.parent is not None else None,
+                tuple(below.path for below in node.below),
+                {
+                    key: bound.text if isinstance(bound, Constant) else str(bound)
+                    for key, bound in node.wiring.ports.items()
+                },
+            )
+            for node in self._nodes
+        )
+
+    def save(self) -> dict[str, Plain]:
+        """All state of nodes and blackboard as plain values. Raises PicktreeError while a leaf runs."""
+        if not self.quiescent:
+            raise PicktreeError("a tree cannot be saved while a skill is running")
+        nodes: dict[str, Plain] = {node.path: cast("Plain", node.save()) for node in self._nodes}
+        return {"nodes": nodes, "blackboard": cast("Plain", self.blackboard.save())}
+
+    def restore(self, saved: Mapping[str, Plain]) -> None:
+        """Go back to a saved state of the same mission. Raises PicktreeError when it is of another."""
+        nodes = cast("dict[str, dict[str, Plain]]", saved["nodes"])
+        if set(nodes) != set(self._by_path):
+            strange = sorted(set(nodes) ^ set(self._by_path))
+            raise PicktreeError(f"the saved state belongs to another mission: {strange[0]!r} is not in both")
+        self._root.halt()
+        for path, state in nodes.items():
+            self._by_path[path].restore(state)
+            self._by_path[path].ticked = False
+        self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
+
+    def _reports(self) -> tuple[NodeReport, ...]:
+        return tuple(_report(node) for node in self._nodes)
+
+
+def _report(node: Node) -> NodeReport:
+    failure = node.failure
+    return NodeReport(
+        node.path,
+        node.wiring.id,
+        node.state,
+        node.ticked,
+        failure.message if failure else node.feedback_message,
+        failure.cause.name if failure else None,
+        failure.evidence if failure else None,
+    )
+
+
+def _parents_first(node: Node) -> Iterator[Node]:
+    yield node
+    for below in node.below:
+        yield from _parents_first(below)

@@ -1,0 +1,78 @@
+"""What the nodes of one tree share, and what tells one of them from the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ..world.causes import Failure, tree
+from ..world.files.expressions import Expression, ExpressionError
+from .blackboard import Blackboard, Namespace
+from .references import Binding, Reference, attribute
+
+if TYPE_CHECKING:
+    from ..world.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Runtime:
+    """Shared by all nodes of a tree."""
+
+    world: World
+    blackboard: Blackboard = field(default_factory=Blackboard)
+    start_hooks: list[Callable[[str], None]] = field(default_factory=list[Callable[[str], None]])
+    """Called with a node's path when it starts, before it reads its inputs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """Where one node stands and what its ports are connected to."""
+
+    id: str
+    name: str
+    path: str
+    namespace: Namespace
+    ports: Mapping[str, Binding]
+    preconditions: Mapping[str, Expression]
+
+
+class Scope(Mapping[str, object]):
+    """The names of an expression: the keys of the namespace, then the facts of the world."""
+
+    def __init__(self, namespace: Namespace, world: World) -> None:
+        self._namespace, self._world = namespace, world
+        self._facts: Mapping[str, object] | None = None
+
+    def __getitem__(self, name: str) -> object:
+        if self._namespace.has(name):
+            return self._namespace.read(Reference(name), self._world.scene)
+        return self._known_facts()[name]
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and (self._namespace.has(name) or name in self._known_facts())
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys((*self._namespace.names(), *self._known_facts())))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def _known_facts(self) -> Mapping[str, object]:
+        if self._facts is None:
+            self._facts = self._world.facts()
+        return self._facts
+
+
+def evaluate(expression: Expression, namespace: Namespace, world: World) -> object:
+    """The expression's value now. Raises Failure(tree.missing_input) when it has none."""
+
+    def attribute_of(owner: object, name: str) -> object:
+        return attribute(world.scene, owner, name)
+
+    try:
+        return expression.evaluate(Scope(namespace, world), attribute_of)
+    except ExpressionError as error:
+        raise Failure(
+            tree.MISSING_INPUT, f"the expression '{expression}': {error}", expression=expression.text
+        ) from None

@@ -1,0 +1,86 @@
+"""The base of all leaves that act: typed ports, and a body that is a generator."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Generator
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
+
+from ..world.causes import internal
+from .declaration import Resource
+from .node import Node
+from .runtime import Runtime, Wiring
+from .status import NodeStatus
+
+if TYPE_CHECKING:
+    from ..world.world import World
+
+T = TypeVar("T")
+
+Steps: TypeAlias = Generator[None, None, None]
+"""The body of a skill: each `yield` is one tick RUNNING."""
+Doing: TypeAlias = Generator[None, None, T]
+"""A part of a body that ends with a value: `value = yield from part()`."""
+
+ARM: Final = Resource.ARM
+GRIPPER: Final = Resource.GRIPPER
+CAMERA: Final = Resource.CAMERA
+
+_CLOSINGS = 3
+"""How often a body that yields while it is closed is told again; then it is left to itself."""
+
+
+class Skill(Node, abstract=True):
+    """An action that takes time.
+
+    Write `run`: each `yield` is one tick RUNNING, `return` is SUCCESS, `raise Failure(cause, …)` is FAILURE.
+    Being halted closes the generator, so `finally` runs, but must not yield: braking is the controller's.
+    """
+
+    kind = "action"
+
+    def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
+        super().__init__(wiring, runtime)
+        self._steps: Steps | None = None
+
+    @abstractmethod
+    def run(self, world: World) -> Steps:
+        """The body. Inputs are read before it starts; every output is assigned before it returns."""
+        ...
+
+    def on_start(self) -> None:
+        self._steps = None
+
+    def on_tick(self) -> NodeStatus:
+        if self._steps is None:
+            self._steps = self.run(self.world)
+        try:
+            next(self._steps)
+        except StopIteration:
+            return self._finished()
+        return NodeStatus.RUNNING
+
+    def on_halt(self) -> None:
+        steps, self._steps = self._steps, None
+        if steps is None:
+            return
+        refused = 0
+        for _ in range(_CLOSINGS):
+            try:
+                steps.close()
+                break
+            except RuntimeError as error:
+                if "ignored GeneratorExit" not in str(error):
+                    raise
+                refused += 1
+        if refused:
+            self.note("internal_error", f"{self.wiring.id} yields while it is halted: a finally cannot wait")
+
+    def _finished(self) -> NodeStatus:
+        self._steps = None
+        forgotten = [p.key for p in self.declaration.outputs if p.key not in self._outputs]
+        if not forgotten:
+            return NodeStatus.SUCCESS
+        message = f"{self.wiring.id} ended without writing its output {', '.join(map(repr, forgotten))}"
+        self.note("internal_error", message)
+        return self.fail(internal.ERROR, message)

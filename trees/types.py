@@ -1,0 +1,183 @@
+"""The types of ports: what a literal must convert to, and what may flow from an output to an input."""
+
+from __future__ import annotations
+
+import math
+import types
+import typing
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, cast
+
+from ..world.files.expressions import Expression
+from ..world.files.nearest import nearest
+from ..world.files.quantities import parse_quantity
+from ..world.journal import Plain
+from ..world.values import ObjectId
+
+Name: TypeAlias = Literal["string", "int", "float", "bool", "object", "expression", "any"]
+
+_NAMES: Mapping[object, Name] = {
+    str: "string", int: "int", float: "float", bool: "bool", ObjectId: "object",
+    Expression: "expression", object: "any",
+}  # fmt: skip
+_WORDS: Mapping[Name, str] = {
+    "string": "a text", "int": "a whole number", "float": "a number", "bool": "true or false",
+    "object": "an object's id", "expression": "an expression", "any": "a value",
+}  # fmt: skip
+_LIST = "list of "
+
+
+@dataclass(frozen=True, slots=True)
+class PortType:
+    """One of a few names, as a mission file writes them, or a list of it; `optional`: null is a value too."""
+
+    name: Name
+    many: bool = False
+    optional: bool = False
+
+    @classmethod
+    def parse(cls, text: str) -> PortType:
+        """From a mission file: `object`, `list of object`. Raises ValueError."""
+        stem = text.removeprefix(_LIST)
+        for name in NAMES_IN_FILES:
+            if stem == name:
+                return cls(name, many=text.startswith(_LIST))
+        raise ValueError(f"unknown type {text!r}")
+
+    @classmethod
+    def of(cls, annotation: object) -> tuple[PortType, tuple[Plain, ...] | None]:
+        """From a Python annotation, and the choices that a Literal gives. Raises TypeError."""
+        origin, args = typing.get_origin(annotation), typing.get_args(annotation)
+        if origin in (typing.Union, types.UnionType) and len(args) == 2 and type(None) in args:
+            inner, choices = cls.of(next(a for a in args if a is not type(None)))
+            return cls(inner.name, inner.many, optional=True), choices
+        if origin is list and len(args) == 1:
+            inner, choices = cls.of(args[0])
+            if inner.many or inner.optional:
+                raise TypeError(f"{annotation} cannot be the type of a port")
+            return cls(inner.name, many=True), choices
+        if origin is Literal and all(isinstance(a, str) for a in args):
+            return cls("string"), args
+        for known, name in _NAMES.items():
+            if annotation is known:
+                return cls(name), None
+        raise TypeError(f"{annotation} cannot be the type of a port")
+
+    def __str__(self) -> str:
+        return (_LIST if self.many else "") + self.name
+
+    def words(self) -> str:
+        """As it reads in a sentence: "a list of numbers"."""
+        return f"a list, each {_WORDS[self.name]}" if self.many else _WORDS[self.name]
+
+
+NAMES_IN_FILES: tuple[Name, ...] = ("string", "int", "float", "bool", "object", "any")
+
+
+def convert(
+    value: object, kind: PortType, unit: str | None = None, choices: Collection[Plain] | None = None
+) -> object:
+    """A literal of a file as the port's type. Raises ValueError with a sentence."""
+    if value is None and kind.optional:
+        return None
+    if kind.many:
+        if not isinstance(value, list):
+            raise ValueError(f"{show(value)} is not {kind.words()}")
+        one = PortType(kind.name)
+        return [convert(item, one, unit, choices) for item in cast("list[object]", value)]
+    converted = _CONVERTERS[kind.name](value, unit)
+    if choices is not None and converted not in choices:
+        raise ValueError(
+            f"{show(converted)} is none of the choices; {nearest(str(value), map(str, choices))}"
+        )
+    return converted
+
+
+def accept(value: object, kind: PortType, choices: Collection[Plain] | None = None) -> object:
+    """A value that comes over the blackboard or from a skill. Raises ValueError with a sentence.
+
+    Other than in a literal a text is never read as a number.
+    """
+    if isinstance(value, str) and kind.name in ("float", "int") and not kind.many:
+        raise ValueError(f"{show(value)} is not {kind.words()}")
+    return convert(value, kind, None, choices)
+
+
+def show(value: object) -> str:
+    """A value as it stands in a message."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return str(value).lower()
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _string(value: object, _: str | None) -> str:
+    if isinstance(value, str):
+        return value
+    hint = "; write it in quotes" if isinstance(value, int | float) else ""
+    raise ValueError(f"{show(value)} is not a text{hint}")
+
+
+def _int(value: object, _: str | None) -> int:
+    if isinstance(value, int) and not isinstance(value, bool):
+        return value
+    raise ValueError(f"{show(value)} is not a whole number")
+
+
+def _float(value: object, unit: str | None) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{show(value)} is not a number")
+    if unit == "ms":
+        return _milliseconds(value)
+    if unit is not None:
+        return parse_quantity(value, unit)
+    if isinstance(value, str):
+        raise ValueError(f"{show(value)} is not a number")
+    if not math.isfinite(value):
+        raise ValueError(f"{value} is not a finite number")
+    return float(value)
+
+
+def _milliseconds(value: str | int | float) -> float:
+    # BT.CPP's ports `msec` and `delay_msec`: there a bare number is in ms, and so it is here.
+    if not isinstance(value, str):
+        return parse_quantity(value, "s")
+    try:
+        return parse_quantity(float(value), "s")
+    except ValueError:
+        return round(parse_quantity(value, "s") * 1000.0, 9)
+
+
+def _bool(value: object, _: str | None) -> bool:
+    if isinstance(value, bool):
+        return value
+    raise ValueError(f"{show(value)} is neither true nor false")
+
+
+def _object(value: object, _: str | None) -> str:
+    if isinstance(value, str):
+        return value
+    raise ValueError(f"{show(value)} is not an object's id")
+
+
+def _expression(value: object, _: str | None) -> Expression:
+    if isinstance(value, Expression):
+        return value
+    if isinstance(value, bool | int | float):
+        return Expression.parse(str(value).lower())
+    if isinstance(value, str):
+        return Expression.parse(value)
+    raise ValueError(f"{show(value)} is not an expression")
+
+
+def _any(value: object, _: str | None) -> object:
+    return value
+
+
+_CONVERTERS: Mapping[Name, Callable[[object, str | None], object]] = {
+    "string": _string, "int": _int, "float": _float, "bool": _bool, "object": _object,
+    "expression": _expression, "any": _any,
+}  # fmt: skip
