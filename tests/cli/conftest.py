@@ -1,0 +1,62 @@
+"""A result to be shown, and a session that needs no simulation."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from picktree.logs.result import FormCount, ItemCount, PickCount, RunResult, WallSeconds
+
+RESULT = RunResult(
+    status="success",
+    seed=7,
+    digest="0123456789abcdef" * 4,
+    items=ItemCount(4, 2, 1, 1, {"sphere": FormCount(1, 0), "box": FormCount(3, 2)}),
+    picks=PickCount(tried=5, held=4, objects=4, held_first_try=3),
+    sim_seconds=20.05,
+    cpu_seconds=2.34567,
+    wall_seconds=WallSeconds(2.5, 1.25, 0.5, 0.3, 0.2),
+    log=Path("/runs/a run/log.mcap"),
+    folder=Path("/runs/a run"),
+    failures={"grasp.missed": 2, "control.tracking": 1},
+    recoveries={"grasp.missed": 2},
+    moment=4.5,
+)
+
+
+@pytest.fixture
+def result() -> RunResult:
+    return RESULT
+
+
+@dataclass
+class Stage:
+    """What the command asked of the session, and what the session does."""
+
+    requests: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    act: Callable[[], RunResult] = lambda: RESULT
+
+
+@pytest.fixture
+def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
+    """`picktree run` meets this instead of a session."""
+    stage = Stage()
+
+    class Session:
+        def __init__(self, request: dict[str, Any], watcher: object = None) -> None:
+            stage.requests.append(request)
+
+        def run(self) -> RunResult:
+            return stage.act()
+
+    module = ModuleType("picktree.logs.session")
+    module.RunRequest = dict  # type: ignore[attr-defined]
+    module.Session = Session  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "picktree.logs.session", module)
+    return stage

@@ -1,0 +1,153 @@
+"""Command lines: exit codes, what goes to stdout and what to stderr, what is imported for it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from picktree.cli.app import answer
+from picktree.logs.result import RunResult
+from picktree.world.errors import PicktreeError
+
+HEAVY = {
+    "coal", "cv2", "fcl", "google", "mcap", "numpy", "ompl", "pinocchio", "py_trees", "pybullet", "pydantic",
+    "rich", "scipy", "toppra", "trimesh", "yaml",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("option", ["--help", "--version"])
+def test_help_and_version_import_nothing_heavy(option: str) -> None:
+    program = f"""
+import sys
+from picktree.cli.app import answer
+code = answer([{option!r}])
+print(sorted({{name.split(".")[0] for name in sys.modules}}), file=sys.stderr)
+sys.exit(code)
+"""
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert ran.returncode == 0
+    imported = set(json.loads(ran.stderr.replace("'", '"')))
+    assert "typer" in imported
+    assert imported & HEAVY == set()
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert answer(["--version"]) == 0
+    assert capsys.readouterr().out == "picktree 0.1.0\n"
+
+
+def test_unknown_command_is_bad_input(capsys: pytest.CaptureFixture[str]) -> None:
+    assert answer(["rum"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "No such command 'rum'. Did you mean 'run'?" in err
+
+
+def test_request_carries_every_option(stage: Any) -> None:
+    line = "run m.yaml --scene dense --seed 5 --set a=1 --set b=x=y --faults f.yaml --out o --verify"
+    assert answer([*line.split(), "--backend", "kinematic"]) == 0
+    assert stage.requests == [
+        {
+            "mission": Path("m.yaml"),
+            "scene": "dense",
+            "seed": 5,
+            "parameters": {"a": "1", "b": "x=y"},
+            "faults": Path("f.yaml"),
+            "out": Path("o"),
+            "backend": "kinematic",
+            "verify": True,
+        }
+    ]
+
+
+@pytest.mark.parametrize(
+    ("status", "code"),
+    [("success", 0), ("incomplete", 1), ("failure", 1), ("timeout", 1), ("interrupted", 130)],
+)
+def test_status_becomes_exit_code(
+    status: Any, code: int, stage: Any, result: RunResult, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ended = replace(result, status=status)
+    stage.act = lambda: ended
+    assert answer(["run", "m.yaml"]) == code
+    out, err = capsys.readouterr()
+    assert out == ended.to_text() + "\n"
+    assert err == ""
+
+
+def test_bad_input_is_told_without_a_traceback(stage: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    def refuse() -> RunResult:
+        raise PicktreeError("m.yaml:3:5: Main: unknown node 'Grap' (did you mean 'Grasp'?)")
+
+    stage.act = refuse
+    assert answer(["run", "m.yaml"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", "m.yaml:3:5: Main: unknown node 'Grap' (did you mean 'Grasp'?)\n")
+
+
+def test_fault_of_ours_is_told_with_its_traceback(stage: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    def stumble() -> RunResult:
+        raise ZeroDivisionError("a bug")
+
+    stage.act = stumble
+    assert answer(["run", "m.yaml"]) == 3
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("Traceback (most recent call last):\n")
+    assert err.endswith(
+        "ZeroDivisionError: a bug\n"
+        "This is a fault of picktree, not of your input; please report it with the lines above.\n"
+    )
+
+
+def test_interruption(stage: Any) -> None:
+    def interrupt() -> RunResult:
+        raise KeyboardInterrupt
+
+    stage.act = interrupt
+    assert answer(["run", "m.yaml"]) == 130
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        (["colour"], "--set colour: write NAME=VALUE, as in --set colour=red\n"),
+        (["=red"], "--set =red: write NAME=VALUE, as in --set colour=red\n"),
+        (["a=1", "a=2"], "--set a=2: 'a' is set twice\n"),
+    ],
+)
+def test_bad_parameters(settings: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert answer(["run", "m.yaml", *(word for s in settings for word in ("--set", s))]) == 2
+    assert capsys.readouterr().err == said
+
+
+def test_json_is_alone_on_stdout_even_when_a_library_prints(result: RunResult, tmp_path: Path) -> None:
+    program = f"""
+import os, sys
+from types import ModuleType
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from conftest import RESULT
+from picktree.cli.app import answer
+
+class Session:
+    def __init__(self, request, watcher=None): pass
+    def run(self):
+        print("printed in Python")
+        os.write(1, b"printed in C\\n")
+        return RESULT
+
+module = ModuleType("picktree.logs.session")
+module.RunRequest, module.Session = dict, Session
+sys.modules["picktree.logs.session"] = module
+sys.exit(answer(["run", "m.yaml", "--json"]))
+"""
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout == result.to_json_text()
+    assert {"printed in Python", "printed in C"} <= set(ran.stderr.splitlines())

@@ -1,0 +1,120 @@
+"""What is shown while a mission runs."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from picktree.cli.live import LinesView, LiveView, deepest_running, tree_rows
+from picktree.logs.result import RunResult
+from picktree.trees.runner import NodeInfo, NodeReport, TickReport
+from picktree.trees.status import NodeStatus
+
+STRUCTURE = (
+    NodeInfo("Main", "Sequence", "Main", "control", None, ("Main/1", "Main/2", "Main/3"), {}),
+    NodeInfo("Main/1", "Observe", "Observe", "skill", "Main", (), {}),
+    NodeInfo("Main/2", "Recover", "careful", "control", "Main", ("Main/2/1", "Main/2/2"), {}),
+    NodeInfo("Main/2/1", "Grasp", "Grasp", "skill", "Main/2", (), {}),
+    NodeInfo("Main/2/2", "SafeRetreat", "SafeRetreat", "skill", "Main/2", (), {}),
+    NodeInfo("Main/3", "Fallback", "Fallback", "control", "Main", ("Main/3/1",), {}),
+    NodeInfo("Main/3/1", "GoTo", "GoTo", "skill", "Main/3", (), {}),
+)
+
+
+def report(*statuses: str, cause: str | None = None, ticked: bool = True) -> TickReport:
+    """`cause` is that of the nodes in FAILURE."""
+    nodes = (
+        NodeReport(
+            info.path,
+            info.id,
+            NodeStatus(status),
+            ticked,
+            "the fingers hold nothing" if status == "FAILURE" else "",
+            cause if status == "FAILURE" else None,
+            None,
+        )
+        for info, status in zip(STRUCTURE, statuses, strict=True)
+    )
+    return TickReport(tuple(nodes), ())
+
+
+RETREATING = report(
+    "RUNNING", "SUCCESS", "RUNNING", "FAILURE", "RUNNING", "IDLE", "IDLE", cause="grasp.missed"
+)
+
+
+def test_rows_show_what_runs_and_what_is_beside_it() -> None:
+    assert [row.plain for row in tree_rows(STRUCTURE, RETREATING.nodes, 20)] == [
+        "▶ Sequence Main",
+        "  ✓ Observe",
+        "  ▶ Recover careful",
+        "    ✗ Grasp  grasp.missed: the fingers hold nothing",
+        "    ▶ SafeRetreat",
+        "  · Fallback",
+    ]
+
+
+def test_rows_that_run_are_kept_when_there_is_little_room() -> None:
+    assert [row.plain for row in tree_rows(STRUCTURE, RETREATING.nodes, 4)] == [
+        "▶ Sequence Main",
+        "  ▶ Recover careful",
+        "    ✗ Grasp  grasp.missed: the fingers hold nothing",
+        "    ▶ SafeRetreat",
+    ]
+
+
+def test_rows_of_a_tree_that_does_not_run() -> None:
+    idle = report(*["IDLE"] * 7)
+    assert [row.plain for row in tree_rows(STRUCTURE, idle.nodes, 4)] == ["· Sequence Main"]
+    assert deepest_running(idle.nodes) == "nothing"
+
+
+def test_lines_tell_of_items_failed_leaves_and_long_silence(result: RunResult) -> None:
+    file = io.StringIO()
+    quiet = report("RUNNING", "SUCCESS", "RUNNING", "RUNNING", "IDLE", "IDLE", "IDLE")
+    with LinesView(Console(file=file, width=40)) as view:
+        view.started(STRUCTURE, Path("runs/1"))
+        view.ticked(0.05, quiet, 0, 4)
+        view.ticked(3.0, RETREATING, 0, 4)
+        view.ticked(9.5, quiet, 1, 4)
+        view.ticked(39.4, quiet, 1, 4)
+        view.ticked(39.5, quiet, 1, 4)
+        view.finished(result)
+    assert (
+        file.getvalue()
+        == """\
+recording to runs/1
+    3.00 s  Main/2/1: grasp.missed: the fingers hold nothing
+    9.50 s  1 of 4 items done
+   39.50 s  at Main/2/1
+"""
+    )
+
+
+def test_lines_tell_a_failure_once() -> None:
+    file = io.StringIO()
+    with LinesView(Console(file=file)) as view:
+        view.started(STRUCTURE, Path("runs/1"))
+        view.ticked(3.0, RETREATING, 0, 4)
+        kept = report(*[n.status for n in RETREATING.nodes], cause="grasp.missed", ticked=False)
+        view.ticked(3.05, kept, 0, 4)
+    assert file.getvalue().count("grasp.missed") == 1
+
+
+def test_live_view_draws_the_tree_and_leaves_nothing_behind(
+    result: RunResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("picktree.cli.live._PERIOD", -1.0)
+    file = io.StringIO()
+    console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
+    with LiveView(console) as view:
+        view.started(STRUCTURE, Path("runs/1"))
+        view.ticked(12.0, RETREATING, 1, 4)
+        drawn = file.getvalue()
+        view.finished(result)
+    assert "    ▶ SafeRetreat" in drawn
+    assert "items 1 of 4   simulated 12.0 s   wall " in drawn
+    assert file.getvalue().endswith("\x1b[2K")

@@ -1,0 +1,87 @@
+"""The result of a run as text and as JSON, whole."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from picktree.logs.result import FormCount, ItemCount, PickCount, RunResult
+
+
+def test_text(result: RunResult) -> None:
+    assert (
+        result.to_text()
+        == """\
+success: the goal is reached
+items       2 of 4 sorted, 1 misplaced, 1 left
+  box       2 of 3
+  sphere    0 of 1
+grasps      5 tried, 4 held; 3 of 4 objects held at the first try
+failures    control.tracking 1, grasp.missed 2
+recoveries  grasp.missed 2
+simulated   20.1 s, 5.0 s a pick
+wall        2.5 s: physics 1.2, planning 0.5, perception 0.3, logging 0.2; CPU 2.3 s
+seed        7, digest 0123456789abcdef
+log         /runs/a run/log.mcap
+look at it  picktree snapshot '/runs/a run' --at 4.50 -o '/runs/a run/moment.png'"""
+    )
+
+
+def test_text_of_a_run_without_a_pick(result: RunResult) -> None:
+    poor = replace(
+        result,
+        status="failure",
+        message="perception.not_found: no item is in view",
+        items=ItemCount(1, 0, 0, 1, {"box": FormCount(1, 0)}),
+        picks=PickCount(0, 0, 0, 0),
+        sim_seconds=3.0,
+        failures={},
+        recoveries={},
+        thinking_charged=False,
+        folder=Path("/runs/1"),
+        log=Path("/runs/1/log.mcap"),
+        moment=None,
+    )
+    lines = poor.to_text().splitlines()
+    assert lines[0] == "failure: the tree ended in FAILURE: perception.not_found: no item is in view"
+    assert "failures    none" in lines
+    assert "simulated   3.0 s (planning and perception took no simulated time)" in lines
+    assert lines[-1] == "look at it  picktree snapshot /runs/1 --at 3.00 -o /runs/1/moment.png"
+
+
+def test_json(result: RunResult) -> None:
+    assert json.loads(result.to_json_text()) == {
+        "status": "success",
+        "message": "",
+        "seed": 7,
+        "digest": "0123456789abcdef" * 4,
+        "items": {
+            "total": 4,
+            "sorted": 2,
+            "misplaced": 1,
+            "left": 1,
+            "by_form": {"box": {"total": 3, "sorted": 2}, "sphere": {"total": 1, "sorted": 0}},
+        },
+        "picks": {"tried": 5, "held": 4, "held_first_try": 3, "objects": 4},
+        "failures": {"control.tracking": 1, "grasp.missed": 2},
+        "recoveries": {"grasp.missed": 2},
+        "sim_seconds": 20.05,
+        "thinking_charged": True,
+        "cpu_seconds": 2.346,
+        "wall_seconds": {
+            "total": 2.5,
+            "physics": 1.25,
+            "planning": 0.5,
+            "perception": 0.3,
+            "logging": 0.2,
+        },
+        "log": "/runs/a run/log.mcap",
+        "folder": "/runs/a run",
+    }
+    assert result.to_json_text().endswith("}\n")
+
+
+def test_json_names_the_log_absolutely(result: RunResult) -> None:
+    relative = replace(result, log=Path("runs/1/log.mcap"), folder=Path("runs/1"))
+    assert relative.to_json()["log"] == str(Path.cwd() / "runs/1/log.mcap")
