@@ -117,7 +117,8 @@ class Checker:
         try:
             return model.model_validate(value)
         except pydantic.ValidationError as error:
-            self.faults += [_fault(self.document, model, loc, detail) for detail in error.errors()]
+            details = [detail for detail in error.errors() if not _follows(detail)]
+            self.faults += [_fault(self.document, model, loc, detail) for detail in details]
             return None
 
     def each(self, model: type[Model], section: str) -> dict[str, Model | None]:
@@ -151,11 +152,9 @@ class Checker:
         given = [k for k in keys if isinstance(value, dict) and value.get(k) is not None]
         if len(given) == 1:
             return given[0]
-        message = (
-            f"only one of {', '.join(given)} may be given"
-            if given
-            else f"one of {', '.join(keys)} is missing"
-        )
+        message = f"only one of {', '.join(given)} may be given"
+        if not given:
+            message = f"one of {', '.join(keys)} is missing"
         self.fault(loc, message, key=True)
         return None
 
@@ -180,6 +179,17 @@ def describe(value: object) -> str:
             return "a list"
         case _:
             return "a mapping"
+
+
+def _follows(detail: Any) -> bool:
+    """A list that pydantic calls too short only because it left out its faulty entries."""
+    context = cast("Mapping[str, object]", detail.get("ctx") or {})
+    least, given = context.get("min_length"), detail.get("input")
+    return (
+        isinstance(least, int)
+        and isinstance(given, list | dict)
+        and len(cast("list[object]", given)) >= least
+    )
 
 
 def _fault(document: Document, model: type[BaseModel], base: Location, detail: Any) -> Fault:

@@ -17,19 +17,26 @@ def find_file(name_or_path: str, folder: Path, beside: Path | None, what: str) -
     if "\x00" in name_or_path or not name_or_path:
         raise PicktreeError(f"{name_or_path!r} is no name of a {what}")
     if "/" in name_or_path or name_or_path.endswith((".yaml", ".yml")):
-        path = Path(name_or_path).expanduser()
-        path = at / path if at is not None else path
-        if not path.is_file():
+        path = at / name_or_path if at is not None else Path(name_or_path)
+        if not is_file(path):
             raise PicktreeError(f"there is no {what} file {path}")
         return path
     shipped = folder / f"{name_or_path}.yaml"
-    if shipped.is_file():
+    if is_file(shipped):
         return shipped
     own = at / f"{name_or_path}.yaml" if at is not None else Path(f"{name_or_path}.yaml")
-    if own.is_file():
+    if is_file(own):
         return own
     hint = nearest(name_or_path, shipped_names(folder))
     raise PicktreeError(f"unknown {what} {name_or_path!r}" + (f" ({hint})" if hint else ""))
+
+
+def is_file(path: Path) -> bool:
+    """As `Path.is_file`, and False for what cannot be a path at all (too long, with a null byte)."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def shipped_names(folder: Path) -> tuple[str, ...]:

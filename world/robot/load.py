@@ -10,7 +10,7 @@ from typing import Annotated
 
 from ..files.checked import Angle, Angles, Checker, FileModel, Force, Sizes, Vector, quantity
 from ..files.document import Document, FileError, load_document, nearest, parse_document
-from ..files.shipped import find_file, shipped_names
+from ..files.shipped import find_file, is_file, shipped_names
 from ..shapes import Box
 from ..values import Pose
 from .description import GripperDescription, JointLimits, PadContact, RobotDescription
@@ -157,7 +157,7 @@ def _urdf(check: Checker, text: str, source: Path) -> Path | None:
         path = Path(roots[0]) / inside
     else:
         path = source.parent / text
-    if "\x00" in text or not path.is_file():
+    if not is_file(path):
         check.fault(("urdf",), f"there is no file {path}")
         return None
     return path

@@ -8,6 +8,7 @@ from typing import cast
 
 import numpy as np
 
+from ..files.shipped import is_file
 from ..shapes import ConvexMesh
 
 MAX_BYTES = 20_000_000
@@ -30,7 +31,7 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
     # Imported here: trimesh costs 0.3 s, and few scenes have meshes.
     import trimesh
 
-    if not path.is_file():
+    if not is_file(path):
         raise MeshError(f"there is no mesh file {path}")
     if path.stat().st_size > MAX_BYTES:
         raise MeshError(f"the mesh file is larger than {MAX_BYTES // 1_000_000} MB")

@@ -1,0 +1,123 @@
+"""Fault files: their values, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from picktree.world.files.document import FileError
+from picktree.world.simulation.faultfile import (
+    AtNode,
+    AtTime,
+    Bump,
+    Friction,
+    Remove,
+    Target,
+    load_faults,
+    node_matches,
+    parse_faults,
+)
+
+HEAD = "picktree: 1\nkind: faults\nfaults:\n"
+HERE = Path("f.yaml")
+
+
+def test_faults_are_read(tmp_path: Path) -> None:
+    text = (
+        HEAD
+        + "  - {fault: remove, when: {node: A/B, start: 2, delay: 300 ms}, target: {nearest_to: object}}\n"
+        + "  - {fault: friction, when: {at: 3 s}, target: {index: 2}, friction: 0.05, mass: 500 g}\n"
+        + "  - {fault: bump, when: {at: 0}, target: {kind: can, colour: red}, velocity: [0.3, 0, 20 cm/s]}\n"
+    )
+    (tmp_path / "f.yaml").write_text(text)
+    read = load_faults(tmp_path / "f.yaml")
+    assert read.faults == (
+        Remove(AtNode("A/B", 2, 0.3), Target(nearest_to="object")),
+        Friction(AtTime(3.0), Target(index=2), 0.05, 0.5),
+        Bump(AtTime(0.0), Target(kind="can", colour="red"), (0.3, 0.0, 0.2)),
+    )
+    assert (read.source, read.text) == (str(tmp_path / "f.yaml"), text)
+    assert parse_faults(text, tmp_path / "f.yaml") == read
+
+
+def test_an_empty_list_has_no_faults() -> None:
+    assert parse_faults("picktree: 1\nkind: faults\nfaults: []\n", HERE).faults == ()
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        (
+            "{fault: remov, when: {at: 1}, target: {index: 0}}",
+            "4:13: faults[0].fault: 'remov' is not known here (did you mean 'remove'?)",
+        ),
+        ("{fault: remove, target: {index: 0}}", "4:5: faults[0]: 'when' is missing"),
+        ("{fault: remove, when: {}, target: {index: 0}}", "4:21: faults[0].when: one of at, node is missing"),
+        (
+            "{fault: remove, when: {at: 1, node: A}, target: {index: 0}}",
+            "4:21: faults[0].when: only one of at, node may be given",
+        ),
+        (
+            "{fault: remove, when: {at: 1, delay: 3}, target: {index: 0}}",
+            "4:35: faults[0].when.delay: 'delay' belongs to 'node'",
+        ),
+        (
+            "{fault: remove, when: {at: -1 s}, target: {index: -1}}",
+            "4:32: faults[0].when.at: -1 s is negative (a time is 0 or more here)\n"
+            "4:55: faults[0].target.index: at least 0 is wanted, not -1",
+        ),
+        (
+            "{fault: remove, when: {node: /, start: 0}, target: {colour: rd}}",
+            "4:34: faults[0].when.node: the node is empty (its name, or a path as SortOne/Grasp)\n"
+            "4:44: faults[0].when.start: at least 1 is wanted, not 0\n"
+            "4:65: faults[0].target.colour: 'rd' is no colour that an item may have (did you mean 'red'?)",
+        ),
+        (
+            "{fault: remove, when: {at: 1}, target: {}}",
+            "4:44: faults[0].target: no item is named (index, kind, form, colour or nearest_to)",
+        ),
+        (
+            "{fault: remove, when: {at: 1}, target: {nearest_to: object}}",
+            "4:57: faults[0].target.nearest_to: 'object' needs a node in 'when', whose port it is",
+        ),
+        (
+            "{fault: friction, when: {at: 1}, target: {index: 0}}",
+            "4:5: faults[0]: 'friction' needs 'friction'",
+        ),
+        (
+            "{fault: bump, when: {at: 1}, target: {index: 0}, velocity: [1, 99, 0], mass: 2}",
+            "4:68: faults[0].velocity[1]: 99 m/s is more than 10 m/s",
+        ),
+        (
+            "{fault: remove, when: {at: 1}, target: {index: 0}, mass: 2}",
+            "4:56: faults[0].mass: 'remove' takes no 'mass'",
+        ),
+        ("3", "4:5: faults[0]: a mapping is wanted, not 3"),
+    ],
+)
+def test_faulty_entries(entry: str, message: str) -> None:
+    with pytest.raises(FileError) as caught:
+        parse_faults(f"{HEAD}  - {entry}\n", HERE)
+    assert str(caught.value) == "\n".join(f"f.yaml:{line}" for line in message.split("\n"))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "path", "fits"),
+    [
+        ("Grasp", "Main/SortOne/Sequence/Grasp", True),
+        ("Grasp", "Main/Grasp/Other", False),
+        ("SortOne/Grasp", "Main/SortOne/Sequence/Grasp", True),
+        ("Grasp/SortOne", "Main/SortOne/Sequence/Grasp", False),
+        ("Main/*/Grasp", "Main/SortOne/Grasp", True),
+        ("Main/*/Grasp", "Main/Grasp", False),
+        ("Gr?sp", "/Main/Grasp", True),
+        ("Grasp", "Main/Grasp#2", True),
+        ("Grasp#2", "Main/Grasp#2", True),
+        ("Grasp#2", "Main/Grasp", False),
+        ("grasp", "Main/Grasp", False),
+        ("/", "Main", False),
+    ],
+)
+def test_which_nodes_a_pattern_means(pattern: str, path: str, fits: bool) -> None:
+    assert node_matches(pattern, path) is fits

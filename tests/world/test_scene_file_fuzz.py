@@ -1,0 +1,101 @@
+"""Any change to a scene, robot or fault file ends in a value or in a FileError, in no other exception."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from picktree.world.errors import PicktreeError
+from picktree.world.files.document import FileError
+from picktree.world.robot.load import SHIPPED as ROBOTS
+from picktree.world.robot.load import parse_robot
+from picktree.world.scene.load import SHIPPED as SCENES
+from picktree.world.scene.load import parse_scene
+from picktree.world.simulation.faultfile import parse_faults
+
+SCENE = SCENES / "three_bins.yaml"
+ROBOT = ROBOTS / "panda.yaml"
+FAULTS = """\
+picktree: 1
+kind: faults
+faults:
+  - {fault: remove, when: {node: A/Grasp, start: 1}, target: {nearest_to: tool}}
+  - {fault: bump, when: {at: 3 s}, target: {index: 2}, velocity: [0, 0, 1]}
+"""
+
+SCALARS = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-(10**30), 10**30),
+    st.floats(),
+    st.sampled_from(
+        ["a" * 5000, "", "1 m", "-3 mm", "5 deg", "nan", "red", "a b", "/", "x.yaml", "1e400 m", "é", "\t"]
+    ),
+    st.text(max_size=8),
+)
+VALUES = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+def places(value: object, here: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
+    """Every place in plain data, the root left out."""
+    found = [here] if here else []
+    match value:
+        case dict():
+            return found + [p for key, inner in value.items() for p in places(inner, (*here, str(key)))]
+        case list():
+            return found + [p for n, inner in enumerate(value) for p in places(inner, (*here, n))]
+        case _:
+            return found
+
+
+def changed(text: str, data: st.DataObject) -> str:
+    root = yaml.safe_load(text)
+    for _ in range(data.draw(st.integers(1, 3))):
+        *above, last = data.draw(st.sampled_from(places(root)))
+        parent = root
+        for part in above:
+            parent = parent[part]
+        match data.draw(st.sampled_from(["replace", "remove", "add"])):
+            case "remove" if isinstance(parent, dict) and len(parent) > 1:
+                del parent[last]
+            case "add" if isinstance(parent, dict):
+                parent[data.draw(st.text(max_size=5))] = data.draw(VALUES)
+            case _:
+                parent[last] = data.draw(VALUES)
+    return yaml.safe_dump(root, allow_unicode=True, sort_keys=False)
+
+
+@settings(max_examples=80, deadline=2000)
+@given(st.data())
+def test_scenes(data: st.DataObject) -> None:
+    try:
+        parse_scene(changed(SCENE.read_text(), data), SCENE)
+    except FileError as error:
+        assert all(str(fault) for fault in error.faults)
+
+
+@settings(max_examples=40, deadline=2000)
+@given(st.data())
+def test_robots(data: st.DataObject) -> None:
+    try:
+        parse_robot(changed(ROBOT.read_text(), data), ROBOT)
+    except FileError as error:
+        assert all(str(fault) for fault in error.faults)
+
+
+@settings(max_examples=80, deadline=2000)
+@given(st.data())
+def test_fault_files(data: st.DataObject) -> None:
+    try:
+        parse_faults(changed(FAULTS, data), Path("f.yaml"))
+    except FileError as error:
+        assert all(str(fault) for fault in error.faults)
+    except PicktreeError as error:
+        raise AssertionError("a faults file names no other file") from error
