@@ -30,10 +30,12 @@ test: $(READY)
 	@"$(BIN)/python" -m pytest -n $(JOBS)
 
 check: $(READY)
-	@"$(BIN)/ruff" check
-	@"$(BIN)/ruff" format --check
-	@"$(BIN)/pyright" --pythonpath "$(BIN)/python"
-	@"$(BIN)/lint-imports" --no-logo --no-cache
+	@failed=; run() { echo "== $$*"; "$(BIN)/$$@" || failed="$$failed $$1"; }; \
+	run ruff check; \
+	run ruff format --check; \
+	run pyright --pythonpath "$(BIN)/python"; \
+	run lint-imports --no-logo --no-cache; \
+	[ -z "$$failed" ] || { echo "failed:$$failed" >&2; exit 1; }
 
 bench: $(READY)
 	@set -e; for program in benchmarks/*.py; do \

@@ -121,6 +121,13 @@ def test_make_target_of_the_readme_exists(target: str) -> None:
     assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE)
 
 
+def test_mission_of_the_readme_loads() -> None:
+    from picktree.trees.loader import parse_mission
+
+    (mission,) = blocks("yaml")
+    assert parse_mission(mission, Path("first.yaml")).name == "first mission"
+
+
 @pytest.mark.slow
 def test_picktree_commands_of_the_readme_run_in_their_order(tmp_path: Path) -> None:
     (mission,) = blocks("yaml")
