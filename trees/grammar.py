@@ -52,6 +52,11 @@ class Grammar:
         self._registry = registry
         self._trees = trees
 
+    @property
+    def _excuse(self) -> str:
+        """Why a node may be unknown although its name is right."""
+        return "; ".join(problem.message for problem in self._registry.problems)
+
     def fault(self, loc: Location, trail: str, message: str, hint: str = "", *, key: bool = False) -> None:
         mark = self._document.key_mark(loc) if key else self._document.mark(loc)
         self.faults.append(Fault(mark, trail, message, hint))
@@ -98,21 +103,19 @@ class Grammar:
 
     def _unknown(self, identity: str, body: Value, loc: Location, above: str, trail: str) -> None:
         if IDENTIFIER.fullmatch(identity):
-            message, hint = (
-                f"unknown node {identity!r}",
-                nearest(identity, (*self._trees, *self._registry.ids())),
-            )
-            for problem in self._registry.problems:
-                hint = "; ".join(filter(None, (hint, problem.message)))
+            message = f"unknown node {identity!r}"
+            hint = nearest(identity, (*self._trees, *self._registry.ids()))
+            if not hint.startswith("did you mean"):
+                hint = self._excuse or hint
         else:
             message, hint = f"{identity!r} is not an ID", "a letter or '_', then letters, digits and '_'"
         self.fault(loc, above, message, hint, key=bool(loc) and loc[-1] == identity)
         # What stands below is still looked at: all faults are reported at once.
         inner, at = (body.get("do"), (*loc, "do")) if isinstance(body, dict) else (body, loc)
         if isinstance(inner, list):
-            below = Names()
-            for index, item in enumerate(inner):
-                self.node(item, (*at, index), trail, below)
+            self._list(inner, at, trail, Names())
+        elif inner is not None and at != loc:
+            self.node(inner, at, trail, Names())
 
     # A sub-tree.
 
@@ -128,7 +131,7 @@ class Grammar:
                 self._bind(bindings, port, value, (*loc, key), trail)
             elif key not in _NO_PORTS:
                 self._unknown_key(identity, key, (*(p.key for p in ports), *_NO_PORTS), (*loc, key), trail)
-        self._missing(ports, given, loc, trail)
+        self._missing(ports, given, loc, trail, key=loc != start)
         return NodeSpec(
             identity,
             name,
@@ -157,14 +160,15 @@ class Grammar:
                 slots[key] = self._slot(declaration, slot, value, at, trail, names)
             elif key not in _NO_PORTS:
                 self._unknown_key(declaration.id, key, declaration.keys, at, trail)
-        self._missing(declaration.ports, given, loc, trail)
+        keyed = loc != start
+        self._missing(declaration.ports, given, loc, trail, key=keyed)
         for slot in declaration.slots:
             if slot.required and slot.key not in given:
                 what = "its children are" if slot.arity == "many" else "its child is"
                 what = what if slot.key == "do" else f"{slot.key!r} is"
-                self.fault(loc, trail, f"{what} missing: {slot.doc}", key=True)
+                self.fault(loc, trail, f"{what} missing: {slot.doc}", key=keyed)
         for sentence in node.check_ports(frozenset(given)):
-            self.fault(loc, trail, sentence, key=True)
+            self.fault(loc, trail, sentence, key=keyed)
         ordered = {slot.key: slots[slot.key] for slot in declaration.slots if slot.key in slots}
         conditions = self._preconditions(given, loc, trail)
         return NodeSpec(declaration.id, name, self._document.mark(start), node, bindings, ordered, conditions)
@@ -350,11 +354,17 @@ class Grammar:
         return found
 
     def _missing(
-        self, ports: Iterable[PortDeclaration], given: Mapping[str, Value], loc: Location, trail: str
+        self,
+        ports: Iterable[PortDeclaration],
+        given: Mapping[str, Value],
+        loc: Location,
+        trail: str,
+        *,
+        key: bool,
     ) -> None:
         for port in ports:
             if port.required and port.key not in given:
-                self.fault(loc, trail, f"port {port.key!r} is missing: {port.doc}", key=True)
+                self.fault(loc, trail, f"port {port.key!r} is missing: {port.doc}", key=key)
 
     def _unknown_key(self, identity: str, key: str, known: Iterable[str], loc: Location, trail: str) -> None:
         # Preconditions are known to those who want them; in a hint they would only be noise.

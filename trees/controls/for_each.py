@@ -23,13 +23,14 @@ class ForEach(Decorator):
     items: In[list[object]] = port("the elements", key="in")
     item: Out[object] = port("the present element, for the child to read", key="out")
     on_failure: In[Literal["fail", "continue"]] = port("what to do when the child fails", default="fail")
+    most: In[int] = port("how many elements at most, from the first; -1 for all", default=-1)
     remembers = ("_items", "_index", "_skipped")
     _items: list[object] = []  # noqa: RUF012 - replaced when the loop starts, never changed
     _index: int = 0
     _skipped: int = 0
 
     def on_start(self) -> None:
-        self._items = list(self.items)
+        self._items = list(self.items) if self.most < 0 else self.items[: self.most]
         self._index = self._skipped = 0
 
     def on_tick(self) -> NodeStatus:

@@ -1,0 +1,370 @@
+"""The loader: the whole text of what it says, place included, and that it says all of it at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from picktree.trees.loader import load_mission, parse_mission
+from picktree.trees.registry import Registry
+from picktree.world.files.document import FileError
+
+from .scripted import FILE, mission, registry
+
+HEAD = "picktree: 1\nkind: mission\n"
+
+
+def faults(text: str) -> list[str]:
+    with pytest.raises(FileError) as caught:
+        parse_mission(HEAD + dedent(text).lstrip("\n"), FILE, registry())
+    assert str(caught.value) == "\n".join(map(str, caught.value.faults))
+    return [str(fault).removeprefix("mission.yaml:") for fault in caught.value.faults]
+
+
+CASES: dict[str, tuple[str, str]] = {
+    "unknown node": (
+        """
+        trees:
+          Main:
+            Sequence:
+              - Tkae: {object: red_1}
+        """,
+        "6:9: Main/Sequence: unknown node 'Tkae' (did you mean 'Take'?)",
+    ),
+    "unknown bare node": (
+        "trees: {Main: {Sequence: [AlwaysSucces]}}",
+        "3:27: Main/Sequence: unknown node 'AlwaysSucces' (did you mean 'AlwaysSuccess'?)",
+    ),
+    "an ID that is none": (
+        "trees: {Main: {'two words': {}}}",
+        "3:16: Main: 'two words' is not an ID (a letter or '_', then letters, digits and '_')",
+    ),
+    "unknown port": (
+        "trees: {Main: {Take: {object: red_1, forse: 3}}}",
+        "3:38: Main/Take: Take has no port 'forse' (did you mean 'force'?)",
+    ),
+    "missing port": (
+        "trees: {Main: {Take: {force: 3}}}",
+        "3:16: Main/Take: port 'object' is missing: what to take",
+    ),
+    "missing port of a bare node": (
+        "trees: {Main: Take}",
+        "3:15: Main/Take: port 'object' is missing: what to take",
+    ),
+    "a text for a force": (
+        "trees: {Main: {Take: {object: red_1, force: much}}}",
+        "3:45: Main/Take: port 'force': 'much' is not a force (as 20 N) (grip force)",
+    ),
+    "another unit": (
+        "trees: {Main: {Take: {object: red_1, force: 3 mm}}}",
+        "3:45: Main/Take: port 'force': '3 mm' is a length, not a force (as 20 N) (grip force)",
+    ),
+    "a number for a text": (
+        "trees: {Main: {Take: {object: red_1, colour: 3}}}",
+        "3:46: Main/Take: port 'colour': 3 is not a text; write it in quotes (its colour)",
+    ),
+    "no choice": (
+        "trees: {Main: {Take: {object: red_1, hand: rihgt}}}",
+        "3:44: Main/Take: port 'hand': 'rihgt' is none of the choices; did you mean 'right'? (which hand)",
+    ),
+    "a list that is none": (
+        "trees: {Main: {Find: {ids: red_1, found: '{x}'}}}",
+        "3:28: Main/Find: port 'ids': 'red_1' is not a list, each a text (what it finds)",
+    ),
+    "an unquoted reference": (
+        "trees: {Main: {Take: {object: {item}}}}",
+        "3:31: trees.Main.Take.object: {item} without quotes is a YAML mapping (write \"{item}\")",
+    ),
+    "a reference that is none": (
+        "trees: {Main: {Take: {object: '{the item}'}}}",
+        "3:31: Main/Take: port 'object': '{the item}' is not a reference "
+        '(a reference is "{key}" or "{key.attribute}")',
+    ),
+    "an unknown attribute": (
+        "trees: {Main: {Take: {object: '{item}', colour: '{item.color}'}}}",
+        "3:49: Main/Take: port 'colour': {item.color}: an object has no attribute 'color' "
+        "(did you mean 'colour'?)",
+    ),
+    "an output to a literal": (
+        "trees: {Main: {Find: {ids: [], found: items}}}",
+        "3:39: Main/Find: port 'found' is an output: it needs a key to write to (write \"{items}\")",
+    ),
+    "an output to an attribute": (
+        "trees: {Main: {Find: {ids: [], found: '{a.id}'}}}",
+        "3:39: Main/Find: port 'found' is an output: {a.id} cannot be written",
+    ),
+    "a wrong expression": (
+        "trees: {Main: {Condition: {if: a = 3}}}",
+        "3:32: Main/Condition: port 'if': not an expression: compare with '==', at character 3 of 'a = 3'",
+    ),
+    "a wrong precondition": (
+        "trees: {Main: {AlwaysSuccess: {_skipIf: 'f(3)'}}}",
+        "3:41: Main/AlwaysSuccess: _skipIf: functions are len, min, max, abs, round, and take no named "
+        "arguments, at character 1 of 'f(3)'",
+    ),
+    "a loop without an end": (
+        "trees: {Main: {Repeat: AlwaysSuccess}}",
+        "3:16: Main/Repeat: one of 'num_cycles' and 'while' must be given, or it would never end",
+    ),
+    "too many children": (
+        "trees: {Main: {IfThenElse: [AlwaysSuccess, AlwaysSuccess, AlwaysSuccess, AlwaysSuccess]}}",
+        "3:28: Main/IfThenElse: IfThenElse has 4 children; it takes 2 to 3",
+    ),
+    "no children": (
+        "trees: {Main: {Sequence: []}}",
+        "3:26: Main/Sequence: Sequence has 0 children; it takes at least 1",
+    ),
+    "children missing": (
+        "trees: {Main: {Parallel: {success_count: 1}}}",
+        "3:16: Main/Parallel: its children are missing: what is done at the same time",
+    ),
+    "a child missing": ("trees: {Main: Inverter}", "3:15: Main/Inverter: its child is missing: the child"),
+    "an empty list for a child": (
+        "trees: {Main: {Inverter: []}}",
+        "3:26: Main/Inverter: the list is empty; at least one node must stand here",
+    ),
+    "children of a leaf": (
+        "trees: {Main: {AlwaysSuccess: [AlwaysFailure]}}",
+        "3:31: Main/AlwaysSuccess: AlwaysSuccess has no children",
+    ),
+    "ports that are no mapping": (
+        "trees: {Main: {AlwaysSuccess: 3}}",
+        "3:31: Main/AlwaysSuccess: the ports of AlwaysSuccess are a mapping (as '{port: value}')",
+    ),
+    "two keys in a node": (
+        """
+        trees:
+          Main:
+            Sequence:
+              - Take: {object: a}
+                force: 3
+        """,
+        "6:9: Main/Sequence: a node is a mapping with one key, its ID; here are 2: 'Take', 'force' "
+        "(what belongs to 'Take' is indented under it)",
+    ),
+    "no node": (
+        "trees: {Main: {Sequence: [3]}}",
+        "3:27: Main/Sequence: here a node must stand (as 'Grasp: {object: \"{item}\"}' or a bare ID)",
+    ),
+    "a bad name": (
+        "trees: {Main: {AlwaysSuccess: {name: a/b}}}",
+        "3:38: Main/AlwaysSuccess: a name is a text without '/' and '#', 60 characters at most",
+    ),
+    "a table that is none": (
+        "trees: {Main: {Switch: {variable: 1, cases: []}}}",
+        "3:45: Main/Switch: 'cases' is a mapping: what is done for each value",
+    ),
+    "no table": (
+        "trees: {Main: {Switch: {variable: 1}}}",
+        "3:16: Main/Switch: 'cases' is missing: what is done for each value",
+    ),
+    "no Main": (
+        "trees: {main: AlwaysSuccess}",
+        "3:8: trees: the tree 'Main' is missing; a mission begins there (did you mean 'main'?)",
+    ),
+    "no trees": ("name: x", "1:1: 'trees:' is missing (it holds 'Main:' and the sub-trees)"),
+    "an empty tree": ("trees: {Main: {ports: {}}}", "3:9: trees.Main: the tree 'Main' has no node"),
+    "a tree with a node's name": (
+        "trees: {Main: AlwaysSuccess, Take: AlwaysSuccess}",
+        "3:30: trees.Take: 'Take' is a node already; a tree needs another name",
+    ),
+    "a tree whose name is no ID": (
+        "trees: {Main: AlwaysSuccess, sort one: AlwaysSuccess}",
+        "3:30: trees.sort one: 'sort one' is not an ID (a letter or '_', then letters, digits and '_')",
+    ),
+    "an unknown port of a sub-tree": (
+        "trees: {Main: {Sub: {itm: a}}, Sub: {ports: {item: {type: object, default: b}}, AlwaysSuccess: {}}}",
+        "3:22: Main/Sub: Sub has no port 'itm' (did you mean 'item'?)",
+    ),
+    "a missing port of a sub-tree": (
+        "trees: {Main: Sub, Sub: {ports: {item: {type: object, doc: which}}, AlwaysSuccess: {}}}",
+        "3:15: Main/Sub: port 'item' is missing: which",
+    ),
+    "a wrong literal for a sub-tree": (
+        "trees: {Main: {Sub: {n: a}}, Sub: {ports: {n: {type: int}}, AlwaysSuccess: {}}}",
+        "3:25: Main/Sub: port 'n': 'a' is not a whole number",
+    ),
+    "an unknown type": (
+        "trees: {Main: AlwaysSuccess, Sub: {ports: {n: {type: list of objects}}, AlwaysSuccess: {}}}",
+        "3:54: trees.Sub.ports.n.type: unknown type 'list of objects' (did you mean 'list of object'?)",
+    ),
+    "a wrong default": (
+        "trees: {Main: AlwaysSuccess, Sub: {ports: {n: {type: int, default: x}}, AlwaysSuccess: {}}}",
+        "3:68: trees.Sub.ports.n.default: the default: 'x' is not a whole number",
+    ),
+    "an unknown key of a port": (
+        "trees: {Main: AlwaysSuccess, Sub: {ports: {n: {typ: int}}, AlwaysSuccess: {}}}",
+        "3:48: trees.Sub.ports.n.typ: a port has no key 'typ' (did you mean 'type'?)",
+    ),
+    "sub-trees in a circle": (
+        "trees: {Main: A, A: {Sequence: [AlwaysSuccess, B]}, B: {Inverter: A}}",
+        "3:48: trees.A: the sub-trees call each other in a circle: A → B → A (a loop is Repeat or ForEach)",
+    ),
+    "an unknown key": (
+        "tress: {}\ntrees: {Main: AlwaysSuccess}",
+        "3:1: tress: a mission has no key 'tress' (did you mean 'trees'?)",
+    ),
+    "a goal about something else": (
+        "goal: sortde == 4\ntrees: {Main: AlwaysSuccess}",
+        "3:7: goal: a goal knows no 'sortde' (did you mean 'sorted'?)",
+    ),
+    "a goal that is none": (
+        "goal: sorted ==\ntrees: {Main: AlwaysSuccess}",
+        "3:7: goal: not an expression, at character 1 of 'sorted =='",
+    ),
+    "a plug-in that is not there": (
+        "plugins: [nowhere.py]\ntrees: {Main: AlwaysSuccess}",
+        "3:11: plugins[0]: there is no plug-in 'nowhere.py' beside the mission",
+    ),
+    "a plug-in elsewhere": (
+        "plugins: [../x.py]\ntrees: {Main: AlwaysSuccess}",
+        "3:11: plugins[0]: the plug-in '../x.py' lies outside of the mission's folder",
+    ),
+    "a scene that is no text": ("scene: 3\ntrees: {Main: AlwaysSuccess}", "3:8: scene: 'scene' is a text"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_wrong_is_said_with_its_place(case: str) -> None:
+    text, expected = CASES[case]
+    assert faults(text) == [expected]
+
+
+def test_all_faults_of_a_file_are_reported_at_once() -> None:
+    text = """
+    goal: "1 +"
+    scene: [a]
+    trees:
+      Main:
+        Sequence:
+          - Tkae: {object: a}
+          - Take: {objct: a, force: 3 mm}
+          - Nowhere: [{Take: {}}, {Inverter: {Alwaysfailure: {}}}]
+          - Sub: {x: 1}
+      Sub:
+        ports: {y: {type: nothing}}
+        Repeat: {do: Tak}
+    """
+    assert faults(text) == [
+        "3:7: goal: not an expression, at character 1 of '1 +'",
+        "4:8: scene: 'scene' is a text",
+        "8:9: Main/Sequence: unknown node 'Tkae' (did you mean 'Take'?)",
+        "9:9: Main/Sequence/Take: port 'object' is missing: what to take",
+        "9:16: Main/Sequence/Take: Take has no port 'objct' (did you mean 'object'?)",
+        "9:33: Main/Sequence/Take: port 'force': '3 mm' is a length, not a force (as 20 N) (grip force)",
+        "10:9: Main/Sequence: unknown node 'Nowhere' (did you mean 'Answer'?)",
+        "10:20: Main/Sequence/Nowhere/Take: port 'object' is missing: what to take",
+        "10:43: Main/Sequence/Nowhere/Inverter: unknown node 'Alwaysfailure' (did you mean 'AlwaysFailure'?)",
+        "11:15: Main/Sequence/Sub: Sub has no port 'x' (known: name)",
+        "13:23: trees.Sub.ports.y.type: unknown type 'nothing' (did you mean 'string'?)",
+        "14:5: Sub/Repeat: one of 'num_cycles' and 'while' must be given, or it would never end",
+        "14:18: Sub/Repeat: unknown node 'Tak' (did you mean 'Take'?)",
+    ]
+
+
+def test_a_mission_says_what_the_file_says(tmp_path: Path) -> None:
+    file = tmp_path / "m.yaml"
+    file.write_text(
+        HEAD
+        + dedent(
+            """
+            name: a test
+            scene: three_bins
+            goal: sorted == total
+            trees:
+              Main:
+                ports: {force: {type: float, unit: N, default: 20 N, doc: how firmly}}
+                Sub: {item: red_1, force: "{force}"}
+              Sub:
+                ports: {item: object, force: float}
+                Take: {object: "{item}", force: "{force}", name: first}
+            """
+        )
+    )
+    read = load_mission(file, registry())
+    assert (read.name, read.scene, str(read.goal)) == ("a test", "three_bins", "sorted == total")
+    assert [(p.key, str(p.type), p.default, p.doc) for p in read.parameters] == [
+        ("force", "float", 20.0, "how firmly")
+    ]
+    (take,) = read.trees["Sub"].root.iterate()
+    assert (take.id, take.name, str(take.ports["object"])) == ("Take", "first", "{item}")
+    assert (take.mark.line, take.mark.column) == (12, 5)
+
+
+def test_the_name_of_a_mission_is_the_file_s_unless_given() -> None:
+    assert mission("Main: AlwaysSuccess").name == "mission"
+
+
+def test_sub_trees_that_multiply_are_refused_before_they_are_built() -> None:
+    trees = "".join(f"  T{n}: {{Sequence: [T{n + 1}, T{n + 1}, T{n + 1}]}}\n" for n in range(12))
+    text = f"trees:\n  Main: T0\n{trees}  T12: AlwaysSuccess\n"
+    (fault,) = faults(text)
+    assert fault.startswith("4:3: trees.Main: with its sub-trees written out the mission has ")
+    assert fault.endswith("deep (at most 10000 nodes, 120 deep)")
+
+
+PLUGIN = '''
+from picktree.trees.skill import Skill
+class Wave(Skill):
+    """Waves."""
+    def run(self, world):
+        yield
+NODES = (Wave,)
+'''
+
+
+def test_a_plug_in_beside_the_mission(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(PLUGIN)
+    text = HEAD + "plugins: [wave.py]\ntrees: {Main: Wave}"
+    base = registry()
+    assert parse_mission(text, tmp_path / "m.yaml", base).main.root.id == "Wave"
+    assert base.find("Wave") is None
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("1/0", "the plug-in 'bad.py' cannot be imported: ZeroDivisionError: division by zero"),
+        ("", "the plug-in bad.py has no NODES, a tuple of node classes"),
+        ("NODES = (3,)", "the plug-in bad.py: 3 in NODES is not a node class"),
+        (
+            PLUGIN.replace("Wave", "Sequence"),
+            "bad.py: the node 'Sequence' is already offered by picktree.trees",
+        ),
+    ],
+)
+def test_a_plug_in_that_cannot_be_used_is_one_clear_fault(tmp_path: Path, source: str, message: str) -> None:
+    (tmp_path / "bad.py").write_text(source)
+    with pytest.raises(FileError) as caught:
+        parse_mission(
+            HEAD + "plugins: [bad.py]\ntrees: {Main: AlwaysSuccess}", tmp_path / "m.yaml", registry()
+        )
+    assert str(caught.value) == f"{tmp_path}/m.yaml:3:11: plugins[0]: {message}"
+
+
+class _Entry:
+    def __init__(self, name: str, value: str) -> None:
+        self.name, self.value = name, value
+
+
+def test_an_installed_plug_in_that_fails_is_named_where_a_node_is_missed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def entries(group: str) -> list[_Entry]:
+        assert group == "picktree.nodes"
+        return [_Entry("mine", "no_such_module")]
+
+    monkeypatch.setattr("picktree.trees.registry.entry_points", entries)
+    found = Registry()
+    assert parse_mission(HEAD + "trees: {Main: AlwaysSuccess}", FILE, found)
+    with pytest.raises(FileError) as caught:
+        parse_mission(HEAD + "trees: {Main: Zzz}", FILE, found)
+    assert str(caught.value) == (
+        "mission.yaml:3:15: Main: unknown node 'Zzz' (the plug-in 'no_such_module' cannot be imported: "
+        "ModuleNotFoundError: No module named 'no_such_module')"
+    )
+    (problem,) = found.problems
+    assert problem.plugin == "mine (no_such_module)"
+    assert "ModuleNotFoundError" in problem.traceback
