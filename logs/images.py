@@ -1,0 +1,53 @@
+"""Images as files inside the log: colour and depth as PNG, without loss, so that they can be seen again."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+_FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+
+
+def encode_colour(image: NDArray[np.uint8]) -> bytes:
+    """RGB (h, w, 3) as PNG."""
+    return _png(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+
+
+def encode_depth(depth: NDArray[np.float32]) -> bytes:
+    """Depth (h, w) in m as 16-bit PNG in mm; 0 where unknown."""
+    millimetres = np.clip(np.nan_to_num(depth) * 1000.0 + 0.5, 0, 65535)
+    return _png(millimetres.astype(np.uint16))
+
+
+def decode_colour(data: bytes) -> NDArray[np.uint8]:
+    """RGB (h, w, 3). Raises ValueError for what is no image."""
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError("not an image")
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8)
+
+
+def decode_depth(data: bytes) -> NDArray[np.float32]:
+    """Depth (h, w) in m, 0 where unknown. Raises ValueError for what is no image."""
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None or image.ndim != 2:
+        raise ValueError("not a depth image")
+    return image.astype(np.float32) / np.float32(1000.0)
+
+
+def write_picture(path: str, image: NDArray[np.uint8]) -> None:
+    """RGB (h, w, 3) into a file of any kind that its ending names. Raises OSError when that fails."""
+    try:
+        written = cv2.imwrite(path, cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    except cv2.error as error:
+        raise OSError(str(error)) from None
+    if not written:
+        raise OSError("it cannot be written there")
+
+
+def _png(image: NDArray[np.uint8] | NDArray[np.uint16] | cv2.typing.MatLike) -> bytes:
+    done, data = cv2.imencode(".png", image, _FAST)
+    if not done:
+        raise ValueError("the image cannot be encoded")
+    return data.tobytes()

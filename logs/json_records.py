@@ -1,0 +1,66 @@
+"""Records as JSON, and the JSON Schema that a viewer needs to offer their fields."""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import orjson
+
+R = TypeVar("R")
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
+_adapters: dict[type, TypeAdapter[Any]] = {}  # by kind of record, as they are slow to make
+
+_SCALARS: dict[object, str] = {str: "string", int: "integer", float: "number", bool: "boolean"}
+
+
+def encode(record: object) -> bytes:
+    """A record of `records` as one line of JSON. Raises TypeError for what JSON cannot say."""
+    return orjson.dumps(record, option=orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS)
+
+
+def decode(kind: type[R], data: bytes) -> R:
+    """The record of that kind. Unknown fields of a younger log are passed over.
+
+    Raises ValueError when a field is missing or has another type.
+    """
+    from pydantic import TypeAdapter  # only reading needs it, and it is slow to import
+
+    adapter = _adapters.get(kind)
+    if adapter is None:
+        adapter = _adapters[kind] = TypeAdapter(kind)
+    record: R = adapter.validate_json(data)
+    return record
+
+
+def schema(kind: type) -> dict[str, object]:
+    """JSON Schema (2020-12) of a dataclass, without references: viewers resolve none of them."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": kind.__name__, **_of(kind)}
+
+
+def _of(kind: object) -> dict[str, object]:
+    if kind in _SCALARS:
+        return {"type": _SCALARS[kind]}
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        hints = get_type_hints(kind)
+        names = [f.name for f in dataclasses.fields(kind)]
+        return {
+            "type": "object",
+            "properties": {name: _of(hints[name]) for name in names},
+            "required": names,
+        }
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin is tuple:
+        return {"type": "array", "items": _of(arguments[0])}
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return {"type": "object"} if arguments[1] is object else {
+            "type": "object", "additionalProperties": _of(arguments[1])
+        }  # fmt: skip
+    if origin in (Union, types.UnionType):
+        raise TypeError(f"{kind}: a field of the log has one type")
+    return {}

@@ -1,0 +1,255 @@
+"""Foxglove's messages: made from our values, and read back into them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
+from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from foxglove_schemas_protobuf.KeyValuePair_pb2 import KeyValuePair
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.ModelPrimitive_pb2 import ModelPrimitive
+from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.Pose_pb2 import Pose as PoseMessage
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.SpherePrimitive_pb2 import SpherePrimitive
+from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3 as VectorMessage
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from ..world.colours import COLOURS, Rgb
+from ..world.protocols import Intrinsics
+from ..world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
+from ..world.values import Pose, Vector3
+from .json_records import decode, encode
+from .meshes import shape_mesh
+from .records import Body, Joints, LinkMesh, LogLine, Part, Scene, Transform
+
+WORLD = "world"
+UNKNOWN_COLOUR: Rgb = (0.6, 0.6, 0.65)
+
+_BODY = "picktree.body"
+_PART = "picktree.part"
+"""Keys of an entity's metadata under which the whole record stands: primitives cannot hold it."""
+
+
+def stamp(time: int) -> Timestamp:
+    """Simulated ns as a message's timestamp."""
+    return Timestamp(seconds=time // 1_000_000_000, nanos=time % 1_000_000_000)
+
+
+class Transforms:
+    """The message of `/tf`. The frames are mostly the same from tick to tick: only numbers are set anew."""
+
+    def __init__(self) -> None:
+        self._message = FrameTransforms()
+        self._frames: list[tuple[str, str]] = []
+
+    def encode(self, time: int, transforms: Sequence[Transform]) -> bytes:
+        frames = [(t.parent, t.child) for t in transforms]
+        if frames != self._frames:
+            self._frames = frames
+            self._message = FrameTransforms()
+            for parent, child in frames:
+                self._message.transforms.add(parent_frame_id=parent, child_frame_id=child)
+        seconds, nanos = divmod(time, 1_000_000_000)
+        for slot, transform in zip(self._message.transforms, transforms, strict=True):
+            slot.timestamp.seconds = seconds
+            slot.timestamp.nanos = nanos
+            translation, rotation = slot.translation, slot.rotation
+            translation.x, translation.y, translation.z = transform.pose.position
+            rotation.x, rotation.y, rotation.z, rotation.w = transform.pose.orientation
+        return self._message.SerializeToString(deterministic=True)
+
+
+def read_transforms(data: bytes) -> tuple[Transform, ...]:
+    message = FrameTransforms.FromString(data)
+    return tuple(
+        Transform(
+            t.parent_frame_id,
+            t.child_frame_id,
+            Pose(
+                (t.translation.x, t.translation.y, t.translation.z),
+                (t.rotation.x, t.rotation.y, t.rotation.z, t.rotation.w),
+            ),
+        )
+        for t in message.transforms
+    )
+
+
+def encode_joints(time: int, joints: Joints) -> bytes:
+    message = JointStates(timestamp=stamp(time))
+    for name, position, velocity, effort in zip(
+        joints.names, joints.position, joints.velocity, joints.effort, strict=True
+    ):
+        message.joints.add(name=name, position=position, velocity=velocity, effort=effort)
+    return message.SerializeToString(deterministic=True)
+
+
+def read_joints(data: bytes) -> Joints:
+    joints = JointStates.FromString(data).joints
+    return Joints(
+        tuple(j.name for j in joints),
+        tuple(j.position for j in joints),
+        tuple(j.velocity for j in joints),
+        tuple(j.effort for j in joints),
+    )
+
+
+def encode_log(time: int, line: LogLine) -> bytes:
+    """Raises ValueError for a level that does not exist."""
+    message = Log(timestamp=stamp(time), message=line.message, name=line.name)
+    message.level = Log.Level.Value(line.level)
+    return message.SerializeToString(deterministic=True)
+
+
+def read_log(data: bytes) -> LogLine:
+    message = Log.FromString(data)
+    return LogLine(Log.Level.Name(message.level), message.message, message.name)
+
+
+def encode_image(time: int, frame: str, form: str, data: bytes) -> bytes:
+    message = CompressedImage(timestamp=stamp(time), frame_id=frame, data=data, format=form)
+    return message.SerializeToString(deterministic=True)
+
+
+def read_image(data: bytes) -> bytes:
+    """The image file inside."""
+    return CompressedImage.FromString(data).data
+
+
+def encode_calibration(time: int, frame: str, i: Intrinsics) -> bytes:
+    message = CameraCalibration(
+        timestamp=stamp(time),
+        frame_id=frame,
+        width=i.width,
+        height=i.height,
+        distortion_model="plumb_bob",
+        D=[0.0] * 5,
+        K=[i.fx, 0.0, i.cx, 0.0, i.fy, i.cy, 0.0, 0.0, 1.0],
+        R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        P=[i.fx, 0.0, i.cx, 0.0, 0.0, i.fy, i.cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    )
+    return message.SerializeToString(deterministic=True)
+
+
+def read_calibration(data: bytes) -> Intrinsics:
+    message = CameraCalibration.FromString(data)
+    k = message.K
+    return Intrinsics(message.width, message.height, k[0], k[4], k[2], k[5])
+
+
+def encode_robot(time: int, meshes: Iterable[LinkMesh]) -> bytes:
+    """Each link's model, locked to the link's frame."""
+    update = SceneUpdate()
+    for mesh in meshes:
+        entity = _entity(update, time, f"robot/{mesh.link}", mesh.link, locked=True)
+        entity.models.append(
+            ModelPrimitive(
+                pose=_pose(Pose()),
+                scale=VectorMessage(x=1.0, y=1.0, z=1.0),
+                color=Color(r=1.0, g=1.0, b=1.0, a=1.0),
+                media_type="model/gltf-binary",
+                data=mesh.glb,
+            )
+        )
+    return update.SerializeToString(deterministic=True)
+
+
+def read_robot(data: bytes) -> tuple[LinkMesh, ...]:
+    update = SceneUpdate.FromString(data)
+    return tuple(LinkMesh(e.frame_id, e.models[0].data) for e in update.entities if e.models)
+
+
+def encode_scene(time: int, scene: Scene, *, locked: bool) -> bytes:
+    """The full scene: what an earlier message showed goes. A body's id is the name of its frame when
+    `locked`, so that it moves with `/tf`; else it stands where it is in the world."""
+    update = SceneUpdate()
+    update.deletions.add(timestamp=stamp(time), type=SceneEntityDeletion.Type.ALL)
+    entities: dict[str, SceneEntity] = {}
+    for part in scene.fixed:
+        owner = part.id.split("/")[0]
+        entity = entities.get(owner)
+        if entity is None:
+            entity = entities[owner] = _entity(update, time, owner, WORLD, locked=True)
+        _add_shape(entity, part.shape, part.pose, COLOURS.get(part.colour, UNKNOWN_COLOUR), 1.0)
+        entity.metadata.append(KeyValuePair(key=_PART, value=encode(part).decode()))
+    for body in scene.bodies:
+        entity = _entity(update, time, body.id, body.id if locked else WORLD, locked=True)
+        colour = COLOURS.get(body.colour, UNKNOWN_COLOUR)
+        _add_shape(
+            entity,
+            body.shape,
+            Pose() if locked else body.pose,
+            colour,
+            0.45 if body.role == "obstacle" else 1.0,
+        )
+        for key, value in (
+            ("kind", body.kind),
+            ("colour", body.colour),
+            ("place", body.place),
+            ("confidence", f"{body.confidence:.2f}"),
+        ):
+            entity.metadata.append(KeyValuePair(key=key, value=value))
+        entity.metadata.append(KeyValuePair(key=_BODY, value=encode(body).decode()))
+    return update.SerializeToString(deterministic=True)
+
+
+def read_scene(data: bytes) -> Scene:
+    """What picktree wrote; empty for another's scene. Raises ValueError when a field is missing."""
+    bodies: list[Body] = []
+    fixed: list[Part] = []
+    for entity in SceneUpdate.FromString(data).entities:
+        for pair in entity.metadata:
+            if pair.key == _PART:
+                fixed.append(decode(Part, pair.value.encode()))
+            elif pair.key == _BODY:
+                bodies.append(decode(Body, pair.value.encode()))
+    return Scene(tuple(bodies), tuple(fixed))
+
+
+def _entity(update: SceneUpdate, time: int, name: str, frame: str, *, locked: bool) -> SceneEntity:
+    return update.entities.add(timestamp=stamp(time), frame_id=frame, id=name, frame_locked=locked)
+
+
+def _add_shape(entity: SceneEntity, shape: Shape, pose: Pose, colour: Rgb, alpha: float) -> None:
+    where = _pose(pose)
+    paint = Color(r=colour[0], g=colour[1], b=colour[2], a=alpha)
+    match shape:
+        case Box(size):
+            entity.cubes.append(CubePrimitive(pose=where, size=_vector(size), color=paint))
+        case Cylinder(radius, height):
+            size = _vector((2 * radius, 2 * radius, height))
+            entity.cylinders.append(
+                CylinderPrimitive(pose=where, size=size, bottom_scale=1.0, top_scale=1.0, color=paint)
+            )
+        case Sphere(radius):
+            size = _vector((2 * radius, 2 * radius, 2 * radius))
+            entity.spheres.append(SpherePrimitive(pose=where, size=size, color=paint))
+        case ConvexMesh():
+            mesh = shape_mesh(shape)
+            entity.triangles.append(
+                TriangleListPrimitive(
+                    pose=where,
+                    points=[Point3(x=x, y=y, z=z) for x, y, z in mesh.vertices.tolist()],
+                    color=paint,
+                    indices=mesh.faces.ravel().tolist(),
+                )
+            )
+
+
+def _pose(pose: Pose) -> PoseMessage:
+    x, y, z, w = pose.orientation
+    return PoseMessage(position=_vector(pose.position), orientation=Quaternion(x=x, y=y, z=z, w=w))
+
+
+def _vector(vector: Vector3) -> VectorMessage:
+    return VectorMessage(x=vector[0], y=vector[1], z=vector[2])

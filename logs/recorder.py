@@ -1,0 +1,367 @@
+"""The recorder: each tick's values in, one log file out, its digest at hand at any time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol
+
+from ..world.journal import CandidatesRanked, Entry, Happened, ImageTaken, PlanMade
+from ..world.protocols import RgbdImage
+from ..world.scene.description import Bin, Fixture
+from ..world.scene.planning_scene import BeliefChange, BeliefObject
+from ..world.shapes import Shape
+from ..world.values import GripperState, JointState, ObjectId, Pose, Wrench
+from . import messages, topics
+from .digest import Digest
+from .images import encode_colour, encode_depth
+from .interrupts import Interrupts
+from .json_records import encode
+from .mcap_file import McapFile
+from .records import (
+    FORMAT,
+    Body,
+    Candidate,
+    Candidates,
+    Event,
+    Joints,
+    LinkMesh,
+    LogLine,
+    NodeStatus,
+    Part,
+    Plan,
+    RunInfo,
+    Scene,
+    Stage,
+    Tick,
+    Timing,
+    Transform,
+    Tree,
+    Vector,
+    WrenchReading,
+)
+from .topics import Topic
+
+EVERY = 1.0
+"""Simulated seconds after which belief and truth are written again, changed or not."""
+
+_WARNINGS = frozenset({"recovery", "safety_stop", "fault"})
+"""Kinds of event that the log line topic repeats for people, as warnings."""
+
+
+class TrueBody(Protocol):
+    """What the simulation says of a body that it spawned."""
+
+    @property
+    def id(self) -> ObjectId | str: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def form(self) -> str: ...
+    @property
+    def colour(self) -> str: ...
+    @property
+    def shape(self) -> Shape: ...
+    @property
+    def pose(self) -> Pose: ...
+
+
+class Recorder:
+    """Writes one run's log. Times are simulated seconds and never go back.
+
+    Use it as a context manager: whatever ends the run (an exception, SIGINT, SIGTERM), the file is finished.
+    All methods raise PicktreeError when the disk refuses.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        run: RunInfo,
+        *,
+        checkpoint: float = 1.0,
+        chunk_bytes: int = 4 << 20,
+        wall: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.path = path.absolute()
+        self._file = McapFile(self.path, checkpoint=checkpoint, chunk_bytes=chunk_bytes, wall=wall)
+        self._interrupts = Interrupts()
+        self._digest = Digest()
+        self._channels: dict[str, int] = {}
+        self._transforms = messages.Transforms()
+        self._fixed: tuple[Part, ...] = ()
+        self._cameras: dict[str, Pose] = {}
+        self._believed = self._true = -EVERY
+        self._failing: frozenset[str] = frozenset()
+        for topic in topics.FIXED:
+            self._channels[topic.name] = self._file.channel(topic)
+        self._file.metadata("picktree", _run_words(run))
+        self._file.metadata("picktree.parameters", run.parameters)
+        self._file.metadata("picktree.physics", run.physics)
+        self._file.metadata("picktree.versions", run.versions)
+
+    def __enter__(self) -> Recorder:
+        self._interrupts.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.finish({"ended": "orderly" if kind is None else kind.__name__})
+        finally:
+            self._interrupts.__exit__(kind, error, trace)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over everything simulated so far, in hex."""
+        return self._digest.hex
+
+    def checkpoint(self) -> None:
+        """Bring everything so far to disk; happens by itself each second."""
+        with self._interrupts.held():
+            self._file.checkpoint()
+
+    def finish(self, result: Mapping[str, str] | None = None) -> None:
+        """Add the run's result and the digest to the metadata, and close the file; once."""
+        if self._file.closed:
+            return
+        with self._interrupts.held():
+            self._file.checkpoint()
+            self._file.metadata("picktree.result", {"digest": self.digest, **(result or {})})
+            self._file.finish()
+
+    # At the start of a run
+
+    def attach(self, name: str, content: str | bytes, media_type: str = "text/plain") -> None:
+        """A file that the run was made from: mission, scene, robot, URDF, faults."""
+        data = content.encode() if isinstance(content, str) else content
+        with self._interrupts.held():
+            self._file.attachment(name, media_type, data)
+
+    def tree(self, tree: Tree) -> None:
+        """The tree as it was loaded: a message, and a metadata record for readers that seek."""
+        data = encode(tree)
+        self._write(topics.TREE, 0.0, data)
+        with self._interrupts.held():
+            self._file.metadata("picktree.tree", {"json": data.decode()})
+            self._file.checkpoint()  # a run that dies at once still tells what it was
+
+    def robot_model(self, meshes: Iterable[LinkMesh]) -> None:
+        """What the links look like, from `robot_meshes.link_meshes`."""
+        self._write(topics.ROBOT, 0.0, messages.encode_robot(0, meshes))
+        self.checkpoint()
+
+    def fixed(self, fixtures: Iterable[Fixture], bins: Iterable[Bin]) -> None:
+        """What never moves; it stands in each message of the belief and of the truth from now on."""
+        self._fixed = (
+            *(Part(f.id, f.colour, f.shape, f.pose) for f in fixtures),
+            *(
+                Part(f"{b.id}/{k}", b.colour, box, pose)
+                for b in bins
+                for k, (box, pose) in enumerate(b.parts())
+            ),
+        )
+
+    # At each tick
+
+    def tick(self, now: float, tick: Tick) -> None:
+        """The whole tree after a tick. A failure that begins in this tick also becomes a line for people."""
+        self._write(topics.TICK, now, encode(tick))
+        failing = [n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked]
+        for node in _origins(failing):
+            if node.path not in self._failing:
+                self.log(now, "ERROR", f"{node.cause}: {node.message}", node.path)
+        self._failing = frozenset(n.path for n in failing)
+
+    def timing(self, now: float, timing: Timing) -> None:
+        self._write(topics.TIMING, now, encode(timing))
+
+    def joints(
+        self,
+        now: float,
+        names: Sequence[str],
+        state: JointState,
+        fingers: Sequence[str] = (),
+        gripper: GripperState | None = None,
+    ) -> None:
+        """The arm's joints, and those of the fingers, each at half of the opening."""
+        position, velocity, effort = (a.tolist() for a in (state.position, state.velocity, state.effort))
+        if gripper is not None:
+            for _ in fingers:
+                position.append(gripper.width / 2)
+                velocity.append(gripper.speed)
+                effort.append(gripper.force)
+            names = (*names, *fingers)
+        joints = Joints(tuple(names), tuple(position), tuple(velocity), tuple(effort))
+        self._write(topics.JOINTS, now, messages.encode_joints(_ns(now), joints))
+
+    def transforms(self, now: float, links: Mapping[str, Pose], objects: Iterable[BeliefObject] = ()) -> None:
+        """Every link and every believed object in the world, by name; cameras are added by themselves."""
+        frames = [Transform(messages.WORLD, link, pose) for link, pose in links.items()]
+        frames += [Transform(messages.WORLD, o.id, o.pose) for o in objects]
+        frames += [Transform(messages.WORLD, _camera_frame(c), pose) for c, pose in self._cameras.items()]
+        self._write(topics.TF, now, self._transforms.encode(_ns(now), frames))
+
+    def wrench(self, now: float, wrench: Wrench) -> None:
+        """The external wrench at the wrist, in the world's axes."""
+        reading = WrenchReading(Vector(*wrench.force), Vector(*wrench.torque), wrench.magnitude())
+        self._write(topics.WRENCH, now, encode(reading))
+
+    def belief(
+        self, now: float, objects: Iterable[BeliefObject], changes: Iterable[BeliefChange] = ()
+    ) -> None:
+        """The belief, written when something changed or a second has passed; each change is an event."""
+        changed = False
+        for change in changes:
+            changed = True
+            self._event(now, _change_event(change))
+        if changed or now - self._believed >= EVERY - 1e-6:
+            self._believed = now
+            scene = Scene(tuple(_believed(o) for o in objects), self._fixed)
+            self._write(topics.OBJECTS, now, messages.encode_scene(_ns(now), scene, locked=True))
+
+    def truth_due(self, now: float) -> bool:
+        """Whether a second has passed: the simulation need not be asked more often."""
+        return now - self._true >= EVERY - 1e-6
+
+    def truth(self, now: float, bodies: Iterable[TrueBody]) -> None:
+        """The simulator's truth, for the analyst only."""
+        self._true = now
+        scene = Scene(
+            tuple(Body(b.id, b.kind, b.form, b.colour, b.shape, b.pose) for b in bodies), self._fixed
+        )
+        self._write(topics.TRUTH, now, messages.encode_scene(_ns(now), scene, locked=False))
+
+    # As they happen
+
+    def entry(self, now: float, entry: Entry) -> None:
+        """Whatever the journal holds."""
+        match entry:
+            case PlanMade():
+                self._write(topics.PLAN, now, encode(_plan(entry)))
+            case CandidatesRanked():
+                self._write(topics.CANDIDATES, now, encode(_candidates(entry)))
+            case ImageTaken(image, findings):
+                self.image(now, image)
+                self._event(now, Event("image", f"image from {image.camera}", "", {"findings": findings}))
+            case Happened(kind, message, node, data):
+                self._event(now, Event(kind, message, node, data))
+                if kind in _WARNINGS:
+                    self.log(now, "WARNING", message, node)
+
+    def image(self, now: float, image: RgbdImage) -> None:
+        """Colour, depth and calibration of a camera shot."""
+        camera, frame, at = image.camera, _camera_frame(image.camera), _ns(now)
+        self._cameras[camera] = image.camera_in_world
+        calibration = messages.encode_calibration(at, frame, image.intrinsics)
+        colour = messages.encode_image(at, frame, "png", encode_colour(image.colour))
+        depth = messages.encode_image(at, frame, "png", encode_depth(image.depth))
+        self._write(topics.calibration_topic(camera), now, calibration)
+        self._write(topics.colour_topic(camera), now, colour)
+        self._write(topics.depth_topic(camera), now, depth)
+
+    def log(self, now: float, level: str, message: str, name: str = "") -> None:
+        """A line for people; `level` is DEBUG, INFO, WARNING, ERROR or FATAL."""
+        self._write(topics.LOG, now, messages.encode_log(_ns(now), LogLine(level, message, name)))
+
+    def _event(self, now: float, event: Event) -> None:
+        self._write(topics.EVENTS, now, encode(event))
+
+    def _write(self, topic: Topic, now: float, data: bytes) -> None:
+        channel = self._channels.get(topic.name)
+        if channel is None:
+            channel = self._channels[topic.name] = self._file.channel(topic)
+        at = _ns(now)
+        with self._interrupts.held():
+            if topic.simulated:
+                self._digest.add(topic.name, at, data)
+            self._file.message(channel, at, data)
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1e9)
+
+
+def _camera_frame(camera: str) -> str:
+    return f"camera/{camera}"
+
+
+def _origins(failing: Sequence[NodeStatus]) -> list[NodeStatus]:
+    """The failing nodes below which none of the others is: where the failure came from."""
+    return [n for n in failing if not any(other.path.startswith(n.path + "/") for other in failing)]
+
+
+def _believed(o: BeliefObject) -> Body:
+    return Body(
+        id=o.id,
+        kind=o.kind,
+        form=o.form,
+        colour=o.colour,
+        shape=o.shape,
+        pose=o.pose,
+        role=o.role,
+        place=o.place,
+        attached=o.attached,
+        confidence=o.confidence,
+        sigma_position=o.sigma_position,
+        sigma_angle=o.sigma_angle,
+        last_seen=o.last_seen,
+    )
+
+
+def _change_event(change: BeliefChange) -> Event:
+    known = change.after or change.before
+    subject = "" if known is None else str(known.id)
+    return Event(
+        "belief",
+        f"{subject}: {change.reason}",
+        "",
+        {
+            "version": change.version,
+            "object": subject,
+            "reason": change.reason,
+            "before": None if change.before is None else _believed(change.before),
+            "after": None if change.after is None else _believed(change.after),
+        },
+    )
+
+
+def _plan(made: PlanMade) -> Plan:
+    return Plan(
+        made.request,
+        made.planner,
+        made.checks,
+        made.thinking,
+        made.outcome,
+        made.message,
+        made.duration,
+        made.path,
+        made.tool_path,
+    )
+
+
+def _candidates(ranked: CandidatesRanked) -> Candidates:
+    return Candidates(
+        ranked.purpose,
+        ranked.object,
+        tuple(Stage(name, count) for name, count in ranked.stages.items()),
+        tuple(
+            Candidate(c.name, c.pose.position, c.pose.orientation, c.score, c.verdict) for c in ranked.tried
+        ),
+    )
+
+
+def _run_words(run: RunInfo) -> dict[str, str]:
+    return {
+        "format": str(FORMAT),
+        "mission": run.mission,
+        "scene": run.scene,
+        "robot": run.robot,
+        "seed": str(run.seed),
+        "backend": run.backend,
+        "tick": repr(run.tick),
+        "revision": run.revision,
+        "verify": str(run.verify).lower(),
+    }

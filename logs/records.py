@@ -1,0 +1,267 @@
+"""Everything that a log holds, as values: what the recorder takes and what the reader gives back.
+
+Times are simulated seconds, wall times (only in `Timing`) are seconds of the wall clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from ..world.shapes import Shape
+from ..world.values import Pose
+
+FORMAT = 1
+"""Of the log as a whole. Raised when an older reader could no longer make sense of it."""
+
+Values: TypeAlias = Mapping[str, object]
+"""Plain JSON values by name."""
+
+
+def _no_values() -> Values:
+    return {}
+
+
+def _no_words() -> Mapping[str, str]:
+    return {}
+
+
+@dataclass(frozen=True, slots=True)
+class RunInfo:
+    """What a run was started with. All of it stands in the log's metadata."""
+
+    mission: str
+    scene: str
+    robot: str
+    seed: int
+    backend: str
+    tick: float
+    """Length of a tick, s."""
+    parameters: Mapping[str, str] = field(default_factory=_no_words)
+    """Of the mission, as given by `--set`."""
+    physics: Mapping[str, str] = field(default_factory=_no_words)
+    """Settings of the simulation, thinking costs among them."""
+    versions: Mapping[str, str] = field(default_factory=_no_words)
+    revision: str = ""
+    """Git revision of picktree, empty outside a checkout."""
+    verify: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class TreeNode:
+    """One node of the tree as it was loaded. `parent` is empty for the root."""
+
+    path: str
+    id: str
+    """Registered name, such as `Grasp`."""
+    name: str
+    parent: str
+    children: tuple[str, ...] = ()
+    """Paths, in order."""
+    ports: Mapping[str, str] = field(default_factory=_no_words)
+    """As written in the mission."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """All nodes, parents before their children."""
+
+    nodes: tuple[TreeNode, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class NodeStatus:
+    """One node after a tick."""
+
+    path: str
+    id: str
+    status: str
+    """IDLE, RUNNING, SUCCESS, FAILURE or SKIPPED."""
+    ticked: bool
+    """Whether this tick reached the node."""
+    message: str = ""
+    cause: str = ""
+    evidence: Values = field(default_factory=_no_values)
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """One write to the blackboard."""
+
+    key: str
+    value: object
+    node: str
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """The whole tree after one tick. `tip` is the path of the deepest running node."""
+
+    root_status: str
+    tip: str
+    nodes: tuple[NodeStatus, ...]
+    writes: tuple[Write, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NodeTime:
+    path: str
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """Wall seconds that one tick took, in all and by part."""
+
+    total: float
+    physics: float = 0.0
+    control: float = 0.0
+    planning: float = 0.0
+    perception: float = 0.0
+    rendering: float = 0.0
+    recording: float = 0.0
+    nodes: tuple[NodeTime, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Vector:
+    """Components as a viewer's plot names them: `/wrench.force.z`."""
+
+    x: float
+    y: float
+    z: float
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchReading:
+    """External force (N) and torque (Nm) at the wrist, in the world's axes."""
+
+    force: Vector
+    torque: Vector
+    magnitude: float
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """One request to the planner and its answer; see `world.journal.PlanMade`."""
+
+    request: str
+    planner: str
+    checks: int
+    thinking: float
+    outcome: str
+    message: str
+    duration: float
+    path: tuple[tuple[float, ...], ...] = ()
+    tool_path: tuple[tuple[float, float, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """How many candidates reached a stage of a choice."""
+
+    name: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    name: str
+    position: tuple[float, float, float]
+    orientation: tuple[float, float, float, float]
+    score: float
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """The trail of a choice; see `world.journal.CandidatesRanked`."""
+
+    purpose: str
+    object: str
+    stages: tuple[Stage, ...]
+    tried: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something worth a line: item done, fault injected, recovery, checkpoint, operator answer, belief."""
+
+    kind: str
+    message: str
+    node: str = ""
+    data: Values = field(default_factory=_no_values)
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """A line for people. `level` is DEBUG, INFO, WARNING, ERROR or FATAL; `name` is the node's path."""
+
+    level: str
+    message: str
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Joints:
+    """By joint: rad or m, rad/s or m/s, Nm or N."""
+
+    names: tuple[str, ...]
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    effort: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """The frame `child` given in the frame `parent`."""
+
+    parent: str
+    child: str
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class LinkMesh:
+    """What a link of the robot looks like: a binary glTF file (Y up), in the link's own frame."""
+
+    link: str
+    glb: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A movable body as it is believed, or as it truly is. `pose` is in the world."""
+
+    id: str
+    kind: str
+    form: str
+    colour: str
+    shape: Shape
+    pose: Pose
+    role: str = "item"
+    place: str = ""
+    attached: bool = False
+    confidence: float = 1.0
+    sigma_position: float = 0.0
+    sigma_angle: float = 0.0
+    last_seen: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A piece of a body that never moves: `pose` is in the world."""
+
+    id: str
+    colour: str
+    shape: Shape
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """One message of `/scene/objects` or `/truth/objects`."""
+
+    bodies: tuple[Body, ...]
+    fixed: tuple[Part, ...]

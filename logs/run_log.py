@@ -1,0 +1,319 @@
+"""Reading a run's log: what it was, its files, and its records by topic and time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..world.errors import PicktreeError
+from ..world.protocols import Intrinsics
+from . import messages, topics
+from .digest import Digest
+from .images import decode_colour, decode_depth
+from .json_records import decode
+from .mcap_reading import McapReading, RawMessage
+from .records import (
+    FORMAT,
+    Candidates,
+    Event,
+    Joints,
+    LinkMesh,
+    LogLine,
+    Plan,
+    RunInfo,
+    Scene,
+    Tick,
+    Timing,
+    Transform,
+    Tree,
+    WrenchReading,
+)
+
+LOG_NAME = "log.mcap"
+RUNS = Path("runs")
+
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class At(Generic[R]):
+    """A record and when it was made, simulated s."""
+
+    time: float
+    record: R
+
+
+@dataclass(frozen=True, slots=True)
+class TopicInfo:
+    schema: str
+    encoding: str
+    messages: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shot:
+    """One image of a camera: RGB (h, w, 3), depth (h, w) in m with 0 where unknown."""
+
+    camera: str
+    colour: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    intrinsics: Intrinsics
+
+
+def find_log(where: str | Path) -> Path:
+    """The log file that LOG means: a file, a run's folder, or `last` in ./runs. Raises PicktreeError."""
+    if str(where) == "last":
+        logs = sorted(RUNS.glob(f"*/{LOG_NAME}"), key=lambda p: (p.stat().st_mtime_ns, str(p)))
+        if not logs:
+            raise PicktreeError(f"there is no run in {RUNS.absolute()} yet; `picktree run MISSION` makes one")
+        return logs[-1]
+    path = Path(where)
+    if path.is_dir():
+        inside = path / LOG_NAME
+        if inside.is_file():
+            return inside
+        others = sorted(path.glob("*.mcap"))
+        if len(others) == 1:
+            return others[0]
+        raise PicktreeError(f"{path}: there is no {LOG_NAME} in this folder")
+    if not path.exists():
+        raise PicktreeError(f"{path}: there is no such log")
+    return path
+
+
+class RunLog:
+    """One run's log. `recovered` is a sentence when the file had not been finished, else empty.
+
+    Iterators yield in the order of time; `start` and `end` are simulated seconds, both inclusive. All
+    methods raise PicktreeError, with the offset in the file, where it is damaged.
+    """
+
+    def __init__(self, where: str | Path) -> None:
+        self.path = find_log(where)
+        self._file = McapReading(self.path)
+        try:
+            self.metadata: Mapping[str, Mapping[str, str]] = {
+                record.name: dict(record.metadata) for record in self._file.metadata()
+            }
+            self.format = self._format()
+        except PicktreeError:
+            self._file.close()
+            raise
+        self.recovered = self._file.recovered
+
+    def close(self) -> None:
+        self._file.close()
+
+    def __enter__(self) -> RunLog:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def run(self) -> RunInfo:
+        """What the run was started with."""
+        words = self.metadata["picktree"]
+        try:
+            return RunInfo(
+                mission=words["mission"],
+                scene=words["scene"],
+                robot=words["robot"],
+                seed=int(words["seed"]),
+                backend=words["backend"],
+                tick=float(words["tick"]),
+                parameters=self.metadata.get("picktree.parameters", {}),
+                physics=self.metadata.get("picktree.physics", {}),
+                versions=self.metadata.get("picktree.versions", {}),
+                revision=words["revision"],
+                verify=words["verify"] == "true",
+            )
+        except (KeyError, ValueError) as error:
+            raise PicktreeError(f"{self.path}: the log's metadata are incomplete: {error}") from None
+
+    @property
+    def result(self) -> Mapping[str, str]:
+        """What the run ended with; empty when it was killed."""
+        return self.metadata.get("picktree.result", {})
+
+    @property
+    def topics(self) -> Mapping[str, TopicInfo]:
+        summary = self._file.summary
+        counts = summary.statistics.channel_message_counts if summary.statistics else {}
+        return {
+            channel.topic: TopicInfo(
+                summary.schemas[channel.schema_id].name if channel.schema_id in summary.schemas else "",
+                channel.message_encoding,
+                counts.get(number, 0),
+            )
+            for number, channel in summary.channels.items()
+        }
+
+    @property
+    def end(self) -> float:
+        """Time of the last message, s."""
+        return max((c.message_end_time for c in self._file.summary.chunk_indexes), default=0) / 1e9
+
+    @property
+    def attachments(self) -> tuple[str, ...]:
+        return tuple(index.name for index in self._file.summary.attachment_indexes)
+
+    def attachment(self, name: str) -> bytes:
+        """Raises PicktreeError when there is none of that name."""
+        for attachment in self._file.attachments():
+            if attachment.name == name:
+                return attachment.data
+        raise PicktreeError(
+            f"{self.path}: no file {name!r} in the log; it holds: {', '.join(self.attachments) or 'none'}"
+        )
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        return tuple(
+            t.split("/")[2] for t in self.topics if t.startswith("/camera/") and t.endswith("/depth")
+        )
+
+    def tree(self) -> Tree:
+        return self._only(topics.TREE.name, lambda data: decode(Tree, data))
+
+    def robot_model(self) -> tuple[LinkMesh, ...]:
+        """Empty when the log holds none."""
+        found = self.last(topics.ROBOT.name, self.end)
+        return () if found is None else self._read(found, messages.read_robot)
+
+    def ticks(self, start: float | None = None, end: float | None = None) -> Iterator[At[Tick]]:
+        return self._records(topics.TICK.name, lambda data: decode(Tick, data), start, end)
+
+    def timings(self, start: float | None = None, end: float | None = None) -> Iterator[At[Timing]]:
+        return self._records(topics.TIMING.name, lambda data: decode(Timing, data), start, end)
+
+    def joints(self, start: float | None = None, end: float | None = None) -> Iterator[At[Joints]]:
+        return self._records(topics.JOINTS.name, messages.read_joints, start, end)
+
+    def transforms(
+        self, start: float | None = None, end: float | None = None
+    ) -> Iterator[At[tuple[Transform, ...]]]:
+        return self._records(topics.TF.name, messages.read_transforms, start, end)
+
+    def wrenches(self, start: float | None = None, end: float | None = None) -> Iterator[At[WrenchReading]]:
+        return self._records(topics.WRENCH.name, lambda data: decode(WrenchReading, data), start, end)
+
+    def beliefs(self, start: float | None = None, end: float | None = None) -> Iterator[At[Scene]]:
+        return self._records(topics.OBJECTS.name, messages.read_scene, start, end)
+
+    def truths(self, start: float | None = None, end: float | None = None) -> Iterator[At[Scene]]:
+        return self._records(topics.TRUTH.name, messages.read_scene, start, end)
+
+    def plans(self, start: float | None = None, end: float | None = None) -> Iterator[At[Plan]]:
+        return self._records(topics.PLAN.name, lambda data: decode(Plan, data), start, end)
+
+    def candidates(self, start: float | None = None, end: float | None = None) -> Iterator[At[Candidates]]:
+        return self._records(topics.CANDIDATES.name, lambda data: decode(Candidates, data), start, end)
+
+    def events(self, start: float | None = None, end: float | None = None) -> Iterator[At[Event]]:
+        return self._records(topics.EVENTS.name, lambda data: decode(Event, data), start, end)
+
+    def lines(self, start: float | None = None, end: float | None = None) -> Iterator[At[LogLine]]:
+        return self._records(topics.LOG.name, messages.read_log, start, end)
+
+    def shots(self, camera: str, start: float | None = None, end: float | None = None) -> Iterator[At[Shot]]:
+        names = [
+            topic.name
+            for topic in (
+                topics.calibration_topic(camera),
+                topics.colour_topic(camera),
+                topics.depth_topic(camera),
+            )
+        ]
+        parts: dict[str, RawMessage] = {}
+        for message in self.messages(names, start, end):
+            parts[message.topic] = message
+            if message.topic == names[2] and len(parts) == 3:
+                intrinsics = self._read(parts[names[0]], messages.read_calibration)
+                colour = self._read(parts[names[1]], lambda data: decode_colour(messages.read_image(data)))
+                depth = self._read(message, lambda data: decode_depth(messages.read_image(data)))
+                yield At(message.time / 1e9, Shot(camera, colour, depth, intrinsics))
+
+    def messages(
+        self,
+        wanted: Collection[str] | None = None,
+        start: float | None = None,
+        end: float | None = None,
+    ) -> Iterator[RawMessage]:
+        """Undecoded messages of these topics."""
+        return self._file.messages(wanted, _ns(start), _ns(end))
+
+    def last(self, topic: str, at: float) -> RawMessage | None:
+        """The last message of the topic at `at` seconds or before; None when there is none."""
+        return next(self._file.messages([topic], None, _ns(at), newest_first=True), None)
+
+    def tick_at(self, at: float) -> At[Tick] | None:
+        return self._last(topics.TICK.name, lambda data: decode(Tick, data), at)
+
+    def transforms_at(self, at: float) -> At[tuple[Transform, ...]] | None:
+        return self._last(topics.TF.name, messages.read_transforms, at)
+
+    def belief_at(self, at: float) -> At[Scene] | None:
+        return self._last(topics.OBJECTS.name, messages.read_scene, at)
+
+    def truth_at(self, at: float) -> At[Scene] | None:
+        return self._last(topics.TRUTH.name, messages.read_scene, at)
+
+    def digest(self) -> str:
+        """Computed again from everything simulated in the log; equal to the recorded one when it is whole."""
+        simulated = {t.name for t in topics.FIXED if t.simulated}
+        digest = Digest()
+        for message in self._file.messages():
+            if message.topic in simulated or message.topic.startswith("/camera/"):
+                digest.add(message.topic, message.time, message.data)
+        return digest.hex
+
+    def _format(self) -> int:
+        words = self.metadata.get("picktree")
+        if words is None or not words.get("format", "").isdigit():
+            raise PicktreeError(f"{self.path}: an MCAP file, but not a log of picktree")
+        number = int(words["format"])
+        if number > FORMAT:
+            raise PicktreeError(
+                f"{self.path}: the log has format {number}, and this picktree reads up to {FORMAT}; "
+                "upgrade picktree to read it"
+            )
+        return number
+
+    def _records(
+        self, topic: str, read: Callable[[bytes], R], start: float | None, end: float | None
+    ) -> Iterator[At[R]]:
+        for message in self.messages([topic], start, end):
+            yield At(message.time / 1e9, self._read(message, read))
+
+    def _last(self, topic: str, read: Callable[[bytes], R], at: float) -> At[R] | None:
+        message = self.last(topic, at)
+        return None if message is None else At(message.time / 1e9, self._read(message, read))
+
+    def _only(self, topic: str, read: Callable[[bytes], R]) -> R:
+        message = next(self.messages([topic]), None)
+        if message is None:
+            raise PicktreeError(f"{self.path}: the log has no message on {topic}")
+        return self._read(message, read)
+
+    def _read(self, message: RawMessage, read: Callable[[bytes], R]) -> R:
+        from google.protobuf.message import DecodeError
+
+        try:
+            return read(message.data)
+        except (ValueError, DecodeError) as error:
+            raise PicktreeError(
+                f"{self.path}: {message.topic} at {message.time / 1e9:.2f} s: unreadable message: {error}"
+            ) from None
+
+
+def _ns(seconds: float | None) -> int | None:
+    return None if seconds is None else round(seconds * 1e9)

@@ -1,0 +1,107 @@
+"""The table of topics: what each is called, how it is encoded, and whether it belongs to the digest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
+
+import orjson
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.descriptor import Descriptor, FileDescriptor
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+
+from . import records
+from .json_records import schema
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic's name in the log and the schema of its messages.
+
+    `simulated` topics make up the digest; the others hold wall times or what merely decorates.
+    """
+
+    name: str
+    schema: str
+    encoding: Literal["json", "protobuf"]
+    simulated: bool = True
+
+    @property
+    def schema_encoding(self) -> str:
+        return "jsonschema" if self.encoding == "json" else "protobuf"
+
+    def schema_data(self) -> bytes:
+        return _schema_data(self.schema)
+
+
+TREE = Topic("/bt/tree", "picktree.Tree", "json")
+TICK = Topic("/bt/tick", "picktree.Tick", "json")
+TIMING = Topic("/timing", "picktree.Timing", "json", simulated=False)
+JOINTS = Topic("/joint_states", "foxglove.JointStates", "protobuf")
+TF = Topic("/tf", "foxglove.FrameTransforms", "protobuf")
+# The meshes carry the version of the library that wrote them.
+ROBOT = Topic("/scene/robot", "foxglove.SceneUpdate", "protobuf", simulated=False)
+OBJECTS = Topic("/scene/objects", "foxglove.SceneUpdate", "protobuf")
+TRUTH = Topic("/truth/objects", "foxglove.SceneUpdate", "protobuf")
+WRENCH = Topic("/wrench", "picktree.Wrench", "json")
+PLAN = Topic("/plan", "picktree.Plan", "json")
+CANDIDATES = Topic("/candidates", "picktree.Candidates", "json")
+LOG = Topic("/log", "foxglove.Log", "protobuf")
+EVENTS = Topic("/events", "picktree.Event", "json")
+
+FIXED = (
+    TREE, TICK, TIMING, JOINTS, TF, ROBOT, OBJECTS, TRUTH, WRENCH, PLAN, CANDIDATES, LOG, EVENTS
+)  # fmt: skip
+
+
+def colour_topic(camera: str) -> Topic:
+    return Topic(f"/camera/{camera}/colour", "foxglove.CompressedImage", "protobuf")
+
+
+def depth_topic(camera: str) -> Topic:
+    """Depth as a 16-bit PNG in mm, 0 where unknown."""
+    return Topic(f"/camera/{camera}/depth", "foxglove.CompressedImage", "protobuf")
+
+
+def calibration_topic(camera: str) -> Topic:
+    return Topic(f"/camera/{camera}/calibration", "foxglove.CameraCalibration", "protobuf")
+
+
+_JSON: dict[str, type] = {
+    "picktree.Tree": records.Tree,
+    "picktree.Tick": records.Tick,
+    "picktree.Timing": records.Timing,
+    "picktree.Wrench": records.WrenchReading,
+    "picktree.Plan": records.Plan,
+    "picktree.Candidates": records.Candidates,
+    "picktree.Event": records.Event,
+}
+_PROTOBUF: dict[str, Descriptor] = {
+    message.DESCRIPTOR.full_name: message.DESCRIPTOR
+    for message in (CameraCalibration, CompressedImage, FrameTransforms, JointStates, Log, SceneUpdate)
+}
+
+
+@cache
+def _schema_data(name: str) -> bytes:
+    if name in _JSON:
+        return orjson.dumps(schema(_JSON[name]))
+    found: dict[str, FileDescriptor] = {}
+    _collect(_PROTOBUF[name].file, found)
+    files = FileDescriptorSet()
+    for file in found.values():
+        file.CopyToProto(files.file.add())
+    return files.SerializeToString(deterministic=True)
+
+
+def _collect(file: FileDescriptor, found: dict[str, FileDescriptor]) -> None:
+    """The file after everything that it imports."""
+    for imported in file.dependencies:
+        _collect(imported, found)
+    found.setdefault(file.name, file)

@@ -1,0 +1,96 @@
+"""Models of links: small, closed under writing and reading, right side up."""
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from picktree.logs.glb import read_glb, write_glb
+from picktree.logs.meshes import joined, load_mesh, shape_mesh
+from picktree.logs.robot_meshes import link_meshes
+from picktree.world.errors import PicktreeError
+from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
+from picktree.world.values import Pose
+
+URDF = """
+<robot name="two">
+  <link name="base"><visual><geometry><mesh filename="package://part.obj"/></geometry></visual></link>
+  <link name="bare"/>
+  <link name="tip"><visual><origin xyz="0 0 1"/><geometry><box size="0.1 0.1 0.2"/></geometry></visual></link>
+</robot>
+"""
+OBJ = """mtllib part.mtl
+v 0 0 0
+v 1 0 0
+v 0 1 0
+v 0 0 2
+usemtl red
+f 1//1 2//1 3//1
+usemtl none
+f 1//1 2//1 4//1"""
+MTL = "newmtl red\nKd 1.0 0.0 0.0\n"
+
+
+def written(folder: Path, obj: str = OBJ) -> str:
+    (folder / "robot.urdf").write_text(URDF)
+    (folder / "part.obj").write_text(obj)
+    (folder / "part.mtl").write_text(MTL)
+    return str(folder / "robot.urdf")
+
+
+def test_each_visible_link_has_a_model_with_its_materials(tmp_path: Path) -> None:
+    base, tip = link_meshes(written(tmp_path))
+    assert (base.link, tip.link) == ("base", "tip")
+    mesh = read_glb(base.glb)
+    red = mesh.colours[:, 1] < 0.5
+    assert red.sum() == 1
+    np.testing.assert_allclose(
+        mesh.vertices[mesh.faces[red][0]], [[0, 0, 0], [1, 0, 0], [0, 1, 0]], atol=1e-6
+    )
+    np.testing.assert_allclose(read_glb(tip.glb).vertices[:, 2].max(), 1.1, atol=1e-6)
+
+
+def test_a_mesh_that_mixes_faces_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(PicktreeError) as raised:
+        link_meshes(written(tmp_path, OBJ + " 3//1"))
+    assert str(raised.value) == f"{tmp_path}/part.obj: the mesh cannot be read: its faces must be triangles"
+
+
+def test_the_file_has_y_up() -> None:
+    data = write_glb(shape_mesh(Box((0.1, 0.2, 0.3))))
+    length = struct.unpack_from("<I", data, 12)[0]
+    document = json.loads(data[20 : 20 + length])
+    assert document["accessors"][0]["max"] == pytest.approx([0.05, 0.15, 0.1])
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Box((0.1, 0.2, 0.3)),
+        Cylinder(0.1, 0.3),
+        Sphere(0.1),
+        ConvexMesh(((-0.1, -0.1, 0), (0.1, -0.1, 0), (0, 0.1, 0), (0, 0, 0.2)), "x.obj"),
+    ],
+)
+def test_surfaces_are_closed_and_face_outwards(shape: Shape) -> None:
+    mesh = read_glb(write_glb(shape_mesh(shape)))
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    volume = np.einsum("fi,fi->", a, np.cross(b, c)) / 6
+    wanted = {Box: 0.006, Cylinder: 0.003 * np.pi, Sphere: 0.004 / 3 * np.pi, ConvexMesh: 0.004 / 3}
+    assert volume == pytest.approx(wanted[type(shape)], rel=0.02)
+    own = np.cross(b - a, c - a)
+    assert (np.einsum("fci,fi->fc", mesh.normals, own) > 0).all()
+
+
+def test_a_fine_mesh_is_thinned_without_losing_its_size(tmp_path: Path) -> None:
+    sphere = shape_mesh(Sphere(0.5))
+    fine = joined([sphere.placed(Pose((float(x), 0.0, 0.0))) for x in range(4)])
+    lines = [f"v {x} {y} {z}" for x, y, z in fine.vertices]
+    lines += ["f " + " ".join(str(i + 1) for i in face) for face in fine.faces]
+    (tmp_path / "fine.obj").write_text("\n".join(lines))
+    mesh = load_mesh(str(tmp_path / "fine.obj"), 1500)
+    assert len(fine.faces) > 8000
+    assert 700 < len(mesh.faces) <= 1500
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), np.ptp(fine.vertices, axis=0), rtol=0.06)

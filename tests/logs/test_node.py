@@ -1,0 +1,30 @@
+"""The log in npm's @mcap/core, the library inside Foxglove and Lichtblick."""
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from picktree.logs.run_log import RunLog
+
+HERE = Path(__file__).parent / "node"
+
+
+def test_every_message_is_read_and_decoded(log_path: Path) -> None:
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("node is not installed")
+    if not (HERE / "node_modules").is_dir():
+        pytest.skip(f"npm packages are missing: run `npm ci` in {HERE}")
+    done = subprocess.run([node, "read.mjs", str(log_path)], cwd=HERE, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    with RunLog(log_path) as log:
+        assert found["topics"] == {
+            name: {"schema": info.schema, "encoding": info.encoding, "count": info.messages}
+            for name, info in log.topics.items()
+        }
+        assert found["attachments"] == list(log.attachments)
+        assert sorted(found["metadata"]) == sorted(log.metadata)
