@@ -1,6 +1,7 @@
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import MutableSequence, Sequence
+from typing import overload
 
+import coal
 import numpy as np
 from numpy.typing import NDArray
 
@@ -68,7 +69,7 @@ class Model:
     joints: Sequence[JointModel]
     parents: Sequence[int]
     inertias: Sequence[Inertia]
-    jointPlacements: Any
+    jointPlacements: MutableSequence[SE3]
     def addFrame(self, frame: Frame) -> int: ...
     def createData(self) -> Data: ...
     def existFrame(self, name: str) -> bool: ...
@@ -90,11 +91,11 @@ class GeometryObject:
     parentJoint: int
     parentFrame: int
     placement: SE3
-    geometry: Any
+    geometry: coal.CollisionGeometry
     disableCollision: bool
     meshPath: str
     def __init__(
-        self, name: str, parent_joint: int, parent_frame: int, placement: SE3, geometry: Any
+        self, name: str, parent_joint: int, parent_frame: int, placement: SE3, geometry: coal.CollisionGeometry
     ) -> None: ...
 
 class CollisionPair:
@@ -102,7 +103,14 @@ class CollisionPair:
     second: int
     def __init__(self, first: int, second: int) -> None: ...
 
-class CollisionRequests(Sequence[Any]): ...
+class CollisionRequest:
+    security_margin: float
+    enable_contact: bool
+
+class DistanceResult:
+    min_distance: float
+    def getNearestPoint1(self) -> _F: ...
+    def getNearestPoint2(self) -> _F: ...
 
 class GeometryModel:
     ngeoms: int
@@ -116,13 +124,12 @@ class GeometryModel:
 
 class GeometryData:
     oMg: Sequence[SE3]
-    activeCollisionPairs: Any
-    collisionRequests: Sequence[Any]
-    collisionResults: Sequence[Any]
-    distanceResults: Sequence[Any]
+    collisionRequests: Sequence[CollisionRequest]
+    distanceResults: Sequence[DistanceResult]
     def __init__(self, model: GeometryModel) -> None: ...
-    def activateCollisionPair(self, pair: int) -> None: ...
-    def deactivateCollisionPair(self, pair: int) -> None: ...
+    def setSecurityMargins(
+        self, geometry: GeometryModel, margins: _F, upper: bool = ..., sync_distance_upper_bound: bool = ...
+    ) -> None: ...
 
 class BroadPhaseManager_DynamicAABBTreeCollisionManager:
     def __init__(self, model: Model, geometry: GeometryModel, data: GeometryData) -> None: ...
@@ -148,6 +155,21 @@ def Jlog6(pose: SE3) -> _F: ...
 def updateGeometryPlacements(
     model: Model, data: Data, geometry: GeometryModel, geometry_data: GeometryData, q: _F = ...
 ) -> None: ...
-def computeCollisions(*args: Any) -> bool: ...
-def computeCollision(geometry: GeometryModel, data: GeometryData, pair: int) -> bool: ...
-def computeDistance(geometry: GeometryModel, data: GeometryData, pair: int) -> Any: ...
+@overload
+def computeCollisions(
+    model: Model,
+    data: Data,
+    manager: BroadPhaseManager_DynamicAABBTreeCollisionManager,
+    q: _F,
+    stop_at_first_collision: bool = ...,
+) -> bool: ...
+@overload
+def computeCollisions(
+    model: Model,
+    data: Data,
+    geometry: GeometryModel,
+    geometry_data: GeometryData,
+    q: _F,
+    stop_at_first_collision: bool = ...,
+) -> bool: ...
+def computeDistance(geometry: GeometryModel, data: GeometryData, pair: int) -> DistanceResult: ...

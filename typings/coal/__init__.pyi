@@ -1,0 +1,27 @@
+import numpy as np
+from numpy.typing import NDArray
+
+class CollisionGeometry:
+    def computeLocalAABB(self) -> None: ...
+
+class ConvexBase(CollisionGeometry):
+    @staticmethod
+    def convexHull(points: StdVec_Vec3s, keep_triangles: bool, command: str) -> ConvexBase: ...
+
+class Convex(ConvexBase): ...
+
+class Box(CollisionGeometry):
+    def __init__(self, x: float, y: float, z: float) -> None: ...
+
+class Cylinder(CollisionGeometry):
+    def __init__(self, radius: float, height: float) -> None: ...
+
+class Sphere(CollisionGeometry):
+    def __init__(self, radius: float) -> None: ...
+
+class BVHModelOBBRSS(CollisionGeometry):
+    convex: ConvexBase
+    def buildConvexHull(self, keep_triangles: bool, command: str) -> None: ...
+
+class StdVec_Vec3s:
+    def append(self, point: NDArray[np.float64]) -> None: ...

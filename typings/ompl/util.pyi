@@ -1,0 +1,9 @@
+class LogLevel: ...
+
+LOG_NONE: LogLevel
+
+class RNG:
+    @staticmethod
+    def setSeed(seed: int) -> None: ...
+
+def setLogLevel(level: LogLevel) -> None: ...

@@ -1,0 +1,16 @@
+import numpy as np
+from numpy.typing import NDArray
+
+_F = NDArray[np.float64]
+
+class AbstractGeometricPath:
+    def __call__(self, path_positions: _F | float, order: int = ...) -> _F: ...
+    @property
+    def dof(self) -> int: ...
+    @property
+    def path_interval(self) -> _F: ...
+    @property
+    def waypoints(self) -> tuple[_F, _F] | None: ...
+
+class SplineInterpolator(AbstractGeometricPath):
+    def __init__(self, ss_waypoints: _F, waypoints: _F, bc_type: str = ...) -> None: ...
