@@ -1,0 +1,75 @@
+"""The gripper's motions as generators."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import TypeAlias, TypeVar
+
+from ..causes import Failure, control
+from ..protocols import Clock, Gripper
+from ..robot.description import GripperDescription
+
+T = TypeVar("T")
+Doing: TypeAlias = Generator[None, None, T]
+
+STILL = 3e-4
+"""Change of the opening in a tick below which the fingers stand, m."""
+REACHED = 1.5e-3
+"""m"""
+BLOCKED = 5e-3
+"""Fingers that stay this far short of an opening are an error, m."""
+SPARE = 1.0
+"""Time beyond what the way takes at the fingers' speed, s."""
+
+
+class Grip:
+    """Opens and closes. A command stays in force when the skill that gave it is halted."""
+
+    def __init__(self, gripper: Gripper, clock: Clock, description: GripperDescription) -> None:
+        self._gripper = gripper
+        self._clock = clock
+        self._description = description
+
+    @property
+    def width(self) -> float:
+        """Measured opening, m."""
+        return self._gripper.read().width
+
+    def start(self, width: float | None = None, force: float | None = None) -> None:
+        """Begin to move towards an opening (fully open by default) and do not wait."""
+        most = self._description
+        target = most.max_width if width is None else min(max(width, 0.0), most.max_width)
+        self._gripper.command(target, most.max_force if force is None else min(force, most.max_force))
+
+    def open(self, width: float | None = None) -> Doing[None]:
+        """Open to `width` m, by default fully. Failure(control.timeout) when something holds the fingers."""
+        target = min(self._description.max_width if width is None else width, self._description.max_width)
+        reached = yield from self.move(target, self._description.max_force)
+        if reached < target - BLOCKED:
+            raise Failure(
+                control.TIMEOUT,
+                f"the fingers opened {reached * 1000:.0f} mm of {target * 1000:.0f} mm",
+                width=reached,
+                wanted=target,
+            )
+
+    def close(self, force: float) -> Doing[float]:
+        """Close with `force` N a finger until the fingers stand; answers the opening, m."""
+        return (yield from self.move(0.0, force))
+
+    def move(self, width: float, force: float) -> Doing[float]:
+        """Towards an opening until it is reached or the fingers stand; answers the opening, m."""
+        self.start(width, force)
+        way = abs(self.width - width)
+        limit = self._clock.now + way / (2 * self._description.speed) + SPARE
+        before = self.width
+        yield
+        still = 0
+        while self._clock.now < limit:
+            now = self.width
+            still = still + 1 if abs(now - before) < STILL else 0
+            if abs(now - width) < REACHED or still >= 2:
+                break
+            before = now
+            yield
+        return self.width

@@ -1,0 +1,237 @@
+"""The control loop: sensors → monitor → controller → command, each control period."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import PicktreeError
+from ..protocols import Hardware
+from ..robot.model import RobotModel
+from ..stopwatch import Stopwatch
+from ..values import Array, JointState, Pose, Wrench
+from .commands import Controller, JointCommand
+from .impedance import Comply
+from .joint_controllers import Brake, Hold
+from .lease import ForceGuard, Lease
+from .monitor import MonitorState, SafetyMonitor
+from .wrist import Wrist
+
+REST_SPEED = 0.02
+"""Below this, over all joints, the arm counts as standing, rad/s."""
+TOOL_CHECK = 4
+"""Control periods between two checks of the TCP against the workspace."""
+SAMPLES = 24
+"""Readings of the wrist in a tare or a load, and periods at rest before they count."""
+FELT = 20.0
+"""Force above which something is touched rather than carried, N."""
+CARRIED_SAMPLES = 12
+SETTLED = 0.5
+"""Standard deviation of the wrist force below which nothing vibrates, N."""
+SETTLE_LIMIT = 1.0
+"""Longest wait for vibrations, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class ControlState:
+    """The loop at a quiescent moment, for checkpoints."""
+
+    hold: tuple[float, ...]
+    """Commanded configuration, rad."""
+    readings: tuple[Wrench, ...]
+    tare: tuple[float, ...]
+    standing: int
+    periods: int
+    carried: tuple[float, ...]
+    monitor: MonitorState
+
+
+class ControlLoop:
+    """Runs one controller at a time and hands out the lease on the arm.
+
+    After a lease is acquired or released, and after a safety stop, it brakes by itself, then holds.
+    """
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        model: RobotModel,
+        monitor: SafetyMonitor,
+        stopwatch: Stopwatch | None = None,
+    ) -> None:
+        self.hardware = hardware
+        self.model = model
+        self.monitor = monitor
+        self.wrist = Wrist(hardware.wrench, model)
+        self.period = hardware.period
+        self._stopwatch = stopwatch or Stopwatch()
+        self._arm = hardware.arm
+        self._clock = hardware.clock
+        self._state = self._arm.read()
+        self._setpoint = JointCommand(self._state.position.copy(), np.zeros(model.n))
+        self._servo = True
+        self._holder: Lease | None = None
+        self._guard: ForceGuard | None = None
+        self._carried = np.zeros(6)
+        self._standing = 0
+        self._periods = 0
+        self._controller: Controller = Hold()
+        self._begin(self._controller)
+
+    @property
+    def now(self) -> float:
+        """Simulated seconds."""
+        return self._clock.now
+
+    @property
+    def state(self) -> JointState:
+        """What the encoders said last."""
+        return self._state
+
+    @property
+    def tcp(self) -> Pose:
+        """Tool centre point in the world, by the encoders."""
+        return self.model.tcp(self._state.position)
+
+    @property
+    def at_rest(self) -> bool:
+        """The arm is held, stands still, and nothing waits to be braked."""
+        return isinstance(self._controller, Hold) and self._standing >= 2
+
+    @property
+    def held_position(self) -> Array:
+        """Configuration (n,) that the servo was told last; at rest it is where the next motion begins."""
+        return self._setpoint.position.copy()
+
+    def acquire(self, owner: str) -> Lease:
+        """Take the arm over at once, from whoever has it; its motion starts braking."""
+        self._holder = Lease(self, owner)
+        self._brake_motion()
+        return self._holder
+
+    def tare(self, samples: int = SAMPLES) -> None:
+        """What the hand feels now counts as nothing, for `load` and `wrench_external`."""
+        self.wrist.tare(samples, self._state.position)
+
+    def load(self, samples: int = SAMPLES) -> float:
+        """Weight on the hand relative to the tare, N, mean over the last readings."""
+        return self.wrist.load(samples)
+
+    def wrench_external(self, samples: int = 12) -> Wrench:
+        """External wrench on the hand relative to the tare, world axes, about the wrist sensor, mean over
+        the last readings. The tool's own weight is not in it; a held object's is, unless it was tared."""
+        return self.wrist.external(samples, self._state.position)
+
+    def settle(self) -> Generator[None, None, None]:
+        """Yield until the arm rests without vibration and readings at rest fill a tare or a load."""
+        until = self._clock.now + SETTLE_LIMIT
+        while self._clock.now < until:
+            quiet = self._standing >= SAMPLES and self.wrist.unrest(SAMPLES) < SETTLED
+            if quiet and isinstance(self._controller, Hold):
+                return
+            yield
+
+    def step_tick(self, tick: float) -> None:
+        """Let one tick pass, in whole control periods."""
+        periods = round(tick / self.period)
+        if abs(periods * self.period - tick) > 1e-6:
+            raise PicktreeError(
+                f"a tick of {tick} s is no whole number of control periods of {self.period} s"
+            )
+        with self._stopwatch.measure("control"):
+            for _ in range(periods):
+                self.step()
+
+    def step(self) -> None:
+        """One control period."""
+        self._state = state = self._arm.read()
+        self.wrist.sample()
+        force = self.wrist.force
+        v = state.velocity
+        self._standing = self._standing + 1 if float(v @ v) < REST_SPEED * REST_SPEED else 0
+        stopped = self.monitor.check(state, self._setpoint.position if self._servo else None, force)
+        self._periods += 1
+        if self._periods % TOOL_CHECK == 0:
+            stopped = self.monitor.check_tool(self.model.tcp(state.position).position) or stopped
+        if stopped or (self._guard is not None and self._guard.touched(force)):
+            self._stop_at_once()
+        command = self._controller.update(self._clock.now, state)
+        if isinstance(command, JointCommand):
+            self._setpoint = command
+            self._servo = True
+            self._arm.follow(command.position, command.velocity)
+        else:
+            self._servo = False
+            self._arm.apply_torque(command.torque)
+        if self._controller.done:
+            self._begin(Hold() if self._servo else Brake(self.model, self.period))
+        with self._stopwatch.measure("physics"):
+            self.hardware.step()
+
+    def save(self) -> ControlState:
+        """Only while the arm is held at rest."""
+        if not isinstance(self._controller, Hold):
+            raise PicktreeError("the control loop can only be saved while the arm is held at rest")
+        readings, tare = self.wrist.state()
+        return ControlState(
+            tuple(self._controller.command.position.tolist()),
+            readings,
+            tare,
+            self._standing,
+            self._periods,
+            tuple(self._carried.tolist()),
+            self.monitor.state(),
+        )
+
+    def restore(self, saved: ControlState) -> None:
+        """Continue from `saved` on hardware that was restored before; every lease is stale afterwards."""
+        self._holder = self._guard = None
+        self._standing, self._periods = saved.standing, saved.periods
+        self._state = self._arm.read()
+        hold = np.array(saved.hold)
+        self._setpoint = JointCommand(hold, np.zeros_like(hold))
+        self._servo = True
+        self._begin(Hold(hold))
+        self.wrist.restore(saved.readings, saved.tare)
+        self._carried = np.array(saved.carried)
+        self.monitor.restore(saved.monitor)
+
+    def holds(self, lease: Lease) -> bool:
+        return self._holder is lease
+
+    def run(self, controller: Controller, guard: ForceGuard | None) -> None:
+        """For the lease only."""
+        self._guard = guard
+        if self._standing >= CARRIED_SAMPLES and self._servo:
+            weight = -self.wrist.mean(CARRIED_SAMPLES, self._state.position)[:3]
+            self._carried[:3] = weight if float(np.linalg.norm(weight)) < FELT else 0.0
+        self._begin(controller)
+
+    def brake(self) -> None:
+        """For the lease only: its holder gives the arm back."""
+        self._holder = None
+        self._brake_motion()
+
+    def _begin(self, controller: Controller) -> None:
+        if not self._servo:
+            self._setpoint = JointCommand(self._state.position.copy(), self._state.velocity.copy())
+        self._controller = controller
+        controller.start(self._clock.now, self._state, self._setpoint)
+
+    def _brake_motion(self) -> None:
+        self._guard = None
+        braking = self._controller.brake()
+        if braking is not self._controller:
+            self._begin(braking)
+
+    def _stop_at_once(self) -> None:
+        """After a contact comply with it; else brake as fast as the joints allow, from where they are."""
+        self._guard = None
+        self._servo = False
+        if math.hypot(*self.wrist.force) > FELT:
+            self._begin(Comply(self.model, self.period, self._carried))
+        else:
+            self._begin(Brake(self.model, self.period))

@@ -1,0 +1,305 @@
+"""A second backend without physics: motions are exact, objects follow the gripper, sensors are ideal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import PicktreeError
+from ..protocols import Camera
+from ..robot.description import RobotDescription
+from ..robot.model import RobotModel, pose_of
+from ..scene.description import SceneDescription
+from ..shapes import corners
+from ..values import Array, JointState, ObjectId, Pose, Vector3, Wrench
+from .kinematic_bodies import Bodies, Body, Prism
+from .kinematic_camera import KinematicCamera, Posture, Stage
+from .kinematic_gripper import GRAVITY, KinematicGripper
+from .kinematic_state import ItemState, KinematicState
+from .spawn import spawn_items
+from .truth import TrueBody
+
+STIFFNESS = 2.0e4
+"""Of a contact with what is below, N/m."""
+DAMPING = 60.0
+"""N·s/m"""
+DEEPEST = 0.03
+"""Greatest depth at which the tips still count as being on top of something, m."""
+RELIEF = 2e-4
+"""Height over which a support takes the weight of a held object, m."""
+
+
+class KinematicArm:
+    """`protocols.Arm`: follows exactly, or integrates the rigid-body dynamics under torques."""
+
+    def __init__(self, model: RobotModel, period: float) -> None:
+        self._model = model
+        self._period = period
+        self._torque: Array | None = None
+        self.set(model.named("home"), np.zeros(model.n))
+
+    def set(self, position: Array, velocity: Array) -> None:
+        self.position, self.velocity = position, velocity
+        self._aim = (position, np.zeros_like(velocity))
+        self._torque = None
+        self._state = JointState(position, velocity, self._model.gravity(position))
+
+    def read(self) -> JointState:
+        return self._state
+
+    def follow(self, position: Array, velocity: Array) -> None:
+        self._aim = (position.copy(), velocity.copy())
+        self._torque = None
+
+    def apply_torque(self, torque: Array) -> None:
+        self._torque = torque.copy()
+
+    def step(self, wrench_at_tcp: Array) -> None:
+        """One period under a wrench (6,) on the TCP."""
+        if self._torque is None:
+            self.position, self.velocity = self._aim
+            self._state = JointState(self.position, self.velocity, self._model.gravity(self.position))
+            return
+        acceleration = self._model.forward_dynamics(self.position, self.velocity, self._torque, wrench_at_tcp)
+        velocity = self.velocity + acceleration * self._period
+        position = self.position + velocity * self._period
+        inside = np.minimum(np.maximum(position, self._model.lower), self._model.upper)
+        self.velocity = np.where(inside == position, velocity, 0.0)
+        self.position = inside
+        self._state = JointState(self.position, self.velocity, self._torque)
+
+
+class KinematicWrench:
+    """`protocols.WrenchSensor`, without noise."""
+
+    def __init__(self) -> None:
+        self.reading = Wrench()
+
+    def read(self) -> Wrench:
+        return self.reading
+
+
+class KinematicClock:
+    """`protocols.Clock`"""
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.periods = 0
+
+    @property
+    def now(self) -> float:
+        return self.periods * self._period
+
+
+class KinematicHardware:
+    """`protocols.Hardware` for dry runs and tests: fast, exact, and the same each time."""
+
+    def __init__(
+        self, scene: SceneDescription, robot: RobotDescription, seed: int, period: float = 1 / 240
+    ) -> None:
+        self.scene = scene
+        self.robot = robot
+        self.seed = seed
+        self.period = period
+        self.model = RobotModel(robot)
+        items = spawn_items(scene, seed)
+        bodies = (Body(i.id, i.entry, i.colour, i.pose, i.entry.friction) for i in items)
+        self.bodies = Bodies(scene, bodies)
+        self.bodies.settle()
+        self.clock = KinematicClock(period)
+        self.arm = KinematicArm(self.model, period)
+        self.gripper = KinematicGripper(robot.gripper, self.bodies)
+        self.wrench = KinematicWrench()
+        stage = Stage(scene, robot, items, period)
+        self.cameras: Mapping[str, Camera] = MappingProxyType(
+            {c.name: KinematicCamera(c, stage, self.bodies, self.clock, self._posture) for c in scene.cameras}
+        )
+        self.initial_truth = self.truth()
+        """As `truth` at time 0."""
+        self._tip = robot.gripper.tip
+        self._pad = robot.gripper.pads[0][0].size[1]
+        home = self.model.named("home")
+        flange, tcp = self.model.flange(home), self.model.tcp(home)
+        self._flange_in_tcp = np.array((tcp.inverse() @ flange).position)
+        hand: Array = (tcp.inverse() @ flange).rotation() @ np.array(self.model.hand_com)
+        self._hand_in_flange = hand
+        self._data = self.model.arm.createData()
+        self._on_tcp = np.zeros(6)
+        self._height: float | None = None
+        self._touching = False
+        self._sense()
+
+    def step(self) -> None:
+        self.arm.step(self._on_tcp)
+        self.clock.periods += 1
+        self._sense()
+
+    @classmethod
+    def resume(
+        cls, scene: SceneDescription, robot: RobotDescription, seed: int, checkpoint: KinematicState
+    ) -> KinematicHardware:
+        """Continue from a checkpoint, in this process or another."""
+        hardware = cls(scene, robot, seed)
+        hardware.restore(checkpoint)
+        return hardware
+
+    def settings(self) -> Mapping[str, str]:
+        """What the record should say about this simulation."""
+        return {"engine": "kinematic", "period": f"{self.period:.6g} s", "contact": f"{STIFFNESS:g} N/m"}
+
+    def close(self) -> None:
+        """Nothing is held that would not go by itself."""
+
+    def truth(self) -> tuple[TrueBody, ...]:
+        """What is really there, for the scorer and the log only."""
+        return tuple(_true(body) for body in self.bodies.items)
+
+    def true_tcp(self) -> Pose:
+        """Where the tool is in the world, for tests."""
+        return self.model.tcp(self.arm.position)
+
+    def remove(self, item: str) -> None:
+        """A fault: the item is snatched away, out of the hand too."""
+        self.bodies.remove(self._known(item).id)
+
+    def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
+        """A fault: the item becomes slippery, heavier or lighter, for good."""
+        body = self._known(item)
+        entry = body.entry if mass is None else replace(body.entry, mass=mass)
+        self.bodies.put(replace(body, entry=entry, friction=body.friction if friction is None else friction))
+
+    def bump(self, item: str, impulse: Vector3, steps: int = 12) -> None:
+        """A fault: a push of `impulse`, N·s. The item slides as far as friction lets it; a held one stays."""
+        body = self._known(item)
+        x, y, _ = impulse
+        push = math.hypot(x, y)
+        if push <= 0.0 or self.bodies.held == body.id:
+            return
+        way = (push / body.entry.mass) ** 2 / (2.0 * max(body.friction, 0.05) * GRAVITY)
+        self.bodies.put(replace(body, pose=body.pose.shifted((x / push * way, y / push * way, 0.0))))
+        self.bodies.settle()
+
+    def checkpoint(self) -> KinematicState:
+        """Save, and go on from what was saved, as a resumed run would."""
+        gripper, bodies = self.gripper, self.bodies
+        saved = KinematicState(
+            self.seed,
+            self.clock.periods,
+            tuple(self.arm.position.tolist()),
+            tuple(self.arm.velocity.tolist()),
+            gripper.width,
+            gripper.target,
+            gripper.force,
+            gripper.gripped,
+            gripper.item_in_tcp,
+            bodies.held,
+            tuple(ItemState(b.id, b.pose, b.friction, b.entry.mass, b.present) for b in bodies.items),
+        )
+        self.restore(saved)
+        return saved
+
+    def restore(self, saved: KinematicState) -> None:
+        """Take up a checkpoint of the same scene, robot and seed, taken with the arm at rest."""
+        if saved.seed != self.seed:
+            raise PicktreeError(f"the checkpoint is of seed {saved.seed}, but this run has seed {self.seed}")
+        if [item.id for item in saved.items] != [body.id for body in self.bodies.items]:
+            raise PicktreeError("the checkpoint's items are not those that the scene spawns")
+        self.clock.periods = saved.periods
+        self.arm.set(np.array(saved.position), np.array(saved.velocity))
+        gripper = self.gripper
+        gripper.width, gripper.target, gripper.force = saved.width, saved.target, saved.force
+        gripper.gripped, gripper.item_in_tcp, gripper.speed = saved.gripped, saved.item_in_tcp, 0.0
+        self.bodies.replace_all(
+            (
+                replace(
+                    body,
+                    pose=item.pose,
+                    friction=item.friction,
+                    entry=replace(body.entry, mass=item.mass),
+                    present=item.present,
+                )
+                for body, item in zip(self.bodies.items, saved.items, strict=True)
+            ),
+            saved.held,
+        )
+        self._height = None
+        self._sense(still=True)
+
+    def _known(self, item: str) -> Body:
+        if item not in self.bodies:
+            known = ", ".join(body.id for body in self.bodies.items)
+            raise PicktreeError(f"there is no item {item!r}; known: {known}")
+        body = self.bodies[ObjectId(item)]
+        if not body.present:
+            raise PicktreeError(f"item {item!r} was taken away before")
+        return body
+
+    def _posture(self) -> Posture:
+        return Posture(self.arm.position, self.gripper.width)
+
+    def _sense(self, still: bool = False) -> None:
+        """Fingers, contacts and the wrist's reading at the arm's new configuration."""
+        arm, data = self.model.arm, self._data
+        pin.forwardKinematics(arm, data, self.arm.position)
+        placement = pin.updateFramePlacement(arm, data, self.model.tcp_frame)
+        rotation, position = placement.rotation, placement.translation
+        gripper, bodies = self.gripper, self.bodies
+        if not still and (bodies.held is not None or gripper.width != gripper.target):
+            gripper.step(pose_of(placement), self.period)
+        weight = self.model.hand_mass * GRAVITY
+        lever_x, lever_y, _ = (rotation @ self._hand_in_flange).tolist()
+        reading = [0.0, 0.0, -weight, -lever_y * weight, lever_x * weight, 0.0]
+        if self._touching:
+            self._on_tcp, self._touching = np.zeros(6), False
+        z = float(position[2])
+        rate = 0.0 if self._height is None else (z - self._height) / self.period
+        self._height = z
+        if bodies.held is not None or z + float(rotation[2, 2]) * self._tip < bodies.highest + 0.01:
+            for point, upward in self._contacts(rotation, position, rate):
+                self._touching = True
+                arm_x, arm_y, _ = point - position
+                self._on_tcp += (0.0, 0.0, upward, arm_y * upward, -arm_x * upward, 0.0)
+                arm_x, arm_y, _ = point - position - rotation @ self._flange_in_tcp
+                reading[2] += upward
+                reading[3] += float(arm_y) * upward
+                reading[4] -= float(arm_x) * upward
+        fx, fy, fz, tx, ty, tz = reading
+        self.wrench.reading = Wrench((fx, fy, fz), (tx, ty, tz))
+
+    def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
+        """Points (3,) in the world where something pulls down or pushes up on the hand, with its force."""
+        found: list[tuple[Array, float]] = []
+        aside = self.gripper.width / 2 + self._pad / 2
+        for side in (aside, -aside):
+            tip = position + rotation @ np.array([0.0, side, self._tip])
+            x, y, z = (float(c) for c in tip)
+            surface = self.bodies.surface(x, y, z, DEEPEST)
+            if surface is not None and surface > z:
+                force = STIFFNESS / 2 * (surface - z) - DAMPING / 2 * rate
+                found.append((tip, max(0.0, force)))
+        held = self.bodies.held
+        if held is None:
+            return found
+        body = self.bodies[held]
+        weight = body.entry.mass * GRAVITY
+        upward = -weight
+        points = body.pose.apply(corners(body.entry.shape))
+        lowest = float(points[:, 2].min())
+        if lowest < self.bodies.highest + RELIEF:
+            surface = self.bodies.below(Prism.of(held, body.entry.shape, body.pose))
+            if surface is not None:
+                gap = lowest - surface
+                upward += weight * min(max(1.0 - gap / RELIEF, 0.0), 1.0)
+                if gap < 0.0:
+                    upward += max(0.0, -STIFFNESS * gap - DAMPING * rate)
+        found.append((np.array(body.pose.position), upward))
+        return found
+
+
+def _true(body: Body) -> TrueBody:
+    return replace(TrueBody.of(body.id, body.entry, body.colour, body.pose), present=body.present)

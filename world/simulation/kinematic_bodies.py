@@ -1,0 +1,179 @@
+"""Bodies without physics: they rest on what is below them, or stay where the fingers carry them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from ..scene.description import CatalogueEntry, SceneDescription
+from ..shapes import Shape, extents
+from ..values import ObjectId, Pose
+from .footprints import Footprint, distance, footprint
+
+SINKING = 0.005
+"""A surface counts as below when it is at most this much above the lowest point, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """One item as it really is."""
+
+    id: ObjectId
+    entry: CatalogueEntry
+    colour: str
+    pose: Pose
+    friction: float
+    present: bool = True
+    """False after a fault has taken it away."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prism:
+    """A body as what stands on it sees it: an outline from above and a level top."""
+
+    id: str
+    outline: Footprint
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    @classmethod
+    def of(cls, name: str, shape: Shape, pose: Pose) -> Prism:
+        lowest, highest = extents(shape, pose.rotation())
+        x, y, z = pose.position
+        return cls(
+            name,
+            footprint(shape, pose.orientation).at(pose.position[:2]),
+            (x + float(lowest[0]), y + float(lowest[1]), z + float(lowest[2])),
+            (x + float(highest[0]), y + float(highest[1]), z + float(highest[2])),
+        )
+
+    def covers(self, x: float, y: float) -> bool:
+        """Whether the point lies inside the outline."""
+        if not (self.low[0] <= x <= self.high[0] and self.low[1] <= y <= self.high[1]):
+            return False
+        cx, cy = self.outline.centre
+        polygon, r = self.outline.polygon, self.outline.radius
+        if len(polygon) == 1:
+            return (x - cx) ** 2 + (y - cy) ** 2 <= r * r
+        dx, dy = x - cx, y - cy
+        ax, ay = polygon[-1]
+        for bx, by in polygon:
+            if (bx - ax) * (dy - ay) - (by - ay) * (dx - ax) < 0.0:
+                return False
+            ax, ay = bx, by
+        return True
+
+    def overlaps(self, other: Prism) -> bool:
+        """Whether the two outlines cross."""
+        return (
+            self.low[0] < other.high[0]
+            and other.low[0] < self.high[0]
+            and self.low[1] < other.high[1]
+            and other.low[1] < self.high[1]
+            and distance(self.outline, other.outline) <= 0.0
+        )
+
+
+class Bodies:
+    """All items of a run over the fixtures and bins of its scene."""
+
+    def __init__(self, scene: SceneDescription, items: Iterable[Body]) -> None:
+        parts = [(f.id, f.shape, f.pose) for f in scene.fixtures]
+        parts += [(b.id, box, pose) for b in scene.bins for box, pose in b.parts()]
+        self._fixed = tuple(Prism.of(name, shape, pose) for name, shape, pose in parts)
+        self._items: dict[ObjectId, Body] = {}
+        self._prisms: dict[ObjectId, Prism] = {}
+        self.held: ObjectId | None = None
+        self.highest = 0.0
+        """Height of the highest top of anything that stands, m."""
+        self.replace_all(items, None)
+
+    @property
+    def items(self) -> tuple[Body, ...]:
+        """All, those that were taken away too."""
+        return tuple(self._items.values())
+
+    @property
+    def present(self) -> tuple[Body, ...]:
+        return tuple(body for body in self._items.values() if body.present)
+
+    def __getitem__(self, item: ObjectId) -> Body:
+        return self._items[item]
+
+    def __contains__(self, item: object) -> bool:
+        return item in self._items
+
+    def replace_all(self, items: Iterable[Body], held: ObjectId | None) -> None:
+        self._items = {body.id: body for body in items}
+        self.held = held
+        self._prisms = {b.id: Prism.of(b.id, b.entry.shape, b.pose) for b in self.present if b.id != held}
+        self._measure()
+
+    def put(self, body: Body) -> None:
+        """Set the item where it says, without asking what is below."""
+        self._items[body.id] = body
+        if body.present and body.id != self.held:
+            self._prisms[body.id] = Prism.of(body.id, body.entry.shape, body.pose)
+            self._measure()
+
+    def carry(self, pose: Pose) -> None:
+        """The held item moves with the fingers."""
+        assert self.held is not None
+        self._items[self.held] = replace(self._items[self.held], pose=pose)
+
+    def take(self, item: ObjectId, pose: Pose) -> None:
+        """The fingers hold the item from now on; what stood on it comes down."""
+        self.held = item
+        self._prisms.pop(item, None)
+        self.carry(pose)
+        self.settle()
+
+    def let_go(self) -> None:
+        """The held item drops straight down."""
+        if self.held is not None:
+            item, self.held = self.held, None
+            self.drop(item)
+
+    def remove(self, item: ObjectId) -> None:
+        if self.held == item:
+            self.held = None
+        self._items[item] = replace(self._items[item], present=False)
+        self._prisms.pop(item, None)
+        self.settle()
+
+    def settle(self) -> None:
+        """Whatever stands on nothing comes down, the lowest first."""
+        for prism in sorted(self._prisms.values(), key=lambda p: p.low[2]):
+            self.drop(ObjectId(prism.id))
+        self._measure()
+
+    def drop(self, item: ObjectId) -> None:
+        """Straight down, as it is turned, onto the highest thing below; it stays when there is none."""
+        body = self._items[item]
+        prism = Prism.of(item, body.entry.shape, body.pose)
+        surface = self.below(prism)
+        if surface is not None:
+            body = replace(body, pose=body.pose.shifted((0.0, 0.0, surface - prism.low[2])))
+        self.put(body)
+
+    def below(self, prism: Prism) -> float | None:
+        """Height of the highest top under the outline, m."""
+        limit = prism.low[2] + SINKING
+        tops = (
+            p.high[2]
+            for p in (*self._fixed, *self._prisms.values())
+            if p.high[2] <= limit and p.id != prism.id and p.overlaps(prism)
+        )
+        return max(tops, default=None)
+
+    def surface(self, x: float, y: float, z: float, deepest: float) -> float | None:
+        """Height of the highest top at (x, y) that is at most `deepest` above z, m."""
+        best: float | None = None
+        for p in (*self._fixed, *self._prisms.values()):
+            top = p.high[2]
+            if top <= z + deepest and (best is None or top > best) and p.covers(x, y):
+                best = top
+        return best
+
+    def _measure(self) -> None:
+        self.highest = max((p.high[2] for p in (*self._fixed, *self._prisms.values())), default=0.0)

@@ -1,0 +1,109 @@
+"""Cameras of the kinematic backend: ideal images of a stage where bodies are set, not moved."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pybullet as pb
+
+from ..protocols import Clock, RgbdImage
+from ..robot.description import RobotDescription
+from ..scene.description import CameraDescription, SceneDescription
+from ..values import Array, ObjectId
+from .bodies import add_item
+from .camera import Picture, View, backgrounds, intrinsics
+from .kinematic_bodies import Bodies, Body
+from .robot_body import RobotBody
+from .spawn import SpawnedItem
+
+AWAY = (0.0, 0.0, -100.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posture:
+    """How the robot stands: joints (n,) rad, opening m."""
+
+    position: Array
+    width: float
+
+
+class Stage:
+    """A pybullet client that is only looked at. It is made when the first image is taken."""
+
+    def __init__(
+        self, scene: SceneDescription, robot: RobotDescription, items: Iterable[SpawnedItem], period: float
+    ) -> None:
+        self._scene = scene
+        self._robot = robot
+        self._items = tuple(items)
+        self._period = period
+        self._client = -1
+        self._numbers: dict[ObjectId, int] = {}
+        self._backgrounds: Mapping[str, Picture] = {}
+
+    def render(self, camera: CameraDescription, posture: Posture, bodies: Iterable[Body]) -> Picture:
+        """What the camera sees of robot and items, in front of what never moves."""
+        if self._client < 0:
+            self._open()
+        joints = (*posture.position.tolist(), posture.width / 2, posture.width / 2)
+        self._body.place(joints, (0.0,) * len(joints))
+        for body in bodies:
+            pb.resetBasePositionAndOrientation(
+                self._numbers[body.id],
+                body.pose.position if body.present else AWAY,
+                body.pose.orientation,
+                self._client,
+            )
+        front, behind = View(camera).render(self._client), self._backgrounds[camera.name]
+        nearer = front.depth < behind.depth
+        return Picture(
+            np.where(nearer[:, :, None], front.colour, behind.colour),
+            np.where(nearer, front.depth, behind.depth),
+        )
+
+    def _open(self) -> None:
+        self._client = pb.connect(pb.DIRECT)
+        self._body = RobotBody(self._robot, self._client, self._period)
+        weakref.finalize(self, _close, self._client, self._body)
+        self._body.load()
+        self._numbers = {item.id: add_item(item, item.pose, self._client) for item in self._items}
+        self._backgrounds = backgrounds(self._scene)
+
+
+class KinematicCamera:
+    """`protocols.Camera`, without noise."""
+
+    def __init__(
+        self,
+        camera: CameraDescription,
+        stage: Stage,
+        bodies: Bodies,
+        clock: Clock,
+        posture: Callable[[], Posture],
+    ) -> None:
+        self._camera = camera
+        self._stage = stage
+        self._bodies = bodies
+        self._clock = clock
+        self._posture = posture
+
+    def capture(self) -> RgbdImage:
+        posture = self._posture()
+        picture = self._stage.render(self._camera, posture, self._bodies.items)
+        return RgbdImage(
+            camera=self._camera.name,
+            colour=picture.colour,
+            depth=np.where(np.isfinite(picture.depth), picture.depth, np.float32(0.0)),
+            stamp=self._clock.now,
+            intrinsics=intrinsics(self._camera),
+            camera_in_world=self._camera.pose,
+        )
+
+
+def _close(client: int, body: RobotBody) -> None:
+    if pb.isConnected(client):
+        pb.disconnect(client)
+    body.close()

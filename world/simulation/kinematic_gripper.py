@@ -1,0 +1,88 @@
+"""The gripper without physics: it closes until an item between the fingers stops it, and then holds it."""
+
+from __future__ import annotations
+
+from ..robot.description import GripperDescription
+from ..shapes import extents
+from ..values import GripperState, ObjectId, Pose
+from .kinematic_bodies import Bodies, Body
+
+GRAVITY = 9.81
+OVERLAP = 0.001
+"""Least depth of an item between the pads, m."""
+
+
+class KinematicGripper:
+    """`protocols.Gripper`. Holding needs friction: 2μF must carry the weight."""
+
+    def __init__(self, description: GripperDescription, bodies: Bodies) -> None:
+        self._description = description
+        self._bodies = bodies
+        pad = description.pads[0][0].size
+        self._reach_x = pad[0] / 2
+        self._lowest, self._highest = description.tip - pad[2], description.tip
+        self.width = description.max_width
+        self.target = description.max_width
+        self.force = 0.0
+        self.speed = 0.0
+        self.item_in_tcp: Pose | None = None
+        self.gripped = 0.0
+        """Width of what is held, m."""
+
+    def read(self) -> GripperState:
+        return GripperState(self.width, self.speed, self.force if self.speed == 0.0 else 0.0)
+
+    def command(self, width: float, force: float) -> None:
+        self.target = min(max(width, 0.0), self._description.max_width)
+        self.force = min(max(force, 0.0), self._description.max_force)
+
+    def step(self, tcp: Pose, period: float) -> None:
+        """One control period passes with the hand at `tcp` in the world."""
+        bodies = self._bodies
+        held = bodies.held
+        if held is not None:
+            assert self.item_in_tcp is not None
+            if self.target > self.gripped + 5e-4 or not self._carries(bodies[held]):
+                bodies.carry(tcp @ self.item_in_tcp)
+                bodies.let_go()
+            else:
+                bodies.carry(tcp @ self.item_in_tcp)
+                self.speed = 0.0
+                return
+        most = 2.0 * self._description.speed * period
+        before = self.width
+        width = before + min(max(self.target - before, -most), most)
+        if width < before and (caught := self._caught(tcp, before, width)) is not None:
+            item, pose, self.gripped = caught
+            width = self.gripped
+            bodies.take(item, tcp @ pose)
+            self.item_in_tcp = pose
+        self.width = width
+        self.speed = (width - before) / period
+
+    def _carries(self, body: Body) -> bool:
+        friction = body.friction * self._description.pad_contact.friction
+        return 2.0 * friction * self.force >= body.entry.mass * GRAVITY
+
+    def _caught(self, tcp: Pose, before: float, width: float) -> tuple[ObjectId, Pose, float] | None:
+        """The item that stops the fingers between two openings, centred, in the TCP frame; its width."""
+        world_in_tcp: Pose | None = None
+        reach = self._description.max_width
+        for body in self._bodies.present:
+            if body.pose.distance(tcp) > reach + max(self._reach_x, 0.1):
+                continue
+            world_in_tcp = world_in_tcp or tcp.inverse()
+            pose = world_in_tcp @ body.pose
+            low, high = extents(body.entry.shape, pose.rotation())
+            x, y, z = pose.position
+            inside_x = min(x + float(high[0]), self._reach_x) - max(x + float(low[0]), -self._reach_x)
+            inside_z = min(z + float(high[2]), self._highest) - max(z + float(low[2]), self._lowest)
+            if min(inside_x, inside_z) < OVERLAP:
+                continue
+            left, right = y + float(low[1]), y + float(high[1])
+            size = right - left
+            if left < -before / 2 - 5e-4 or right > before / 2 + 5e-4 or width > size:
+                continue
+            if self._carries(body):
+                return body.id, pose.shifted((0.0, -(left + right) / 2, 0.0)), size
+        return None

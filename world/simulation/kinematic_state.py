@@ -1,0 +1,56 @@
+"""A saved state of the kinematic backend: numbers and names only, exact in JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from ..errors import PicktreeError
+from ..values import ObjectId, Pose
+
+
+@dataclass(frozen=True, slots=True)
+class ItemState:
+    """An item's pose in the world, and what faults may have changed on it."""
+
+    id: ObjectId
+    pose: Pose
+    friction: float
+    mass: float
+    present: bool
+
+
+@dataclass(frozen=True, slots=True)
+class KinematicState:
+    """Everything that the future depends on, besides scene, robot and seed."""
+
+    seed: int
+    periods: int
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    width: float
+    target: float
+    force: float
+    gripped: float
+    item_in_tcp: Pose | None
+    held: ObjectId | None
+    items: tuple[ItemState, ...]
+
+    def to_plain(self) -> dict[str, Any]:
+        """As JSON knows it. Floats survive exactly."""
+        return _ADAPTER.dump_python(self, mode="json")
+
+    @classmethod
+    def from_plain(cls, plain: object) -> KinematicState:
+        """Raises PicktreeError when this is no checkpoint of this backend."""
+        try:
+            return _ADAPTER.validate_python(plain)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise PicktreeError(f"no checkpoint of the kinematic backend: {where}: {first['msg']}") from None
+
+
+_ADAPTER = TypeAdapter(KinematicState)
