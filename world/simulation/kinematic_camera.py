@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
@@ -15,6 +14,7 @@ from ..scene.description import CameraDescription, SceneDescription
 from ..values import Array, ObjectId
 from .bodies import add_item
 from .camera import Picture, View, backgrounds, intrinsics
+from .client import Client
 from .kinematic_bodies import Bodies, Body
 from .robot_body import RobotBody
 from .spawn import SpawnedItem
@@ -65,9 +65,9 @@ class Stage:
         )
 
     def _open(self) -> None:
-        self._client = pb.connect(pb.DIRECT)
-        self._body = RobotBody(self._robot, self._client, self._period)
-        weakref.finalize(self, _close, self._client, self._body)
+        owner = Client()
+        self._client = owner.id
+        self._body = RobotBody(self._robot, owner, self._period)
         self._body.load()
         self._numbers = {item.id: add_item(item, item.pose, self._client) for item in self._items}
         self._backgrounds = backgrounds(self._scene)
@@ -101,9 +101,3 @@ class KinematicCamera:
             intrinsics=intrinsics(self._camera),
             camera_in_world=self._camera.pose,
         )
-
-
-def _close(client: int, body: RobotBody) -> None:
-    if pb.isConnected(client):
-        pb.disconnect(client)
-    body.close()
