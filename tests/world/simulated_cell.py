@@ -1,14 +1,12 @@
-"""A small sorting cell and a Panda, built by hand for the tests of the simulation."""
+"""A small sorting cell and a Panda, for the tests of the simulation."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
-import pybullet_data
-
-from picktree.world.robot.description import GripperDescription, JointLimits, PadContact, RobotDescription
+from picktree.world.robot.description import RobotDescription
+from picktree.world.robot.load import load_robot
 from picktree.world.scene.description import (
     Bin,
     CameraDescription,
@@ -66,40 +64,4 @@ def cell(**changes: object) -> SceneDescription:
 
 
 def panda() -> RobotDescription:
-    """pybullet_data's Panda with the numbers of its data sheet."""
-    speeds = (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61)
-    lower = (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973)
-    upper = (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973)
-    accelerations = (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
-    torques = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
-    limits = zip(lower, upper, speeds, accelerations, torques, strict=True)
-    pad = Box((0.02, 0.008, 0.018))
-    return RobotDescription(
-        name="panda",
-        urdf=str(Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"),
-        base_in_world=Pose(),
-        joints=tuple(f"panda_joint{k}" for k in range(1, 8)),
-        limits=tuple(JointLimits(*limit) for limit in limits),
-        named={"home": (0.0, -0.6, 0.0, -2.4, 0.0, 1.8, 0.785)},
-        tcp_link="panda_grasptarget",
-        tcp_in_link=Pose(),
-        flange_joint="panda_hand_joint",
-        gripper=GripperDescription(
-            joints=("panda_finger_joint1", "panda_finger_joint2"),
-            fingers=("panda_leftfinger", "panda_rightfinger"),
-            max_width=0.08,
-            max_force=70.0,
-            speed=0.1,
-            pads=(
-                (pad, Pose((0.0, 0.004, 0.0447))),
-                (pad, Pose((0.0, -0.004, 0.0447))),
-            ),
-            pad_contact=PadContact(),
-            gear=-1.0,
-            tip=0.0072,
-            palm=0.039,
-            hand=((Box((0.06, 0.204, 0.07)), Pose((0.0, 0.0, -0.074))),),
-            finger_boxes=(Box((0.022, 0.02, 0.05)), Pose((0.0, 0.01, -0.016))),
-        ),
-        disabled_pairs=(),
-    )
+    return load_robot("panda")

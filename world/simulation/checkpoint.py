@@ -1,0 +1,104 @@
+"""A saved state of the physical simulation: numbers and names only, exact in JSON, no pickle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pydantic import TypeAdapter, ValidationError
+
+from ..errors import PicktreeError
+from ..values import ObjectId, Quaternion, Vector3
+
+
+@dataclass(frozen=True, slots=True)
+class BodyState:
+    """An item's pose and velocities in the world."""
+
+    id: ObjectId
+    position: Vector3
+    orientation: Quaternion
+    velocity: Vector3
+    spin: Vector3
+    present: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ArmCommand:
+    """What the arm was last told: `follow` with position and velocity, or `torque`. Each (n,)."""
+
+    mode: Literal["follow", "torque"]
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    torque: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GripperCommand:
+    """Opening, m, and force a finger, N."""
+
+    width: float
+    force: float
+
+
+@dataclass(frozen=True, slots=True)
+class RobotReading:
+    """What the noise-free sensors said after the last step; the arm's joints first, then the fingers'."""
+
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    effort: tuple[float, ...]
+    wrench: tuple[float, ...]
+    """Force and torque on the wrist in the world's axes, (6,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicsChange:
+    """An entry of the ledger: what a fault changed on an item for good."""
+
+    item: ObjectId
+    friction: float | None = None
+    mass: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Push:
+    """A force on an item's centre in the world, N, for some more steps."""
+
+    item: ObjectId
+    force: Vector3
+    steps: int
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """Everything in the simulation that the future depends on, besides scene, robot and seed."""
+
+    seed: int
+    step: int
+    captures: Mapping[str, int]
+    arm: ArmCommand
+    gripper: GripperCommand
+    robot: RobotReading
+    items: tuple[BodyState, ...]
+    initial: tuple[BodyState, ...]
+    ledger: tuple[DynamicsChange, ...]
+    pushes: tuple[Push, ...]
+
+    def to_plain(self) -> dict[str, Any]:
+        """As JSON knows it. Floats survive exactly."""
+        return _ADAPTER.dump_python(self, mode="json")
+
+    @classmethod
+    def from_plain(cls, plain: object) -> Checkpoint:
+        """Raises PicktreeError when this is no checkpoint of the simulation."""
+        try:
+            return _ADAPTER.validate_python(plain)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise PicktreeError(f"no checkpoint of the simulation: {where}: {first['msg']}") from None
+
+
+_ADAPTER = TypeAdapter(Checkpoint)

@@ -1,0 +1,94 @@
+"""The robot's devices as the protocols know them, over the simulated robot body."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import PicktreeError
+from ..values import Array, GripperState, JointState, Wrench
+from .checkpoint import GripperCommand, RobotReading
+from .noise import BodyNoise
+from .robot_body import RobotBody, finite
+
+PERIOD = 1 / 240
+"""Physics step and control period, s; at 1/120 s plates are dropped in transport."""
+
+
+@dataclass(slots=True)
+class Senses:
+    """The last step and what ideal sensors said after it; `protocols.Clock` as well."""
+
+    noise: BodyNoise
+    step: int
+    reading: RobotReading
+
+    @property
+    def now(self) -> float:
+        """Simulated seconds since time 0."""
+        return self.step * PERIOD
+
+
+class PhysicsArm:
+    """`protocols.Arm`"""
+
+    def __init__(self, senses: Senses, body: RobotBody) -> None:
+        self._senses = senses
+        self._body = body
+        self._shape = (len(body.description.joints),)
+
+    def read(self) -> JointState:
+        reading, n = self._senses.reading, self._shape[0]
+        position, velocity = self._senses.noise.encoders(self._senses.step)
+        return JointState(
+            np.array(reading.position[:n]) + position,
+            np.array(reading.velocity[:n]) + velocity,
+            np.array(reading.effort[:n]),
+        )
+
+    def follow(self, position: Array, velocity: Array) -> None:
+        self._body.follow(
+            finite(position, "arm position", self._shape), finite(velocity, "arm velocity", self._shape)
+        )
+
+    def apply_torque(self, torque: Array) -> None:
+        self._body.apply_torque(finite(torque, "arm torque", self._shape))
+
+
+class PhysicsGripper:
+    """`protocols.Gripper`"""
+
+    def __init__(self, senses: Senses, body: RobotBody) -> None:
+        self._senses = senses
+        self._body = body
+
+    def read(self) -> GripperState:
+        reading = self._senses.reading
+        width = sum(reading.position[-2:]) + self._senses.noise.width(self._senses.step)
+        force = sum(map(abs, reading.effort[-2:])) / 2
+        return GripperState(width, sum(reading.velocity[-2:]), force)
+
+    def command(self, width: float, force: float) -> None:
+        """Beyond the gripper's limits the nearest possible is done."""
+        if not (math.isfinite(width) and math.isfinite(force)):
+            raise PicktreeError(f"gripper: width {width}, force {force}; both must be finite")
+        gripper = self._body.description.gripper
+        command = GripperCommand(
+            min(max(width, 0.0), gripper.max_width), min(max(force, 0.0), gripper.max_force)
+        )
+        if command != self._body.grip:
+            self._body.drive_fingers(command)
+
+
+class PhysicsWrench:
+    """`protocols.WrenchSensor`"""
+
+    def __init__(self, senses: Senses) -> None:
+        self._senses = senses
+
+    def read(self) -> Wrench:
+        values = self._senses.noise.wrench(self._senses.step) + self._senses.reading.wrench
+        fx, fy, fz, tx, ty, tz = values.tolist()
+        return Wrench((fx, fy, fz), (tx, ty, tz))

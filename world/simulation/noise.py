@@ -1,0 +1,100 @@
+"""Noise of the sensors, from keyed streams: a reading's noise depends on seed, sensor and step alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.description import CameraDescription, SensorNoise
+from ..streams import Streams
+from ..values import Array
+
+BLOCK = 240
+"""Steps whose noise is drawn at once: a generator costs 15 µs, a number 10 ns."""
+VELOCITY_RATE = 10.0
+"""Noise of a joint's velocity over that of its position, 1/s: encoders differentiated over about 0.1 s."""
+EDGE = 0.01
+"""Step of depth between neighbouring pixels that makes an edge, m."""
+COLOUR_NOISE = 4
+"""Greatest error of a colour channel, of 255."""
+
+
+class BlockNoise:
+    """Errors of one sensor, (channels,) a step, with a standard deviation each."""
+
+    def __init__(self, streams: Streams, sensor: str, deviations: Sequence[float]) -> None:
+        self._streams = streams
+        self._stream = f"sensor/{sensor}"
+        self._deviations = np.array(deviations)
+        self._number = -1
+        self._block: Array = np.empty((0, len(deviations)))
+
+    def at(self, step: int) -> Array:
+        """The errors of that step."""
+        number, row = divmod(step, BLOCK)
+        if number != self._number:
+            self._number = number
+            rng = self._streams.at(self._stream, number)
+            self._block = rng.standard_normal((BLOCK, len(self._deviations))) * self._deviations
+        return self._block[row]
+
+
+class BodyNoise:
+    """Errors of encoders, gripper and wrist at each step, in their units."""
+
+    def __init__(self, noise: SensorNoise, streams: Streams, joints: int) -> None:
+        self._joints = joints
+        rate = noise.encoder * VELOCITY_RATE
+        self._encoders = BlockNoise(streams, "encoders", [noise.encoder] * joints + [rate] * joints)
+        self._width = BlockNoise(streams, "width", [noise.width])
+        self._wrench = BlockNoise(streams, "wrench", [noise.force] * 3 + [noise.torque] * 3)
+
+    def encoders(self, step: int) -> tuple[Array, Array]:
+        """Errors of the joints' positions (n,) rad and velocities (n,) rad/s."""
+        errors = self._encoders.at(step)
+        return errors[: self._joints], errors[self._joints :]
+
+    def width(self, step: int) -> float:
+        """Error of the opening, m."""
+        return float(self._width.at(step)[0])
+
+    def wrench(self, step: int) -> Array:
+        """Error of force and torque, (6,) N and Nm."""
+        return self._wrench.at(step)
+
+
+def noisy_depth(
+    depth: NDArray[np.float32], camera: CameraDescription, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Depth (h, w) with noise that grows with its square, and dropouts at edges; 0 stays 0.
+
+    The noise model is that of structured light and stereo: Khoshelham & Elberink (2012), eq. 10.
+    """
+    noisy = rng.standard_normal(depth.shape, dtype=np.float32)
+    noisy *= depth
+    noisy *= depth * np.float32(camera.depth_noise / 0.7**2)
+    noisy += depth
+    edges = np.nonzero(_edges(depth))
+    lost = rng.random(len(edges[0])) < camera.edge_dropout
+    noisy[edges[0][lost], edges[1][lost]] = 0.0
+    return noisy
+
+
+def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Pixels with a step of depth towards one of the four neighbours."""
+    edge = np.zeros(depth.shape, dtype=np.bool_)
+    down = np.abs(np.diff(depth, axis=0)) > EDGE
+    right = np.abs(np.diff(depth, axis=1)) > EDGE
+    edge[1:] |= down
+    edge[:-1] |= down
+    edge[:, 1:] |= right
+    edge[:, :-1] |= right
+    return edge
+
+
+def noisy_colour(colour: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
+    """Colour (h, w, 3) with a little evenly distributed noise on each channel."""
+    errors = rng.integers(-COLOUR_NOISE, COLOUR_NOISE + 1, colour.shape, dtype=np.int8)
+    return np.clip(colour.astype(np.int16) + errors, 0, 255).astype(np.uint8)

@@ -1,0 +1,314 @@
+"""The physical backend: robot, bins and items in pybullet, behind the protocols of the hardware."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from types import MappingProxyType
+
+import numpy as np
+import pybullet as pb
+
+from ..errors import PicktreeError
+from ..protocols import Camera, Clock
+from ..robot.description import RobotDescription
+from ..scene.description import SceneDescription
+from ..streams import Streams
+from ..values import ObjectId, Pose, Vector3
+from .bodies import add_fixed, add_item, set_friction, set_mass
+from .camera import PhysicsCamera, backgrounds
+from .checkpoint import BodyState, Checkpoint, DynamicsChange, Push, RobotReading
+from .client import Client
+from .devices import PERIOD, PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
+from .noise import BodyNoise
+from .robot_body import RobotBody, finite
+from .spawn import SpawnedItem, spawn_items
+from .truth import TrueBody
+
+GRAVITY = 9.81
+"""m/s²"""
+SOLVER_ITERATIONS = 50
+RESIDUAL_THRESHOLD = 3e-7
+"""At 1e-5 boxes creep 0.15 mm/s over the table unless they get rolling friction, at three times the cost."""
+SETTLE_LEAST, SETTLE_MOST = 24, 600
+"""Steps before time 0: at least, so that everything has touched down; at most, if something never rests."""
+REST_SPEED, REST_SPIN = 0.005, 0.05
+"""m/s, rad/s"""
+
+
+@dataclass(frozen=True, slots=True)
+class TrueContact:
+    """One contact point: names of items, fixtures, bins or robot links; for tests and the analyst."""
+
+    one: str
+    other: str
+    distance: float
+    """m; negative when they penetrate."""
+    force: float
+    """Along the normal, N."""
+
+
+class PhysicsHardware:
+    """`protocols.Hardware` over a pybullet client of its own. Several may live in one process.
+
+    Bodies move by `stepSimulation` alone; poses are set at spawn, on restore and by named faults.
+    """
+
+    def __init__(
+        self, scene: SceneDescription, robot: RobotDescription, seed: int, start: Checkpoint | None = None
+    ) -> None:
+        self.scene = scene
+        self.robot = robot
+        self.seed = seed
+        self._streams = Streams(seed)
+        client = Client()
+        self.close = client.close
+        """Frees the client; it happens by itself when hardware and devices are no longer used."""
+        self._client = client.id
+        self._body = RobotBody(robot, client, PERIOD)
+        noise = BodyNoise(scene.noise, self._streams, len(robot.joints))
+        self._senses = senses = Senses(noise, 0, RobotReading((), (), (), ()))
+        self._items: Mapping[ObjectId, SpawnedItem] = {i.id: i for i in spawn_items(scene, seed)}
+        self._ledger: list[DynamicsChange] = []
+        self._pushes: list[Push] = []
+        self._gone: dict[ObjectId, BodyState] = {}
+        self._numbers: dict[ObjectId, int] = {}
+        self._fixed: dict[int, str] = {}
+        behind = backgrounds(scene)
+        self._cameras = MappingProxyType(
+            {c.name: PhysicsCamera(c, behind[c.name], self._streams, client, senses) for c in scene.cameras}
+        )
+        self.arm = PhysicsArm(senses, self._body)
+        self.gripper = PhysicsGripper(senses, self._body)
+        self.wrench = PhysicsWrench(senses)
+        if start is None:
+            self._build({name: item.pose for name, item in self._items.items()})
+            self._settle()
+            self._senses.reading = self._body.read()
+            self._initial = tuple(self._state(name) for name in self._items)
+        else:
+            self.restore(start)
+
+    @classmethod
+    def resume(
+        cls, scene: SceneDescription, robot: RobotDescription, seed: int, checkpoint: Checkpoint
+    ) -> PhysicsHardware:
+        """Continue from a checkpoint, in this process or another: bit for bit as the run that made it."""
+        return cls(scene, robot, seed, checkpoint)
+
+    @property
+    def clock(self) -> Clock:
+        return self._senses
+
+    @property
+    def period(self) -> float:
+        return PERIOD
+
+    @property
+    def cameras(self) -> Mapping[str, Camera]:
+        return self._cameras
+
+    def settings(self) -> Mapping[str, str]:
+        """What a record has to say about the physics."""
+        return {
+            "backend": "physics",
+            "engine": f"pybullet {version('pybullet')}",
+            "step": f"{PERIOD:.9f} s",
+            "solver_iterations": str(SOLVER_ITERATIONS),
+            "solver_residual_threshold": str(RESIDUAL_THRESHOLD),
+            "gravity": f"{GRAVITY} m/s²",
+        }
+
+    def step(self) -> None:
+        self._body.before_step()
+        if self._pushes:
+            self._push()
+        pb.stepSimulation(self._client)
+        self._senses.step += 1
+        self._senses.reading = self._body.read()
+
+    def checkpoint(self) -> Checkpoint:
+        """Save → reset → rebuild → restore. The run goes on from what was saved, as a resumed run would:
+        contact caches and solver history are dropped in both."""
+        saved = self._save()
+        self.restore(saved)
+        return saved
+
+    def restore(self, saved: Checkpoint) -> None:
+        """Take up a checkpoint of the same scene, robot and seed."""
+        if saved.seed != self.seed:
+            raise PicktreeError(f"the checkpoint is of seed {saved.seed}, but this run has seed {self.seed}")
+        for what, states in (("items", saved.items), ("initial items", saved.initial)):
+            if (ids := [s.id for s in states]) != list(self._items):
+                raise PicktreeError(
+                    f"the checkpoint's {what} are {ids}, but the scene spawns {list(self._items)}"
+                )
+        if sorted(saved.captures) != sorted(self._cameras):
+            raise PicktreeError(
+                f"the checkpoint's cameras are {sorted(saved.captures)}, "
+                f"but the scene has {sorted(self._cameras)}"
+            )
+        present = [s for s in saved.items if s.present]
+        self._build({s.id: Pose(s.position, s.orientation) for s in present})
+        for state in present:
+            pb.resetBaseVelocity(self._numbers[state.id], state.velocity, state.spin, self._client)
+        self._gone = {s.id: s for s in saved.items if not s.present}
+        self._ledger = list(saved.ledger)
+        for change in self._ledger:
+            self._apply(change)
+        self._pushes = list(saved.pushes)
+        self._body.restore(saved.robot, saved.arm, saved.gripper)
+        self._senses.reading = saved.robot
+        self._senses.step = saved.step
+        self._initial = saved.initial
+        for name, camera in self._cameras.items():
+            camera.captures = saved.captures[name]
+
+    def _save(self) -> Checkpoint:
+        return Checkpoint(
+            seed=self.seed,
+            step=self._senses.step,
+            captures={name: camera.captures for name, camera in self._cameras.items()},
+            arm=self._body.command,
+            gripper=self._body.grip,
+            robot=self._senses.reading,
+            items=tuple(self._state(name) for name in self._items),
+            initial=self._initial,
+            ledger=tuple(self._ledger),
+            pushes=tuple(self._pushes),
+        )
+
+    def truth(self) -> tuple[TrueBody, ...]:
+        """Every item that was spawned, as it really is: for scorer, faults and the analyst's log only."""
+        return tuple(self._true(self._state(name)) for name in self._items)
+
+    @property
+    def initial_truth(self) -> tuple[TrueBody, ...]:
+        """As `truth` at time 0."""
+        return tuple(self._true(state) for state in self._initial)
+
+    def true_tcp(self) -> Pose:
+        """Where the tool really is in the world, for tests."""
+        return self._body.tcp()
+
+    def true_contacts(self) -> tuple[TrueContact, ...]:
+        """Contact points of the last step, for tests and the analyst."""
+        return tuple(
+            TrueContact(self._name(c[1], c[3]), self._name(c[2], c[4]), c[8], c[9])
+            for c in pb.getContactPoints(physicsClientId=self._client)
+        )
+
+    def remove(self, item: str) -> None:
+        """A fault: the item is snatched away."""
+        name = self._known(item)
+        self._gone[name] = _at_rest(self._state(name))
+        pb.removeBody(self._numbers.pop(name), self._client)
+        self._pushes = [p for p in self._pushes if p.item != name]
+
+    def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
+        """A fault: the item becomes slippery, heavier or lighter, for good."""
+        change = DynamicsChange(self._known(item), friction, mass)
+        self._apply(change)
+        self._ledger.append(change)
+
+    def bump(self, item: str, impulse: Vector3, steps: int = 12) -> None:
+        """A fault: a push on the item's centre that hands over `impulse`, N·s, within `steps` steps."""
+        x, y, z = finite(np.array(impulse, dtype=np.float64), f"{item}: impulse", (3,))
+        share = 1.0 / (max(1, steps) * PERIOD)
+        self._pushes.append(Push(self._known(item), (x * share, y * share, z * share), max(1, steps)))
+
+    def _build(self, poses: Mapping[ObjectId, Pose]) -> None:
+        """An empty simulation, then everything in the same order as always."""
+        client = self._client
+        pb.resetSimulation(physicsClientId=client)
+        pb.setGravity(0, 0, -GRAVITY, physicsClientId=client)
+        pb.setTimeStep(PERIOD, client)
+        pb.setPhysicsEngineParameter(
+            numSolverIterations=SOLVER_ITERATIONS,
+            solverResidualThreshold=RESIDUAL_THRESHOLD,
+            deterministicOverlappingPairs=1,
+            jointFeedbackMode=pb.JOINT_FEEDBACK_IN_WORLD_SPACE,
+            physicsClientId=client,
+        )
+        self._fixed = add_fixed(self.scene, self.robot.base_in_world, client)
+        self._body.load()
+        self._numbers = {
+            name: add_item(item, poses[name], client) for name, item in self._items.items() if name in poses
+        }
+        self._gone = {}
+
+    def _settle(self) -> None:
+        """Let everything come to rest before time 0."""
+        for k in range(SETTLE_MOST):
+            pb.stepSimulation(self._client)
+            if k >= SETTLE_LEAST and all(_resting(self._state(name)) for name in self._items):
+                return
+
+    def _push(self) -> None:
+        """pybullet forgets forces after each step."""
+        left: list[Push] = []
+        for push in self._pushes:
+            number = self._numbers[push.item]
+            centre, _ = pb.getBasePositionAndOrientation(number, self._client)
+            pb.applyExternalForce(number, -1, push.force, centre, pb.WORLD_FRAME, self._client)
+            if push.steps > 1:
+                left.append(Push(push.item, push.force, push.steps - 1))
+        self._pushes = left
+
+    def _apply(self, change: DynamicsChange) -> None:
+        number = self._numbers.get(change.item)
+        if number is None:
+            return
+        if change.friction is not None:
+            set_friction(number, change.friction, self._client)
+        if change.mass is not None:
+            set_mass(number, self._items[change.item].entry.shape, change.mass, self._client)
+
+    def _state(self, name: ObjectId) -> BodyState:
+        if name in self._gone:
+            return self._gone[name]
+        number = self._numbers[name]
+        position, orientation = pb.getBasePositionAndOrientation(number, self._client)
+        velocity, spin = pb.getBaseVelocity(number, self._client)
+        return BodyState(name, position, orientation, velocity, spin, present=True)
+
+    def _true(self, state: BodyState) -> TrueBody:
+        item = self._items[state.id]
+        entry = item.entry
+        return TrueBody(
+            state.id,
+            entry.kind,
+            entry.form,
+            entry.shape,
+            item.colour,
+            Pose(state.position, state.orientation),
+            state.velocity,
+            state.spin,
+            state.present,
+        )
+
+    def _known(self, item: str) -> ObjectId:
+        name = ObjectId(item)
+        if name not in self._items:
+            raise PicktreeError(f"there is no item {item!r}; known: {', '.join(self._items)}")
+        if name not in self._numbers:
+            raise PicktreeError(f"item {item!r} was taken away before")
+        return name
+
+    def _name(self, body: int, link: int) -> str:
+        if body == self._body.body:
+            return self._body.links[link]
+        if body in self._fixed:
+            return self._fixed[body]
+        return next((name for name, number in self._numbers.items() if number == body), "?")
+
+
+def _at_rest(state: BodyState) -> BodyState:
+    still = (0.0, 0.0, 0.0)
+    return BodyState(state.id, state.position, state.orientation, still, still, present=False)
+
+
+def _resting(state: BodyState) -> bool:
+    return math.hypot(*state.velocity) < REST_SPEED and math.hypot(*state.spin) < REST_SPIN

@@ -1,0 +1,223 @@
+"""The robot in pybullet: joints, motors, gear and wrist sensor, all as the robot file says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pybullet as pb
+
+from ..errors import PicktreeError
+from ..robot.description import RobotDescription
+from ..values import Array, Pose
+from .checkpoint import ArmCommand, GripperCommand, RobotReading
+from .client import Client
+from .robot_urdf import patched_urdf
+
+POSITION_GAIN = 0.3
+"""Share of the position error that one step removes: tracks to 0.1 mrad at 1 rad/s."""
+FINGER_GAIN = 0.2
+GEAR_FORCE = 1000.0
+"""N"""
+
+
+class RobotBody:
+    """One robot in one pybullet client. `load` builds it anew after a reset of the simulation."""
+
+    def __init__(self, robot: RobotDescription, client: Client, period: float) -> None:
+        self.description = robot
+        self._owner = client
+        self._client = client.id
+        self._period = period
+        self._limits = [joint.torque for joint in robot.limits]
+        self._gains = [POSITION_GAIN] * len(robot.joints)
+        self._ones = [1.0] * len(robot.joints)
+        self._urdf = patched_urdf(robot)
+        self._folder = TemporaryDirectory(prefix="picktree-")
+        (Path(self._folder.name) / "robot.urdf").write_text(self._urdf, encoding="utf-8")
+        self.body = -1
+        self.links: dict[int, str] = {}
+        self._command = ArmCommand("follow", (), (), ())
+        self._grip = GripperCommand(0.0, 0.0)
+        self._torque_mode = False
+
+    @property
+    def command(self) -> ArmCommand:
+        return self._command
+
+    @property
+    def grip(self) -> GripperCommand:
+        return self._grip
+
+    def load(self) -> None:
+        """Put the robot into an empty simulation, at `home` with the gripper open."""
+        robot, base = self.description, self.description.base_in_world
+        self.body = pb.loadURDF(
+            str(Path(self._folder.name) / "robot.urdf"),
+            base.position,
+            base.orientation,
+            useFixedBase=1,
+            flags=pb.URDF_USE_INERTIA_FROM_FILE,
+            physicsClientId=self._client,
+        )
+        joints: dict[str, int] = {}
+        self.links = {-1: "base"}
+        for k in range(pb.getNumJoints(self.body, self._client)):
+            info = pb.getJointInfo(self.body, k, self._client)
+            joints[info[1].decode()] = k
+            self.links[k] = info[12].decode()
+        wanted = (*robot.joints, *robot.gripper.joints, robot.flange_joint)
+        if missing := [name for name in wanted if name not in joints]:
+            raise PicktreeError(f"{robot.source or robot.name}: no joint {missing[0]!r} in {robot.urdf}")
+        self._arm = [joints[name] for name in robot.joints]
+        self._fingers = [joints[name] for name in robot.gripper.joints]
+        self._flange = joints[robot.flange_joint]
+        self._read_joints = [*self._arm, *self._fingers, self._flange]
+        for link in self.links:
+            # pybullet's default of 0.04 would brake the arm as if it moved through oil.
+            pb.changeDynamics(
+                self.body,
+                link,
+                linearDamping=0.0,
+                angularDamping=0.0,
+                jointDamping=0.0,
+                collisionMargin=0.0,
+                physicsClientId=self._client,
+            )
+        pb.enableJointForceTorqueSensor(self.body, self._flange, 1, self._client)
+        self._add_gear()
+        self._torque_mode = False
+        home = robot.named["home"]
+        opening = robot.gripper.max_width / 2
+        self.place((*home, opening, opening), (0.0,) * (len(home) + 2))
+        self.follow(home, (0.0,) * len(home))
+        self.drive_fingers(GripperCommand(robot.gripper.max_width, robot.gripper.max_force))
+
+    def _add_gear(self) -> None:
+        one, other = self._fingers
+        gear = pb.createConstraint(
+            self.body,
+            one,
+            self.body,
+            other,
+            pb.JOINT_GEAR,
+            (1, 0, 0),
+            (0, 0, 0),
+            (0, 0, 0),
+            physicsClientId=self._client,
+        )
+        pb.changeConstraint(
+            gear,
+            gearRatio=self.description.gripper.gear,
+            erp=1.0,
+            maxForce=GEAR_FORCE,
+            physicsClientId=self._client,
+        )
+
+    def place(self, position: tuple[float, ...], velocity: tuple[float, ...]) -> None:
+        """Set all joints, arm then fingers: at the start and on restore only."""
+        for joint, p, v in zip([*self._arm, *self._fingers], position, velocity, strict=True):
+            pb.resetJointState(self.body, joint, p, v, physicsClientId=self._client)
+
+    def follow(self, position: tuple[float, ...], velocity: tuple[float, ...]) -> None:
+        """Servo so that the arm is at `position` with `velocity` when the next step ends."""
+        self._command = ArmCommand("follow", position, velocity, ())
+        self._torque_mode = False
+        # pybullet adds the velocity on top of the position error; the target is where the period starts.
+        starts = [p - v * self._period for p, v in zip(position, velocity, strict=True)]
+        pb.setJointMotorControlArray(
+            self.body,
+            self._arm,
+            pb.POSITION_CONTROL,
+            targetPositions=starts,
+            targetVelocities=velocity,
+            forces=self._limits,
+            positionGains=self._gains,
+            velocityGains=self._ones,
+            physicsClientId=self._client,
+        )
+
+    def apply_torque(self, torque: tuple[float, ...]) -> None:
+        """Joint torques for the next steps; nothing else drives the arm then."""
+        self._command = ArmCommand("torque", (), (), torque)
+
+    def drive_fingers(self, grip: GripperCommand) -> None:
+        self._grip = grip
+        for joint in self._fingers:
+            pb.setJointMotorControl2(
+                self.body,
+                joint,
+                pb.POSITION_CONTROL,
+                targetPosition=grip.width / 2,
+                force=grip.force,
+                positionGain=FINGER_GAIN,
+                velocityGain=1.0,
+                maxVelocity=self.description.gripper.speed,
+                physicsClientId=self._client,
+            )
+
+    def before_step(self) -> None:
+        """pybullet forgets torques after each step; the servo's targets stay."""
+        if self._command.mode != "torque":
+            return
+        if not self._torque_mode:
+            self._torque_mode = True
+            pb.setJointMotorControlArray(
+                self.body,
+                self._arm,
+                pb.VELOCITY_CONTROL,
+                forces=[0.0] * len(self._arm),
+                physicsClientId=self._client,
+            )
+        pb.setJointMotorControlArray(
+            self.body,
+            self._arm,
+            pb.TORQUE_CONTROL,
+            forces=self._command.torque,
+            physicsClientId=self._client,
+        )
+
+    def restore(self, reading: RobotReading, command: ArmCommand, grip: GripperCommand) -> None:
+        self.place(reading.position, reading.velocity)
+        if command.mode == "torque":
+            self.apply_torque(command.torque)
+        else:
+            self.follow(command.position, command.velocity)
+        self.drive_fingers(grip)
+
+    def read(self) -> RobotReading:
+        """What ideal sensors say now."""
+        states = pb.getJointStates(self.body, self._read_joints, physicsClientId=self._client)
+        position, velocity, _, effort = zip(*states[:-1], strict=True)
+        fx, fy, fz, tx, ty, tz = states[-1][2]
+        com, _, _, _, origin, _ = pb.getLinkState(self.body, self._flange, 0, 0, self._client)
+        lx, ly, lz = com[0] - origin[0], com[1] - origin[1], com[2] - origin[2]
+        # pybullet gives what the wrist exerts on the hand, about the hand's centre of mass.
+        wrench = (
+            -fx,
+            -fy,
+            -fz,
+            -tx - (ly * fz - lz * fy),
+            -ty - (lz * fx - lx * fz),
+            -tz - (lx * fy - ly * fx),
+        )
+        if self._command.mode == "torque":
+            effort = (*self._command.torque, *effort[len(self._arm) :])
+        return RobotReading(position, velocity, effort, wrench)
+
+    def tcp(self) -> Pose:
+        """Where the tool really is in the world."""
+        link = next(k for k, name in self.links.items() if name == self.description.tcp_link)
+        state = pb.getLinkState(self.body, link, 0, 1, self._client)
+        return Pose(state[4], state[5]) @ self.description.tcp_in_link
+
+
+def finite(numbers: Array, what: str, shape: tuple[int, ...]) -> tuple[float, ...]:
+    """A copy of an array as plain floats. Raises PicktreeError for another shape, NaN or infinity."""
+    if numbers.shape != shape:
+        raise PicktreeError(f"{what}: shape {numbers.shape}, but {shape} is needed")
+    values = tuple(map(float, numbers))
+    if not np.isfinite(sum(values)):
+        raise PicktreeError(f"{what}: not finite: {values}")
+    return values

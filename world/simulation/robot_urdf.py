@@ -1,0 +1,97 @@
+"""The URDF as the simulation loads it: pads for fingers, absolute mesh paths, grey and cheap to draw."""
+
+from __future__ import annotations
+
+import copy
+import math
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+from ..colours import COLOURS
+from ..errors import PicktreeError
+from ..robot.description import GripperDescription, RobotDescription
+from ..shapes import Box
+from ..values import Pose, Vector3
+
+
+def patched_urdf(robot: RobotDescription) -> str:
+    """The text of the robot's URDF, patched. Raises PicktreeError for missing files, links or meshes.
+
+    Every link shows its *collision* geometry: the camera sees what can be touched, which also renders ten
+    times faster than the visual meshes.
+    """
+    path = Path(robot.urdf)
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError) as error:
+        raise PicktreeError(f"{robot.source or robot.name}: urdf {robot.urdf}: {error}") from None
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", str(_mesh_path(mesh.get("filename", ""), path, robot)))
+    links = {link.get("name"): link for link in root.findall("link")}
+    for link in links.values():
+        _show_what_collides(link)
+    for name, pad in zip(robot.gripper.fingers, robot.gripper.pads, strict=True):
+        if name not in links:
+            raise PicktreeError(f"{robot.source or robot.name}: finger link {name!r} is not in {robot.urdf}")
+        _put_pad(links[name], *pad, robot.gripper)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _mesh_path(reference: str, urdf: Path, robot: RobotDescription) -> Path:
+    """A `package://` path is looked for from the URDF's folder upwards, with and without the package name."""
+    plain = Path(reference.removeprefix("package://").removeprefix("file://"))
+    tails = [plain] if plain.is_absolute() else [plain, Path(*plain.parts[1:])]
+    for folder in urdf.resolve().parents:
+        for tail in tails:
+            if (folder / tail).is_file():
+                return folder / tail
+    raise PicktreeError(f"{robot.source or robot.name}: mesh {reference!r} of {robot.urdf} does not exist")
+
+
+def _show_what_collides(link: ElementTree.Element) -> None:
+    for visual in link.findall("visual"):
+        link.remove(visual)
+    for collision in link.findall("collision"):
+        visual = copy.deepcopy(collision)
+        visual.tag = "visual"
+        for material in visual.findall("material"):
+            visual.remove(material)
+        red, green, blue = COLOURS["light_grey"]
+        material = ElementTree.SubElement(visual, "material", name="robot_grey")
+        ElementTree.SubElement(material, "color", rgba=f"{red} {green} {blue} 1")
+        link.append(visual)
+
+
+def _put_pad(link: ElementTree.Element, box: Box, pad_in_link: Pose, gripper: GripperDescription) -> None:
+    for old in [*link.findall("collision"), *link.findall("contact")]:
+        link.remove(old)
+    collision = ElementTree.SubElement(link, "collision")
+    origin = {"xyz": _text(pad_in_link.position), "rpy": _text(_rpy(pad_in_link))}
+    ElementTree.SubElement(collision, "origin", origin)
+    ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box", size=_text(box.size))
+    contact = ElementTree.SubElement(link, "contact")
+    ElementTree.SubElement(contact, "friction_anchor")
+    for tag, value in (
+        ("stiffness", gripper.pad_contact.stiffness),
+        ("damping", gripper.pad_contact.damping),
+        ("lateral_friction", gripper.pad_contact.friction),
+        ("spinning_friction", gripper.pad_contact.spinning_friction),
+    ):
+        ElementTree.SubElement(contact, tag, value=repr(value))
+
+
+def _text(numbers: Vector3) -> str:
+    return " ".join(repr(n) for n in numbers)
+
+
+def _rpy(pose: Pose) -> Vector3:
+    """Roll, pitch, yaw about the fixed axes, rad."""
+    r = pose.rotation()
+    pitch = math.atan2(-float(r[2, 0]), math.hypot(float(r[0, 0]), float(r[1, 0])))
+    if math.cos(pitch) < 1e-9:
+        return math.atan2(-float(r[1, 2]), float(r[1, 1])), pitch, 0.0
+    return (
+        math.atan2(float(r[2, 1]), float(r[2, 2])),
+        pitch,
+        math.atan2(float(r[1, 0]), float(r[0, 0])),
+    )

@@ -1,0 +1,33 @@
+"""What is really there. Only the simulation's backends, the faults, the scorer and `/truth/*` may hold it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..scene.description import CatalogueEntry, Form
+from ..shapes import Shape
+from ..values import ObjectId, Pose, Vector3
+
+
+@dataclass(frozen=True, slots=True)
+class TrueBody:
+    """An item as it really is."""
+
+    id: ObjectId
+    kind: str
+    form: Form
+    shape: Shape
+    colour: str
+    pose: Pose
+    """In the world."""
+    velocity: Vector3 = (0.0, 0.0, 0.0)
+    """Of the centre, m/s."""
+    spin: Vector3 = (0.0, 0.0, 0.0)
+    """rad/s"""
+    present: bool = True
+    """False when a fault has taken it away; the pose is then where it was last."""
+
+    @classmethod
+    def of(cls, item_id: ObjectId, entry: CatalogueEntry, colour: str, pose: Pose) -> TrueBody:
+        """An item of the catalogue at rest at `pose`."""
+        return cls(item_id, entry.kind, entry.form, entry.shape, colour, pose)
