@@ -7,12 +7,19 @@ from typing import cast
 
 from ..world.journal import Plain
 
+_LARGEST = 2**63 - 1
+"""A log holds 64 bits."""
+
 
 def plain_copy(value: object) -> Plain:
     """A deep copy that shares nothing. Raises TypeError for what is not plain, ValueError for NaN."""
     match value:
-        case None | bool() | int():
+        case None | bool():
             return value
+        case int():
+            if not -_LARGEST <= value <= _LARGEST:
+                raise ValueError("the number is too large")
+            return int(value)
         case str():
             return str(value)
         case float():

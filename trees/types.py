@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import types
 import typing
 from collections.abc import Callable, Collection, Mapping
@@ -14,6 +13,7 @@ from ..world.files.nearest import nearest
 from ..world.files.quantities import parse_quantity
 from ..world.journal import Plain
 from ..world.values import ObjectId
+from .plain import plain_copy
 
 Name: TypeAlias = Literal["string", "int", "float", "bool", "object", "expression", "any"]
 
@@ -122,9 +122,10 @@ def _string(value: object, _: str | None) -> str:
 
 
 def _int(value: object, _: str | None) -> int:
-    if isinstance(value, int) and not isinstance(value, bool):
-        return value
-    raise ValueError(f"{show(value)} is not a whole number")
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"{show(value)} is not a whole number")
+    plain_copy(value)
+    return value
 
 
 def _float(value: object, unit: str | None) -> float:
@@ -136,9 +137,7 @@ def _float(value: object, unit: str | None) -> float:
         return parse_quantity(value, unit)
     if isinstance(value, str):
         raise ValueError(f"{show(value)} is not a number")
-    if not math.isfinite(value):
-        raise ValueError(f"{value} is not a finite number")
-    return float(value)
+    return parse_quantity(value, "")
 
 
 def _milliseconds(value: str | int | float) -> float:
@@ -174,7 +173,7 @@ def _expression(value: object, _: str | None) -> Expression:
 
 
 def _any(value: object, _: str | None) -> object:
-    return value
+    return plain_copy(value)
 
 
 _CONVERTERS: Mapping[Name, Callable[[object, str | None], object]] = {

@@ -69,6 +69,15 @@ CASES: dict[str, tuple[str, str]] = {
         "trees: {Main: {Take: {object: red_1, hand: rihgt}}}",
         "3:44: Main/Take: port 'hand': 'rihgt' is none of the choices; did you mean 'right'? (which hand)",
     ),
+    "a number beyond all bounds": (
+        f"trees: {{Main: {{Repeat: {{num_cycles: {10**30}, do: AlwaysSuccess}}}}}}",
+        "3:37: Main/Repeat: port 'num_cycles': the number is too large (how often; -1 for without end)",
+    ),
+    "a value that is no number": (
+        "trees: {Main: {SetBlackboard: {value: [1, .nan], output_key: '{a}'}}}",
+        "3:39: Main/SetBlackboard: port 'value': nan is not a finite number "
+        "(the value, or a reference to another)",
+    ),
     "a list that is none": (
         "trees: {Main: {Find: {ids: red_1, found: '{x}'}}}",
         "3:28: Main/Find: port 'ids': 'red_1' is not a list, each a text (what it finds)",
