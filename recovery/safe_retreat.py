@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Skill, Steps
@@ -10,8 +10,10 @@ from ..world.causes import Failure, control, planning, safety
 from ..world.journal import Happened
 from ..world.manipulation.dropping import let_go
 from ..world.manipulation.escape import escape
-from ..world.motion.requests import NamedGoal, Scaling
-from ..world.world import World
+from ..world.motion.requests import NamedGoal
+
+if TYPE_CHECKING:
+    from ..world.world import World
 
 
 class SafeRetreat(Skill):
@@ -36,7 +38,7 @@ class SafeRetreat(Skill):
         if self.hand == "open":
             yield from world.grip.open()
             let_go(world.scene, "let go by SafeRetreat")
-        slowly = Scaling(velocity=self.speed, acceleration=self.speed)
+        slowly = world.handling.scaling(self.speed)
         yield from escape(world, slowly, self.path)
         try:
             plan = yield from world.plan.to(NamedGoal(self.pose), scaling=slowly, node=self.path)

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..trees.ports import In, port
 from ..trees.skill import ARM, Skill, Steps
 from ..world.causes import control, planning, safety
 from ..world.motion.requests import NamedGoal
-from ..world.world import World
+
+if TYPE_CHECKING:
+    from ..world.world import World
 
 
 class GoTo(Skill):
     """Move the arm, free of collisions, to a named configuration of the robot file."""
 
     pose: In[str] = port("name of the configuration", default="home")
+    speed: In[float] = port("share of the joints' speed limits", default=1.0)
     causes = (planning.ANY, control.ANY, safety.ANY)
     uses = (ARM,)
 
     def run(self, world: World) -> Steps:
-        plan = yield from world.plan.to(NamedGoal(self.pose), node=self.path)
+        plan = yield from world.plan.to(
+            NamedGoal(self.pose), scaling=world.handling.scaling(self.speed), node=self.path
+        )
         yield from world.move.along(plan.trajectory, node=self.path)

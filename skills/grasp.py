@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, planning, safety
@@ -14,7 +16,9 @@ from ..world.manipulation.holding import Hold
 from ..world.manipulation.reaching import descend, lift
 from ..world.motion.requests import PoseGoal
 from ..world.values import ObjectId
-from ..world.world import World
+
+if TYPE_CHECKING:
+    from ..world.world import World
 
 
 class Grasp(Skill):

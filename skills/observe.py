@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..trees.ports import In, Out, port
 from ..trees.skill import CAMERA, Skill, Steps
 from ..world.causes import Failure, perception
 from ..world.values import ObjectId
-from ..world.world import World
+
+if TYPE_CHECKING:
+    from ..world.world import World
 
 
 class Observe(Skill):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, place, planning, safety
@@ -16,7 +18,9 @@ from ..world.scene.description import Bin
 from ..world.scene.planning_scene import BeliefObject
 from ..world.shapes import bottom
 from ..world.values import ObjectId, Pose
-from ..world.world import World
+
+if TYPE_CHECKING:
+    from ..world.world import World
 
 
 class Place(Skill):
@@ -152,9 +156,10 @@ class Place(Skill):
         before = world.control.load()
         held = world.scene.get(held.id)
         where = self.into or "table"
-        yield from world.grip.open()
+        yield from world.grip.open(world.grip.width + world.handling.release)
         world.scene.detach(held.id, self._resting(world, held), where, "placed")
-        yield from withdraw(world, self.path)
+        if self.at:
+            yield from withdraw(world, self.path)
         yield from world.control.settle()
         after = world.control.load()
         if before - after < 0.5 * before:

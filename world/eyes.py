@@ -10,6 +10,7 @@ from .perception.association import ObservationSummary, update_belief
 from .perception.pipeline import BinView, Perception
 from .protocols import Camera, Clock
 from .scene.planning_scene import PlanningScene
+from .stopwatch import Stopwatch
 from .thinking import ThinkingAccount
 from .values import Array
 
@@ -31,6 +32,7 @@ class Eyes:
         cost: float,
         joints: Callable[[], Array],
         width: Callable[[], float],
+        stopwatch: Stopwatch | None = None,
     ) -> None:
         self._cameras = cameras
         self._perceive = perceive
@@ -41,8 +43,11 @@ class Eyes:
         self._cost = cost
         self._joints = joints
         self._width = width
+        self._stopwatch = stopwatch or Stopwatch()
         self.bins: dict[str, BinView] = {}
         """What was last seen in each bin; part of the state."""
+        self.looks = 0
+        """How often it was looked; part of the state."""
 
     def look(self, camera: str) -> Generator[None, None, ObservationSummary]:
         """Observe through `camera`; the belief changes when the thinking is over.
@@ -54,12 +59,15 @@ class Eyes:
                 perception.NOT_FOUND, f"there is no camera {camera!r}", known=[str(c) for c in self._cameras]
             )
         stamp = self._clock.now
-        image = self._cameras[camera].capture()
-        view = self._perceive.detect(image, self._joints(), self._width(), self._scene)
+        with self._stopwatch.measure("rendering"):
+            image = self._cameras[camera].capture()
+        with self._stopwatch.measure("perception"):
+            view = self._perceive.detect(image, self._joints(), self._width(), self._scene)
         self._thinking.spend(self._cost)
         yield from self._thinking.charge()
         summary = update_belief(self._scene, view, stamp)
         self.bins.update(view.bins)
+        self.looks += 1
         findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)
         self._journal.note(ImageTaken(image, findings))
         return summary

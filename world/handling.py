@@ -24,12 +24,16 @@ class Handling:
     """Raised again by this much after having touched."""
     line: float = 0.5
     """Share of the joints' speed limits on straight lines next to objects."""
-    lower: float = 0.04
-    """Deepest lowering below the release height, into a bin."""
+    lower_speed: float = 0.12
+    """Of a guarded lowering with an object in the hand."""
+    rim_clearance: float = 0.005
+    """Of the finger tips above the rim of a bin, when an object is lowered into it."""
+    release: float = 0.03
+    """How much wider than the object the fingers open to release it."""
 
     def scaling(self, speed: float) -> Scaling:
         """For free motions at `speed`, a share (0, 1]."""
-        return Scaling(velocity=speed, acceleration=speed)
+        return Scaling(velocity=speed, acceleration=0.4 * speed)
 
     @property
     def slowly(self) -> Scaling:

@@ -59,12 +59,17 @@ class World:
         )
 
     def facts(self) -> Mapping[str, bool | int | float | str]:
-        """Names that every expression of a mission may use."""
+        """Names that every expression of a mission may use.
+
+        `items_left` is also true before anybody has looked: nothing is known of the table then.
+        """
         held = self.scene.held
+        to_do = len(self.to_do())
         return {
-            "items_left": bool(self.to_do()),
-            "items_to_do": len(self.to_do()),
+            "items_left": to_do > 0 or self.eyes.looks == 0,
+            "items_to_do": to_do,
             "holding": held is not None,
             "held_object": held.id if held else "",
+            "stopped": self.control.monitor.stopped is not None,
             "time": self.clock.now,
         }

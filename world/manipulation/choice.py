@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from typing import TYPE_CHECKING
 
 from ..journal import CandidatesRanked, CandidateTried
 from ..scene.planning_scene import BeliefObject
 from ..values import Array, Pose
-from ..world import World
 from .grasps import GraspCandidate
 from .spots import heap, release_poses, spots
+
+if TYPE_CHECKING:
+    from ..world import World
 
 STAGES = ("ranked", "hand fits", "grasp reached", "pre-grasp reached", "place reached")
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from typing import TYPE_CHECKING
 
 from ..causes import Failure
 from ..motion.requests import Offset, Scaling
-from ..world import World
+
+if TYPE_CHECKING:
+    from ..world import World
 
 UP = 0.10
 """Height to gain, m."""

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from typing import TYPE_CHECKING
 
 from ..motion.requests import Line, Offset
 from ..scene.description import Bin
 from ..scene.planning_scene import BeliefObject
 from ..shapes import bottom
 from ..values import ObjectId
-from ..world import World
 from .grasps import GraspCandidate
+
+if TYPE_CHECKING:
+    from ..world import World
 
 Steps = Generator[None, None, None]
 
@@ -56,21 +59,18 @@ def lift(world: World, object_id: ObjectId, node: str) -> Steps:
 
 
 def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Steps:
-    """Down with the object until it is felt, or as deep into the bin as the hand fits."""
+    """Down with the object until it is felt, or into a bin as deep as the finger tips stay above its rim."""
     if bin_ is None:
-        felt = world.handling.approach + world.handling.felt_way
+        way = world.handling.approach + world.handling.felt_way
     else:
         rim = bin_.pose.position[2] + bin_.size[2]
-        palm = world.control.tcp.position[2] + world.robot.description.gripper.palm
-        room = palm - rim - world.handling.felt_way
-        felt = min(
-            world.handling.lower, room, bottom(held.shape, held.pose) - bin_.pose.position[2] - bin_.wall
+        tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
+        floor = bin_.pose.position[2] + bin_.wall
+        way = min(tips - rim - world.handling.rim_clearance, bottom(held.shape, held.pose) - floor)
+    if way > world.handling.felt_way:
+        yield from world.move.guarded(
+            DOWN, way, force=world.handling.touch, speed=world.handling.lower_speed, node=node
         )
-    if felt > world.handling.felt_way:
-        with world.scene.allow(("gripper", bin_.id if bin_ else "")):
-            yield from world.move.guarded(
-                DOWN, felt, force=world.handling.touch, speed=world.handling.touch_speed * 2, node=node
-            )
 
 
 def withdraw(world: World, node: str) -> Steps:

@@ -1,0 +1,164 @@
+"""The scribe: hands the recorder what a running session has to tell, tick by tick."""
+
+from __future__ import annotations
+
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from ..trees.runner import NodeInfo, TickReport
+from ..world.journal import Entry
+from ..world.simulation.backends import Simulation
+from . import records
+from .checkpoints import RunState
+from .recorder import Recorder
+from .result import RunResult
+from .robot_meshes import link_meshes
+
+if TYPE_CHECKING:
+    from .session import Session
+
+LIBRARIES = (
+    "picktree",
+    "pybullet",
+    "pin",
+    "ompl",
+    "python-fcl",
+    "py-trees",
+    "numpy",
+    "scipy",
+    "toppra",
+    "mcap",
+)
+
+
+class Scribe:
+    """Writes one run into `path`; a context manager, so that the log is finished on every way out."""
+
+    def __init__(self, path: Path, session: Session, structure: tuple[NodeInfo, ...]) -> None:
+        self._world = session.world
+        self._gripper = session.hardware.gripper
+        self._checkpoints = 0
+        request = session.request
+        info = records.RunInfo(
+            mission=session.mission.name,
+            scene=session.scene.name,
+            robot=session.robot.name,
+            seed=request.seed,
+            backend=request.backend,
+            tick=session.world.tick,
+            parameters=request.parameters,
+            physics={
+                **session.hardware.settings(),
+                "thinking.collision_check": repr(session.scene.thinking.collision_check),
+                "thinking.image": repr(session.scene.thinking.image),
+            },
+            versions={name: _version(name) for name in LIBRARIES},
+            revision=_revision(),
+            verify=request.verify,
+        )
+        self._recorder = Recorder(path, info)
+        recorder = self._recorder
+        recorder.attach("mission.yaml", session.mission.text, "application/yaml")
+        recorder.attach("scene.yaml", session.scene.text, "application/yaml")
+        recorder.attach("robot.yaml", session.robot.text, "application/yaml")
+        recorder.attach("robot.urdf", Path(session.robot.urdf).read_bytes(), "application/xml")
+        if request.faults is not None:
+            recorder.attach("faults.yaml", request.faults.read_bytes(), "application/yaml")
+        recorder.tree(
+            records.Tree(
+                tuple(
+                    records.TreeNode(
+                        n.path,
+                        n.id,
+                        n.name,
+                        n.parent or "",
+                        n.children,
+                        {k: str(v) for k, v in n.ports.items()},
+                    )
+                    for n in structure
+                )
+            )
+        )
+        recorder.robot_model(link_meshes(session.world.robot))
+        recorder.fixed(session.scene.fixtures, session.scene.bins)
+
+    def __enter__(self) -> Scribe:
+        self._recorder.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._recorder.__exit__(kind, error, trace)
+
+    @property
+    def digest(self) -> str:
+        return self._recorder.digest
+
+    def tick(self, report: TickReport, entries: tuple[Entry, ...], hardware: Simulation) -> None:
+        """Everything of the tick that has just ended, before time goes on."""
+        world, recorder = self._world, self._recorder
+        now = world.clock.now
+        for entry in entries:
+            recorder.entry(now, entry)
+        recorder.tick(now, _tick(report))
+        robot = world.robot.description
+        state, gripper = world.control.state, self._gripper.read()
+        recorder.joints(now, robot.joints, state, robot.gripper.joints, gripper)
+        objects = world.scene.objects
+        recorder.transforms(now, world.robot.link_poses(state.position, gripper.width), objects)
+        recorder.belief(now, objects, world.scene.take_changes())
+        recorder.wrench(now, world.control.wrench_external())
+        if recorder.truth_due(now):
+            recorder.truth(now, hardware.truth())
+
+    def timing(self, timing: records.Timing) -> None:
+        self._recorder.timing(self._world.clock.now, timing)
+
+    def checkpoint(self, state: RunState) -> None:
+        """Keep the state in the log, from which the run can be taken up again."""
+        self._checkpoints += 1
+        self._recorder.attach(f"checkpoint-{self._checkpoints:04d}.json", state.to_json(), "application/json")
+
+    def last(self, hardware: Simulation) -> None:
+        """The truth at the end."""
+        self._recorder.truth(self._world.clock.now, hardware.truth())
+
+    def finish(self, result: RunResult) -> None:
+        self._recorder.finish({"status": result.status, "json": result.to_json_text()})
+
+
+def _tick(report: TickReport) -> records.Tick:
+    running = [n.path for n in report.nodes if n.status == "RUNNING"]
+    return records.Tick(
+        root_status=str(report.nodes[0].status),
+        tip=max(running, key=lambda p: p.count("/"), default=""),
+        nodes=tuple(
+            records.NodeStatus(
+                n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", dict(n.evidence or {})
+            )
+            for n in report.nodes
+        ),
+        writes=tuple(records.Write(w.key, w.value, w.node) for w in report.writes),
+    )
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _revision() -> str:
+    """Git revision of the checkout that runs, empty for an installed wheel."""
+    root = Path(__file__).resolve().parent.parent
+    if not (root / ".git").exists():
+        return ""
+    answer = subprocess.run(
+        ["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True, check=False
+    )
+    return answer.stdout.strip()

@@ -1,0 +1,65 @@
+"""What a run amounts to, counted from the journal and the ticks as they come."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from ..trees.runner import NodeReport
+from ..world.journal import Entry, Happened
+
+
+@dataclass
+class Tally:
+    """Counts of one run. Beliefs and feelings only: whether an item is sorted is the scorer's to say."""
+
+    tried: int = 0
+    """Times that the fingers closed on an object."""
+    held: int = 0
+    objects: set[str] = field(default_factory=set[str])
+    """Ids of the objects that were tried."""
+    first_try: set[str] = field(default_factory=set[str])
+    """Those that were held when the fingers first closed on them."""
+    done: int = 0
+    """Items placed, as the robot believes."""
+    failures: Counter[str] = field(default_factory=Counter[str])
+    """By cause: how often a leaf failed."""
+    recovered: Counter[str] = field(default_factory=Counter[str])
+    """By cause: how often a handler was tried."""
+    cured: Counter[str] = field(default_factory=Counter[str])
+    """By cause: how often the branch then succeeded."""
+
+    first_failure: float | None = None
+    """Simulated seconds of the first failure of a leaf."""
+
+    def take(
+        self, now: float, entries: Iterable[Entry], nodes: Iterable[NodeReport], leaves: frozenset[str]
+    ) -> None:
+        """Count what one tick brought; `leaves` are the paths of the nodes without children."""
+        for entry in entries:
+            if isinstance(entry, Happened):
+                self._happened(entry)
+        for node in nodes:
+            if node.cause and node.ticked and node.status == "FAILURE" and node.path in leaves:
+                self.failures[node.cause] += 1
+                if self.first_failure is None:
+                    self.first_failure = now
+
+    def _happened(self, event: Happened) -> None:
+        match event.kind:
+            case "pick":
+                subject = str(event.data["object"])
+                self.tried += 1
+                self.held += bool(event.data["held"])
+                if subject not in self.objects and event.data["held"]:
+                    self.first_try.add(subject)
+                self.objects.add(subject)
+            case "item_done":
+                self.done += 1
+            case "recovery":
+                self.recovered[str(event.data["cause"])] += 1
+            case "cured":
+                self.cured[str(event.data["cause"])] += 1
+            case _:
+                pass

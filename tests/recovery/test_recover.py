@@ -1,0 +1,136 @@
+"""Recover with scripted leaves: which handler runs, in which tick, and what the node fails with."""
+
+from __future__ import annotations
+
+from textwrap import indent
+from typing import cast
+
+from picktree.recovery import Recover
+from picktree.trees.builder import build
+from picktree.trees.loader import parse_mission
+from picktree.trees.registry import Registry
+from picktree.trees.status import NodeStatus
+from picktree.world.world import World
+
+from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
+
+
+def start(body: str, world: FakeWorld | None = None) -> Run:
+    world = world or FakeWorld()
+    text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n    Recover:\n" + indent(body, "      ")
+    mission = parse_mission(text, FILE, Registry((*NODES, Recover), installed=False))
+    return Run(build(mission, cast("World", world), {}), world)
+
+
+TABLE = """\
+attempts: 3
+do: {Scripted: {name: Do, script: "%s"}}
+when:
+  grasp.missed: [{Scripted: {name: Look, script: "%s"}}]
+  grasp.*: [{Scripted: {name: Away, script: S}}, {Scripted: {name: Home, script: S}}]
+otherwise: [{Scripted: {name: Else, script: S}}]
+"""
+
+
+def test_the_first_pattern_that_matches_is_used_then_do_runs_again() -> None:
+    run = start(TABLE % ("R grasp.missed|R S", "R S"))
+    assert letters(run.to_end()) == "RRRRRS"
+    assert [line for line in run.trace if line.startswith("start")] == ["start Do", "start Look", "start Do"]
+    events = run.notes("recovery")
+    assert [e.message for e in events] == [
+        "grasp.missed in Main/Recover/Do: grasp.missed is tried (attempt 1 of 3)"
+    ]
+
+
+def test_a_family_then_the_rest_and_the_list_is_a_sequence() -> None:
+    run = start(TABLE % ("grasp.slipped|control.timeout|S", "S"))
+    assert run.to_end()[-1] is NodeStatus.SUCCESS
+    assert [line for line in run.trace if line.startswith("start")] == [
+        "start Do", "start Away", "start Home", "start Do", "start Else", "start Do",
+    ]  # fmt: skip
+    cured = run.notes("cured")
+    assert [(e.data["cause"], e.data["tries"]) for e in cured] == [("control.timeout", 2)]
+
+
+def test_when_all_attempts_are_used_up_the_last_cause_goes_up_with_the_others() -> None:
+    run = start(TABLE % ("grasp.missed|grasp.slipped|grasp.missed", "S"))
+    assert run.to_end()[-1] is NodeStatus.FAILURE
+    report = run.tree.failure
+    assert report is not None
+    assert (str(report.cause), report.node) == ("grasp.missed", "Main/Recover/Do")
+    assert [str(other.cause) for other in report.attached] == ["grasp.missed", "grasp.slipped"]
+    assert run.trace.count("start Do") == 3
+    assert run.trace.count("start Look") == 1
+
+
+def test_a_failed_handler_ends_the_node_with_the_original_cause() -> None:
+    run = start(TABLE % ("grasp.missed", "perception.not_found"))
+    assert letters(run.to_end()) == "RF"
+    report = run.tree.failure
+    assert report is not None
+    assert str(report.cause) == "grasp.missed"
+    assert [str(other.cause) for other in report.attached] == ["perception.not_found"]
+
+
+def test_a_fault_of_the_program_is_never_handled() -> None:
+    run = start(TABLE % ("crash", "S"))
+    assert letters(run.to_end()) == "F"
+    report = run.tree.failure
+    assert report is not None
+    assert str(report.cause) == "internal.error"
+    assert "start Else" not in run.trace
+
+
+def test_without_a_handler_the_cause_goes_up_at_once() -> None:
+    run = start("do: {Scripted: {name: Do, script: safety.stop}}\nwhen: {grasp.*: [AlwaysSuccess]}\n")
+    assert letters(run.to_end()) == "F"
+    assert run.tree.failure is not None
+    assert str(run.tree.failure.cause) == "safety.stop"
+
+
+GIVE_UP = """\
+attempts: 2
+do: {Scripted: {name: Do, script: grasp.missed}}
+otherwise: [AlwaysSuccess]
+give_up: [{Scripted: {name: Leave, script: "%s"}}]
+"""
+
+
+def test_give_up_runs_before_the_node_fails_for_good() -> None:
+    run = start(GIVE_UP % "RR S")
+    assert letters(run.to_end()) == "RRRRF"
+    assert run.trace.count("start Leave") == 1
+    assert run.tree.failure is not None
+    assert str(run.tree.failure.cause) == "grasp.missed"
+
+
+def test_a_failed_give_up_is_attached() -> None:
+    run = start(GIVE_UP % "control.timeout")
+    run.to_end()
+    assert run.tree.failure is not None
+    assert [str(r.cause) for r in run.tree.failure.attached] == ["grasp.missed", "control.timeout"]
+
+
+def test_halting_while_a_handler_runs_leaves_nothing_running_and_a_fresh_start() -> None:
+    run = start(TABLE % ("grasp.missed|S", "RRRR S"))
+    for _ in range(3):
+        run.tick()
+    assert run.status("Main/Recover/Look") is NodeStatus.RUNNING
+    run.tree.halt()
+    assert {node.state for node in run.tree.nodes} == {NodeStatus.IDLE}
+    assert "leave Look" in run.trace
+    assert letters(run.to_end()) == "S"
+    assert run.notes("cured") == []
+
+
+def test_saved_between_two_attempts_it_goes_on_with_the_count() -> None:
+    world = FakeWorld()
+    run = start(TABLE % ("grasp.missed|grasp.missed|grasp.missed|S", "S"), world)
+    run.tick()
+    run.tick()
+    assert run.tree.quiescent
+    saved = run.tree.save()
+    other = start(TABLE % ("grasp.missed|grasp.missed|grasp.missed|S", "S"), world)
+    other.tree.restore(saved)
+    assert other.to_end()[-1] is NodeStatus.FAILURE
+    assert world.trace.count("start Do") == 3
