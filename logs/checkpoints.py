@@ -12,6 +12,7 @@ from ..world.control.loop import ControlState
 from ..world.errors import PicktreeError
 from ..world.scene.planning_scene import SceneSnapshot
 from ..world.simulation.backends import Simulation
+from ..world.simulation.faults import FaultState, Injector
 from ..world.world import World
 
 
@@ -32,6 +33,7 @@ class RunState:
     items_done: int
     simulation: dict[str, Any]
     """The backend's own checkpoint, as plain values."""
+    faults: tuple[FaultState, ...]
     control: dict[str, Any]
     belief: BeliefState
     tree: dict[str, Any]
@@ -57,7 +59,9 @@ _ADAPTER = TypeAdapter(RunState)
 _CONTROL = TypeAdapter(ControlState)
 
 
-def take(world: World, tree: Tree, hardware: Simulation, items_done: int) -> RunState:
+def take(
+    world: World, tree: Tree, hardware: Simulation, injector: Injector, items_done: int
+) -> RunState:
     """Save everything. The simulation goes on from what was saved, as a resumed run would.
 
     Only at a quiescent moment: no skill runs, the arm is held at rest. Raises PicktreeError otherwise.
@@ -69,6 +73,7 @@ def take(world: World, tree: Tree, hardware: Simulation, items_done: int) -> Run
         time=world.clock.now,
         items_done=items_done,
         simulation=saved.to_plain(),
+        faults=injector.state(),
         control=control,
         belief=BeliefState(snapshot, dict(numbers)),
         tree=tree.save(),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..trees.runner import NodeInfo, TickReport
 from ..world.journal import Entry
+from ..world.shapes import ConvexMesh
 from ..world.simulation.backends import Simulation
 from . import records
 from .checkpoints import RunState
@@ -65,6 +66,8 @@ class Scribe:
         recorder.attach("scene.yaml", session.scene.text, "application/yaml")
         recorder.attach("robot.yaml", session.robot.text, "application/yaml")
         recorder.attach("robot.urdf", Path(session.robot.urdf).read_bytes(), "application/xml")
+        for mesh in _mesh_files(session):
+            recorder.attach(f"mesh/{mesh.name}", mesh.read_bytes(), "model/mesh")
         if request.faults is not None:
             recorder.attach("faults.yaml", request.faults.read_bytes(), "application/yaml")
         recorder.tree(
@@ -82,7 +85,7 @@ class Scribe:
                 )
             )
         )
-        recorder.robot_model(link_meshes(session.world.robot))
+        recorder.robot_model(link_meshes(session.robot.urdf))
         recorder.fixed(session.scene.fixtures, session.scene.bins)
 
     def __enter__(self) -> Scribe:
@@ -129,6 +132,12 @@ class Scribe:
 
     def finish(self, result: RunResult) -> None:
         self._recorder.finish({"status": result.status, "json": result.to_json_text()})
+
+
+def _mesh_files(session: Session) -> list[Path]:
+    """Files of the meshes in the scene's catalogue, each once."""
+    shapes = [entry.shape for entry in session.scene.catalogue]
+    return sorted({Path(shape.source) for shape in shapes if isinstance(shape, ConvexMesh)})
 
 
 def _tick(report: TickReport) -> records.Tick:

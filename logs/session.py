@@ -23,6 +23,7 @@ from ..world.simulation.faultfile import load_faults
 from ..world.simulation.faults import Injector
 from ..world.simulation.scorer import score
 from ..world.stopwatch import Stopwatch
+from ..world.values import Vector3
 from .assembly import TICK, assemble
 from .checkpoints import take
 from .records import NodeTime, Timing
@@ -109,7 +110,7 @@ class Session:
             stopwatch=self._stopwatch,
         )
         self.tree = build(self.mission, self.world, request.parameters)
-        self._injector = Injector(self.faults, self.hardware, request.seed)
+        self._injector = Injector(self.faults, self.hardware, self._object_place)
         self.tree.on_start.append(self._injector.node_started)
         self.tally = Tally()
         self.folder = _make_folder(request)
@@ -158,6 +159,14 @@ class Session:
             with self._stopwatch.measure("logging"):
                 scribe.timing(self._timing(before, began))
 
+    def _object_place(self, path: str) -> Vector3 | None:
+        """Where the belief has the object that the port `object` of a node names."""
+        node = self.tree.find(path)
+        if node.declaration.port("object") is None:
+            return None
+        belief = self.world.scene.find(str(node.input("object")))
+        return belief.pose.position if belief else None
+
     def _checkpoint_due(self) -> bool:
         """Whether it is time for one, and nothing moves that could not be taken up again."""
         return (
@@ -170,7 +179,7 @@ class Session:
     def _checkpoint(self, scribe: Scribe) -> None:
         self._checkpointed = self.tally.done
         with self._stopwatch.measure("physics"):
-            state = take(self.world, self.tree, self.hardware, self.tally.done)
+            state = take(self.world, self.tree, self.hardware, self._injector, self.tally.done)
         with self._stopwatch.measure("logging"):
             scribe.checkpoint(state)
         self.world.journal.note(
@@ -192,7 +201,8 @@ class Session:
 
     def _result(self, status: RunStatus, digest: str) -> RunResult:
         verdict = score(self.hardware.truth(), self.scene)
-        if status == "success" and not verdict.reached(self.mission.goal or self.scene.goal):
+        goal = self.mission.goal.text if self.mission.goal else self.scene.goal
+        if status == "success" and not verdict.reached(goal):
             status = "incomplete"
         tally, failure = self.tally, self.tree.failure
         wall = self._stopwatch.seconds()

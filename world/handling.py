@@ -33,7 +33,7 @@ class Handling:
 
     def scaling(self, speed: float) -> Scaling:
         """For free motions at `speed`, a share (0, 1]."""
-        return Scaling(velocity=speed, acceleration=0.4 * speed)
+        return Scaling(velocity=speed, acceleration=speed)
 
     @property
     def slowly(self) -> Scaling:

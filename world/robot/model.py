@@ -93,6 +93,10 @@ class RobotModel:
         """Nonlinear terms (n,): gravity, Coriolis and centrifugal, Nm."""
         return pin.nonLinearEffects(self.arm, self._data, q, v).copy()
 
+    def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
+        """Torques (n,) that accelerate the arm by a rad/s² at q, v, Nm. Recursive Newton-Euler."""
+        return pin.rnea(self.arm, self._data, q, v, a).copy()
+
     def mass_matrix(self, q: Array) -> Array:
         """Joint-space inertia (n, n), kg·m²."""
         upper: Array = np.triu(pin.crba(self.arm, self._data, q))
