@@ -108,7 +108,7 @@ def test_fault_slippery_and_heavy() -> None:
 def test_fault_bump_slides_along_the_table() -> None:
     cell = Cell(items=1)
     before = cell.hardware.truth()[0].pose
-    cell.hardware.bump("item_00", (0.05, 0.0, 0.0))
+    cell.hardware.bump("item_00", (0.5, 0.0, 0.0))
     after = cell.hardware.truth()[0].pose
     assert after.position[0] - before.position[0] == pytest.approx(0.5**2 / (2 * 0.6 * 9.81))
     assert after.position[2] == pytest.approx(0.02, abs=1e-9)

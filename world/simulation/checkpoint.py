@@ -63,15 +63,6 @@ class DynamicsChange:
 
 
 @dataclass(frozen=True, slots=True)
-class Push:
-    """A force on an item's centre in the world, N, for some more steps."""
-
-    item: ObjectId
-    force: Vector3
-    steps: int
-
-
-@dataclass(frozen=True, slots=True)
 class Checkpoint:
     """Everything in the simulation that the future depends on, besides scene, robot and seed."""
 
@@ -84,7 +75,6 @@ class Checkpoint:
     items: tuple[BodyState, ...]
     initial: tuple[BodyState, ...]
     ledger: tuple[DynamicsChange, ...]
-    pushes: tuple[Push, ...]
 
     def to_plain(self) -> dict[str, Any]:
         """As JSON knows it. Floats survive exactly."""

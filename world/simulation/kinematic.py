@@ -173,15 +173,15 @@ class KinematicHardware:
         entry = body.entry if mass is None else replace(body.entry, mass=mass)
         self.bodies.put(replace(body, entry=entry, friction=body.friction if friction is None else friction))
 
-    def bump(self, item: str, impulse: Vector3, steps: int = 12) -> None:
-        """A fault: a push of `impulse`, N·s. The item slides as far as friction lets it; a held one stays."""
+    def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
+        """A fault: hit, the item slides from `velocity`, m/s, as far as friction lets; a held one stays."""
         body = self._known(item)
-        x, y, _ = impulse
-        push = math.hypot(x, y)
-        if push <= 0.0 or self.bodies.held == body.id:
+        x, y, _ = velocity
+        speed = math.hypot(x, y)
+        if speed <= 0.0 or self.bodies.held == body.id:
             return
-        way = (push / body.entry.mass) ** 2 / (2.0 * max(body.friction, 0.05) * GRAVITY)
-        self.bodies.put(replace(body, pose=body.pose.shifted((x / push * way, y / push * way, 0.0))))
+        way = speed**2 / (2.0 * max(body.friction, 0.05) * GRAVITY)
+        self.bodies.put(replace(body, pose=body.pose.shifted((x / speed * way, y / speed * way, 0.0))))
         self.bodies.settle()
 
     def checkpoint(self) -> KinematicState:

@@ -19,7 +19,7 @@ from ..streams import Streams
 from ..values import ObjectId, Pose, Vector3
 from .bodies import add_fixed, add_item, set_friction, set_mass
 from .camera import PhysicsCamera, backgrounds
-from .checkpoint import BodyState, Checkpoint, DynamicsChange, Push, RobotReading
+from .checkpoint import BodyState, Checkpoint, DynamicsChange, RobotReading
 from .client import Client
 from .devices import PERIOD, PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
 from .noise import BodyNoise
@@ -72,7 +72,6 @@ class PhysicsHardware:
         self._senses = senses = Senses(noise, 0, RobotReading((), (), (), ()))
         self._items: Mapping[ObjectId, SpawnedItem] = {i.id: i for i in spawn_items(scene, seed)}
         self._ledger: list[DynamicsChange] = []
-        self._pushes: list[Push] = []
         self._gone: dict[ObjectId, BodyState] = {}
         self._numbers: dict[ObjectId, int] = {}
         self._fixed: dict[int, str] = {}
@@ -123,8 +122,6 @@ class PhysicsHardware:
 
     def step(self) -> None:
         self._body.before_step()
-        if self._pushes:
-            self._push()
         pb.stepSimulation(self._client)
         self._senses.step += 1
         self._senses.reading = self._body.read()
@@ -158,7 +155,6 @@ class PhysicsHardware:
         self._ledger = list(saved.ledger)
         for change in self._ledger:
             self._apply(change)
-        self._pushes = list(saved.pushes)
         self._body.restore(saved.robot, saved.arm, saved.gripper)
         self._senses.reading = saved.robot
         self._senses.step = saved.step
@@ -177,7 +173,6 @@ class PhysicsHardware:
             items=tuple(self._state(name) for name in self._items),
             initial=self._initial,
             ledger=tuple(self._ledger),
-            pushes=tuple(self._pushes),
         )
 
     def truth(self) -> tuple[TrueBody, ...]:
@@ -205,7 +200,6 @@ class PhysicsHardware:
         name = self._known(item)
         self._gone[name] = _at_rest(self._state(name))
         pb.removeBody(self._numbers.pop(name), self._client)
-        self._pushes = [p for p in self._pushes if p.item != name]
 
     def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
         """A fault: the item becomes slippery, heavier or lighter, for good."""
@@ -213,11 +207,11 @@ class PhysicsHardware:
         self._apply(change)
         self._ledger.append(change)
 
-    def bump(self, item: str, impulse: Vector3, steps: int = 12) -> None:
-        """A fault: a push on the item's centre that hands over `impulse`, N·s, within `steps` steps."""
-        x, y, z = finite(np.array(impulse, dtype=np.float64), f"{item}: impulse", (3,))
-        share = 1.0 / (max(1, steps) * PERIOD)
-        self._pushes.append(Push(self._known(item), (x * share, y * share, z * share), max(1, steps)))
+    def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
+        """A fault: the item is hit and moves with `velocity`, m/s, and `spin`, rad/s, in the world."""
+        linear = finite(np.array(velocity, dtype=np.float64), f"{item}: velocity", (3,))
+        angular = finite(np.array(spin, dtype=np.float64), f"{item}: spin", (3,))
+        pb.resetBaseVelocity(self._numbers[self._known(item)], linear, angular, self._client)
 
     def _build(self, poses: Mapping[ObjectId, Pose]) -> None:
         """An empty simulation, then everything in the same order as always."""
@@ -245,17 +239,6 @@ class PhysicsHardware:
             pb.stepSimulation(self._client)
             if k >= SETTLE_LEAST and all(_resting(self._state(name)) for name in self._items):
                 return
-
-    def _push(self) -> None:
-        """pybullet forgets forces after each step."""
-        left: list[Push] = []
-        for push in self._pushes:
-            number = self._numbers[push.item]
-            centre, _ = pb.getBasePositionAndOrientation(number, self._client)
-            pb.applyExternalForce(number, -1, push.force, centre, pb.WORLD_FRAME, self._client)
-            if push.steps > 1:
-                left.append(Push(push.item, push.force, push.steps - 1))
-        self._pushes = left
 
     def _apply(self, change: DynamicsChange) -> None:
         number = self._numbers.get(change.item)

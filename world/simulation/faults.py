@@ -1,0 +1,135 @@
+"""Carrying out a fault file: at its time, or when a node starts, something goes wrong with an item."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from ..errors import PicktreeError
+from ..journal import Happened, Plain
+from ..protocols import Clock
+from ..values import Pose, Vector3
+from .faultfile import AtTime, Bump, FaultFile, FaultSpec, Friction, Remove, Target, node_matches
+from .truth import TrueBody
+
+
+class Faulty(Protocol):
+    """What a backend lets faults do."""
+
+    @property
+    def clock(self) -> Clock: ...
+    def truth(self) -> tuple[TrueBody, ...]: ...
+    def true_tcp(self) -> Pose: ...
+    def remove(self, item: str) -> None: ...
+    def change_dynamics(
+        self, item: str, friction: float | None = None, mass: float | None = None
+    ) -> None: ...
+    def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class FaultState:
+    """How far one fault has come."""
+
+    starts: int = 0
+    """How often the node that it waits for has started."""
+    due: float | None = None
+    """Simulated time, s; None while it waits for a node."""
+    node: str = ""
+    """Path of the node whose start made it due."""
+    done: bool = False
+
+
+class Injector:
+    """Carries out faults once each, between two ticks.
+
+    `object_place` tells where the belief has the object of a node, by the node's path.
+    """
+
+    def __init__(
+        self,
+        faults: FaultFile | None,
+        hardware: Faulty,
+        object_place: Callable[[str], Vector3 | None] = lambda _: None,
+    ) -> None:
+        self._faults: tuple[FaultSpec, ...] = faults.faults if faults else ()
+        self._hardware = hardware
+        self._object_place = object_place
+        self._states = [
+            FaultState(due=f.when.time if isinstance(f.when, AtTime) else None) for f in self._faults
+        ]
+
+    def node_started(self, path: str) -> None:
+        """Called by the tree whenever a node starts."""
+        for n, (fault, state) in enumerate(zip(self._faults, self._states, strict=True)):
+            when = fault.when
+            if isinstance(when, AtTime) or state.due is not None or not node_matches(when.pattern, path):
+                continue
+            state = replace(state, starts=state.starts + 1)
+            if state.starts == when.start:
+                state = replace(state, due=self._hardware.clock.now + when.delay, node=path)
+            self._states[n] = state
+
+    def tick(self) -> tuple[Happened, ...]:
+        """Carry out what is due now. Called after each tick of the tree."""
+        now = self._hardware.clock.now
+        happened: list[Happened] = []
+        for n, (fault, state) in enumerate(zip(self._faults, self._states, strict=True)):
+            if not state.done and state.due is not None and now >= state.due - 1e-9:
+                self._states[n] = replace(state, done=True)
+                happened.append(self._carry_out(fault, state.node))
+        return tuple(happened)
+
+    def state(self) -> tuple[FaultState, ...]:
+        """For a checkpoint; what faults have done to items is in the hardware's own."""
+        return tuple(self._states)
+
+    def restore(self, states: Sequence[FaultState]) -> None:
+        """Raises PicktreeError when they are of another fault file."""
+        if len(states) != len(self._faults):
+            raise PicktreeError(f"the checkpoint knows {len(states)} faults, the file {len(self._faults)}")
+        self._states = list(states)
+
+    def _carry_out(self, fault: FaultSpec, node: str) -> Happened:
+        name = type(fault).__name__.lower()
+        body = self._choose(fault.target, node)
+        if body is None:
+            return Happened("fault", f"{name}: no item fits", node, {"fault": name, "item": None})
+        data: dict[str, Plain] = {"fault": name, "item": body.id, "kind": body.kind, "colour": body.colour}
+        match fault:
+            case Remove():
+                self._hardware.remove(body.id)
+                message = f"{body.id} is snatched away"
+            case Friction(friction=friction, mass=mass):
+                self._hardware.change_dynamics(body.id, friction, mass)
+                data |= {"friction": friction, "mass": mass}
+                message = f"{body.id} has friction {friction:g} now"
+                message += f" and weighs {mass:g} kg" if mass is not None else ""
+            case Bump(velocity=velocity, spin=spin):
+                self._hardware.bump(body.id, velocity, spin)
+                data |= {"velocity": list(velocity), "spin": list(spin)}
+                message = f"{body.id} is bumped to {math.hypot(*velocity):.2f} m/s"
+        return Happened("fault", message, node, data)
+
+    def _choose(self, target: Target, node: str) -> TrueBody | None:
+        fitting = [
+            body
+            for number, body in enumerate(self._hardware.truth())
+            if body.present
+            and target.index in (None, number)
+            and target.kind in (None, body.kind)
+            and target.form in (None, body.form)
+            and target.colour in (None, body.colour)
+        ]
+        match target.nearest_to:
+            case "tool":
+                near = self._hardware.true_tcp().position
+            case "object":
+                near = self._object_place(node)
+            case None:
+                near = None
+        if near is None:
+            return fitting[0] if fitting else None
+        return min(fitting, key=lambda body: math.dist(body.pose.position, near), default=None)

@@ -1,0 +1,108 @@
+"""The judge: where items really lie at the end, against where the scene says that they belong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from ..files.expressions import Expression
+from ..scene.description import Bin, Form, SceneDescription
+from ..scene.destinations import destination_rule
+from ..shapes import bottom
+from ..values import ObjectId
+from .truth import TrueBody
+
+Verdict: TypeAlias = Literal["sorted", "misplaced", "left"]
+
+REST_SPEED = 0.02
+"""Faster than this an item does not lie anywhere, m/s."""
+REST_SPIN = 1.0
+"""rad/s"""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemScore:
+    """Where one item belongs and where it is; a bin, or nothing."""
+
+    id: ObjectId
+    form: Form
+    destination: ObjectId | None
+    bin: ObjectId | None
+    verdict: Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class FormScore:
+    """Counts of the items of one form."""
+
+    total: int
+    sorted: int
+    misplaced: int
+    left: int
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """`total` = `sorted` + `misplaced` + `left`."""
+
+    total: int
+    sorted: int
+    misplaced: int
+    left: int
+    by_form: Mapping[str, FormScore]
+    items: tuple[ItemScore, ...]
+
+    def reached(self, goal: str | None = None) -> bool:
+        """Whether an expression over the four counts holds; without one: whether all items are sorted."""
+        if goal is None:
+            return self.sorted == self.total
+        counts = {
+            "total": self.total,
+            "sorted": self.sorted,
+            "misplaced": self.misplaced,
+            "left": self.left,
+        }
+        return bool(Expression.parse(goal).evaluate(counts))
+
+
+def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
+    """An item is sorted when it rests in the bin of its destination (one without any: when in no bin),
+    misplaced when in another bin, else left: on the table, on the floor, in the hand, or taken away."""
+    destination = destination_rule(scene.destinations)
+    items = tuple(_judged(body, destination(body), scene.bins) for body in truth)
+    by_form: dict[str, FormScore] = {}
+    for form in dict.fromkeys(item.form for item in items):
+        by_form[form] = FormScore(*_counts(item for item in items if item.form == form))
+    return Score(*_counts(items), by_form, items)
+
+
+def _judged(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
+    within = next((b.id for b in bins if lies_in(b, body)), None)
+    verdict: Verdict = "left"
+    if body.present and within == destination:
+        verdict = "sorted"
+    elif within is not None:
+        verdict = "misplaced"
+    return ItemScore(body.id, body.form, destination, within, verdict)
+
+
+def lies_in(each: Bin, body: TrueBody) -> bool:
+    """Whether the item rests with its centre in the bin's free inside and its lowest point below the rim."""
+    if not body.present or math.hypot(*body.velocity) > REST_SPEED or math.hypot(*body.spin) > REST_SPIN:
+        return False
+    item_in_bin = each.pose.inverse() @ body.pose
+    (x_low, y_low, _), (x_high, y_high, rim) = each.inside()
+    x, y, z = item_in_bin.position
+    return x_low < x < x_high and y_low < y < y_high and z > 0.0 and bottom(body.shape, item_in_bin) < rim
+
+
+def _counts(items: Iterable[ItemScore]) -> tuple[int, int, int, int]:
+    verdicts = [item.verdict for item in items]
+    return (
+        len(verdicts),
+        verdicts.count("sorted"),
+        verdicts.count("misplaced"),
+        verdicts.count("left"),
+    )
