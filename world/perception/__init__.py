@@ -1,1 +1,1 @@
-"""picktree."""
+"""From colour and depth to beliefs: what stands where, what hides, what nothing known explains."""

@@ -1,0 +1,165 @@
+"""Which item explains a blob: each entry on each face is fitted to the outline and judged by the depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..values import Array
+from .blobs import Blob
+from .rays import cast
+from .rests import Rest
+from .sight import Sight
+from .silhouettes import OUTLIER, Stand, fit_outline, likely_turns, silhouette
+
+HEIGHT_GATE = 0.009
+"""A rest whose top is further than this from the blob's is not tried, m."""
+OUTLINE_GATE = 2.5
+"""A start whose support function is further off than this is not tried, pixels (root mean square)."""
+STARTS = 4
+"""Starts that are fitted for a blob whose whole outline is seen."""
+COARSE = 3
+"""Starts are ranked by every third of the depths."""
+MODEL_SIGMA = 0.0004
+"""What depth adds to its noise where surfaces are steep or edges rounded, m."""
+GOOD = 1.35
+"""A misfit below this needs no other explanation; a perfect one is about 0.8."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One item at one place, and how badly it explains a blob."""
+
+    stand: Stand
+    misfit: float
+    """Mean square of outline and depth residuals in sigmas, each capped at OUTLIER²; ≈ 0.8 is perfect."""
+    weight: float
+    """Number of residuals in it: half of weight × misfit is a negative log-likelihood."""
+    covariance: Array
+    """Of x, y, yaw (3, 3)."""
+    shown: float
+    """Share of the silhouette that the blob fills."""
+    supported: bool
+    """Whether it stands on the support, or floats at the height that was measured."""
+
+    @property
+    def cost(self) -> float:
+        return 0.5 * self.weight * self.misfit
+
+
+@dataclass(frozen=True, eq=False)
+class Fitter:
+    """Fits rests to blobs. `noise` is the depth's standard deviation at 0.7 m."""
+
+    rests: tuple[Rest, ...]
+    sight: Sight
+    noise: float
+
+    def explain(self, blob: Blob, support: float, floating: bool = False) -> list[Hypothesis]:
+        """Hypotheses for the blob, best first, at most one for each entry and manner of support.
+
+        `support` is the height under it in the world, m; `floating` says that it may lie on other items.
+        """
+        found = self._fits(blob, support, True)
+        if floating or not found or found[0].misfit > GOOD:
+            found += self._fits(blob, support, False)
+        found.sort(key=_rank)
+        best: dict[tuple[str, bool], Hypothesis] = {}
+        for one in found:
+            best.setdefault((one.stand.rest.entry.kind, one.supported), one)
+        return list(best.values())
+
+    def refit(self, blob: Blob, start: Hypothesis) -> Hypothesis:
+        """The same item fitted again to another outline."""
+        return self._judge(blob, start.stand, start.supported, 3)
+
+    def _fits(self, blob: Blob, support: float, supported: bool) -> list[Hypothesis]:
+        starts: list[tuple[float, Stand]] = []
+        for rest in self.rests:
+            below = support if supported else blob.top - rest.height
+            if supported and abs(support + rest.height - blob.top) > HEIGHT_GATE:
+                continue
+            if not supported and below < support - HEIGHT_GATE:
+                continue
+            x, y = self.sight.at_height(blob.middle, below + rest.height / 2)
+            stand = Stand(rest, np.array([x, y, below + rest.below]), 0.0)
+            if self._fits_in_size(blob, stand):
+                starts += self._starts(blob, stand)
+        return self._best(blob, starts, supported)
+
+    def _fits_in_size(self, blob: Blob, stand: Stand) -> bool:
+        """Whether the area of the blob can be that of the rest's silhouette there."""
+        rest, away = stand.rest, self.sight.origin - stand.centre
+        depth = abs(float(away @ self.sight.rotation[:, 2]))
+        pixels = (self.sight.intrinsics.fx / (depth - rest.height / 2)) ** 2
+        slant = float(np.hypot(away[0], away[1])) / max(0.05, float(away[2]))
+        most = 1.3 * (rest.footprint + rest.height * slant * 2 * rest.reach) * pixels + 8.0
+        return blob.area <= most and (not blob.whole or blob.area >= 0.7 * rest.footprint * pixels - 8.0)
+
+    def _best(self, blob: Blob, starts: list[tuple[float, Stand]], supported: bool) -> list[Hypothesis]:
+        """Fit the starts, the likeliest first, until what follows cannot be better."""
+        if blob.whole:
+            starts = [s for s in starts if s[0] < OUTLINE_GATE**2]
+        starts.sort(key=lambda s: s[0])
+        ranked = [
+            (left + self._off(blob, stand, COARSE)[0], stand)
+            for left, stand in starts[: STARTS if blob.whole else 2 * STARTS]
+        ]
+        ranked.sort(key=lambda r: r[0])
+        found: list[Hypothesis] = []
+        for score, stand in ranked:
+            if found and min(f.misfit for f in found) < GOOD and score > 1.5 * ranked[0][0] + 0.7:
+                break
+            found.append(self._judge(blob, stand, supported, 5))
+        return found
+
+    def _starts(self, blob: Blob, stand: Stand) -> list[tuple[float, Stand]]:
+        rest = stand.rest
+        starts = likely_turns(self.sight, stand, blob.reach, 2)
+        if blob.whole:
+            return [(s + rest.unlikely, stand) for s, stand in starts]
+        moved: list[tuple[float, Stand]] = []
+        for left, start in starts:
+            corners = silhouette(self.sight, start)
+            beyond = float((corners @ blob.hidden_side).max() - (blob.hull @ blob.hidden_side).max())
+            depth = float((start.centre - self.sight.origin) @ self.sight.rotation[:, 2])
+            shift = (
+                self.sight.rotation[:2, :2]
+                @ blob.hidden_side
+                * (max(0.0, beyond) * depth / self.sight.intrinsics.fx)
+            )
+            centre = start.centre + np.array([shift[0], shift[1], 0.0])
+            moved.append((left + rest.unlikely, replace(start, centre=centre)))
+        return moved
+
+    def _judge(self, blob: Blob, start: Stand, supported: bool, rounds: int) -> Hypothesis:
+        fitted = fit_outline(self.sight, blob.outline, start, rounds)
+        depth, off = self._off(blob, fitted.stand)
+        if not supported and len(off):
+            rise = float(np.sort(off)[len(off) // 2])
+            lifted = fitted.stand.centre + np.array([0.0, 0.0, rise])
+            fitted = fit_outline(self.sight, blob.outline, replace(fitted.stand, centre=lifted), 2)
+            depth, _ = self._off(blob, fitted.stand)
+        contour, measured = float(len(blob.outline.points)), float(blob.measured)
+        weight = contour + measured
+        misfit = (fitted.misfit * contour + depth * measured) / weight
+        shown = min(1.0, blob.area / max(1.0, fitted.area))
+        return Hypothesis(fitted.stand, misfit, weight, fitted.covariance, shown, supported)
+
+    def _off(self, blob: Blob, stand: Stand, every: int = 1) -> tuple[float, Array]:
+        """Mean square of the depth residuals in sigmas, capped; and by how much what is measured is
+        nearer than the model, for the rays that meet it (k,), m."""
+        rays, depths = blob.rays[::every], blob.depths[::every]
+        if not len(depths):
+            return 1.0, depths
+        model = cast(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
+        off = model - depths
+        sigma = self.noise * (float(depths[0]) / 0.7) ** 2 + MODEL_SIGMA
+        square = np.minimum((off / sigma) ** 2, OUTLIER**2).sum() / len(depths)
+        return float(square), off[np.isfinite(model)]
+
+
+def _rank(one: Hypothesis) -> float:
+    """Lower is better: the cost, with a handicap for what floats and for unlikely faces."""
+    return one.cost + (0.0 if one.supported else 12.0) + 10.0 * one.stand.rest.unlikely

@@ -1,0 +1,227 @@
+"""From one picture to a view: mask, segment, fit, and say what is left over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..protocols import RgbdImage
+from ..scene.description import SceneDescription
+from ..scene.planning_scene import PlanningScene
+from ..shapes import top
+from ..values import Array, Pose
+from . import hues
+from .backdrop import SURFACE, Backdrop, Floor, Floors, levelled, table_of
+from .bins import heap
+from .blobs import Blob, Patch, Picture, connected, outlined
+from .fitting import Fitter, Hypothesis
+from .obstacles import boxed, grey
+from .rests import rests
+from .robot_mask import HIGH, Body, RobotMask, with_what_hangs_on
+from .sight import Sight
+from .silhouettes import Stand
+from .splitting import split
+from .view import BinView, Detection, Look, Unexplained, View
+
+__all__ = ["BinView", "Detection", "Look", "Perception", "Unexplained", "View"]
+
+LEAST = 10
+"""Pixels of a patch of colour."""
+FLAT = 0.002
+"""A patch of colour whose top is lower than this over its support is paint, m."""
+PAINT = 0.0035
+"""Colour that is painted there needs this much height to be something else, m."""
+SUBPIXEL = 0.12
+"""What the grid of pixels costs however many of them an outline has, pixels: along an edge that lies with
+the grid they all err alike."""
+SINGLE = 1.35
+"""A blob with a misfit above this may be several items."""
+POOR = 4.0
+"""A misfit above this explains nothing."""
+POOR_IN_BIN = 2.6
+"""The same in a bin, where leaning items are not forced into a shape."""
+
+
+class Perception:
+    """Knows the scene's fixtures, bins, cameras and catalogue, and the robot's shape; keeps nothing from
+    picture to picture but what the cameras would see of an empty scene."""
+
+    def __init__(self, description: SceneDescription, robot: Body, table_z: float | None = None) -> None:
+        cv2.setNumThreads(1)
+        table = table_of(description)
+        self._description = description
+        self._robot = RobotMask(robot)
+        self._table = table
+        self._table_z = (
+            table_z if table_z is not None else 0.0 if table is None else top(table.shape, table.pose)
+        )
+        self._rests = tuple(rest for entry in description.catalogue for rest in rests(entry))
+        self._floors = Floors(description.fixtures, description.bins)
+        self._noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
+        self._backdrops: dict[tuple[object, Pose], Backdrop] = {}
+
+    def detect(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> View:
+        """What the picture shows, taken with the arm at `joints` (n,) rad and the fingers `width` m open.
+
+        The belief in `scene` only says what the hand holds; it is not changed.
+        """
+        depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
+        believed = Sight.at(image.intrinsics, image.camera_in_world)
+        backdrop = self._backdrop(believed, image)
+        sight = levelled(believed, depth, backdrop, self._table_z)
+        held = scene.held
+        in_hand = None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
+        height = sight.heights(depth)
+        robot = self._robot.paint(believed, joints, width, in_hand)
+        robot = with_what_hangs_on(robot, height, depth > 0, self._table_z + HIGH)
+        walls = np.isfinite(backdrop.guard) & ((depth == 0) | (depth > backdrop.guard - SURFACE))
+        label = hues.labels(image.colour)
+        picture = Picture(
+            sight, depth, height, label, robot | walls, np.zeros(depth.shape, dtype=np.int32), []
+        )
+        noise = self._noise.get(image.camera, 0.002)
+        finding = _Finding(self, picture, Fitter(self._rests, sight, noise), backdrop, robot)
+        finding.items()
+        finding.things()
+        bins = {b.id: heap(picture, robot, b, noise) for b in self._description.bins}
+        return View(
+            image.camera,
+            image.stamp,
+            tuple(finding.detections),
+            tuple(finding.unexplained),
+            bins,
+            sight,
+            depth,
+            label,
+            picture.blocked,
+        )
+
+    def _backdrop(self, sight: Sight, image: RgbdImage) -> Backdrop:
+        key = (image.intrinsics, image.camera_in_world)
+        if key not in self._backdrops:
+            self._backdrops[key] = Backdrop.of(self._description, sight, self._table, self._table_z)
+        return self._backdrops[key]
+
+    def floor(self, x: float, y: float, below: float) -> Floor:
+        return self._floors.under(x, y, below)
+
+
+@dataclass(eq=False)
+class _Finding:
+    """The work on one picture."""
+
+    perception: Perception
+    picture: Picture
+    fitter: Fitter
+    backdrop: Backdrop
+    robot: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        self.detections: list[Detection] = []
+        self.unexplained: list[Unexplained] = []
+
+    def items(self) -> None:
+        """Find the coloured patches and fit them; those that fit nothing become boxes."""
+        picture = self.picture
+        paint = (picture.label == self.backdrop.label) & (
+            (picture.depth == 0) | (self.backdrop.depth - picture.depth < PAINT)
+        )
+        usable = (picture.label > 0) & ~picture.blocked & ~paint
+        present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(hues.NAMES)))
+        patches = [
+            picture.claim(rows, columns, int(label))
+            for label in present
+            for rows, columns in connected(usable & (picture.label == label), LEAST)
+        ]
+        for patch in patches:
+            if patch.measured >= 4:
+                self._item(patch)
+
+    def things(self) -> None:
+        """Box the grey depth that nothing known explains."""
+        picture = self.picture
+        for rows, columns in grey(picture, self.backdrop.depth, self.robot, self.backdrop.in_bin):
+            floor = self._floor(rows, columns, float(np.median(picture.height[rows, columns])))
+            if not floor.in_bin:
+                self._box(rows, columns, floor)
+
+    def _floor(self, rows: NDArray[np.intp], columns: NDArray[np.intp], height: float) -> Floor:
+        middle = np.array([columns.mean(), rows.mean()])
+        x, y = self.picture.sight.at_height(middle, height)
+        return self.perception.floor(float(x), float(y), height + 0.005)
+
+    def _item(self, patch: Patch) -> None:
+        floor = self._floor(patch.rows, patch.columns, patch.top)
+        if patch.top - floor.height < FLAT:
+            return
+        blob = outlined(self.picture, patch)
+        hypotheses = self.fitter.explain(blob, floor.height, floating=floor.in_bin)
+        misfit = hypotheses[0].misfit if hypotheses else 9.0
+        if misfit > SINGLE and not floor.in_bin:
+            parts = split(self.picture, self.fitter, blob, floor.height, misfit)
+            if parts is not None:
+                for part in parts:
+                    self._settle(part.blob, part.hypotheses, floor)
+                return
+        self._settle(blob, hypotheses, floor)
+
+    def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: Floor) -> None:
+        """Take the best hypothesis for true, or box the blob."""
+        if hypotheses and hypotheses[0].misfit < (POOR_IN_BIN if floor.in_bin else POOR):
+            self.detections.append(_detection(self.picture.sight, blob, hypotheses, floor))
+        elif not floor.in_bin and not self._beside_robot(blob):
+            self._box(blob.patch.rows, blob.patch.columns, floor)
+
+    def _beside_robot(self, blob: Blob) -> bool:
+        """Whether the robot may hide a part of it, so that it cannot be expected to fit."""
+        rows, columns = blob.patch.rows, blob.patch.columns
+        y0, y1 = max(int(rows.min()) - 2, 0), int(rows.max()) + 3
+        x0, x1 = max(int(columns.min()) - 2, 0), int(columns.max()) + 3
+        return bool(self.robot[y0:y1, x0:x1].any()) and not blob.whole
+
+    def _box(self, rows: NDArray[np.intp], columns: NDArray[np.intp], floor: Floor) -> None:
+        box = boxed(self.picture, rows, columns, floor.height)
+        if box is not None:
+            self.unexplained.append(box)
+
+
+def _detection(sight: Sight, blob: Blob, hypotheses: list[Hypothesis], floor: Floor) -> Detection:
+    best = hypotheses[0]
+    rest = best.stand.rest
+    entry = rest.entry
+    turn = rest.turn
+    yaw = best.stand.yaw if not turn else (best.stand.yaw + turn / 2) % turn - turn / 2
+    stand = Stand(rest, best.stand.centre, yaw if turn else 0.0)
+    loose = math.sqrt(max(1.0, best.misfit)) / max(0.3, best.shown)
+    variance = best.covariance
+    position = math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose
+    angle = math.pi if not turn else min(math.pi, math.sqrt(float(variance[2, 2])) * loose)
+    pixel = float((stand.centre - sight.origin) @ sight.rotation[:, 2]) / sight.intrinsics.fx
+    position = math.hypot(position, SUBPIXEL * pixel)
+    return Detection(
+        entry.kind,
+        entry.form,
+        entry.shape,
+        hues.NAMES[blob.patch.label],
+        Pose.from_rotation(stand.centre, stand.turned),
+        position + (0.0 if best.supported else 1e-3),
+        max(angle, 2e-3),
+        _confidence(hypotheses),
+        turn,
+        floor.place,
+    )
+
+
+def _confidence(hypotheses: list[Hypothesis]) -> float:
+    """High when the best explains the blob well, is seen whole, and no other kind does nearly as well."""
+    best = hypotheses[0]
+    fit = float(np.clip((POOR - best.misfit) / (POOR - 1.2), 0.05, 1.0))
+    others = [h.cost for h in hypotheses if h.stand.rest.entry.kind != best.stand.rest.entry.kind]
+    lead = min(others, default=math.inf) - best.cost
+    certain = 1.0 / (1.0 + math.exp(-min(lead, 60.0) / 4.0))
+    seen = 0.4 + 0.6 * best.shown
+    return round(fit * certain * seen * (1.0 if best.supported else 0.7), 4)

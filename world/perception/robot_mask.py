@@ -1,0 +1,96 @@
+"""Where the robot is in the picture, from its own model: the hull of each link at the measured joints."""
+
+from __future__ import annotations
+
+from typing import Protocol, cast
+
+import cv2
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from ..robot.urdf import LinkMesh, LinkShape
+from ..shapes import Shape, corners
+from ..values import Array, Pose
+from .sight import Sight
+
+GROWN = 3
+"""Pixels by which the mask is larger than the model."""
+DIRECTIONS = 96
+"""A link's hull is represented by its furthest points in so many directions."""
+HIGH = 0.15
+"""What hangs together with the robot in the picture above this height belongs to it, m over the table."""
+
+
+class Body(Protocol):
+    """What perception needs of the robot's model."""
+
+    def tcp(self, q: Array) -> Pose: ...
+    def link_poses(self, q: Array, width: float) -> dict[str, Pose]: ...
+    def collision_meshes(self) -> tuple[LinkMesh, ...]: ...
+    def collision_shapes(self) -> tuple[LinkShape, ...]: ...
+
+
+class RobotMask:
+    """Loads the links once; `paint` costs one projection and one filled polygon a link."""
+
+    def __init__(self, robot: Body) -> None:
+        self._robot = robot
+        self._hulls: list[tuple[str, Array]] = [
+            (mesh.link, mesh.pose_in_link.apply(_furthest(_vertices(mesh))))
+            for mesh in robot.collision_meshes()
+        ]
+        self._hulls += [(s.link, s.pose_in_link.apply(corners(s.shape))) for s in robot.collision_shapes()]
+
+    def paint(
+        self, sight: Sight, joints: Array, width: float, held: tuple[Shape, Pose] | None
+    ) -> NDArray[np.bool_]:
+        """(h, w): pixels of the robot at `joints` (n,) and opening `width`, and of what it holds.
+
+        `held` is a shape with its pose in the TCP frame.
+        """
+        mask = np.zeros((sight.intrinsics.height, sight.intrinsics.width), dtype=np.uint8)
+        poses = self._robot.link_poses(joints, width)
+        for link, points in self._hulls:
+            fill(mask, sight.pixels(poses[link].apply(points)))
+        if held is not None:
+            shape, in_tcp = held
+            fill(mask, sight.pixels((self._robot.tcp(joints) @ in_tcp).apply(corners(shape))))
+        kernel = np.ones((2 * GROWN + 1, 2 * GROWN + 1), dtype=np.uint8)
+        return cv2.dilate(mask, kernel).astype(np.bool_)
+
+
+def fill(mask: NDArray[np.uint8], pixels: Array) -> None:
+    """Set the hull of `pixels` (n, 2) to 1."""
+    rounded = np.clip(np.round(pixels), -8000, 8000).astype(np.int32)
+    cv2.fillConvexPoly(mask, cv2.convexHull(rounded), 1)
+
+
+def with_what_hangs_on(
+    robot: NDArray[np.bool_], height: Array, known: NDArray[np.bool_], above: float
+) -> NDArray[np.bool_]:
+    """The mask and every patch higher than `above` that touches it: cables, and what the model lacks."""
+    high = known & (height > above) & ~robot
+    if not robot.any() or int(high.sum()) < 4:
+        return robot
+    _, found = cv2.connectedComponents((high | robot).astype(np.uint8), connectivity=4)
+    marks = np.asarray(found, dtype=np.intp)
+    touched = np.zeros(int(marks.max()) + 1, dtype=np.bool_)
+    touched[np.unique(marks[robot])] = True
+    return touched[marks]
+
+
+def _vertices(mesh: LinkMesh) -> Array:
+    loaded = trimesh.load(mesh.path, force="mesh", skip_materials=True)  # pyright: ignore[reportUnknownMemberType]
+    points = np.asarray(cast("trimesh.Trimesh", loaded).vertices, dtype=np.float64)
+    return points * np.array(mesh.scale)
+
+
+def _furthest(points: Array) -> Array:
+    """The few points (k, 3) whose hull is nearly that of `points` (n, 3)."""
+    points = points[ConvexHull(points).vertices]
+    k = np.arange(DIRECTIONS) + 0.5
+    polar, turn = np.arccos(1 - 2 * k / DIRECTIONS), np.pi * (1 + 5**0.5) * k
+    sphere = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
+    return points[np.unique((points @ sphere.T).argmax(axis=0))]
