@@ -8,7 +8,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 from ..protocols import Hardware
 from ..robot.description import RobotDescription
 from ..scene.description import SceneDescription
-from .truth import TrueBody
+from .faults import Faulty
 
 Backend: TypeAlias = Literal["physics", "kinematic"]
 
@@ -19,10 +19,9 @@ class Saved(Protocol):
     def to_plain(self) -> dict[str, Any]: ...
 
 
-class Simulation(Hardware, Protocol):
-    """Simulated hardware: it knows the truth, can be saved, and says how it is set."""
+class Simulation(Hardware, Faulty, Protocol):
+    """Simulated hardware: it knows the truth, lets faults happen, can be saved, says how it is set."""
 
-    def truth(self) -> tuple[TrueBody, ...]: ...
     def checkpoint(self) -> Saved: ...
     def settings(self) -> Mapping[str, str]: ...
 
