@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from ..world.errors import PicktreeError
-from .output import keep_stdout
+from .output import keep_stdout, program
 
 if TYPE_CHECKING:
     from .live import View
@@ -54,7 +54,7 @@ def run(
     with _view(to_stderr=json) as view:
         result = Session(request, view).run()
     if answer is None:
-        print(result.to_text())
+        print(result.to_text(program()))
     else:
         with answer:
             answer.write(result.to_json_text())

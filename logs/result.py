@@ -106,12 +106,11 @@ class RunResult:
         """Simulated seconds for each object held; None when none was."""
         return self.sim_seconds / self.picks.held if self.picks.held else None
 
-    @property
-    def explain(self) -> str:
-        """The command that shows what happened."""
+    def explain(self, program: str = "picktree") -> str:
+        """The command that shows what happened; `program` is how picktree is called here."""
         moment = self.sim_seconds if self.moment is None else self.moment
         picture = shlex.quote(str(self.folder / "moment.png"))
-        return f"picktree snapshot {shlex.quote(str(self.folder))} --at {moment:.2f} -o {picture}"
+        return f"{program} snapshot {shlex.quote(str(self.folder))} --at {moment:.2f} -o {picture}"
 
     def to_json(self) -> dict[str, Plain]:
         items, picks, wall = self.items, self.picks, self.wall_seconds
@@ -157,8 +156,8 @@ class RunResult:
         """One object, with a line's end."""
         return json.dumps(self.to_json(), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
 
-    def to_text(self) -> str:
-        """The summary for a terminal, without a line's end."""
+    def to_text(self, program: str = "picktree") -> str:
+        """The summary for a terminal, without a line's end; `program` as in `explain`."""
         items, picks, wall = self.items, self.picks, self.wall_seconds
         lines = [
             f"{self.status}: {_SENTENCES[self.status]}" + (f": {self.message}" if self.message else ""),
@@ -178,7 +177,7 @@ class RunResult:
             f"perception {wall.perception:.1f}, logging {wall.logging:.1f}; CPU {self.cpu_seconds:.1f} s",
             f"seed        {self.seed}, digest {self.digest[:16]}",
             f"log         {self.log.absolute()}",
-            f"look at it  {self.explain}",
+            f"look at it  {self.explain(program)}",
         ]
         return "\n".join(lines)
 

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from picktree.cli.app import answer
+from picktree.cli.output import program
 from picktree.logs.result import RunResult
 from picktree.world.errors import PicktreeError
 
@@ -71,14 +72,38 @@ def test_request_carries_every_option(stage: Any) -> None:
     [("success", 0), ("incomplete", 1), ("failure", 1), ("timeout", 1), ("interrupted", 130)],
 )
 def test_status_becomes_exit_code(
-    status: Any, code: int, stage: Any, result: RunResult, capsys: pytest.CaptureFixture[str]
+    status: Any,
+    code: int,
+    stage: Any,
+    result: RunResult,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(sys, "argv", [".venv/bin/picktree", "run"])
     ended = replace(result, status=status)
     stage.act = lambda: ended
     assert answer(["run", "m.yaml"]) == code
     out, err = capsys.readouterr()
-    assert out == ended.to_text() + "\n"
+    assert out == ended.to_text(".venv/bin/picktree") + "\n"
     assert err == ""
+
+
+@pytest.mark.parametrize(
+    ("called", "shown"),
+    [
+        ("{0}/picktree", "picktree"),
+        (".venv/bin/picktree", ".venv/bin/picktree"),
+        ("/my folder/picktree", "'/my folder/picktree'"),
+        ("{0}/picktree/__main__.py", f"{sys.executable} -m picktree"),
+    ],
+)
+def test_shown_commands_call_picktree_as_it_was_called(
+    called: str, shown: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "picktree").touch(mode=0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(sys, "argv", [called.format(tmp_path)])
+    assert program() == shown
 
 
 def test_bad_input_is_told_without_a_traceback(stage: Any, capsys: pytest.CaptureFixture[str]) -> None:
