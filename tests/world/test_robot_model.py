@@ -57,6 +57,7 @@ def test_forward_dynamics_inverts_the_equation_of_motion(q: Array, seed: int) ->
     v, tau = rng.normal(size=7), rng.normal(size=7) * 10
     acceleration = MODEL.forward_dynamics(q, v, tau)
     np.testing.assert_allclose(MODEL.mass_matrix(q) @ acceleration + MODEL.bias(q, v), tau, atol=1e-9)
+    np.testing.assert_allclose(MODEL.inverse_dynamics(q, v, acceleration), tau, atol=1e-9)
 
 
 def test_agrees_with_pybullet() -> None:
@@ -128,7 +129,9 @@ def test_answers_are_copies() -> None:
     q = MODEL.named("home")
     jacobian, gravity, poses = MODEL.jacobian(q), MODEL.gravity(q), MODEL.link_poses(q, 0.0)
     kept = jacobian.copy(), gravity.copy(), dict(poses)
-    MODEL.jacobian(q + 0.3), MODEL.gravity(q + 0.3), MODEL.link_poses(q + 0.3, 0.04)
+    MODEL.jacobian(q + 0.3)
+    MODEL.gravity(q + 0.3)
+    MODEL.link_poses(q + 0.3, 0.04)
     np.testing.assert_array_equal(jacobian, kept[0])
     np.testing.assert_array_equal(gravity, kept[1])
     assert poses == kept[2]

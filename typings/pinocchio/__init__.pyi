@@ -106,6 +106,7 @@ class CollisionPair:
 class CollisionRequest:
     security_margin: float
     enable_contact: bool
+    gjk_initial_guess: object
 
 class DistanceResult:
     min_distance: float

@@ -38,7 +38,7 @@ class InverseKinematics:
         """The solution (n,) that the seed leads to, within the soft limits, or None."""
         self.solves += 1
         target = se3(tcp_in_world)
-        lower, upper = self.model.lower, self.model.upper
+        lower, upper = self.model.planned_lower, self.model.planned_upper
         q: Array = np.clip(seed, lower, upper)
         best, patience = np.inf, STALL
         diagonal = slice(None, None, self.model.n + 1)
@@ -81,7 +81,7 @@ class InverseKinematics:
         for attempt in range(RESTARTS):
             seed = near
             if attempt > 0:
-                anywhere = rng.uniform(self.model.lower, self.model.upper)
+                anywhere = rng.uniform(self.model.planned_lower, self.model.planned_upper)
                 # Half of the seeds around where the arm is: near solutions make short motions.
                 seed = anywhere if attempt % 2 else near + 0.3 * (anywhere - near)
             q = self.descend(tcp_in_world, seed)
@@ -89,6 +89,6 @@ class InverseKinematics:
                 found.append(q)
                 if len(found) == want:
                     break
-            if not found and attempt >= RESTARTS // 2:
+            if not found and attempt + 1 >= RESTARTS // 2:
                 break
         return sorted(found, key=lambda q: float(np.linalg.norm(q - near)))

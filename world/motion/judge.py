@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from ..robot.model import RobotModel
 from ..robot.urdf import LinkMesh, LinkShape, link_geometry
@@ -13,13 +14,15 @@ from ..scene.planning_scene import PlanningScene
 from ..trajectory import Trajectory
 from ..values import Array, Pose
 from .bodies import loose_bodies, still_bodies
-from .fcl_shapes import Placed, Solid, bounds_apart, gap, hull, place, solid
+from .fcl_shapes import Placed, Solid, gap, hull, place, solid
 from .margins import Margins, Part
 from .requests import Contact
 from .way import SLACK, ZONE
 
 STEP = 0.005
-"""Greatest way of any link's origin or of the TCP between two configurations that are judged, m."""
+"""Greatest way of the TCP between two configurations that are judged, m."""
+TURN = 0.03
+"""Greatest way in joint space between them, rad: the elbow may move while the TCP does not."""
 TOLERANCE = 0.0001
 """Penetration that is put down to rounding, m."""
 
@@ -34,11 +37,10 @@ class _Limb:
 
 @dataclass(frozen=True, slots=True)
 class _Thing:
-    """A body at one moment, robot's or scene's."""
+    """A body of the robot or of the scene, wherever it is."""
 
     name: str
     part: Part
-    placed: Placed
 
 
 class Judge:
@@ -70,48 +72,45 @@ class Judge:
             and frozenset((a.link, b.link)) not in disabled
             and not (a.part in gripper and b.part in gripper)
         ]
-        # What the hand holds cannot reach the link that carries the hand.
+        # What the hand holds cannot reach the links that carry the hand.
+        carriers = _carriers(model)
         self._held_against = [
-            k
-            for k, limb in enumerate(self._limbs)
-            if limb.part not in gripper and limb.link not in _carriers(model)
+            k for k, limb in enumerate(self._limbs) if limb.part not in gripper and limb.link not in carriers
         ]
 
-    def judge(self, trajectory: Trajectory, scene: PlanningScene, width: float) -> tuple[Contact, ...]:
+    def judge(
+        self, trajectory: Trajectory, scene: PlanningScene, width: float, *, excuse_start: bool = True
+    ) -> tuple[Contact, ...]:
         """Every pair that penetrates on the way, at its deepest. Empty: the trajectory is free.
 
         Pairs that the scene allows to touch, and what a held object may sink into a board, do not count;
-        nor does what touches already at the start, near the start, unless it gets deeper.
+        with `excuse_start` nor does what touches already at the start, near it, unless it gets deeper.
         """
-        around = [
-            _Thing(b.name, Part.SUPPORT if b.support else Part.OBSTACLE, place(solid(b.shape), b.pose))
-            for b in (*still_bodies(scene), *loose_bodies(scene.objects))
-        ]
+        bodies = (*still_bodies(scene), *loose_bodies(scene.objects))
+        around = [place(solid(b.shape), b.pose) for b in bodies]
         held = scene.held
         held_solid = None if held is None else solid(held.shape)
+        things = [_Thing(limb.link, limb.part) for limb in self._limbs]
+        if held is not None:
+            things.append(_Thing(held.id, Part.HELD))
+        robots = len(things)
+        things += [_Thing(b.name, Part.SUPPORT if b.support else Part.OBSTACLE) for b in bodies]
+        meets = self._meets(scene, things, robots)
         worst: dict[tuple[str, str], Contact] = {}
         at_start: dict[tuple[str, str], float] = {}
-        for k, q in enumerate(self._moments(trajectory, width)):
-            tcp = self._model.tcp(q)
+        for moment, q in enumerate(self._moments(trajectory)):
             poses = self._model.link_poses(q, width)
-            limbs = [
-                _Thing(m.link, m.part, place(m.solid, poses[m.link] @ m.pose_in_link)) for m in self._limbs
-            ]
-            pairs = [(limbs[i], limbs[j]) for i, j in self._self_pairs]
-            hand = limbs
+            placed = [place(m.solid, poses[m.link] @ m.pose_in_link) for m in self._limbs]
             if held is not None and held_solid is not None and held.object_in_tcp is not None:
-                thing = _Thing(held.id, Part.HELD, place(held_solid, tcp @ held.object_in_tcp))
-                pairs += [(limbs[i], thing) for i in self._held_against]
-                hand = [*limbs, thing]
-            pairs += [(a, b) for a in hand if a.part is not Part.BASE for b in around]
+                placed.append(place(held_solid, self._model.tcp(q) @ held.object_in_tcp))
+            placed += around
             near_start = float(np.abs(q - trajectory.start).max()) <= ZONE
-            for a, b in pairs:
-                if bounds_apart(a.placed, b.placed, 0.0) or self._allowed(scene, a, b):
-                    continue
-                between = gap(a.placed, b.placed)
+            for i, j in _overlapping(placed, robots, meets):
+                a, b = things[i], things[j]
+                between = gap(placed[i], placed[j])
                 least = min(0.0, self._margins.between(a.part, b.part))
                 key = (a.name, b.name)
-                if k == 0 and between.distance < least:
+                if excuse_start and moment == 0 and between.distance < least:
                     at_start[key] = min(between.distance, at_start.get(key, 0.0))
                 if near_start and key in at_start:
                     least = min(least, at_start[key] - SLACK)
@@ -119,30 +118,42 @@ class Judge:
                     worst[key] = Contact(a.name, b.name, between.distance, between.point_b)
         return tuple(sorted(worst.values(), key=lambda contact: contact.distance))
 
-    def _allowed(self, scene: PlanningScene, a: _Thing, b: _Thing) -> bool:
-        if b.part not in (Part.SUPPORT, Part.OBSTACLE):
-            return False
-        side = "arm" if a.part is Part.ARM else "gripper"
-        return scene.allowed(side, b.name) or scene.allowed(a.name, b.name)
+    def _meets(self, scene: PlanningScene, things: list[_Thing], robots: int) -> NDArray[np.bool_]:
+        """(robots, all): the pairs that may not touch."""
+        meets = np.zeros((robots, len(things)), dtype=np.bool_)
+        for i, j in self._self_pairs:
+            meets[i, j] = True
+        if robots > len(self._limbs):
+            meets[self._held_against, robots - 1] = True
+        for i, a in enumerate(things[:robots]):
+            side = "arm" if a.part is Part.ARM else "gripper"
+            for j, b in enumerate(things[robots:], robots):
+                touching = scene.allowed(side, b.name) or scene.allowed(a.name, b.name)
+                meets[i, j] = a.part is not Part.BASE and not touching
+        return meets
 
-    def _moments(self, trajectory: Trajectory, width: float) -> list[Array]:
-        """Configurations (n,) along the trajectory, between which no link moves further than STEP."""
-        kept: list[Array] = []
-        last: Array | None = None
-        for q in trajectory.position:
-            poses = self._model.link_poses(q, width)
-            points = np.array([self._model.tcp(q).position, *(p.position for p in poses.values())])
-            way = np.inf if last is None else float(np.linalg.norm(points - last, axis=1).max())
-            if way > STEP and kept and last is not None:
-                # The samples may be further apart than STEP themselves.
-                extra = int(np.ceil(way / STEP))
+    def _moments(self, trajectory: Trajectory) -> list[Array]:
+        """Configurations (n,) along the trajectory, at most STEP of the TCP and TURN of the joints apart."""
+        kept = [trajectory.start]
+        last = np.array(self._model.tcp(trajectory.start).position)
+        for index, q in enumerate(trajectory.position[1:], 1):
+            point = np.array(self._model.tcp(q).position)
+            ways = float(np.linalg.norm(point - last)) / STEP, float(np.linalg.norm(q - kept[-1])) / TURN
+            count = int(np.ceil(max(ways)))
+            if max(ways) > 0.9 or index == len(trajectory.position) - 1:
+                # Two samples may be further apart than that themselves.
                 before = kept[-1]
-                kept += [before + (q - before) * (k / extra) for k in range(1, extra)]
-            if way > STEP:
-                kept.append(q)
-                last = points
-        kept.append(trajectory.end)
+                kept += [before + (q - before) * (k / count) for k in range(1, count)] + [q]
+                last = point
         return kept
+
+
+def _overlapping(placed: list[Placed], robots: int, meets: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Pairs (of the robot, of anything) whose bounding boxes overlap."""
+    low = np.array([p.low for p in placed])
+    high = np.array([p.high for p in placed])
+    apart = (low[:robots, None] > high[None]).any(axis=2) | (low[None] > high[:robots, None]).any(axis=2)
+    return [(int(i), int(j)) for i, j in np.argwhere(meets & ~apart)]
 
 
 def judge(

@@ -6,12 +6,14 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import PicktreeError
-from ..shapes import Shape
+from ..shapes import Box
 from ..values import Array, Pose, Vector3
 from .description import RobotDescription
 from .urdf import LinkMesh, LinkShape, link_geometry
 
 TCP_FRAME = "picktree_tcp"
+LIMIT_RESERVE = 0.03
+"""Distance to the soft limits that planning keeps, rad: following a plan overshoots a little."""
 
 
 def se3(pose: Pose) -> pin.SE3:
@@ -37,6 +39,8 @@ class RobotModel:
         limits = description.limits
         self.lower: Array = np.array([limit.lower for limit in limits])
         self.upper: Array = np.array([limit.upper for limit in limits])
+        self.planned_lower: Array = self.lower + LIMIT_RESERVE
+        self.planned_upper: Array = self.upper - LIMIT_RESERVE
         self.velocity_limit: Array = np.array([limit.velocity for limit in limits])
         self.acceleration_limit: Array = np.array([limit.acceleration for limit in limits])
         self.torque_limit: Array = np.array([limit.torque for limit in limits])
@@ -129,7 +133,7 @@ class RobotModel:
         """Primitives among the collision geometry."""
         return tuple(g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, LinkShape))
 
-    def finger_boxes(self, width: float) -> tuple[tuple[Shape, Pose], tuple[Shape, Pose]]:
+    def finger_boxes(self, width: float) -> tuple[tuple[Box, Pose], tuple[Box, Pose]]:
         """Boxes that enclose the +y and the -y finger at an opening of `width` m, in the TCP frame."""
         box, closed = self.description.gripper.finger_boxes
         x, y, z = closed.position
