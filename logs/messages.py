@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.Color_pb2 import Color
@@ -47,27 +47,42 @@ def stamp(time: int) -> Timestamp:
 
 
 class Transforms:
-    """The message of `/tf`. The frames are mostly the same from tick to tick: only numbers are set anew."""
+    """The message of `/tf`. Most of it is the same from tick to tick: only what differs is set."""
 
     def __init__(self) -> None:
         self._message = FrameTransforms()
-        self._frames: list[tuple[str, str]] = []
+        self._frames: list[str] = []
+        self._poses: list[Pose] = []
+        self._stamps: list[Timestamp] = []
+        self._parts: list[tuple[VectorMessage, Quaternion]] = []
 
-    def encode(self, time: int, transforms: Sequence[Transform]) -> bytes:
-        frames = [(t.parent, t.child) for t in transforms]
+    def encode(self, time: int, frames_in_world: Mapping[str, Pose]) -> bytes:
+        frames, poses = list(frames_in_world), list(frames_in_world.values())
         if frames != self._frames:
-            self._frames = frames
-            self._message = FrameTransforms()
-            for parent, child in frames:
-                self._message.transforms.add(parent_frame_id=parent, child_frame_id=child)
+            self._start(frames, poses)
         seconds, nanos = divmod(time, 1_000_000_000)
-        for slot, transform in zip(self._message.transforms, transforms, strict=True):
-            slot.timestamp.seconds = seconds
-            slot.timestamp.nanos = nanos
-            translation, rotation = slot.translation, slot.rotation
-            translation.x, translation.y, translation.z = transform.pose.position
-            rotation.x, rotation.y, rotation.z, rotation.w = transform.pose.orientation
+        for slot in self._stamps:
+            slot.seconds = seconds
+            slot.nanos = nanos
+        for k, (pose, before) in enumerate(zip(poses, self._poses, strict=True)):
+            if pose is not before:
+                self._set(k, pose)
+        self._poses = poses
         return self._message.SerializeToString(deterministic=True)
+
+    def _start(self, frames: list[str], poses: list[Pose]) -> None:
+        self._frames, self._poses = frames, poses
+        self._message = FrameTransforms()
+        slots = [self._message.transforms.add(parent_frame_id=WORLD, child_frame_id=f) for f in frames]
+        self._stamps = [slot.timestamp for slot in slots]
+        self._parts = [(slot.translation, slot.rotation) for slot in slots]
+        for k, pose in enumerate(poses):
+            self._set(k, pose)
+
+    def _set(self, k: int, pose: Pose) -> None:
+        translation, rotation = self._parts[k]
+        translation.x, translation.y, translation.z = pose.position
+        rotation.x, rotation.y, rotation.z, rotation.w = pose.orientation
 
 
 def read_transforms(data: bytes) -> tuple[Transform, ...]:

@@ -37,7 +37,6 @@ from .records import (
     Stage,
     Tick,
     Timing,
-    Transform,
     Tree,
     Vector,
     WrenchReading,
@@ -91,7 +90,7 @@ class Recorder:
         self._channels: dict[str, int] = {}
         self._transforms = messages.Transforms()
         self._fixed: tuple[Part, ...] = ()
-        self._cameras: dict[str, Pose] = {}
+        self._cameras: dict[str, Pose] = {}  # by frame
         self._believed = self._true = -EVERY
         self._failing: frozenset[str] = frozenset()
         for topic in topics.FIXED:
@@ -199,9 +198,10 @@ class Recorder:
 
     def transforms(self, now: float, links: Mapping[str, Pose], objects: Iterable[BeliefObject] = ()) -> None:
         """Every link and every believed object in the world, by name; cameras are added by themselves."""
-        frames = [Transform(messages.WORLD, link, pose) for link, pose in links.items()]
-        frames += [Transform(messages.WORLD, o.id, o.pose) for o in objects]
-        frames += [Transform(messages.WORLD, _camera_frame(c), pose) for c, pose in self._cameras.items()]
+        frames = dict(links)
+        for o in objects:
+            frames[o.id] = o.pose
+        frames.update(self._cameras)
         self._write(topics.TF, now, self._transforms.encode(_ns(now), frames))
 
     def wrench(self, now: float, wrench: Wrench) -> None:
@@ -254,7 +254,7 @@ class Recorder:
     def image(self, now: float, image: RgbdImage) -> None:
         """Colour, depth and calibration of a camera shot."""
         camera, frame, at = image.camera, _camera_frame(image.camera), _ns(now)
-        self._cameras[camera] = image.camera_in_world
+        self._cameras[frame] = image.camera_in_world
         calibration = messages.encode_calibration(at, frame, image.intrinsics)
         colour = messages.encode_image(at, frame, "png", encode_colour(image.colour))
         depth = messages.encode_image(at, frame, "png", encode_depth(image.depth))

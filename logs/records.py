@@ -1,6 +1,7 @@
 """Everything that a log holds, as values: what the recorder takes and what the reader gives back.
 
-Times are simulated seconds, wall times (only in `Timing`) are seconds of the wall clock.
+Times are simulated seconds, wall times (only in `Timing`) are seconds of the wall clock. The classes have no
+slots, because orjson writes those eight times as slowly.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def _no_words() -> Mapping[str, str]:
     return {}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RunInfo:
     """What a run was started with. All of it stands in the log's metadata."""
 
@@ -48,7 +49,7 @@ class RunInfo:
     verify: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TreeNode:
     """One node of the tree as it was loaded. `parent` is empty for the root."""
 
@@ -63,14 +64,14 @@ class TreeNode:
     """As written in the mission."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Tree:
     """All nodes, parents before their children."""
 
     nodes: tuple[TreeNode, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NodeStatus:
     """One node after a tick."""
 
@@ -85,7 +86,7 @@ class NodeStatus:
     evidence: Values = field(default_factory=_no_values)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Write:
     """One write to the blackboard."""
 
@@ -94,7 +95,7 @@ class Write:
     node: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Tick:
     """The whole tree after one tick. `tip` is the path of the deepest running node."""
 
@@ -104,13 +105,13 @@ class Tick:
     writes: tuple[Write, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NodeTime:
     path: str
     seconds: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Timing:
     """Wall seconds that one tick took, in all and by part."""
 
@@ -124,7 +125,7 @@ class Timing:
     nodes: tuple[NodeTime, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Vector:
     """Components as a viewer's plot names them: `/wrench.force.z`."""
 
@@ -133,7 +134,7 @@ class Vector:
     z: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class WrenchReading:
     """External force (N) and torque (Nm) at the wrist, in the world's axes."""
 
@@ -142,7 +143,7 @@ class WrenchReading:
     magnitude: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Plan:
     """One request to the planner and its answer; see `world.journal.PlanMade`."""
 
@@ -157,7 +158,7 @@ class Plan:
     tool_path: tuple[tuple[float, float, float], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Stage:
     """How many candidates reached a stage of a choice."""
 
@@ -165,7 +166,7 @@ class Stage:
     count: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Candidate:
     name: str
     position: tuple[float, float, float]
@@ -174,7 +175,7 @@ class Candidate:
     verdict: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Candidates:
     """The trail of a choice; see `world.journal.CandidatesRanked`."""
 
@@ -184,7 +185,7 @@ class Candidates:
     tried: tuple[Candidate, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Event:
     """Something worth a line: item done, fault injected, recovery, checkpoint, operator answer, belief."""
 
@@ -194,7 +195,7 @@ class Event:
     data: Values = field(default_factory=_no_values)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LogLine:
     """A line for people. `level` is DEBUG, INFO, WARNING, ERROR or FATAL; `name` is the node's path."""
 
@@ -203,7 +204,7 @@ class LogLine:
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Joints:
     """By joint: rad or m, rad/s or m/s, Nm or N."""
 
@@ -213,7 +214,7 @@ class Joints:
     effort: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Transform:
     """The frame `child` given in the frame `parent`."""
 
@@ -222,7 +223,7 @@ class Transform:
     pose: Pose
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LinkMesh:
     """What a link of the robot looks like: a binary glTF file (Y up), in the link's own frame."""
 
@@ -230,7 +231,7 @@ class LinkMesh:
     glb: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Body:
     """A movable body as it is believed, or as it truly is. `pose` is in the world."""
 
@@ -249,7 +250,7 @@ class Body:
     last_seen: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Part:
     """A piece of a body that never moves: `pose` is in the world."""
 
@@ -259,7 +260,7 @@ class Part:
     pose: Pose
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Scene:
     """One message of `/scene/objects` or `/truth/objects`."""
 

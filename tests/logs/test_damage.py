@@ -146,8 +146,7 @@ def test_a_folder_that_cannot_be_written_is_one_clear_error(sample: ModuleType, 
     with pytest.raises(PicktreeError) as raised:
         Recorder(path, sample.RUN)
     assert str(raised.value) == (
-        f"{path}: the log cannot be written: File exists; "
-        "make room there, or give another folder with --out"
+        f"{path}: the log cannot be written: File exists; make room there, or give another folder with --out"
     )
 
 

@@ -1,0 +1,145 @@
+"""What recording costs: a tick of 60 nodes, 20 objects and the Panda, and the log that comes of it.
+
+python benchmarks/recording.py
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from picktree.logs.recorder import Recorder
+from picktree.logs.records import NodeStatus, NodeTime, RunInfo, Tick, Timing, Write
+from picktree.logs.robot_meshes import link_meshes
+from picktree.logs.run_log import RunLog
+from picktree.world.protocols import Intrinsics, RgbdImage
+from picktree.world.robot.load import load_robot
+from picktree.world.robot.model import RobotModel
+from picktree.world.scene.load import load_scene
+from picktree.world.scene.planning_scene import BeliefObject
+from picktree.world.shapes import Box
+from picktree.world.values import GripperState, JointState, ObjectId, Pose, Wrench
+
+TICK = 0.05
+SECONDS = 300
+NODES = 60
+OBJECTS = 20
+
+
+def main() -> None:
+    robot = load_robot("panda")
+    model = RobotModel(robot)
+    scene = load_scene("three_bins")
+    rng = np.random.default_rng(1)
+    costs: dict[str, list[float]] = {}
+
+    def timed(name: str, action: Callable[..., None], *values: object) -> None:
+        began = time.process_time()
+        action(*values)
+        costs.setdefault(name, []).append(time.process_time() - began)
+
+    objects = [_object(k, rng) for k in range(OBJECTS)]
+    home = np.array(robot.named["home"])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "log.mcap"
+        began = time.process_time()
+        meshes = link_meshes(robot.urdf)
+        models = time.process_time() - began
+        with Recorder(path, RunInfo("benchmark", "three_bins", "panda", 1, "none", TICK)) as recorder:
+            recorder.robot_model(meshes)
+            recorder.fixed(scene.fixtures, scene.bins)
+            for k in range(round(SECONDS / TICK)):
+                now = k * TICK
+                q = home + 0.3 * np.sin(now * 0.7 + np.arange(len(home))) + rng.normal(0, 2e-5, len(home))
+                links = model.link_poses(q, 0.04)
+                state = JointState(q, rng.normal(0, 0.1, len(home)), rng.normal(0, 5, len(home)))
+                objects[0] = replace(objects[0], pose=model.tcp(q))
+                tick, timing = _tick(k), _timing(rng)
+                force = rng.normal(0, 0.15, 3).tolist()
+                timed("tick", recorder.tick, now, tick)
+                gripper = GripperState(0.04, 0.0, 30.0)
+                timed("joints", recorder.joints, now, robot.joints, state, robot.gripper.joints, gripper)
+                timed("transforms", recorder.transforms, now, links, objects)
+                timed("wrench", recorder.wrench, now, Wrench((force[0], force[1], force[2])))
+                timed("belief", recorder.belief, now, objects)
+                if recorder.truth_due(now):
+                    timed("truth", recorder.truth, now, objects)
+                timed("timing", recorder.timing, now, timing)
+                if k % 92 == 0:
+                    image = _image(now, rng)
+                    timed("image", recorder.image, now, image)
+        size = path.stat().st_size
+        began = time.process_time()
+        with RunLog(path) as log:
+            ticks = sum(1 for _ in log.ticks())
+        reading = time.process_time() - began
+
+    print(f"{'':12}{'calls':>8}{'mean µs':>10}{'p99 µs':>10}{'µs a tick':>12}")
+    total = 0.0
+    for name, values in costs.items():
+        share = sum(values) / ticks * 1e6
+        total += share
+        print(
+            f"{name:12}{len(values):8}{np.mean(values) * 1e6:10.0f}"
+            f"{np.percentile(values, 99) * 1e6:10.0f}{share:12.0f}"
+        )
+    print(f"{'all':12}{'':8}{'':10}{'':10}{total:12.0f}")
+    print(f"\nmodels of the robot: {models:.2f} s")
+    print(f"log of {SECONDS} s: {size / 1e6:.1f} MB; its {ticks} ticks read in {reading:.2f} s")
+
+
+def _object(k: int, rng: np.random.Generator) -> BeliefObject:
+    x, y = rng.uniform(0.3, 0.7), rng.uniform(-0.3, 0.3)
+    colour = ("red", "green", "blue")[k % 3]
+    return BeliefObject(
+        ObjectId(f"{colour}_block_{k}"),
+        "item",
+        "block",
+        "box",
+        Box((0.04, 0.04, 0.04)),
+        colour,
+        Pose((x, y, 0.02)),
+        0.001,
+        0.01,
+        0.9,
+        0.0,
+    )
+
+
+def _tick(k: int) -> Tick:
+    running = k // 40 % NODES
+    nodes = tuple(
+        NodeStatus(
+            f"/Main/ForEach/SortOne/Recover/Sequence/Node_{n}",
+            "Grasp",
+            "RUNNING" if n == running else "SUCCESS" if n < running else "IDLE",
+            n == running,
+            f"approaching candidate {k // 40}" if n == running else "",
+        )
+        for n in range(NODES)
+    )
+    writes = (Write("/item", f"red_block_{k // 40}", nodes[0].path),) if k % 40 == 0 else ()
+    return Tick("RUNNING", nodes[running].path, nodes, writes)
+
+
+def _timing(rng: np.random.Generator) -> Timing:
+    a, b, c = rng.uniform(0, 0.004, 3).tolist()
+    return Timing(a + b + c, physics=a, control=b, nodes=(NodeTime("/Main", c),))
+
+
+def _image(now: float, rng: np.random.Generator) -> RgbdImage:
+    """Flat colours and noisy depth, as the simulated camera gives them."""
+    colour = np.full((240, 320, 3), 190, np.uint8)
+    for x, y in rng.integers(20, 200, (12, 2)):
+        colour[y : y + 18, x : x + 18] = rng.integers(0, 255, 3)
+    depth = rng.normal(0.75, 0.002, (240, 320)).astype(np.float32)
+    return RgbdImage("overhead", colour, depth, now, Intrinsics(320, 240, 208.0, 208.0, 160.0, 120.0), Pose())
+
+
+if __name__ == "__main__":
+    main()
