@@ -1,4 +1,4 @@
-"""Images as files inside the log: colour and depth as PNG, without loss, so that they can be seen again."""
+"""Images as files in the log: colour as JPEG, for the sensor's noise is not worth its size; depth as PNG."""
 
 from __future__ import annotations
 
@@ -6,18 +6,24 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-_FAST = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+_DEPTH = (cv2.IMWRITE_PNG_COMPRESSION, 1)
+_COLOUR = (
+    cv2.IMWRITE_JPEG_QUALITY,
+    92,
+    cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+    cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
+)
 
 
 def encode_colour(image: NDArray[np.uint8]) -> bytes:
-    """RGB (h, w, 3) as PNG."""
-    return _png(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    """RGB (h, w, 3) as JPEG."""
+    return _encoded(".jpg", cv2.cvtColor(image, cv2.COLOR_RGB2BGR), _COLOUR)
 
 
 def encode_depth(depth: NDArray[np.float32]) -> bytes:
     """Depth (h, w) in m as 16-bit PNG in mm; 0 where unknown."""
     millimetres = np.clip(np.nan_to_num(depth) * 1000.0 + 0.5, 0, 65535)
-    return _png(millimetres.astype(np.uint16))
+    return _encoded(".png", millimetres.astype(np.uint16), _DEPTH)
 
 
 def decode_colour(data: bytes) -> NDArray[np.uint8]:
@@ -46,8 +52,8 @@ def write_picture(path: str, image: NDArray[np.uint8]) -> None:
         raise OSError("it cannot be written there")
 
 
-def _png(image: NDArray[np.uint8] | NDArray[np.uint16] | cv2.typing.MatLike) -> bytes:
-    done, data = cv2.imencode(".png", image, _FAST)
+def _encoded(ending: str, image: NDArray[np.uint16] | cv2.typing.MatLike, settings: tuple[int, ...]) -> bytes:
+    done, data = cv2.imencode(ending, image, settings)
     if not done:
         raise ValueError("the image cannot be encoded")
     return data.tobytes()

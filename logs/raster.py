@@ -6,6 +6,7 @@ Plain numpy, so that a picture is the same on every machine and needs neither a 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -18,8 +19,9 @@ from .meshes import Indices, Mesh, unit
 
 Picture: TypeAlias = NDArray[np.uint8]
 
-_BATCH = 3_000_000
+_BATCH = 300_000
 """Pixels that are looked at in one go: bounds the memory."""
+_BAND = 30_000
 _LARGE = 20_000
 """Pixels of a triangle's bounding box from which on it is drawn by itself."""
 _GAMMA = 2.2
@@ -251,6 +253,7 @@ def _lit(mesh: Mesh, position: Array, normal: Array, there: NDArray[np.bool_], l
     axes = np.stack([right, np.cross(sun, right), sun])
     seen = mesh.vertices @ axes.T
     low, high = seen.min(axis=0), seen.max(axis=0)
+    corner = low @ axes
     side = 1400
     scale = (side - 20) / float(np.max(high[:2] - low[:2]))
     points = (seen[:, :2] - low[:2]) * scale + 10
@@ -258,23 +261,30 @@ def _lit(mesh: Mesh, position: Array, normal: Array, there: NDArray[np.bool_], l
     top = _rasterise(triangles, np.ones(len(mesh.faces), np.bool_), side, side).nearness
     top[top == 0.0] = -np.inf
 
-    facing = np.maximum(normal[there] @ sun, 0.0)
-    place = (position[there] + normal[there] * 0.003) @ axes.T
-    u, v = (place[:, 0] - low[0]) * scale + 10, (place[:, 1] - low[1]) * scale + 10
-    height = place[:, 2] - low[2] + 1.002
-    # Farther taps on a slanted surface lie higher by themselves.
-    slope = np.sqrt(1 / np.maximum(facing, 0.15) ** 2 - 1) / scale
-    rows, columns = np.nonzero(there)
-    spins = ((columns * 5 + rows * 3) % 4) / 4 * (math.pi / 3)
-    cosines, sines = np.cos(spins), np.sin(spins)
-    reached = np.zeros(len(place))
     taps = [(r * math.cos(t), r * math.sin(t)) for r, n in ((1.5, 5), (4.5, 9)) for t in _turn(n)]
-    for du, dv in taps:
-        x = np.clip(u + du * cosines - dv * sines, 0, side - 1).astype(np.int64)
-        y = np.clip(v + du * sines + dv * cosines, 0, side - 1).astype(np.int64)
-        reached += top[y, x] <= height + np.minimum(slope * math.hypot(du, dv), 0.03)
-    lit[there] = reached / len(taps)
+    for rows, columns in _bands(there):
+        up = normal[rows, columns]
+        place = (position[rows, columns] + up * 0.003 - corner) @ axes.T
+        u, v = place[:, 0] * scale + 10, place[:, 1] * scale + 10
+        height = place[:, 2] + 1.002
+        # Farther taps on a slanted surface lie higher by themselves.
+        slope = np.sqrt(1 / np.maximum(up @ sun, 0.15) ** 2 - 1) / scale
+        spins = ((columns * 5 + rows * 3) % 4) / 4 * (math.pi / 3)
+        cosines, sines = np.cos(spins), np.sin(spins)
+        reached = np.zeros(len(place))
+        for du, dv in taps:
+            x = np.clip(u + du * cosines - dv * sines, 0, side - 1).astype(np.int64)
+            y = np.clip(v + du * sines + dv * cosines, 0, side - 1).astype(np.int64)
+            reached += top[y, x] <= height + np.minimum(slope * math.hypot(du, dv), 0.03)
+        lit[rows, columns] = reached / len(taps)
     return lit
+
+
+def _bands(there: NDArray[np.bool_]) -> Iterator[tuple[Indices, Indices]]:
+    """Rows and columns of the true pixels, some ten thousand at a time: that stays in the cache."""
+    rows, columns = np.nonzero(there)
+    for start in range(0, len(rows), _BAND):
+        yield rows[start : start + _BAND], columns[start : start + _BAND]
 
 
 def _openness(
@@ -282,22 +292,22 @@ def _openness(
 ) -> NDArray[np.float32]:
     """Share 0 … 1 of the sky that each pixel (h, w) sees, from its neighbours on the picture only."""
     height, width = there.shape
-    rows, columns = np.nonzero(there)
-    here, up = position[there], normal[there]
     radius = 0.06
-    reach = radius * focal / ((here - eye) @ axes[2])
-    closed = np.zeros(len(here))
-    spins = ((columns * 7 + rows * 13) % 8) / 8 * (2 * math.pi)
     steps = [(r, float(t)) for r, n in ((0.15, 4), (0.4, 6), (0.9, 8)) for t in _turn(n)]
-    for share, turn in steps:
-        x = np.clip(columns + share * reach * np.cos(turn + spins), 0, width - 1).astype(np.int64)
-        y = np.clip(rows + share * reach * np.sin(turn + spins), 0, height - 1).astype(np.int64)
-        to = position[y, x] - here
-        length = np.sqrt(np.einsum("pi,pi->p", to, to)) + 1e-6
-        rise = np.einsum("pi,pi->p", to, up) / length - 0.12
-        closed += np.maximum(rise, 0.0) * np.clip(2.0 - length / radius, 0.0, 1.0) * there[y, x]
     openness = np.ones(there.shape, np.float32)
-    openness[there] = np.clip(1.0 - 1.7 * closed / len(steps), 0.25, 1.0)
+    for rows, columns in _bands(there):
+        here, up = position[rows, columns], normal[rows, columns]
+        reach = radius * focal / ((here - eye) @ axes[2])
+        closed = np.zeros(len(here))
+        spins = ((columns * 7 + rows * 13) % 8) / 8 * (2 * math.pi)
+        for share, turn in steps:
+            x = np.clip(columns + share * reach * np.cos(turn + spins), 0, width - 1).astype(np.int64)
+            y = np.clip(rows + share * reach * np.sin(turn + spins), 0, height - 1).astype(np.int64)
+            to = position[y, x] - here
+            length = np.sqrt(np.einsum("pi,pi->p", to, to)) + 1e-6
+            rise = np.einsum("pi,pi->p", to, up) / length - 0.12
+            closed += np.maximum(rise, 0.0) * np.clip(2.0 - length / radius, 0.0, 1.0) * there[y, x]
+        openness[rows, columns] = np.clip(1.0 - 1.7 * closed / len(steps), 0.25, 1.0)
     return cv2.GaussianBlur(openness, (0, 0), 1.1).astype(np.float32)
 
 

@@ -256,7 +256,7 @@ class Recorder:
         camera, frame, at = image.camera, _camera_frame(image.camera), _ns(now)
         self._cameras[frame] = image.camera_in_world
         calibration = messages.encode_calibration(at, frame, image.intrinsics)
-        colour = messages.encode_image(at, frame, "png", encode_colour(image.colour))
+        colour = messages.encode_image(at, frame, "jpeg", encode_colour(image.colour))
         depth = messages.encode_image(at, frame, "png", encode_depth(image.depth))
         self._write(topics.calibration_topic(camera), now, calibration)
         self._write(topics.colour_topic(camera), now, colour)
