@@ -22,6 +22,8 @@ class Handling:
     """Last bit of the way down that is felt for flat objects."""
     back_off: float = 0.001
     """Raised again by this much after having touched."""
+    free: float = 0.9
+    """Share of the joints' speed limits on free motions: the servo overshoots a little."""
     line: float = 0.5
     """Share of the joints' speed limits on straight lines next to objects."""
     lower_speed: float = 0.12
@@ -33,7 +35,7 @@ class Handling:
 
     def scaling(self, speed: float) -> Scaling:
         """For free motions at `speed`, a share (0, 1]."""
-        return Scaling(velocity=speed, acceleration=speed)
+        return Scaling(velocity=self.free * speed, acceleration=speed)
 
     @property
     def slowly(self) -> Scaling:

@@ -66,6 +66,7 @@ class GuardedTarget:
         self._recent: deque[float] = deque(maxlen=AVERAGED)
         self._ways: deque[float] = deque(maxlen=STANDING_PERIODS)
         self._rate = 0.0
+        self._most = speed
         self._way = 0.0
         self.contact = False
         self.finished = False
@@ -84,6 +85,13 @@ class GuardedTarget:
         """The tool has stopped, too."""
         ways = self._ways
         return self.finished and len(ways) == STANDING_PERIODS and max(ways) - min(ways) < STANDING
+
+    @property
+    def direction(self) -> Array:
+        return self._direction
+
+    def limit(self, speed: float) -> None:
+        self._most = min(speed, self._speed)
 
     def advance(self, position: Array) -> None:
         if self.finished:
@@ -104,7 +112,8 @@ class GuardedTarget:
         left = self._distance - self._way
         step = ACCELERATION * self._period
         before = self._rate
-        self._rate = min(self._rate + step, self._speed, max(step, (2 * ACCELERATION * left) ** 0.5))
+        wanted = min(self._most, max(step, (2 * ACCELERATION * left) ** 0.5))
+        self._rate = min(max(wanted, self._rate - 2 * step), self._rate + step)
         self._way = min(self._way + self._rate * self._period, self._distance)
         self.position = self._origin + self._direction * self._way
         if self._way >= self._distance:

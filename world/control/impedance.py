@@ -14,8 +14,10 @@ from ..values import Array, JointState
 from .commands import Controller, JointCommand, TorqueCommand
 from .joint_controllers import Brake
 
-REFRESH = 24
+REFRESH = 12
 """Control periods between two computations of what depends on the inertia."""
+JOINT_SPEED = 0.4
+"""Share of the joints' speed limits that following the target may take."""
 TORQUE_RATE = 1000.0
 """Nm/s"""
 POSTURE = 25.0
@@ -50,8 +52,17 @@ class Target(Protocol):
         """Called once with the tool's pose, so that the motion begins with zero error."""
         ...
 
+    @property
+    def direction(self) -> Array:
+        """Unit vector (3,) along which it moves, or zero."""
+        ...
+
     def advance(self, position: Array) -> None:
         """One control period passes, the tool being at `position`."""
+        ...
+
+    def limit(self, speed: float) -> None:
+        """From now on no faster than `speed` m/s: near a singularity the joints could not follow."""
         ...
 
 
@@ -64,7 +75,14 @@ class StillTarget:
         self.velocity: Array = np.zeros(3)
         self.acceleration: Array = np.zeros(3)
 
+    @property
+    def direction(self) -> Array:
+        return np.zeros(3)
+
     def advance(self, position: Array) -> None:
+        pass
+
+    def limit(self, speed: float) -> None:
         pass
 
 
@@ -151,6 +169,8 @@ class CartesianImpedance:
         inertia = np.linalg.inv(jacobian @ by_mass + 1e-6 * np.eye(6))
         inertia = (inertia + inertia.T) / 2
         self._along: Array = inertia[:, :3]
+        rates = np.abs(by_mass @ (self._along @ self.target.direction))
+        self.target.limit(float((JOINT_SPEED * self._model.velocity_limit / np.maximum(rates, 1e-6)).min()))
         lower = np.linalg.cholesky(inertia)
         inverse = np.linalg.inv(lower)
         squares, modes = np.linalg.eigh((inverse * self._stiffness) @ inverse.T)

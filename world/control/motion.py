@@ -32,6 +32,8 @@ ARRIVED = 2e-3
 """Greatest distance of a joint from the end of its trajectory, rad."""
 ARRIVAL_LIMIT = 1.0
 """Longest wait for the arrival after the end of a trajectory, s."""
+SLOWED = 4.0
+"""How much longer a guarded move may take near a singularity, where it goes slower."""
 CONTACT_TIME = 1.5
 """Longest wait for the arm to stand after a guarded move, s."""
 
@@ -122,7 +124,7 @@ class Motions:
             carried = self._carrying(felt)
             self._last = None
             lease.run(CartesianImpedance(self._model, loop.period, target, stiffness, carried))
-            limit = self._clock.now + distance / speed + speed + CONTACT_TIME
+            limit = self._clock.now + SLOWED * distance / speed + speed + CONTACT_TIME
             stop = math.inf
             while True:
                 yield
@@ -140,7 +142,7 @@ class Motions:
             if not target.finished:
                 raise Failure(
                     control.TIMEOUT,
-                    f"a guarded move did not end within {limit - self._clock.now:.1f} s",
+                    f"a guarded move of {distance * 1000:.0f} mm did not end in time",
                     force=target.peak,
                 )
             return GuardedResult(

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 UP = 0.10
 """Height to gain, m."""
+NEAR = 0.01
+"""What is nearer to the hand than this counts as touched, m."""
 LEAST = 0.25
 """Share of it that is worth having."""
 
@@ -20,13 +22,11 @@ LEAST = 0.25
 def escape(world: World, scaling: Scaling, node: str) -> Generator[None, None, None]:
     """Straight up as far as that is free; when nothing is, back along the way that the arm came.
 
-    What touches the hand already may be touched on the way out; nothing else may.
+    What touches the arm or the hand already may be touched on the way out; nothing else may.
     """
-    touching = [
-        ("gripper", str(c.b))
-        for c in world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=0.01)
-    ]
-    with world.scene.allow(*touching):
+    near = world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=NEAR)
+    touched = sorted({c.b for c in (*near, *world.plan.contacts())})
+    with world.scene.allow(*((part, name) for name in touched for part in ("gripper", "arm"))):
         try:
             up = Offset((0.0, 0.0, UP), least_fraction=LEAST)
             plan = yield from world.plan.line(up, scaling=scaling, node=node)
