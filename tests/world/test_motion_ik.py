@@ -17,14 +17,14 @@ seeds = st.integers(0, 2**32 - 1)
 @settings(max_examples=60, deadline=None)
 @given(seeds, st.integers(0, 6), st.sampled_from([0.0, 1.0, None]))
 def test_every_reachable_pose_is_solved(seed: int, joint: int, end: float | None) -> None:
-    """Also with one joint at the end of its range."""
+    """Also with one joint at the end of the range that is planned with."""
     share = np.random.default_rng(seed).uniform(size=7)
     share[joint] = share[joint] if end is None else end
-    target = MODEL.tcp(MODEL.lower + share * (MODEL.upper - MODEL.lower))
+    target = MODEL.tcp(MODEL.planned_lower + share * (MODEL.planned_upper - MODEL.planned_lower))
     found = InverseKinematics(MODEL).solutions(target, np.random.default_rng(0), HOME, want=1)
     assert len(found) == 1
     (q,) = found
-    assert np.all(q >= MODEL.lower) and np.all(q <= MODEL.upper)
+    assert np.all(q >= MODEL.planned_lower) and np.all(q <= MODEL.planned_upper)
     reached = MODEL.tcp(q)
     assert reached.distance(target) <= 1.01 * POSITION
     turned = reached.rotation() @ target.rotation().T

@@ -116,6 +116,17 @@ def test_named_and_joint_goals() -> None:
     assert str(failure) == "planning.no_ik: the configuration lies outside the joint limits"
 
 
+def test_a_goal_nearer_to_a_limit_than_plans_go_is_reached_around_an_obstacle() -> None:
+    cell = Cell(table_scene(item("tall", Box((0.1, 0.1, 0.7)), Pose((0.35, 0.0, 0.35)))))
+    cell.at = MODEL.named("observe")
+    q = MODEL.named("observe") * np.array([-1, 1, 1, 1, 1, 1, 1])
+    q[6] = MODEL.upper[6] - 0.001
+    plan, _ = run(cell.plan.to(JointGoal(q)))
+    assert plan.planner == "RRTConnect"
+    np.testing.assert_allclose(plan.trajectory.end, q, atol=1e-6)
+    assert cell.plan.disagreements == ()
+
+
 def test_failures_name_cause_and_culprits() -> None:
     cell = Cell(table_scene(item("tall", Box((0.2, 0.2, 0.5)), Pose((0.5, 0.2, 0.25)))))
     failure = fails(cell, PoseGoal((Pose((2.0, 0.0, 0.5)),)))

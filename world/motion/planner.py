@@ -68,11 +68,14 @@ class Planner:
 
     def around(self, goals: Sequence[Array], seed: int) -> Found | None:
         """By RRT-Connect to any of the goals. None: the budget is spent, or no timing keeps the margins."""
+        # What is given may lie closer to the limits than what is planned: OMPL refuses states out of bounds.
+        lower: Array = np.min([self._model.planned_lower, self._start, *goals], axis=0)
+        upper: Array = np.max([self._model.planned_upper, self._start, *goals], axis=0)
         # A path that grazes between its steps is searched again with smaller ones.
         for attempt, resolution in enumerate((RESOLUTION, RESOLUTION / 2)):
             path = connect(
-                np.minimum(self._model.lower, self._start),
-                np.maximum(self._model.upper, self._start),
+                lower,
+                upper,
                 self._start,
                 goals,
                 self._free,
