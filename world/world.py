@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from .attempts import Attempts
 from .control.grip import Grip
@@ -43,7 +43,7 @@ class World:
     grip: Grip
     eyes: Eyes
     queries: SceneQueries
-    handling: Handling = Handling()
+    handling: Handling = field(default_factory=Handling)
     tick: float = 0.05
     """Seconds between two ticks of the tree."""
 

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..journal import CandidatesRanked, CandidateTried
+from ..motion.posture import discomfort
 from ..scene.planning_scene import BeliefObject
 from ..values import Array, Pose
 from .grasps import GraspCandidate
@@ -14,58 +18,69 @@ from .spots import heap, release_poses, spots
 if TYPE_CHECKING:
     from ..world import World
 
-STAGES = ("ranked", "hand fits", "grasp reached", "pre-grasp reached", "place reached")
+STAGES = ("ranked", "hand fits", "pre-grasp reached", "grasp reached", "place reached")
+EQUALS = 3
+"""Of candidates with the best score that pass, so many are compared by how far the arm has to go."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Tested:
+    """A candidate that passed, and the configuration (n,) over it; or why it did not."""
+
+    over: Array | None
+    verdict: str
 
 
 def choose(
     world: World, belief: BeliefObject, candidates: Sequence[GraspCandidate], node: str
 ) -> Generator[None, None, GraspCandidate | None]:
-    """The first candidate with which the object can be grasped *and* put where it belongs, or None.
+    """The best candidate with which the object can be grasped *and* put where it belongs, or None.
 
-    The trail, with the stage at which each one dropped out, goes to the journal; the collision checks
-    are charged as thinking time.
+    Among candidates of equal score the one with the shortest way for the arm. The trail, with the stage at
+    which each one dropped out, goes to the journal; the collision checks are charged as thinking time.
     """
-    counts = dict.fromkeys(STAGES, 0)
+    counts: dict[str, int] = dict.fromkeys(STAGES, 0)
     counts["ranked"] = len(candidates)
     tried: list[CandidateTried] = []
-    chosen: GraspCandidate | None = None
+    passed: list[tuple[float, GraspCandidate]] = []
+    now = world.control.held_position
     with world.scene.allow(("gripper", belief.id)):
         for candidate in candidates:
-            verdict = _verdict(world, belief, candidate, counts)
-            tried.append(
-                CandidateTried(candidate.name, candidate.tcp_in_world, candidate.score, verdict or "accepted")
-            )
-            if verdict is None:
-                chosen = candidate
+            if passed and (len(passed) == EQUALS or candidate.score > passed[0][1].score + 1e-6):
                 break
+            tested = _test(world, belief, candidate, counts)
+            tried.append(
+                CandidateTried(candidate.name, candidate.tcp_in_world, candidate.score, tested.verdict)
+            )
+            if tested.over is not None:
+                way = float(np.linalg.norm(tested.over - now)) + discomfort(world.robot, tested.over)
+                passed.append((way, candidate))
     world.journal.note(CandidatesRanked(f"grasp by {node}", belief.id, counts, tuple(tried)))
     yield from world.plan.charge()
-    return chosen
+    return min(passed, key=lambda p: p[0])[1] if passed else None
 
 
-def _verdict(
-    world: World, belief: BeliefObject, candidate: GraspCandidate, counts: dict[str, int]
-) -> str | None:
-    """Why the candidate is refused, or None."""
+def _test(world: World, belief: BeliefObject, candidate: GraspCandidate, counts: dict[str, int]) -> _Tested:
     tcp = candidate.tcp_in_world
     touched = world.queries.hand_contacts(
         tcp, candidate.opening, ignore=(belief.id,), margin=candidate.margin
     )
     if touched:
-        return f"the hand would touch {touched[0].b}"
+        return _Tested(None, f"the hand would touch {touched[0].b}")
     counts["hand fits"] += 1
-    grasp = world.plan.reachable(tcp, near=world.control.state.position)
-    if grasp is None:
-        return "the grasp is out of reach or in collision"
-    counts["grasp reached"] += 1
-    over = world.plan.reachable(tcp.shifted((0.0, 0.0, world.handling.approach)), near=grasp)
+    over_pose = tcp.shifted((0.0, 0.0, world.handling.approach))
+    over = world.plan.reachable(over_pose, near=world.control.held_position)
     if over is None:
-        return "the pre-grasp is out of reach or in collision"
+        return _Tested(None, "the pre-grasp is out of reach or in collision")
     counts["pre-grasp reached"] += 1
+    grasp = world.plan.reachable(tcp, near=over)
+    if grasp is None:
+        return _Tested(None, "the grasp is out of reach or in collision")
+    counts["grasp reached"] += 1
     if not _placeable(world, belief, tcp, grasp):
-        return "from this grasp the object cannot be put where it belongs"
+        return _Tested(None, "from this grasp the object cannot be put where it belongs")
     counts["place reached"] += 1
-    return None
+    return _Tested(over, "accepted")
 
 
 def _placeable(world: World, belief: BeliefObject, tcp: Pose, near: Array) -> bool:

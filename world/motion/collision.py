@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from ..robot.model import TCP_FRAME, RobotModel, se3
 from ..scene.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
-from ..values import Array, Pose, Vector3
+from ..values import Array, Bounds, Pose, Vector3
 from .bodies import Body, loose_bodies, still_bodies
 from .coal_shapes import CoalShapes, hull
 from .margins import AROUND, GRIPPER, Margins, Part
@@ -24,6 +24,10 @@ class _Piece:
     name: str
     part: Part
     joint: int
+
+
+INSIDE = 0.002
+"""Distance of the tool to the edges of the workspace that planning keeps, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +46,7 @@ class Checker:
 
     def __init__(self, model: pin.Model, geometry: pin.GeometryModel, margins: Array) -> None:
         self._model = model
-        self._data = model.createData()
+        self.data = model.createData()
         self._geometry_data = pin.GeometryData(geometry)
         self._geometry_data.setSecurityMargins(geometry, margins, True, False)
         # The other managers of this library miss collisions; this one was compared with the naive test.
@@ -51,18 +55,23 @@ class Checker:
         )
 
     def free(self, full_q: Array) -> bool:
-        return not pin.computeCollisions(self._model, self._data, self._manager, full_q, True)
+        return not pin.computeCollisions(self._model, self.data, self._manager, full_q, True)
 
 
 class Collision:
     """The robot in the believed scene. Call `update` before asking; `checks` counts what was asked.
 
+    With a `workspace` (in the world) a configuration is free only if the TCP is INSIDE m within it.
+
     Margins: see `Margins`. Names that a scene may allow to touch: object, fixture and bin ids, `arm`, and
     `gripper` (hand, fingers and what they hold).
     """
 
-    def __init__(self, model: RobotModel, margins: Margins | None = None) -> None:
+    def __init__(
+        self, model: RobotModel, margins: Margins | None = None, workspace: Bounds | None = None
+    ) -> None:
         self.model = model
+        self._workspace = workspace
         self.margins = margins or Margins()
         self.checks = 0
         self._shapes = CoalShapes()
@@ -164,9 +173,9 @@ class Collision:
     # ---- questions
 
     def free(self, q: Array) -> bool:
-        """Whether the arm at q keeps all margins."""
+        """Whether the arm at q keeps all margins, and its tool the workspace."""
         self.checks += 1
-        return self._full.free(self._at(q))
+        return self._full.free(self._at(q)) and self._inside(self._full)
 
     def nearly_free(self, q: Array) -> bool:
         """The same with positive margins halved: for what lies between configurations found free."""
@@ -174,7 +183,7 @@ class Collision:
         if self._halved is None:
             margins = np.where(self._least > 0, self._least / 2, self._least)
             self._halved = Checker(self.model.full, self._geometry, margins)
-        return self._halved.free(self._at(q))
+        return self._halved.free(self._at(q)) and self._inside(self._halved)
 
     def excusing(self, contacts: tuple[Contact, ...], slack: float) -> Checker:
         """A checker in which the pairs of `contacts` may come as close as they are, and `slack` m closer."""
@@ -214,6 +223,13 @@ class Collision:
     def _indices(self, a: str, b: str) -> list[tuple[int, int]]:
         pieces = list(enumerate(self._pieces))
         return [(i, j) for i, p in pieces for j, q in pieces[i + 1 :] if (p.name, q.name) == (a, b)]
+
+    def _inside(self, checker: Checker) -> bool:
+        """Whether the tool is within the workspace at the configuration that `checker` saw last."""
+        if self._workspace is None:
+            return True
+        tool = (checker.data.oMi[self._tcp_joint] * self._tcp_in_joint).translation
+        return self._workspace.contains(tool, INSIDE)
 
     def _at(self, q: Array) -> Array:
         self._full_q[self._arm_q] = q

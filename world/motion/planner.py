@@ -12,6 +12,7 @@ from ..trajectory import Trajectory
 from ..values import Array
 from .collision import Collision
 from .edges import RESOLUTION, edge_free
+from .posture import discomfort
 from .requests import Scaling
 from .rrt import connect
 from .timing import time_corners
@@ -56,9 +57,12 @@ class Planner:
         self._budget = budget
 
     def direct(self, goals: Sequence[Array]) -> Found | None:
-        """Straight in joint space to one of the goals, the nearest first."""
-        order = sorted(range(len(goals)), key=lambda k: float(np.linalg.norm(goals[k] - self._start)))
-        for k in order:
+        """Straight in joint space to one of the goals: the nearest first, uncomfortable ones as detours."""
+
+        def effort(k: int) -> float:
+            return float(np.linalg.norm(goals[k] - self._start)) + discomfort(self._model, goals[k])
+
+        for k in sorted(range(len(goals)), key=effort):
             if self._edge(self._start, goals[k], RESOLUTION):
                 path = np.array([self._start, goals[k]])
                 trajectory = self._timed(path)

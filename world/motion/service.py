@@ -16,7 +16,7 @@ from ..stopwatch import Stopwatch
 from ..streams import Streams
 from ..thinking import ThinkingAccount
 from ..trajectory import Trajectory
-from ..values import Array, Pose, Vector3
+from ..values import Array, Bounds, Pose, Vector3
 from . import failing
 from .collision import Collision
 from .costs import Meter, Spent
@@ -25,12 +25,16 @@ from .ik import InverseKinematics
 from .judge import Judge
 from .lines import straight
 from .planner import Budget, Found, Planner, stays_free
+from .posture import discomfort
 from .requests import Contact, Goal, JointGoal, Line, NamedGoal, Offset, Plan, PoseGoal, Scaling
 from .timing import time_smooth
 from .way import Way
 
 _log = logging.getLogger(__name__)
 
+HOME = "home"
+UNCOMFORTABLE = 0.3
+"""See `posture.discomfort`, rad."""
 SOLUTIONS = 4
 """IK solutions that are looked for, for each pose."""
 
@@ -71,6 +75,7 @@ class PlanService:
         *,
         configuration: Callable[[], Array],
         width: Callable[[], float],
+        workspace: Bounds | None = None,
         verify: bool = False,
         stopwatch: Stopwatch | None = None,
     ) -> None:
@@ -85,9 +90,10 @@ class PlanService:
         self._configuration = configuration
         self._width = width
         self._stopwatch = stopwatch or Stopwatch()
-        self._collision = Collision(model)
+        self._collision = Collision(model, workspace=workspace)
         self._ik = InverseKinematics(model)
         self._meter = Meter(self._collision, self._ik, thinking, cost)
+        self._home = model.named(HOME)
         self._judge = Judge(model) if verify else None
         self._disagreements: list[Disagreement] = []
 
@@ -206,9 +212,18 @@ class PlanService:
         return plan(found, targets)
 
     def _near_targets(self, goal: PoseGoal, start: Array, way: Way) -> list[_Target]:
-        """For each pose the solution that the start itself leads to, where it is free."""
-        solved = [(self._ik.descend(pose, start), k) for k, pose in enumerate(goal.tcp_in_world)]
-        return [_Target(q, k) for q, k in solved if q is not None and way.free(q)]
+        """For each pose the solution that the start itself leads to, where it is free. Where that one is
+        uncomfortable, also the one that home leads to: else the arm would wander into its limits."""
+        targets: list[_Target] = []
+        for k, pose in enumerate(goal.tcp_in_world):
+            q = self._ik.descend(pose, start)
+            if q is not None and way.free(q):
+                targets.append(_Target(q, k))
+            if q is None or discomfort(self._model, q) > UNCOMFORTABLE:
+                other = self._ik.descend(pose, self._home)
+                if other is not None and way.free(other):
+                    targets.append(_Target(other, k))
+        return targets
 
     def _all_targets(self, goal: PoseGoal, start: Array, way: Way, seed: int) -> list[_Target]:
         """Free configurations for all poses of the goal. Fails when there is none."""
