@@ -59,9 +59,7 @@ _ADAPTER = TypeAdapter(RunState)
 _CONTROL = TypeAdapter(ControlState)
 
 
-def take(
-    world: World, tree: Tree, hardware: Simulation, injector: Injector, items_done: int
-) -> RunState:
+def take(world: World, tree: Tree, hardware: Simulation, injector: Injector, items_done: int) -> RunState:
     """Save everything. The simulation goes on from what was saved, as a resumed run would.
 
     Only at a quiescent moment: no skill runs, the arm is held at rest. Raises PicktreeError otherwise.

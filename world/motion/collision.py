@@ -72,7 +72,7 @@ class Collision:
     ) -> None:
         self.model = model
         self._workspace = workspace
-        self.margins = margins or Margins()
+        self._margin_table = (margins or Margins()).table()
         self.checks = 0
         self._shapes = CoalShapes()
         self._robot = _robot_geometry(model)
@@ -166,9 +166,8 @@ class Collision:
         return frozenset((side, b.name)) not in allowed and frozenset((a.name, b.name)) not in allowed
 
     def _least_distances(self) -> Array:
-        parts = [piece.part for piece in self._pieces]
-        table = {(a, b): self.margins.between(a, b) for a in Part for b in Part}
-        return np.array([[table[a, b] for b in parts] for a in parts])
+        parts = [piece.part.value for piece in self._pieces]
+        return self._margin_table[np.ix_(parts, parts)]
 
     # ---- questions
 

@@ -9,6 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, auto
 
+import numpy as np
+
+from ..values import Array
+
 
 class Part(Enum):
     """What a geometry is a part of."""
@@ -46,3 +50,11 @@ class Margins:
         if parts == {Part.HELD, Part.SUPPORT}:
             return self.held_support
         return self.gripper
+
+    def table(self) -> Array:
+        """`between` for all parts: rows and columns by the parts' values."""
+        table = np.zeros((len(Part) + 1, len(Part) + 1))
+        for a in Part:
+            for b in Part:
+                table[a.value, b.value] = self.between(a, b)
+        return table

@@ -23,7 +23,8 @@ def se3(pose: Pose) -> pin.SE3:
 
 def pose_of(placement: pin.SE3) -> Pose:
     """Pinocchio's rigid transform as a pose (a copy)."""
-    return Pose.from_rotation(placement.translation, placement.rotation)
+    x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUATtuple(placement)
+    return Pose((x, y, z), (qx, qy, qz, qw) if qw >= 0.0 else (-qx, -qy, -qz, -qw))
 
 
 class RobotModel:
