@@ -8,7 +8,7 @@ from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Skill, Steps
 from ..world.causes import Failure, control, planning, safety
 from ..world.journal import Happened
-from ..world.manipulation.dropping import let_go
+from ..world.manipulation.dropping import open_hand
 from ..world.manipulation.escape import escape
 from ..world.motion.requests import NamedGoal
 
@@ -36,8 +36,7 @@ class SafeRetreat(Skill):
             world.control.monitor.acknowledge()
             world.journal.note(Happened("safety_acknowledged", f"{stop.cause}: {stop.message}", self.path))
         if self.hand == "open":
-            yield from world.grip.open()
-            let_go(world.scene, "let go by SafeRetreat")
+            yield from open_hand(world, "let go by SafeRetreat")
         slowly = world.handling.scaling(self.speed)
         yield from escape(world, slowly, self.path)
         try:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..trees.ports import In, Out, port
 from ..trees.skill import GRIPPER, Skill, Steps
 from ..world.causes import control
-from ..world.manipulation.dropping import let_go
+from ..world.manipulation.dropping import open_hand
 
 if TYPE_CHECKING:
     from ..world.world import World
@@ -21,8 +21,7 @@ class OpenGripper(Skill):
     uses = (GRIPPER,)
 
     def run(self, world: World) -> Steps:
-        yield from world.grip.open(self.width or None)
-        let_go(world.scene, "let go by OpenGripper")
+        yield from open_hand(world, "let go by OpenGripper", self.width or None)
 
 
 class CloseGripper(Skill):

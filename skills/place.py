@@ -156,7 +156,11 @@ class Place(Skill):
         before = world.control.load()
         held = world.scene.get(held.id)
         where = self.into or "table"
-        yield from world.grip.open(world.grip.width + world.handling.release)
+        try:
+            yield from world.grip.open(world.grip.width + world.handling.release)
+        except GeneratorExit:  # halted, but the fingers go on opening
+            world.scene.detach(held.id, self._resting(world, held), where, "let go")
+            raise
         world.scene.detach(held.id, self._resting(world, held), where, "placed")
         if self.at:
             yield from withdraw(world, self.path)

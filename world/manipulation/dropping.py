@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..scene.planning_scene import PlanningScene
 from ..shapes import Box, bottom, top
 
+if TYPE_CHECKING:
+    from ..world import World
+
 UNSURE = 0.3
 """Confidence in the guess, until the object is seen again."""
+
+
+def open_hand(world: World, reason: str, width: float | None = None) -> Generator[None, None, None]:
+    """Open the fingers, by default fully; what they held is then believed to be gone from the hand.
+
+    So it is when this is halted on the way: the fingers go on opening.
+    """
+    try:
+        yield from world.grip.open(width)
+    except GeneratorExit:
+        let_go(world.scene, reason)
+        raise
+    let_go(world.scene, reason)
 
 
 def let_go(scene: PlanningScene, reason: str) -> None:

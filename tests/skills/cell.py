@@ -1,0 +1,231 @@
+"""A sorting cell on either backend that a test drives tick by tick, halts, and lets go on."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from textwrap import indent
+
+import numpy as np
+
+from picktree.logs.assembly import TICK, assemble
+from picktree.trees.builder import build
+from picktree.trees.loader import load_mission, parse_mission
+from picktree.trees.mission import Mission
+from picktree.trees.registry import Registry
+from picktree.trees.runner import TickReport
+from picktree.trees.status import NodeStatus
+from picktree.world.journal import Happened
+from picktree.world.robot.load import load_robot
+from picktree.world.scene.description import SceneDescription
+from picktree.world.scene.load import load_scene
+from picktree.world.simulation.backends import Backend, build_hardware
+from picktree.world.simulation.scorer import Score, score
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+LIMIT = 240.0
+"""Simulated seconds after which a mission counts as hung."""
+REST_LIMIT = 1.0
+"""Simulated seconds within which an arm that was halted must stand."""
+STILL = 0.02
+"""rad/s over all joints."""
+FALL = 15
+"""Ticks after the end in which what was let go in the air comes to rest."""
+
+
+def items(**counts: int) -> SceneDescription:
+    """The scene `sort_small` with these items of the catalogue instead of its own."""
+    scene = load_scene("sort_small")
+    return replace(scene, spawn=(replace(scene.spawn[0], counts=tuple(counts.items())),))
+
+
+@cache
+def sorting() -> Mission:
+    return load_mission(EXAMPLES / "sort_by_colour.yaml", Registry())
+
+
+def mission(body: str) -> Mission:
+    """A mission whose tree `Main` is the given text."""
+    text = f"picktree: 1\nkind: mission\ntrees:\n  Main:\n{indent(body, '    ')}\n"
+    return parse_mission(text, Path("mission.yaml"), Registry())
+
+
+class Cell:
+    """Hardware, world and a mission's tree. `tick` lets one tick of simulated time pass."""
+
+    def __init__(
+        self, mission: Mission, scene: SceneDescription, backend: Backend = "kinematic", seed: int = 3
+    ) -> None:
+        self.scene = scene
+        robot = load_robot(scene.robot)
+        self.hardware = build_hardware(backend, scene, robot, seed)
+        self.world = assemble(self.hardware, scene, robot, seed)
+        self.events: list[Happened] = []
+        self.tree = build(mission, self.world)
+
+    def start(self, mission: Mission) -> None:
+        """Another mission in the same world: what stands where, and what is believed, stay."""
+        self.tree = build(mission, self.world)
+
+    def tick(self) -> TickReport:
+        report = self.tree.tick()
+        self._note()
+        if self.running:
+            self.wait()
+        return report
+
+    def wait(self) -> None:
+        """A tick of time in which no node is ticked."""
+        self.world.control.step_tick(TICK)
+        self.world.scene.carry(self.world.control.tcp)
+
+    @property
+    def running(self) -> bool:
+        return self.tree.status is NodeStatus.RUNNING
+
+    @property
+    def leaf(self) -> str:
+        """ID of the first leaf that runs; empty when none does."""
+        nodes = (n for n in self.tree.nodes if n.state is NodeStatus.RUNNING and not n.children)
+        return next((n.wiring.id for n in nodes), "")
+
+    def halt(self) -> None:
+        self.tree.halt()
+        self._note()
+
+    def rest(self) -> float:
+        """Let time pass until the arm stands; the simulated seconds that it took."""
+        began = self.world.clock.now
+        while not self.world.control.at_rest:
+            assert self.world.clock.now - began < REST_LIMIT, f"still moving: {self.speed:.3f} rad/s"
+            self.wait()
+        return self.world.clock.now - began
+
+    @property
+    def speed(self) -> float:
+        """Of the arm, over all joints, rad/s."""
+        return float(np.linalg.norm(self.hardware.arm.read().velocity))
+
+    def finish(self) -> NodeStatus:
+        """Tick until the mission ends."""
+        while True:
+            self.tick()
+            if not self.running:
+                return self.tree.status
+            assert self.world.clock.now < LIMIT, f"hangs in {self.leaf}"
+
+    def score(self) -> Score:
+        return score(self.hardware.truth(), self.scene)
+
+    def happened(self, *kinds: str) -> list[str]:
+        return [f"{e.kind}: {e.message}" for e in self.events if e.kind in kinds]
+
+    def _note(self) -> None:
+        self.events += [e for e in self.world.journal.take() if isinstance(e, Happened)]
+        self.world.scene.take_changes()
+
+
+@dataclass(frozen=True)
+class Halted:
+    """What came of halting a mission at one tick and running the whole sorting mission afterwards."""
+
+    tick: int
+    leaf: str
+    to_rest: float
+    """Simulated seconds until the arm stood."""
+    speed: float
+    status: str
+    sorted: int
+    total: int
+    believed: bool
+    """Whether something was believed to be in the hand when the arm stood."""
+    complaints: tuple[str, ...] = ()
+    """Faults of the program, and what else must not be."""
+    recoveries: tuple[str, ...] = ()
+    """On the way to the end; they are allowed."""
+
+    @property
+    def fine(self) -> bool:
+        done = self.status == "SUCCESS" and self.sorted == self.total
+        return done and self.speed < STILL and not self.complaints
+
+
+def halt_and_finish(cell: Cell, tick: int) -> Halted:
+    """Halt the cell's mission, wait for rest, run `sort_by_colour` in the same world to its end."""
+    leaf = cell.leaf
+    cell.events.clear()
+    cell.halt()
+    complaints = [f"{n.path} is {n.state}" for n in cell.tree.nodes if n.state is not NodeStatus.IDLE]
+    to_rest = cell.rest()
+    speed = cell.speed
+    stop = cell.world.control.monitor.stopped
+    if stop is not None:
+        complaints.append(f"safety stop: {stop.message}")
+    held = cell.world.scene.held
+    if held is not None:
+        tcp = cell.hardware.true_tcp()
+        nearest = min(cell.hardware.truth(), key=lambda body: body.pose.distance(tcp))
+        if held.kind != nearest.kind or nearest.pose.distance(held.pose) > 0.03:
+            complaints.append(
+                f"{held.id} is believed to be held, but {nearest.id} is "
+                f"{nearest.pose.distance(held.pose) * 1000:.0f} mm away from there"
+            )
+    cell.start(sorting())
+    status = cell.finish()
+    for _ in range(FALL):
+        cell.wait()
+    complaints += cell.happened("internal_error", "undeclared_cause")
+    verdict = cell.score()
+    return Halted(
+        tick,
+        leaf,
+        to_rest,
+        speed,
+        status.value + (f" {cell.tree.failure.message}" if cell.tree.failure else ""),
+        verdict.sorted,
+        verdict.total,
+        held is not None,
+        tuple(complaints),
+        tuple(cell.happened("recovery")),
+    )
+
+
+def branch(doing: Callable[[], Halted]) -> Halted:
+    """`doing` in a copy of this process: the world here stays as it is. Raises what it raised, as text."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            answer: object = doing()
+        except BaseException:  # noqa: BLE001 - the child must end here, whatever happened
+            answer = traceback.format_exc()
+        with os.fdopen(writing, "wb") as pipe:
+            pipe.write(pickle.dumps(answer))
+        os._exit(0)
+    os.close(writing)
+    with os.fdopen(reading, "rb") as pipe:
+        data = pipe.read()
+    os.waitpid(child, 0)
+    answer = pickle.loads(data) if data else "the branch died without a word"
+    assert isinstance(answer, Halted), answer
+    return answer
+
+
+def halted_at(cell: Cell, wanted: Callable[[int], bool]) -> list[Halted]:
+    """The cell's mission run once; at each wanted tick a branch in which it is halted and sorting is done
+    from there. The first tick is 1; the mission is halted when the tick's time has passed."""
+    answers: list[Halted] = []
+    tick = 0
+    while cell.world.clock.now < LIMIT:
+        cell.tick()
+        if not cell.running:
+            break
+        tick += 1
+        if wanted(tick):
+            answers.append(branch(lambda at=tick: halt_and_finish(cell, at)))
+    return answers

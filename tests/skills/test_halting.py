@@ -1,0 +1,66 @@
+"""Every skill halted at each of its ticks: the arm comes to rest, and the mission can then be completed."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from picktree.world.scene.load import load_scene
+
+from .cell import Cell, halted_at, items, mission, sorting
+
+PASSED_OVER = """\
+Sequence:
+  - Observe: {camera: overhead, objects: "{items}"}
+  - ForEach:
+      in: "{items}"
+      out: "{item}"
+      on_failure: continue
+      do:
+        Recover:
+          attempts: 2
+          do: [{Grasp: {object: "{item}"}}, CloseGripper, AlwaysFailure]
+          otherwise: [{SafeRetreat: {speed: 0.8}}]
+          give_up: [{SafeRetreat: {hand: open, speed: 0.8}}]
+  - CloseGripper
+  - OpenGripper
+"""
+"""Grasped, kept through a retreat, and dropped at last: what `sort_by_colour` does not do unless it must."""
+
+
+def every_tick(_: int) -> bool:
+    return True
+
+
+def test_sorting_halted_at_each_tick() -> None:
+    answers = halted_at(Cell(sorting(), items(plate=1)), every_tick)
+    assert [a for a in answers if not a.fine] == []
+    leaves = Counter(a.leaf for a in answers)
+    assert set(leaves) - {""} == {"Observe", "Grasp", "Place", "GoTo"}
+    assert len(answers) > 90
+    assert max(a.to_rest for a in answers) <= 0.4
+    assert {a.believed for a in answers} == {True, False}
+
+
+def test_sorting_what_is_not_flat_halted_at_every_fourth_tick() -> None:
+    answers = halted_at(Cell(sorting(), items(block=1)), lambda tick: tick % 4 == 0)
+    assert [a for a in answers if not a.fine] == []
+    assert len(answers) > 20
+
+
+def test_retreat_and_gripper_halted_at_each_tick_within_recover() -> None:
+    answers = halted_at(Cell(mission(PASSED_OVER), items(block=1)), lambda tick: tick > 52)
+    assert [a for a in answers if not a.fine] == []
+    leaves = Counter(a.leaf for a in answers)
+    assert leaves["SafeRetreat"] > 30
+    assert leaves["OpenGripper"] > 5
+    assert leaves["CloseGripper"] > 5
+
+
+def test_halted_at_random_ticks_in_physics() -> None:
+    """`benchmarks/halting.py` does it two hundred times."""
+    chosen = np.random.default_rng([5, 0]).choice(400, 8, replace=False) + 1
+    answers = halted_at(Cell(sorting(), load_scene("sort_small"), "physics", 5), lambda t: t in chosen)
+    assert [a for a in answers if not a.fine] == []
+    assert len(answers) == 8
