@@ -171,10 +171,18 @@ def test_the_robot_is_masked_by_its_own_model() -> None:
     assert view.look(BLOCK, Pose((0.5, -0.1, 0.02)), "red").hidden
 
 
+def test_a_sliver_beside_the_arm_is_nothing() -> None:
+    hand = Robot(Box((0.1, 0.2, 0.02)), Pose((0.5, -0.1, 0.2)))
+    things = [Thing(hand.box, hand.pose, "white"), standing(PLATE, 0.57, -0.1, 0.0, "red")]
+    view = view_of(things, robot=hand)
+    assert 0 < view.look(PLATE, things[1].pose, "red").visible < 60, "a third of it"
+    assert view.detections == () and view.unexplained == ()
+
+
 def test_the_held_object_is_masked_with_the_robot() -> None:
-    hand = Robot(Box((0.05, 0.2, 0.05)), Pose((0.5, -0.1, 0.35)))
+    hand = Robot(Box((0.05, 0.2, 0.05)), Pose((0.5, -0.1, 0.15)))
     scene = empty_scene()
-    in_tcp = Pose((0.0, 0.0, -0.05))
+    in_tcp = Pose((0.06, 0.0, -0.05))
     held = BeliefObject(
         ObjectId("red_block_1"),
         "item",
@@ -193,6 +201,8 @@ def test_the_held_object_is_masked_with_the_robot() -> None:
     things = [Thing(hand.box, hand.pose, "white"), Thing(BLOCK, hand.pose @ in_tcp, "red")]
     view = view_of(things, robot=hand, scene=scene)
     assert view.detections == () and view.unexplained == ()
+    scene.detach(held.id, held.pose, "table")
+    assert view_of(things, robot=hand, scene=scene).detections != (), "without the mask it is seen"
 
 
 def test_the_heap_in_a_bin_is_measured_by_cells() -> None:
@@ -232,6 +242,7 @@ def test_items_on_a_platform_stand_on_it() -> None:
     seen = only(view.detections)
     assert seen.kind == "block"
     assert seen.pose.distance(block.pose) < 0.002
+    assert seen.confidence > 0.8, "it does not float"
     assert view.unexplained == ()
 
 

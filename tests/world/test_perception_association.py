@@ -119,6 +119,16 @@ def test_the_held_object_is_not_touched() -> None:
     assert summary.seen == ("blue_can_1",) and summary.removed == ()
 
 
+def test_the_held_object_stays_held_whatever_is_seen() -> None:
+    scene = empty_scene()
+    look(scene, RED)
+    scene.attach("red_block_1", Pose())
+    before = scene.get("red_block_1")
+    summary = update_belief(scene, view_of([BLUE]), 2.0)
+    assert scene.get("red_block_1") == before, "only the gripper's sensors may say that it is lost"
+    assert summary.removed == ()
+
+
 def test_an_item_that_left_its_place_keeps_its_id() -> None:
     scene = empty_scene()
     look(scene, RED, BLUE)

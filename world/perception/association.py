@@ -22,14 +22,12 @@ FAR = 0.50
 """An object whose place is seen empty is looked for among the other detections of its kind, m."""
 OTHER_KIND = 0.02
 """Distance that a difference in kind is worth, m: what was half hidden may have been misjudged."""
-UNSURE = 0.35
-"""A detection below this does not overrule what is believed of an object's kind."""
-SAME_SPOT = 0.006
-"""Within this an object is believed not to have moved, m: the better of both poses is kept."""
+CLEARLY = 0.8
+"""A detection whose confidence is below this share of the belief's sees the object worse than before."""
 IN_HAND = 0.06
 """What has the held object's colour this near to it, is it, m."""
-IN_A_HEAP = 0.5
-"""A detection in a bin becomes a belief of its own with this confidence."""
+CERTAIN = 0.6
+"""With this confidence a detection is an object of its own, whatever is believed hidden around it."""
 OBSTACLE = 0.05
 """An obstacle this near to a former one is the same, m."""
 
@@ -67,7 +65,7 @@ def update_belief(scene: PlanningScene, view: View, now: float) -> ObservationSu
     hidden: list[BeliefObject] = []
     for item in items:
         if item.id in matched:
-            scene.put(_seen(item, matched[item.id], now), "seen")
+            scene.put(_seen(item, matched[item.id], view, now), "seen")
         elif item in missing:
             scene.remove(item.id, "its place was seen empty")
             removed.append(item.id)
@@ -75,7 +73,7 @@ def update_belief(scene: PlanningScene, view: View, now: float) -> ObservationSu
             hidden.append(item)
     new: list[ObjectId] = []
     for detection in _others(detections, matched):
-        if not _of_a_heap(detection, hidden):
+        if not _part_of_known(detection, hidden):
             belief = _believed(scene.new_id(f"{detection.colour}_{detection.kind}"), detection, now)
             scene.put(belief, "seen for the first time")
             new.append(belief.id)
@@ -129,16 +127,14 @@ def _gone(view: View, item: BeliefObject) -> bool:
     return view.look(item.shape, item.pose, item.colour).seen_empty
 
 
-def _of_a_heap(detection: Detection, hidden: Sequence[BeliefObject]) -> bool:
-    """Whether it may be a part of what is believed to lie in its bin already, seen badly."""
-    if detection.place == "table":
+def _part_of_known(detection: Detection, hidden: Sequence[BeliefObject]) -> bool:
+    """Whether it may be a piece of something that is believed there already, seen badly."""
+    in_bin = detection.place != "table"
+    if detection.confidence >= CERTAIN and not in_bin:
         return False
-    return detection.confidence < IN_A_HEAP or any(
-        o.place == detection.place
-        and o.colour == detection.colour
-        and o.pose.distance(detection.pose) < NEAR_IN_BIN
-        for o in hidden
-    )
+    reach = NEAR_IN_BIN if in_bin else 2 * NEAR
+    near = any(o.colour == detection.colour and o.pose.distance(detection.pose) < reach for o in hidden)
+    return near or (in_bin and detection.confidence < CERTAIN)
 
 
 def _is_known(unexplained: Unexplained, items: Sequence[BeliefObject]) -> bool:
@@ -156,13 +152,12 @@ def _believed(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
     )  # fmt: skip
 
 
-def _seen(item: BeliefObject, detection: Detection, now: float) -> BeliefObject:
-    """The belief after its object was seen."""
+def _seen(item: BeliefObject, detection: Detection, view: View, now: float) -> BeliefObject:
+    """The belief after its object was seen. What was known better before is kept while the view bears it
+    out: of an object that is half hidden only the visible half speaks."""
     place = item.place if item.place == "aside" and detection.place == "table" else detection.place
-    if item.kind != detection.kind and detection.confidence < UNSURE:
-        return replace(item, last_seen=now, place=place)
-    still = item.kind == detection.kind and item.pose.distance(detection.pose) < SAME_SPOT
-    if still and detection.sigma_position > 2.0 * item.sigma_position:
+    worse = detection.confidence < CLEARLY * item.confidence
+    if worse and view.look(item.shape, item.pose, item.colour).borne_out:
         return replace(item, last_seen=now, place=place)
     belief = replace(_believed(item.id, detection, now), place=place)
     return replace(belief, pose=_likest(detection, item.pose))

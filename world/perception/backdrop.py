@@ -179,7 +179,7 @@ def levelled(sight: Sight, depth: Array, backdrop: Backdrop, table_z: float) -> 
     Only height and tilt show on a plane; they are what shifts every height above the table.
     """
     picked = np.zeros(depth.shape, dtype=np.bool_)
-    picked[::4, ::4] = True
+    picked[::5, ::5] = True
     picked &= backdrop.table & (depth > 0)
     rows, columns = np.nonzero(picked)
     points = sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))

@@ -20,6 +20,8 @@ MARGIN = 0.006
 """Points nearer to a wall than this may be the wall, m."""
 ABOVE = 0.2
 """A heap may stand this much above the rim, m."""
+STRIDE = 2
+"""Of every so many rows and columns of the picture one is used."""
 LEAST = 8
 """Fewer pixels than this in a cell say nothing."""
 
@@ -37,10 +39,11 @@ def heap(
     (u0, v0), (u1, v1) = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0)) + 1
     x0, y0 = int(np.clip(u0, 0, w)), int(np.clip(v0, 0, h))
     x1, y1 = int(np.clip(u1, 0, w)), int(np.clip(v1, 0, h))
-    depth = picture.depth[y0:y1, x0:x1]
-    rows, columns = np.nonzero((depth > 0) & ~blocked[y0:y1, x0:x1])
+    depth = picture.depth[y0:y1:STRIDE, x0:x1:STRIDE]
+    rows, columns = np.nonzero((depth > 0) & ~blocked[y0:y1:STRIDE, x0:x1:STRIDE])
     depths = depth[rows, columns]
-    rays = picture.sight.directions(np.stack([columns + x0, rows + y0], axis=1).astype(np.float64))
+    pixels = np.stack([columns * STRIDE + x0, rows * STRIDE + y0], axis=1).astype(np.float64)
+    rays = picture.sight.directions(pixels)
     points = bin_.pose.inverse().apply(picture.sight.origin + rays * depths[:, None])
     inside = (
         (points[:, 0] > low[0] + MARGIN)

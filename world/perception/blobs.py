@@ -106,13 +106,18 @@ class Blob:
 
 def connected(mask: NDArray[np.bool_], least: int) -> list[tuple[Pixels, Pixels]]:
     """Rows and columns of each connected patch of `mask` (h, w) with at least so many pixels."""
-    count, marks, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
+    pixels = mask.view(np.uint8)
+    left, upper, wide, high = (int(n) for n in cv2.boundingRect(pixels))
+    pixels = pixels[upper : upper + high, left : left + wide]
+    if not pixels.size:
+        return []
+    count, marks, stats, _ = cv2.connectedComponentsWithStats(pixels, connectivity=4)
     found: list[tuple[Pixels, Pixels]] = []
     for k in range(1, count):
         x, y, w, h, area = (int(n) for n in stats[k])
         if area >= least:
             rows, columns = np.nonzero(marks[y : y + h, x : x + w] == k)
-            found.append((rows + y, columns + x))
+            found.append((rows + y + upper, columns + x + left))
     return found
 
 

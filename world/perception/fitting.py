@@ -56,13 +56,14 @@ class Fitter:
     sight: Sight
     noise: float
 
-    def explain(self, blob: Blob, support: float, floating: bool = False) -> list[Hypothesis]:
+    def explain(self, blob: Blob, support: float, content: float = GOOD) -> list[Hypothesis]:
         """Hypotheses for the blob, best first, at most one for each entry and manner of support.
 
-        `support` is the height under it in the world, m; `floating` says that it may lie on other items.
+        `support` is the height under it in the world, m. Items that lie on others are tried when none on
+        the support has a misfit below `content`.
         """
         found = self._fits(blob, support, True)
-        if floating or not found or found[0].misfit > GOOD:
+        if all(f.misfit > content for f in found):
             found += self._fits(blob, support, False)
         found.sort(key=_rank)
         best: dict[tuple[str, bool], Hypothesis] = {}
@@ -70,9 +71,11 @@ class Fitter:
             best.setdefault((one.stand.rest.entry.kind, one.supported), one)
         return list(best.values())
 
-    def refit(self, blob: Blob, start: Hypothesis) -> Hypothesis:
-        """The same item fitted again to another outline."""
-        return self._judge(blob, start.stand, start.supported, 3)
+    def at_most(self, blob: Blob) -> int:
+        """How many items may make up the blob, by its area and that of the smallest rest."""
+        depth = float(blob.depths.mean()) if len(blob.depths) else 1.0
+        least = min(rest.footprint for rest in self.rests) * (self.sight.intrinsics.fx / depth) ** 2
+        return int(blob.area / (0.6 * least))
 
     def _fits(self, blob: Blob, support: float, supported: bool) -> list[Hypothesis]:
         starts: list[tuple[float, Stand]] = []

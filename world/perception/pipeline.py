@@ -18,7 +18,7 @@ from . import hues
 from .backdrop import SURFACE, Backdrop, Floor, Floors, levelled, table_of
 from .bins import heap
 from .blobs import Blob, Patch, Picture, connected, outlined
-from .fitting import Fitter, Hypothesis
+from .fitting import GOOD, Fitter, Hypothesis
 from .obstacles import boxed, grey
 from .rests import rests
 from .robot_mask import HIGH, Body, RobotMask, with_what_hangs_on
@@ -38,8 +38,10 @@ PAINT = 0.0035
 SUBPIXEL = 0.12
 """What the grid of pixels costs however many of them an outline has, pixels: along an edge that lies with
 the grid they all err alike."""
-SINGLE = 1.35
-"""A blob with a misfit above this may be several items."""
+FRAGMENT = 0.4
+"""A blob that fills less of the silhouette than this may be a part of anything."""
+VAGUE = 0.012
+"""A position that is less certain than this is none, m."""
 POOR = 4.0
 """A misfit above this explains nothing."""
 POOR_IN_BIN = 2.6
@@ -159,9 +161,9 @@ class _Finding:
         if patch.top - floor.height < FLAT:
             return
         blob = outlined(self.picture, patch)
-        hypotheses = self.fitter.explain(blob, floor.height, floating=floor.in_bin)
+        hypotheses = self.fitter.explain(blob, floor.height, 0.0 if floor.in_bin else GOOD)
         misfit = hypotheses[0].misfit if hypotheses else 9.0
-        if misfit > SINGLE and not floor.in_bin:
+        if misfit > GOOD and not floor.in_bin:
             parts = split(self.picture, self.fitter, blob, floor.height, misfit)
             if parts is not None:
                 for part in parts:
@@ -171,9 +173,13 @@ class _Finding:
 
     def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: Floor) -> None:
         """Take the best hypothesis for true, or box the blob."""
-        if hypotheses and hypotheses[0].misfit < (POOR_IN_BIN if floor.in_bin else POOR):
-            self.detections.append(_detection(self.picture.sight, blob, hypotheses, floor))
-        elif not floor.in_bin and not self._beside_robot(blob):
+        poor = POOR_IN_BIN if floor.in_bin else POOR
+        if hypotheses and hypotheses[0].misfit < poor and hypotheses[0].shown >= FRAGMENT:
+            detection = _detection(self.picture.sight, blob, hypotheses, floor)
+            if detection.sigma_position < VAGUE:
+                self.detections.append(detection)
+                return
+        if not floor.in_bin and not self._beside_robot(blob):
             self._box(blob.patch.rows, blob.patch.columns, floor)
 
     def _beside_robot(self, blob: Blob) -> bool:

@@ -137,12 +137,16 @@ def _distances(sight: Sight, stand: Stand, corners: Array, points: Array, free: 
     slope = np.empty((len(points), free))
     slope[:, :2] = -out @ by_place
     if free == 3:
-        quarter: Array = by_place @ _QUARTER @ np.asarray(np.linalg.inv(by_place), dtype=np.float64)
-        slope[:, 2] = -(out * ((points - middle) @ quarter.T)).sum(axis=1)
+        slope[:, 2] = -(out * ((points - middle) @ _turning(by_place))).sum(axis=1)
     return distance, slope
 
 
-_QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
+def _turning(by_place: Array) -> Array:
+    """(2, 2): a pixel offset (row) times it is the offset's change by yaw, for the affine map (2, 2) from
+    the level plane to the image: M·Q·M⁻¹ transposed, Q a quarter turn."""
+    (a, b), (c, d) = by_place.tolist()
+    determinant = a * d - b * c
+    return np.array([[b * d + a * c, d * d + c * c], [-a * a - b * b, -a * c - b * d]]) / determinant
 
 
 def support(points: Array) -> tuple[Array, Array]:

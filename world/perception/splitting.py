@@ -21,6 +21,10 @@ BETTER = 0.7
 """A split must lower the misfit to this share of the whole's."""
 FINE = 1.3
 """A misfit below this ends the search for more parts."""
+STACKED = 2.2
+"""A part that stands on the table with a misfit below this is not lifted onto others."""
+HOPELESS = 5.5
+"""A cut with a part that fits as badly as this is given up."""
 LEAST = 8
 """Pixels of a part."""
 APART = 0.010
@@ -39,7 +43,7 @@ def split(picture: Picture, fitter: Fitter, blob: Blob, support: float, misfit: 
     """The parts of the blob, or None when no split explains it clearly better than `misfit`."""
     patch = blob.patch
     best: tuple[float, list[Part]] | None = None
-    for count in range(2, MOST + 1):
+    for count in range(2, min(MOST, fitter.at_most(blob)) + 1):
         for cut in _cuts(picture, blob, count):
             parts = _explained(picture, fitter, blob, support, cut)
             if parts is None:
@@ -98,7 +102,7 @@ def _explained(
 ) -> list[Part] | None:
     parts = _fitted(picture, fitter, blob, support, cut)
     for _ in range(2):
-        if parts is None or _misfit(parts) > 6.0:
+        if parts is None:
             return None
         shared = _shared(fitter, blob, parts, picture)
         if (shared == cut).all():
@@ -123,8 +127,8 @@ def _fitted(
     parts: list[Part] = []
     for patch in patches:
         piece = outlined(picture, patch)
-        hypotheses = fitter.explain(piece, support) if piece.measured else []
-        if not hypotheses:
+        hypotheses = fitter.explain(piece, support, STACKED) if piece.measured else []
+        if not hypotheses or hypotheses[0].misfit > HOPELESS:
             return None
         parts.append(Part(piece, hypotheses))
     return parts

@@ -82,6 +82,11 @@ class Look:
         return self.visible >= max(6, 0.3 * self.total) and self.empty >= 0.7 * self.visible
 
     @property
+    def borne_out(self) -> bool:
+        """Whether what can be seen of its place looks as if it were there."""
+        return self.visible >= 6 and self.empty <= 0.1 * self.visible
+
+    @property
     def hidden(self) -> bool:
         """Whether too little of it could be seen to say anything."""
         return self.visible < max(6, 0.3 * self.total)
