@@ -66,7 +66,7 @@ class Eyes:
         self._thinking.spend(self._cost)
         yield from self._thinking.charge()
         summary = update_belief(self._scene, view, stamp)
-        self.bins.update(view.bins)
+        self.bins.update((str(name), seen) for name, seen in view.bins.items())
         self.looks += 1
         findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)
         self._journal.note(ImageTaken(image, findings))

@@ -115,7 +115,7 @@ def test_halting_while_a_handler_runs_leaves_nothing_running_and_a_fresh_start()
     run = start(TABLE % ("grasp.missed|S", "RRRR S"))
     for _ in range(3):
         run.tick()
-    assert run.status("Main/Recover/Look") is NodeStatus.RUNNING
+    assert run.status("Main/Recover/grasp.missed/Look") is NodeStatus.RUNNING
     run.tree.halt()
     assert {node.state for node in run.tree.nodes} == {NodeStatus.IDLE}
     assert "leave Look" in run.trace
