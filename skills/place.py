@@ -10,9 +10,9 @@ from ..world.causes import Failure, control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
 from ..world.manipulation.dropping import let_go
-from ..world.manipulation.holding import Hold
+from ..world.manipulation.holding import Hold, released
 from ..world.manipulation.reaching import lower, withdraw
-from ..world.manipulation.spots import STEPS, Spot, heap, put_down_poses, release_poses, spots
+from ..world.manipulation.spots import STEPS, Spot, blocked, heap, put_down_poses, release_poses, spots
 from ..world.motion.requests import Plan, PoseGoal
 from ..world.scene.description import Bin
 from ..world.scene.planning_scene import BeliefObject
@@ -133,16 +133,10 @@ class Place(Skill):
             )
         x, y, z = self.at
         poses = put_down_poses((x, y, z), held.shape, held.object_in_tcp)
-        blocked = world.queries.free(
-            held.shape, poses[0].shifted((0.0, 0.0, 0.002)) @ held.object_in_tcp, ignore=(held.id,)
-        )
-        blocked = [c for c in blocked if c.distance < -0.001]
-        if blocked:
+        by = blocked(world.queries, held, poses[0])
+        if by is not None:
             raise Failure(
-                place.OCCUPIED,
-                f"{blocked[0].b} stands where {self.object} should go",
-                object=self.object,
-                by=blocked[0].b,
+                place.OCCUPIED, f"{by} stands where {self.object} should go", object=self.object, by=by
             )
         self._spot = Spot("point", (x, y), 0.0)
         over = tuple(p.shifted((0.0, 0.0, world.handling.approach)) for p in poses)
@@ -166,7 +160,7 @@ class Place(Skill):
             yield from withdraw(world, self.path)
         yield from world.control.settle()
         after = world.control.load()
-        if before - after < 0.5 * before:
+        if not released(before, after):
             world.scene.put(held, "still felt in the open hand")
             raise Failure(
                 place.MISSED,

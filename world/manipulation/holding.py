@@ -8,6 +8,8 @@ EMPTY_WIDTH = 0.002
 """Fingers that are closer than this hold nothing, m."""
 LEAST_LOAD = 0.012 * 9.81
 """Weight of 12 g: the least load that counts as held, N."""
+GONE = 0.5
+"""Share of the load that must be gone after a release."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,3 +32,8 @@ class Hold:
     @property
     def held(self) -> bool:
         return not self.empty and self.loaded
+
+
+def released(before: float, after: float) -> bool:
+    """Whether the load on the wrist, N, says that the fingers have let go."""
+    return before - after >= GONE * before

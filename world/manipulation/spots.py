@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..motion.fcl_queries import SceneQueries
 from ..scene.description import Bin
 from ..scene.planning_scene import BeliefObject
 from ..shapes import Shape, extents, top
@@ -20,6 +21,10 @@ ABOVE_RIM = 0.020
 STEPS = (0.0, 0.03, 0.06, 0.10)
 """How much higher the release may be when nothing lower is free, m."""
 YAWS = 8
+SUNK = 0.001
+"""Depth in something else at which a place counts as taken: believed poses are no better, m."""
+ABOVE = 0.002
+"""Above its place an object is tried for room, so that what it will stand on does not count, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,3 +112,11 @@ def put_down_poses(point: tuple[float, float, float], shape: Shape, object_in_tc
         low = float(extents(shape, held.rotation())[0][2])
         poses.append(tcp.shifted((point[0] - x, point[1] - y, point[2] - low - z)))
     return tuple(poses)
+
+
+def blocked(queries: SceneQueries, held: BeliefObject, tcp_in_world: Pose) -> str | None:
+    """The id of what stands where the held object would be with the TCP at that pose, or None."""
+    assert held.object_in_tcp is not None
+    there = tcp_in_world.shifted((0.0, 0.0, ABOVE)) @ held.object_in_tcp
+    contacts = queries.free(held.shape, there, ignore=(held.id,))
+    return next((c.b for c in contacts if c.distance < -SUNK), None)
