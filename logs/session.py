@@ -117,14 +117,18 @@ class Session:
         self._checkpointed = 0
 
     def run(self) -> RunResult:
-        """Run to the end and say what came of it. The log is finished on every way out."""
+        """Run to the end and say what came of it. The log is finished on every way out; an interrupt
+        (SIGINT, SIGTERM) ends the run with the status `interrupted`."""
         structure = self.tree.structure()
         leaves = frozenset(node.path for node in structure if not node.children)
         total = len(self.hardware.truth())
         with Scribe(self.folder / LOG, self, structure) as scribe:
             if self._watcher:
                 self._watcher.started(structure, self.folder)
-            status = self._loop(scribe, leaves, total)
+            try:
+                status = self._loop(scribe, leaves, total)
+            except KeyboardInterrupt:
+                status = "interrupted"
             scribe.last(self.hardware)
             result = self._result(status, scribe.digest)
             scribe.finish(result)
