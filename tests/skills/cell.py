@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import traceback
@@ -34,8 +35,8 @@ REST_LIMIT = 1.0
 """Simulated seconds within which an arm that was halted must stand."""
 STILL = 0.02
 """rad/s over all joints."""
-FALL = 15
-"""Ticks after the end in which what was let go in the air comes to rest."""
+FALL, ROLL = 15, 80
+"""Ticks after the end in which what was let go in the air comes to rest: at least, at most."""
 
 
 def items(**counts: int) -> SceneDescription:
@@ -177,7 +178,9 @@ def halt_and_finish(cell: Cell, tick: int) -> Halted:
             )
     cell.start(sorting())
     status = cell.finish()
-    for _ in range(FALL):
+    for waited in range(ROLL):
+        if waited >= FALL and all(math.hypot(*body.velocity) < 0.01 for body in cell.hardware.truth()):
+            break
         cell.wait()
     complaints += cell.happened("internal_error", "undeclared_cause")
     verdict = cell.score()
