@@ -11,19 +11,16 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import json
 import math
-import multiprocessing
 import os
 import sys
-import time
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import ModuleType
 
-ROOT = Path(__file__).resolve().parent.parent
+from _campaign import ROOT, Row, campaign, rate
+
 HALTS = 10
 """In each seed's run; fewer when it is over before."""
 LAST_TICK = 420
@@ -49,7 +46,7 @@ def _cell() -> ModuleType:
     return module
 
 
-def one(job: Job) -> dict[str, object]:
+def one(job: Job) -> Row:
     """One seed's run with its halts, each with what came of it, or the error that it died of."""
     import numpy as np
 
@@ -75,23 +72,10 @@ def one(job: Job) -> dict[str, object]:
     return {"seed": job.seed, "unhalted": run.score().sorted, "halts": answers}
 
 
-def wilson(hits: int, n: int, z: float = 1.96) -> tuple[float, float]:
-    """95 % interval of a rate (Wilson 1927)."""
-    if n == 0:
-        return (0.0, 1.0)
-    p = hits / n
-    centre = p + z * z / (2 * n)
-    spread = z * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    return ((centre - spread) / (1 + z * z / n), (centre + spread) / (1 + z * z / n))
-
-
-def report(rows: list[dict[str, object]]) -> tuple[str, bool]:
+def report(rows: list[Row]) -> tuple[str, bool]:
     halts = [halt | {"seed": row["seed"]} for row in rows for halt in row["halts"]]
     fine = sum(halt["fine"] for halt in halts)
-    low, high = wilson(fine, len(halts))
-    lines = [
-        f"at rest and finished  {fine} of {len(halts)}   95 % interval {100 * low:.1f} … {100 * high:.1f} %"
-    ]
+    lines = [rate("at rest and finished", fine, len(halts))]
     rests = sorted(halt["to_rest"] for halt in halts if "to_rest" in halt)
     if rests:
         lines.append(
@@ -116,32 +100,19 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--out", default=str(ROOT / "runs" / "halting"))
     options = parser.parse_args()
-    out = Path(options.out)
-    out.mkdir(parents=True, exist_ok=True)
-    results = out / f"{options.scene}.jsonl"
-    rows = [json.loads(line) for line in results.read_text().splitlines()] if results.exists() else []
-    seeds = range(options.first, options.first + math.ceil(1.08 * options.runs / HALTS))
-    have = {row["seed"] for row in rows}
-    jobs = [Job(options.scene, seed, HALTS) for seed in seeds if seed not in have]
-    forecast = len(jobs) * HALTS * COST.get(options.scene, 7.0)
-    print(
-        f"{len(jobs)} seeds to do, {len(seeds) - len(jobs)} done; "
-        f"about {forecast / 60:.1f} CPU minutes on {options.workers} workers",
-        flush=True,
+    jobs = [
+        Job(options.scene, seed, HALTS)
+        for seed in range(options.first, options.first + math.ceil(1.08 * options.runs / HALTS))
+    ]
+    rows = campaign(
+        Path(options.out) / f"{options.scene}.jsonl",
+        jobs,
+        one,
+        cost=HALTS * COST.get(options.scene, 7.0),
+        workers=options.workers,
+        short=lambda row: f"{sum(halt['fine'] for halt in row['halts'])} of {len(row['halts'])}",
     )
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ[variable] = "1"
-    started = time.perf_counter()
-    with ProcessPoolExecutor(options.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(one, job) for job in jobs]):
-            row = future.result()
-            rows.append(row)
-            with results.open("a") as file:
-                file.write(json.dumps(row) + "\n")
-            fine = sum(halt["fine"] for halt in row["halts"])
-            print(f"  seed {row['seed']}: {fine} of {len(row['halts'])}", file=sys.stderr, flush=True)
-    print(f"{options.scene}: {time.perf_counter() - started:.0f} s")
-    text, fine = report([row for row in rows if row["seed"] in seeds])
+    text, fine = report(rows)
     print(text)
     return 0 if fine else 1
 
