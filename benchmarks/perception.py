@@ -22,7 +22,7 @@ from picktree.world.robot.load import load_robot
 from picktree.world.robot.model import RobotModel
 from picktree.world.scene.load import load_scene
 from picktree.world.scene.planning_scene import PlanningScene
-from picktree.world.shapes import Box, Cylinder, Shape, Sphere
+from picktree.world.shapes import Box, Cylinder, Sphere
 from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.simulation.truth import TrueBody
 from picktree.world.values import Array, Pose
@@ -42,9 +42,10 @@ class Tally:
     sigmas: list[float] = field(default_factory=list)
 
 
-def angle_between(shape: Shape, a: Array, b: Array) -> float:
-    """Angle between two orientations (3, 3) of a shape, up to what looks the same, rad."""
-    match shape:
+def angle_between(seen: Detection, b: Array) -> float:
+    """Angle between the orientation seen and the true one (3, 3), up to what looks the same, rad."""
+    a = seen.pose.rotation()
+    match seen.shape:
         case Sphere():
             return 0.0
         case Cylinder():
@@ -52,7 +53,9 @@ def angle_between(shape: Shape, a: Array, b: Array) -> float:
         case Box(size):
             return min(_turn(a @ s @ b.T) for s in _symmetries(size))
         case _:
-            return _turn(a @ b.T)
+            times = max(1, round(2 * math.pi / seen.turn))
+            alike = (Pose.from_rpy((0, 0, 0), (0, 0, k * seen.turn)).rotation() for k in range(times))
+            return min(_turn(turn @ a @ b.T) for turn in alike)
 
 
 def _turn(rotation: Array) -> float:
@@ -102,7 +105,7 @@ def judge(
         off = np.array(seen.pose.position) - np.array(body.pose.position)
         tally.places.append(float(np.hypot(off[0], off[1])))
         tally.heights.append(float(off[2]))
-        tally.angles.append(angle_between(body.shape, seen.pose.rotation(), body.pose.rotation()))
+        tally.angles.append(angle_between(seen, body.pose.rotation()))
         tally.sigmas.append(seen.sigma_position)
         if verbose and (tally.places[-1] > 0.003 or tally.angles[-1] > 0.1):
             place, height = 1e3 * tally.places[-1], 1e3 * tally.heights[-1]

@@ -118,6 +118,15 @@ def test_a_mesh_rests_only_where_its_centroid_is_held() -> None:
     assert len(rests(CatalogueEntry("it", "mesh", leaning, 0.1, 0.5))) < len(found)
 
 
+def test_a_nut_has_two_looks() -> None:
+    ring = [(0.018 * math.cos(k * math.pi / 3), 0.018 * math.sin(k * math.pi / 3)) for k in range(6)]
+    nut = ConvexMesh(tuple((x, y, z) for x, y in ring for z in (-0.015, 0.015)), "nut")
+    found = {round(r.height, 4): r for r in rests(CatalogueEntry("nut", "mesh", nut, 0.1, 0.5))}
+    assert sorted(found) == [0.03, round(0.018 * math.sqrt(3), 4)]
+    assert found[0.03].turn == pytest.approx(math.pi / 3)
+    assert found[round(0.018 * math.sqrt(3), 4)].turn == pytest.approx(math.pi)
+
+
 @pytest.mark.parametrize("kind", [entry.kind for entry in CATALOGUE])
 def test_the_fit_finds_back_the_place_from_beside_it(kind: str) -> None:
     sight = Sight.at(LENS, DOWN)

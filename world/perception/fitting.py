@@ -17,13 +17,13 @@ HEIGHT_GATE = 0.009
 """A rest whose top is further than this from the blob's is not tried, m."""
 OUTLINE_GATE = 2.5
 """A start whose support function is further off than this is not tried, pixels (root mean square)."""
-STARTS = 4
-"""Starts that are fitted for a blob whose whole outline is seen."""
+STARTS = 12
+"""Starts whose depth is compared; the fit begins with the best of them."""
 COARSE = 3
 """Starts are ranked by every third of the depths."""
 MODEL_SIGMA = 0.0004
 """What depth adds to its noise where surfaces are steep or edges rounded, m."""
-GOOD = 1.35
+GOOD = 1.5
 """A misfit below this needs no other explanation; a perfect one is about 0.8."""
 
 
@@ -105,10 +105,7 @@ class Fitter:
         if blob.whole:
             starts = [s for s in starts if s[0] < OUTLINE_GATE**2]
         starts.sort(key=lambda s: s[0])
-        ranked = [
-            (left + self._off(blob, stand, COARSE)[0], stand)
-            for left, stand in starts[: STARTS if blob.whole else 2 * STARTS]
-        ]
+        ranked = [(left + self._off(blob, stand, COARSE)[0], stand) for left, stand in starts[:STARTS]]
         ranked.sort(key=lambda r: r[0])
         found: list[Hypothesis] = []
         for score, stand in ranked:
@@ -119,7 +116,7 @@ class Fitter:
 
     def _starts(self, blob: Blob, stand: Stand) -> list[tuple[float, Stand]]:
         rest = stand.rest
-        starts = likely_turns(self.sight, stand, blob.reach, 2)
+        starts = likely_turns(self.sight, stand, blob.reach, 4 if rest.turn > np.pi else 2)
         if blob.whole:
             return [(s + rest.unlikely, stand) for s, stand in starts]
         moved: list[tuple[float, Stand]] = []

@@ -28,7 +28,8 @@ def grey(
     picture: Picture, backdrop: Array, robot: NDArray[np.bool_], inside_bins: NDArray[np.bool_]
 ) -> list[tuple[Pixels, Pixels]]:
     """Patches of unsaturated depth in front of the `backdrop` (h, w) that are nothing known."""
-    raised = (picture.depth > 0) & (backdrop - picture.depth > RAISED) & (picture.label == 0)
+    raised = (picture.depth > 0) & np.isfinite(backdrop) & (picture.label == 0)
+    raised &= backdrop - picture.depth > RAISED
     raised &= ~picture.blocked & ~inside_bins
     if int(raised.sum()) < LEAST:
         return []

@@ -129,10 +129,9 @@ class _Finding:
     def items(self) -> None:
         """Find the coloured patches and fit them; those that fit nothing become boxes."""
         picture = self.picture
-        paint = (picture.label == self.backdrop.label) & (
-            (picture.depth == 0) | (self.backdrop.depth - picture.depth < PAINT)
-        )
-        usable = (picture.label > 0) & ~picture.blocked & ~paint
+        usable = (picture.label > 0) & ~picture.blocked
+        if self.backdrop.label.any():
+            usable &= self._is_more_than_paint()
         present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(hues.NAMES)))
         patches = [
             picture.claim(rows, columns, int(label))
@@ -142,6 +141,17 @@ class _Finding:
         for patch in patches:
             if patch.measured >= 4:
                 self._item(patch)
+
+    def _is_more_than_paint(self) -> NDArray[np.bool_]:
+        """Pixels of another colour than what is painted behind them, and those that stand out from it as
+        far as their neighbours do; noise is as large as a plate is thick."""
+        picture, behind = self.picture, self.backdrop
+        known = picture.depth > 0
+        out = np.where(known, behind.depth - picture.depth, 0.0)
+        around = cv2.blur(out, (3, 3)) / np.maximum(cv2.blur(known.astype(np.float64), (3, 3)), 0.1)
+        raised = (around > PAINT) & (~known | (out > 0.5 * around))
+        clean = cv2.medianBlur(raised.astype(np.uint8), 3)
+        return clean.astype(np.bool_) | (picture.label != behind.label)
 
     def things(self) -> None:
         """Box the grey depth that nothing known explains."""
@@ -165,7 +175,7 @@ class _Finding:
         misfit = hypotheses[0].misfit if hypotheses else 9.0
         if misfit > GOOD and not floor.in_bin:
             parts = split(self.picture, self.fitter, blob, floor.height, misfit)
-            if parts is not None:
+            if parts is not None and (misfit >= POOR or all(_clear(part.hypotheses[0]) for part in parts)):
                 for part in parts:
                     self._settle(part.blob, part.hypotheses, floor)
                 return
@@ -173,8 +183,7 @@ class _Finding:
 
     def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: Floor) -> None:
         """Take the best hypothesis for true, or box the blob."""
-        poor = POOR_IN_BIN if floor.in_bin else POOR
-        if hypotheses and hypotheses[0].misfit < poor and hypotheses[0].shown >= FRAGMENT:
+        if hypotheses and _clear(hypotheses[0], POOR_IN_BIN if floor.in_bin else POOR):
             detection = _detection(self.picture.sight, blob, hypotheses, floor)
             if detection.sigma_position < VAGUE:
                 self.detections.append(detection)
@@ -193,6 +202,11 @@ class _Finding:
         box = boxed(self.picture, rows, columns, floor.height)
         if box is not None:
             self.unexplained.append(box)
+
+
+def _clear(hypothesis: Hypothesis, poor: float = POOR) -> bool:
+    """Whether it explains its blob, and the blob is enough to go by."""
+    return hypothesis.misfit < poor and hypothesis.shown >= FRAGMENT
 
 
 def _detection(sight: Sight, blob: Blob, hypotheses: list[Hypothesis], floor: Floor) -> Detection:

@@ -13,6 +13,8 @@ from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..values import Array
 from .rays import half_spaces
 
+ALIKE = 2e-4
+"""Corners that fall this near to others look the same, m."""
 RING = 16
 """Corners of the polygon that stands for a circle."""
 
@@ -122,8 +124,37 @@ def _mesh(entry: CatalogueEntry, mesh: ConvexMesh) -> list[Rest]:
         face = points[np.abs(points @ normal - offset) < 1e-5]
         rotation = _down(normal)
         if len(face) >= 3 and _holds(face @ rotation.T):
-            found.append(_rest(entry, rotation, 2 * math.pi, 0.0))
+            one = _rest(entry, rotation, _turn(points @ rotation.T), 0.0)
+            if not any(_looks_like(one, other) for other in found):
+                found.append(one)
     return found
+
+
+def _turn(points: Array) -> float:
+    """The smallest turn about the vertical that takes the corners (n, 3) to one another, rad."""
+    turns = (2 * math.pi / times for times in (12, 10, 8, 6, 5, 4, 3, 2))
+    return next((t for t in turns if _alike(_turned(points, t), points)), 2 * math.pi)
+
+
+def _looks_like(one: Rest, other: Rest) -> bool:
+    """Whether both are the same to the eye, on equal faces of a symmetric body."""
+    if abs(one.height - other.height) > ALIKE or abs(one.below - other.below) > ALIKE:
+        return False
+    far = one.outline[int(np.hypot(one.outline[:, 0], one.outline[:, 1]).argmax())]
+    start = math.atan2(far[1], far[0])
+    return any(
+        _alike(_turned(one.outline, math.atan2(to[1], to[0]) - start), other.outline) for to in other.outline
+    )
+
+
+def _turned(points: Array, angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _alike(a: Array, b: Array) -> bool:
+    """Whether each point of a (n, 3) falls on one of b (m, 3)."""
+    return bool(np.linalg.norm(a[:, None] - b, axis=2).min(axis=1).max() < ALIKE)
 
 
 def _down(normal: Array) -> Array:
