@@ -93,6 +93,8 @@ class RunResult:
     """Why the tree failed, in a sentence."""
     thinking_charged: bool = True
     """Whether planning and perception took simulated time."""
+    disagreements: int | None = None
+    """Trajectories that the second collision checker judged otherwise; None when it did not judge."""
     moment: float | None = None
     """Simulated seconds of what is worth a look, as the first failure; None: the end."""
 
@@ -140,6 +142,7 @@ class RunResult:
             "recoveries": dict(sorted(self.recoveries.items())),
             "sim_seconds": round(self.sim_seconds, 6),
             "thinking_charged": self.thinking_charged,
+            "disagreements": self.disagreements,
             "cpu_seconds": round(self.cpu_seconds, 3),
             "wall_seconds": {
                 "total": round(wall.total, 3),
@@ -172,6 +175,7 @@ class RunResult:
             f"{picks.held_first_try} of {picks.objects} objects held at the first try",
             f"failures    {_counts(self.failures)}",
             f"recoveries  {_counts(self.recoveries)}",
+            *self._verified(),
             f"simulated   {self.sim_seconds:.1f} s{self._rate()}{self._thinking()}",
             f"wall        {wall.total:.1f} s: physics {wall.physics:.1f}, planning {wall.planning:.1f}, "
             f"perception {wall.perception:.1f}, logging {wall.logging:.1f}; CPU {self.cpu_seconds:.1f} s",
@@ -180,6 +184,12 @@ class RunResult:
             f"look at it  {self.explain(program)}",
         ]
         return "\n".join(lines)
+
+    def _verified(self) -> list[str]:
+        """A line when trajectories were judged twice."""
+        if self.disagreements is None:
+            return []
+        return [f"verified    {self.disagreements} trajectories judged otherwise by the second checker"]
 
     def _rate(self) -> str:
         rate = self.seconds_per_pick

@@ -237,6 +237,7 @@ class Session:
             folder=self.folder.absolute(),
             message=failure.message if failure else "",
             thinking_charged=self.scene.thinking.collision_check > 0.0 and self.scene.thinking.image > 0.0,
+            disagreements=len(self.world.plan.disagreements) if self.request.verify else None,
             moment=tally.first_failure,
         )
 

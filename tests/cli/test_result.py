@@ -68,6 +68,7 @@ def test_json(result: RunResult) -> None:
         "recoveries": {"grasp.missed": 2},
         "sim_seconds": 20.05,
         "thinking_charged": True,
+        "disagreements": None,
         "cpu_seconds": 2.346,
         "wall_seconds": {
             "total": 2.5,
