@@ -60,9 +60,9 @@ class Grasp(Skill):
             try:
                 yield from self._approach(world, candidate)
             except Failure as failure:
+                world.attempts.failed(self.path, self.object, candidate.name)
                 if not failure.cause.name.startswith("planning."):
                     raise
-                world.attempts.failed(self.path, self.object, candidate.name)
                 refused = failure
                 continue
             yield from self._close_and_lift(world, candidate, first=tried_before == 0)
@@ -117,7 +117,11 @@ class Grasp(Skill):
         felt = Hold(width, None)
         if not felt.empty:
             world.scene.attach(self.object, world.control.tcp.inverse() @ belief.pose)
-        yield from lift(world, self.object, self.path)
+        try:
+            yield from lift(world, self.object, self.path)
+        except Failure:
+            world.attempts.failed(self.path, self.object, candidate.name)
+            raise
         yield from world.control.settle()
         hold = Hold(world.grip.width, world.control.load())
         world.journal.note(

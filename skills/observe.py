@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 
 class Observe(Skill):
-    """Look through a camera; list the items that are to be taken somewhere, nearest to the robot first."""
+    """Look through a camera; list the items that are to be taken somewhere.
+
+    What the hand holds comes first: nothing else can be grasped before. Then the nearest to the robot.
+    """
 
     camera: In[str] = port("which camera", default="overhead")
     expect: In[ObjectId] = port("fail when this object is not seen", default=ObjectId(""))
@@ -32,5 +35,5 @@ class Observe(Skill):
                 object=self.expect,
                 seen=[str(o) for o in summary.seen],
             )
-        items = sorted(world.to_do(), key=lambda o: (o.pose.position[0], o.id))
+        items = sorted(world.to_do(), key=lambda o: (not o.attached, o.pose.position[0], o.id))
         self.objects = [o.id for o in items]

@@ -54,8 +54,9 @@ class Place(Skill):
             plan = yield from self._over_bin(world, held, self._bin(world))
         yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)
         held = yield from self._held(world)
+        hanging = world.control.load()
         yield from lower(world, held, None if self.at else self._bin(world), self.path)
-        yield from self._release(world, held)
+        yield from self._release(world, held, hanging)
 
     def _bin(self, world: World) -> Bin:
         bin_ = world.scene.bins.get(self.into)
@@ -146,8 +147,8 @@ class Place(Skill):
             )
         )
 
-    def _release(self, world: World, held: BeliefObject) -> Steps:
-        before = world.control.load()
+    def _release(self, world: World, held: BeliefObject, before: float) -> Steps:
+        """`before`: the load while the object hung in the hand, N; lowered onto something it weighs less."""
         held = world.scene.get(held.id)
         where = self.into or "table"
         try:
