@@ -22,6 +22,9 @@ from ..world.values import ObjectId, Pose
 if TYPE_CHECKING:
     from ..world.world import World
 
+ELSEWHERE = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)
+"""Causes for which another spot may do."""
+
 
 class Place(Skill):
     """Place the held object into a bin, over the lowest part of its heap, or down at a point.
@@ -115,7 +118,7 @@ class Place(Skill):
                         goal, scaling=world.handling.scaling(self.speed), node=self.path
                     )
                 except Failure as failure:
-                    if failure.cause not in (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH):
+                    if failure.cause not in ELSEWHERE:
                         raise
                     refused = failure
                     continue
