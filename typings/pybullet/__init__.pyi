@@ -25,6 +25,9 @@ ER_NO_SEGMENTATION_MASK: int
 JOINT_FEEDBACK_IN_WORLD_SPACE: int
 WORLD_FRAME: int
 LINK_FRAME: int
+ACTIVATION_STATE_ENABLE_SLEEPING: int
+ACTIVATION_STATE_SLEEP: int
+ACTIVATION_STATE_WAKE_UP: int
 
 class error(Exception): ...
 
@@ -125,11 +128,15 @@ def changeDynamics(
     localInertiaDiagonal: Sequence[float] = ...,
     collisionMargin: float = ...,
     activationState: int = ...,
+    sleepThreshold: float = ...,
     physicsClientId: int = ...,
 ) -> None: ...
 def getDynamicsInfo(bodyUniqueId: int, linkIndex: int, physicsClientId: int = ...) -> tuple[
     float, float, Vec3, Vec3, Vec4, float, float, float, float, float, int, float
 ]: ...
+def setCollisionFilterGroupMask(
+    bodyUniqueId: int, linkIndexA: int, collisionFilterGroup: int, collisionFilterMask: int, *, physicsClientId: int = ...
+) -> None: ...
 def changeConstraint(
     userConstraintUniqueId: int,
     *,
@@ -194,6 +201,10 @@ def createMultiBody(
     flags: int = ...,
     physicsClientId: int = ...,
 ) -> int: ...
+def getAABB(bodyUniqueId: int, linkIndex: int = ..., physicsClientId: int = ...) -> tuple[Vec3, Vec3]: ...
+def getOverlappingObjects(
+    aabbMin: Sequence[float], aabbMax: Sequence[float], *, physicsClientId: int = ...
+) -> tuple[tuple[int, int], ...]: ...
 def removeBody(bodyUniqueId: int, physicsClientId: int = ...) -> None: ...
 def getBasePositionAndOrientation(bodyUniqueId: int, physicsClientId: int = ...) -> tuple[Vec3, Vec4]: ...
 def resetBasePositionAndOrientation(

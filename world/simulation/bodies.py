@@ -29,6 +29,8 @@ FLOOR_DEPTH = 0.75
 """The room's floor is so far below robot and fixtures, m."""
 MAX_PARTS = 16
 """`createCollisionShapeArray` silently drops what is beyond."""
+MOVING, ALL = 1, -1
+"""The engine's collision group of bodies that move, and what they collide with."""
 FLOOR = ObjectId("floor")
 
 
@@ -96,6 +98,11 @@ def set_friction(body: int, friction: float, client: int) -> None:
     if not (math.isfinite(friction) and friction >= 0):
         raise PicktreeError(f"friction {friction}; it must be 0 or more")
     pb.changeDynamics(body, -1, lateralFriction=friction, physicsClientId=client)
+
+
+def forget_contacts(body: int, client: int) -> None:
+    """Begin contacts anew: as long as one lasts it keeps the friction that it began with."""
+    pb.setCollisionFilterGroupMask(body, -1, MOVING, ALL, physicsClientId=client)
 
 
 def set_mass(body: int, shape: Shape, mass: float, client: int) -> None:

@@ -22,6 +22,8 @@ class BodyState:
     velocity: Vector3
     spin: Vector3
     present: bool
+    asleep: bool = False
+    """It has come to rest, and nothing near it moves."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from types import MappingProxyType
 
@@ -17,13 +16,14 @@ from ..robot.description import RobotDescription
 from ..scene.description import SceneDescription
 from ..streams import Streams
 from ..values import ObjectId, Pose, Vector3
-from .bodies import add_fixed, add_item, set_friction, set_mass
+from .bodies import add_fixed, add_item, forget_contacts, set_friction, set_mass
 from .camera import PhysicsCamera, backgrounds
 from .checkpoint import BodyState, Checkpoint, DynamicsChange, RobotReading
 from .client import Client
 from .devices import PERIOD, PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
 from .noise import BodyNoise
 from .robot_body import RobotBody, finite
+from .sleeping import EVERY, REST_LOOKS, Sleepers
 from .spawn import SpawnedItem, spawn_items
 from .truth import TrueBody
 
@@ -32,10 +32,8 @@ GRAVITY = 9.81
 SOLVER_ITERATIONS = 50
 RESIDUAL_THRESHOLD = 3e-7
 """At 1e-5 boxes creep 0.15 mm/s over the table unless they get rolling friction, at three times the cost."""
-SETTLE_LEAST, SETTLE_MOST = 24, 600
-"""Steps before time 0: at least, so that everything has touched down; at most, if something never rests."""
-REST_SPEED, REST_SPIN = 0.005, 0.05
-"""m/s, rad/s"""
+SETTLE_MOST = 600
+"""Steps before time 0, if something never comes to rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +72,8 @@ class PhysicsHardware:
         self._ledger: list[DynamicsChange] = []
         self._gone: dict[ObjectId, BodyState] = {}
         self._numbers: dict[ObjectId, int] = {}
+        self._sleepers = Sleepers(client.id)
+        self._bumps: dict[ObjectId, tuple[Vector3, Vector3]] = {}
         self._fixed: dict[int, str] = {}
         behind = backgrounds(scene)
         self._cameras = MappingProxyType(
@@ -118,13 +118,18 @@ class PhysicsHardware:
             "solver_iterations": str(SOLVER_ITERATIONS),
             "solver_residual_threshold": str(RESIDUAL_THRESHOLD),
             "gravity": f"{GRAVITY} m/s²",
+            "sleep_after": f"{EVERY * REST_LOOKS * PERIOD:.2f} s",
         }
 
     def step(self) -> None:
         self._body.before_step()
         pb.stepSimulation(self._client)
-        self._senses.step += 1
-        self._senses.reading = self._body.read()
+        if self._bumps:
+            self._carry_out_bumps()
+        senses = self._senses
+        senses.step += 1
+        self._sleepers.stepped()
+        senses.reading = self._body.read()
 
     def checkpoint(self) -> Checkpoint:
         """Save → reset → rebuild → restore. The run goes on from what was saved, as a resumed run would:
@@ -155,6 +160,7 @@ class PhysicsHardware:
         self._ledger = list(saved.ledger)
         for change in self._ledger:
             self._apply(change)
+        self._sleepers.sleep([s.id for s in present if s.asleep])
         self._body.restore(saved.robot, saved.arm, saved.gripper)
         self._senses.reading = saved.robot
         self._senses.step = saved.step
@@ -163,6 +169,7 @@ class PhysicsHardware:
             camera.captures = saved.captures[name]
 
     def _save(self) -> Checkpoint:
+        asleep = self._sleepers.asleep()
         return Checkpoint(
             seed=self.seed,
             step=self._senses.step,
@@ -170,7 +177,7 @@ class PhysicsHardware:
             arm=self._body.command,
             gripper=self._body.grip,
             robot=self._senses.reading,
-            items=tuple(self._state(name) for name in self._items),
+            items=tuple(replace(self._state(name), asleep=name in asleep) for name in self._items),
             initial=self._initial,
             ledger=tuple(self._ledger),
         )
@@ -199,19 +206,25 @@ class PhysicsHardware:
         """A fault: the item is snatched away."""
         name = self._known(item)
         self._gone[name] = _at_rest(self._state(name))
+        self._bumps.pop(name, None)
         pb.removeBody(self._numbers.pop(name), self._client)
+        self._sleepers.wake_all()
 
     def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
         """A fault: the item becomes slippery, heavier or lighter, for good."""
         change = DynamicsChange(self._known(item), friction, mass)
         self._apply(change)
+        forget_contacts(self._numbers[change.item], self._client)
         self._ledger.append(change)
+        self._sleepers.wake_all()
 
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
         """A fault: the item is hit and moves with `velocity`, m/s, and `spin`, rad/s, in the world."""
-        linear = finite(np.array(velocity, dtype=np.float64), f"{item}: velocity", (3,))
-        angular = finite(np.array(spin, dtype=np.float64), f"{item}: spin", (3,))
-        pb.resetBaseVelocity(self._numbers[self._known(item)], linear, angular, self._client)
+        finite(np.array(velocity, dtype=np.float64), f"{item}: velocity", (3,))
+        finite(np.array(spin, dtype=np.float64), f"{item}: spin", (3,))
+        # Whoever sleeps has to be woken first, which takes a step.
+        self._bumps[self._known(item)] = (velocity, spin)
+        self._sleepers.wake_all()
 
     def _build(self, poses: Mapping[ObjectId, Pose]) -> None:
         """An empty simulation, then everything in the same order as always."""
@@ -232,13 +245,21 @@ class PhysicsHardware:
             name: add_item(item, poses[name], client) for name, item in self._items.items() if name in poses
         }
         self._gone = {}
+        self._bumps = {}
+        self._sleepers.watch(self._numbers, self._fixed)
 
     def _settle(self) -> None:
         """Let everything come to rest before time 0."""
-        for k in range(SETTLE_MOST):
+        for _ in range(SETTLE_MOST):
             pb.stepSimulation(self._client)
-            if k >= SETTLE_LEAST and all(_resting(self._state(name)) for name in self._items):
+            self._sleepers.stepped()
+            if self._sleepers.quiet:
                 return
+
+    def _carry_out_bumps(self) -> None:
+        for name, (velocity, spin) in self._bumps.items():
+            pb.resetBaseVelocity(self._numbers[name], velocity, spin, self._client)
+        self._bumps.clear()
 
     def _apply(self, change: DynamicsChange) -> None:
         number = self._numbers.get(change.item)
@@ -254,7 +275,7 @@ class PhysicsHardware:
             return self._gone[name]
         number = self._numbers[name]
         position, orientation = pb.getBasePositionAndOrientation(number, self._client)
-        velocity, spin = pb.getBaseVelocity(number, self._client)
+        velocity, spin = self._bumps.get(name) or pb.getBaseVelocity(number, self._client)
         return BodyState(name, position, orientation, velocity, spin, present=True)
 
     def _true(self, state: BodyState) -> TrueBody:
@@ -291,7 +312,3 @@ class PhysicsHardware:
 def _at_rest(state: BodyState) -> BodyState:
     still = (0.0, 0.0, 0.0)
     return BodyState(state.id, state.position, state.orientation, still, still, present=False)
-
-
-def _resting(state: BodyState) -> bool:
-    return math.hypot(*state.velocity) < REST_SPEED and math.hypot(*state.spin) < REST_SPIN
