@@ -1,0 +1,176 @@
+"""Fourth rule: randomness is keyed. One seed, one run, bit for bit; more use here shifts nothing there."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from picktree.logs.result import RunResult
+from picktree.logs.session import RunRequest, Session
+from picktree.trees.runner import NodeInfo, TickReport
+from picktree.world.robot.load import load_robot
+from picktree.world.scene.load import load_scene
+from picktree.world.simulation.backends import Backend
+from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.simulation.physics import PhysicsHardware
+
+from .skills.cell import EXAMPLES, Cell, items, mission, sorting
+
+ROOT = Path(__file__).parents[1]
+BACKENDS: tuple[Backend, ...] = ("kinematic", "physics")
+ELSEWHERE = """\
+import sys
+from pathlib import Path
+from picktree.logs.session import RunRequest, Session
+for backend in ("kinematic", "physics"):
+    request = RunRequest(Path(sys.argv[1]), seed=3, out=Path(sys.argv[2]), backend=backend)
+    print(Session(request).run().digest)
+"""
+
+
+class Onlooker:
+    """Looks at everything that a live view could show."""
+
+    def __init__(self) -> None:
+        self.seen: list[str] = []
+
+    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
+        self.seen.append(f"{len(structure)} nodes in {folder}")
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        self.seen.append(f"{now} {[str(node) for node in report.nodes]} {items_done}/{items_total}")
+
+    def finished(self, result: RunResult) -> None:
+        self.seen.append(result.to_text())
+
+
+def digest(
+    folder: Path, backend: Backend, seed: int = 3, *, verify: bool = False, watcher: Onlooker | None = None
+) -> str:
+    request = RunRequest(EXAMPLES / "one_pick.yaml", seed=seed, out=folder, backend=backend, verify=verify)
+    return Session(request, watcher).run().digest
+
+
+def test_one_seed_one_digest_in_another_process_with_another_hash_seed(tmp_path: Path) -> None:
+    here = [digest(tmp_path, backend) for backend in BACKENDS]
+    for hash_seed in ("0", "4711"):
+        there = subprocess.run(
+            [sys.executable, "-c", ELSEWHERE, str(EXAMPLES / "one_pick.yaml"), str(tmp_path)],
+            env={**os.environ, "PYTHONHASHSEED": hash_seed},
+            capture_output=True,
+            text=True,
+        )
+        assert there.returncode == 0, there.stderr
+        assert there.stdout.split() == here
+    assert here[0] != here[1]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_neither_a_second_judge_nor_an_onlooker_changes_the_digest(backend: Backend, tmp_path: Path) -> None:
+    plain = digest(tmp_path, backend)
+    watcher = Onlooker()
+    assert digest(tmp_path, backend, verify=True, watcher=watcher) == plain
+    assert len(watcher.seen) > 50
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_another_seed_another_digest(backend: Backend, tmp_path: Path) -> None:
+    assert digest(tmp_path, backend, 3) != digest(tmp_path, backend, 4)
+
+
+def test_two_runs_of_one_process_do_not_shift_each_other() -> None:
+    """Two cells ticked in turn end as one that runs alone does."""
+
+    def trace(cell: Cell) -> list[tuple[float, ...]]:
+        return [body.pose.position for body in cell.hardware.truth()]
+
+    alone, one, two = (Cell(sorting(), items(block=1), "physics") for _ in range(3))
+    other = Cell(sorting(), items(ball=1), "physics", seed=8)
+    alone.finish()
+    while one.running or not one.world.clock.now:
+        one.tick()
+        if other.running or not other.world.clock.now:
+            other.tick()
+    two.finish()
+    assert trace(one) == trace(alone) == trace(two)
+    assert one.world.clock.now == alone.world.clock.now == two.world.clock.now
+
+
+def test_what_is_spawned_depends_on_scene_and_seed_alone() -> None:
+    scene, robot = load_scene("three_bins"), load_robot("panda")
+    physics, kinematic = PhysicsHardware(scene, robot, 5), KinematicHardware(scene, robot, 5)
+    pairs = list(zip(physics.initial_truth, kinematic.initial_truth, strict=True))
+    assert [(a.id, a.kind, a.colour) for a, _ in pairs] == [(b.id, b.kind, b.colour) for _, b in pairs]
+    assert max(np.linalg.norm(np.subtract(a.pose.position, b.pose.position)) for a, b in pairs) < 0.002
+
+    sensors = replace(scene, cameras=(), thinking=replace(scene.thinking, image=1.0))
+    assert KinematicHardware(sensors, robot, 5).initial_truth == kinematic.initial_truth
+    assert KinematicHardware(scene, robot, 6).initial_truth != kinematic.initial_truth
+
+
+def two_cameras() -> PhysicsHardware:
+    scene = load_scene("sort_small")
+    (camera,) = scene.cameras
+    return PhysicsHardware(
+        replace(scene, cameras=(camera, replace(camera, name="second"))), load_robot("panda"), 3
+    )
+
+
+def test_the_noise_of_one_camera_does_not_shift_when_others_are_used_more() -> None:
+    quiet, busy = two_cameras(), two_cameras()
+    for _ in range(3):
+        busy.cameras["second"].capture()
+        for device in (busy.arm, busy.gripper, busy.wrench):
+            device.read()
+    first, again = (hardware.cameras["overhead"].capture() for hardware in (quiet, busy))
+    assert np.array_equal(first.depth, again.depth)
+    assert np.array_equal(first.colour, again.colour)
+    assert not np.array_equal(first.depth, busy.cameras["overhead"].capture().depth)
+    assert not np.array_equal(first.depth, quiet.cameras["second"].capture().depth)
+
+    assert np.array_equal(quiet.arm.read().position, busy.arm.read().position)
+    assert quiet.wrench.read() == busy.wrench.read()
+
+
+def test_a_picture_more_shifts_neither_the_other_sensors_nor_the_planner() -> None:
+    """A robot that looks twice meets the same joints' and wrist's noise, and plans the same ways."""
+    look = "{Observe: {camera: overhead}}"
+    ways: list[list[float]] = []
+    readings: list[object] = []
+    for body in (f"[{look}, {{GoTo: {{pose: rest}}}}]", f"[{look}, {look}, {{GoTo: {{pose: rest}}}}]"):
+        cell = Cell(mission(f"Sequence: {body}"), items(block=1), "physics")
+        cell.finish()
+        ways.append(cell.world.control.held_position.tolist())
+        while cell.world.clock.now < 4.0:
+            cell.wait()
+        reading = cell.hardware.wrench.read()
+        readings.append(np.subtract(reading.force, cell.hardware._body.read().wrench[:3]).tolist())
+    assert ways[0] == ways[1]
+    assert readings[0] == pytest.approx(readings[1], abs=1e-9)
+
+
+def test_every_generator_is_keyed() -> None:
+    """`default_rng` is called with a key in one module; nobody uses Python's or numpy's global generators."""
+    calls: dict[str, list[str]] = {}
+    for room in ("trees", "skills", "recovery", "world", "logs"):
+        for path in sorted((ROOT / room).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                where = str(path.relative_to(ROOT))
+                if isinstance(node, ast.Import | ast.ImportFrom):
+                    names = [alias.name for alias in node.names]
+                    modules = names if isinstance(node, ast.Import) else [node.module or ""]
+                    if {"random", "secrets", "uuid"} & set(modules):
+                        calls.setdefault(where, []).append("import random")
+                if isinstance(node, ast.Call) and "random." in ast.unparse(node.func):
+                    calls.setdefault(where, []).append(ast.unparse(node))
+    assert calls == {
+        "world/motion/service.py": ["np.random.default_rng(seed)"],
+        "world/streams.py": ["np.random.default_rng([self.seed, zlib.crc32(stream.encode()), n])"],
+    }
