@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,7 +42,8 @@ class RunState:
     streams: dict[str, int]
     thinking_owed: float
     looks: int
-    bins_seen: dict[str, list[list[float]]]
+    bins_seen: dict[str, list[list[float | None]]]
+    """Heights in the cells of each bin, m; None where nothing was seen."""
 
     def to_json(self) -> bytes:
         return _ADAPTER.dump_json(self)
@@ -79,5 +81,8 @@ def take(world: World, tree: Tree, hardware: Simulation, injector: Injector, ite
         streams=world.streams.state(),
         thinking_owed=world.thinking.owed,
         looks=world.eyes.looks,
-        bins_seen={name: view.cells.tolist() for name, view in world.eyes.bins.items()},
+        bins_seen={
+            name: [[None if math.isnan(height) else height for height in row] for row in view.cells.tolist()]
+            for name, view in world.eyes.bins.items()
+        },
     )
