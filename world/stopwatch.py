@@ -26,6 +26,13 @@ class Stopwatch:
             self._switch()
             self._running.pop()
 
+    def move(self, seconds: float, part: str) -> None:
+        """Count that many seconds of the part that is being measured for `part` instead: for what is short
+        and frequent, such as a step of the physics."""
+        self._seconds[part] = self._seconds.get(part, 0.0) + seconds
+        if self._running:
+            self._since += seconds
+
     def seconds(self) -> Mapping[str, float]:
         """Wall seconds so far, by part; a copy."""
         return dict(self._seconds)

@@ -301,3 +301,9 @@ def test_clients_are_given_back():
 def test_items_have_the_ids_of_their_spawning():
     hardware = PhysicsHardware(cell(), panda(), 0)
     assert [b.id for b in hardware.truth()] == [ObjectId(f"item_{k:02d}") for k in range(10)]
+
+
+def test_the_engine_is_imported_without_a_word():
+    program = "import picktree.world.simulation.physics, picktree.world.simulation.kinematic_camera"
+    answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert (answer.stdout, answer.stderr) == ("", "")

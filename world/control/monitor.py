@@ -57,6 +57,8 @@ class SafetyMonitor:
             ]
         )
         self._level = np.zeros((3, model.n))
+        self._rows = tuple(self._level)
+        self._beyond = np.zeros((3, model.n), dtype=np.bool_)
         self._stopped: FailureReport | None = None
         self._tolerated: dict[str, float] = {}
         self._levels: dict[str, float] = {}
@@ -97,12 +99,12 @@ class SafetyMonitor:
         elif self._forceful:
             self._forceful = False
             self._within(safety.FORCE_LIMIT)
-        level = self._level
-        np.subtract(state.position, self._middle, out=level[0])
-        level[1] = state.velocity
-        np.subtract(state.position, state.position if commanded is None else commanded, out=level[2])
-        np.abs(level, out=level)
-        if np.count_nonzero(level > self._allowed) or self._levels:
+        level, (position, velocity, deviation) = self._level, self._rows
+        np.subtract(state.position, self._middle, position)
+        np.copyto(velocity, state.velocity)
+        np.subtract(state.position, state.position if commanded is None else commanded, deviation)
+        np.abs(level, level)
+        if np.count_nonzero(np.greater(level, self._allowed, self._beyond)) or self._levels:
             self._check_joints(level - self._allowed, state)
         return self._new_stop()
 

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pybullet as pb
 
 from ..colours import COLOURS
 from ..errors import PicktreeError
 from ..scene.description import Bin, Fixture, SceneDescription
 from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, bottom
 from ..values import Array, ObjectId, Pose, Vector3
+from .engine import pb
 from .spawn import SpawnedItem
 
 if TYPE_CHECKING:

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet as pb
 from numpy.typing import NDArray
 
 from ..protocols import Clock, Intrinsics, RgbdImage
@@ -16,6 +15,7 @@ from ..streams import Streams
 from ..values import Pose
 from .bodies import add_scenery
 from .client import Client
+from .engine import pb
 from .noise import noisy_colour, noisy_depth
 
 LIGHT = (0.3, 0.2, 1.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 
-import pybullet as pb
+from .engine import pb
 
 
 class Client:

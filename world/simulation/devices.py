@@ -40,13 +40,11 @@ class PhysicsArm:
         self._shape = (len(body.description.joints),)
 
     def read(self) -> JointState:
-        reading, n = self._senses.reading, self._shape[0]
-        position, velocity = self._senses.noise.encoders(self._senses.step)
-        return JointState(
-            np.array(reading.position[:n]) + position,
-            np.array(reading.velocity[:n]) + velocity,
-            np.array(reading.effort[:n]),
-        )
+        senses, n = self._senses, self._shape[0]
+        reading = senses.reading
+        moving = np.array(reading.position[:n] + reading.velocity[:n])
+        moving += senses.noise.encoders(senses.step)
+        return JointState(moving[:n], moving[n:], np.array(reading.effort[:n]))
 
     def follow(self, position: Array, velocity: Array) -> None:
         self._body.follow(
@@ -89,6 +87,6 @@ class PhysicsWrench:
         self._senses = senses
 
     def read(self) -> Wrench:
-        values = self._senses.noise.wrench(self._senses.step) + self._senses.reading.wrench
-        fx, fy, fz, tx, ty, tz = values.tolist()
-        return Wrench((fx, fy, fz), (tx, ty, tz))
+        a, b, c, d, e, f = self._senses.noise.wrench(self._senses.step)
+        fx, fy, fz, tx, ty, tz = self._senses.reading.wrench
+        return Wrench((fx + a, fy + b, fz + c), (tx + d, ty + e, tz + f))

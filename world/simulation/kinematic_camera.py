@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet as pb
 
 from ..protocols import Clock, RgbdImage
 from ..robot.description import RobotDescription
@@ -15,6 +14,7 @@ from ..values import Array, ObjectId
 from .bodies import add_item
 from .camera import Picture, View, backgrounds, intrinsics
 from .client import Client
+from .engine import pb
 from .kinematic_bodies import Bodies, Body
 from .robot_body import RobotBody
 from .spawn import SpawnedItem

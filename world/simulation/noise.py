@@ -30,39 +30,49 @@ class BlockNoise:
         self._deviations = np.array(deviations)
         self._number = -1
         self._block: Array = np.empty((0, len(deviations)))
+        self._numbers: list[list[float]] = []
 
     def at(self, step: int) -> Array:
         """The errors of that step."""
+        row = self._row(step)
+        return self._block[row]
+
+    def numbers(self, step: int) -> list[float]:
+        """The same as plain numbers, which are cheaper to add up while they are few."""
+        row = self._row(step)
+        return self._numbers[row]
+
+    def _row(self, step: int) -> int:
+        """Of the step within its block, which is drawn if need be."""
         number, row = divmod(step, BLOCK)
         if number != self._number:
             self._number = number
             rng = self._streams.at(self._stream, number)
             self._block = rng.standard_normal((BLOCK, len(self._deviations))) * self._deviations
-        return self._block[row]
+            self._numbers = self._block.tolist()
+        return row
 
 
 class BodyNoise:
     """Errors of encoders, gripper and wrist at each step, in their units."""
 
     def __init__(self, noise: SensorNoise, streams: Streams, joints: int) -> None:
-        self._joints = joints
         rate = noise.encoder * VELOCITY_RATE
         self._encoders = BlockNoise(streams, "encoders", [noise.encoder] * joints + [rate] * joints)
         self._width = BlockNoise(streams, "width", [noise.width])
         self._wrench = BlockNoise(streams, "wrench", [noise.force] * 3 + [noise.torque] * 3)
 
-    def encoders(self, step: int) -> tuple[Array, Array]:
-        """Errors of the joints' positions (n,) rad and velocities (n,) rad/s."""
-        errors = self._encoders.at(step)
-        return errors[: self._joints], errors[self._joints :]
+    def encoders(self, step: int) -> Array:
+        """Errors of the joints' positions, rad, and then velocities, rad/s: (2 n,)."""
+        return self._encoders.at(step)
 
     def width(self, step: int) -> float:
         """Error of the opening, m."""
-        return float(self._width.at(step)[0])
+        return self._width.numbers(step)[0]
 
-    def wrench(self, step: int) -> Array:
+    def wrench(self, step: int) -> list[float]:
         """Error of force and torque, (6,) N and Nm."""
-        return self._wrench.at(step)
+        return self._wrench.numbers(step)
 
 
 def noisy_depth(

@@ -8,7 +8,6 @@ from importlib.metadata import version
 from types import MappingProxyType
 
 import numpy as np
-import pybullet as pb
 
 from ..errors import PicktreeError
 from ..protocols import Camera, Clock
@@ -21,6 +20,7 @@ from .camera import PhysicsCamera, backgrounds
 from .checkpoint import BodyState, Checkpoint, DynamicsChange, RobotReading
 from .client import Client
 from .devices import PERIOD, PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
+from .engine import pb
 from .noise import BodyNoise
 from .robot_body import RobotBody, finite
 from .sleeping import EVERY, REST_LOOKS, Sleepers

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
-
-import numpy as np
-import pybullet as pb
 
 from ..errors import PicktreeError
 from ..robot.description import RobotDescription
 from ..values import Array, Pose
 from .checkpoint import ArmCommand, GripperCommand, RobotReading
 from .client import Client
+from .engine import pb
 from .robot_urdf import patched_urdf
 
 POSITION_GAIN = 0.3
@@ -88,6 +87,7 @@ class RobotBody:
         pb.enableJointForceTorqueSensor(self.body, self._flange, 1, self._client)
         self._add_gear()
         self._torque_mode = False
+        self._command = ArmCommand("follow", (), (), ())
         home = robot.named["home"]
         opening = robot.gripper.max_width / 2
         self.place((*home, opening, opening), (0.0,) * (len(home) + 2))
@@ -122,7 +122,10 @@ class RobotBody:
 
     def follow(self, position: tuple[float, ...], velocity: tuple[float, ...]) -> None:
         """Servo so that the arm is at `position` with `velocity` when the next step ends."""
-        self._command = ArmCommand("follow", position, velocity, ())
+        command = ArmCommand("follow", position, velocity, ())
+        if command == self._command and not self._torque_mode:
+            return
+        self._command = command
         self._torque_mode = False
         # pybullet adds the velocity on top of the position error; the target is where the period starts.
         starts = [p - v * self._period for p, v in zip(position, velocity, strict=True)]
@@ -217,7 +220,7 @@ def finite(numbers: Array, what: str, shape: tuple[int, ...]) -> tuple[float, ..
     """A copy of an array as plain floats. Raises PicktreeError for another shape, NaN or infinity."""
     if numbers.shape != shape:
         raise PicktreeError(f"{what}: shape {numbers.shape}, but {shape} is needed")
-    values = tuple(map(float, numbers))
-    if not np.isfinite(sum(values)):
+    values = tuple(map(float, numbers.tolist()))
+    if not isfinite(sum(values)):
         raise PicktreeError(f"{what}: not finite: {values}")
     return values

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
-import pybullet as pb
-
 from ..values import ObjectId, Quaternion, Vector3
+from .engine import pb
 
 EVERY = 12
 """Steps between two looks at the items."""
