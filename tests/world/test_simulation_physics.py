@@ -234,7 +234,9 @@ def test_the_gripper_opens_and_closes_at_its_speed():
 
 def test_sensor_noise_has_the_deviations_of_the_scene():
     hardware = PhysicsHardware(cell(spawn=()), panda(), 0)
-    states, widths, forces = [], [], []
+    states: list[np.ndarray] = []
+    widths: list[float] = []
+    forces: list[tuple[float, float, float]] = []
     for _ in range(2000):
         hardware.step()
         states.append(hardware.arm.read().position)
