@@ -15,6 +15,8 @@ BLEND = 0.25
 """Time in which a small offset to the start of a trajectory is faded out, s."""
 LEAST_DECELERATION = 1.0
 """Of the progress along a path, 1/s²: braking on the path ends within a second in any case."""
+BRAKING = 0.6
+"""Share of the acceleration limits for braking on a path: all at once the joints' torques would not do."""
 MOST_DECELERATION = 60.0
 
 
@@ -73,7 +75,7 @@ class Track:
         """Seconds of the trajectory that were commanded."""
         self.done = False
         self._period = period
-        self._limit = model.acceleration_limit
+        self._limit = BRAKING * model.acceleration_limit
         self._times: list[float] = trajectory.times.tolist()
         self._coefficients = _cubics(trajectory)
         self._powers = np.zeros((2, 4))

@@ -81,7 +81,8 @@ class KinematicGripper:
                 continue
             left, right = y + float(low[1]), y + float(high[1])
             size = right - left
-            if left < -before / 2 - 5e-4 or right > before / 2 + 5e-4 or width > size:
+            # The finger that touches first pushes the item along until the other one is there, too.
+            if abs(left + right) > before or width > size:
                 continue
             if self._carries(body):
                 return body.id, pose.shifted((0.0, -(left + right) / 2, 0.0)), size
