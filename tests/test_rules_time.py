@@ -19,6 +19,7 @@ from .skills.cell import EXAMPLES, Cell, items, sorting
 ROOT = Path(__file__).parents[1]
 MEASURING = {
     "trees/node.py",
+    "world/control/loop.py",
     "world/stopwatch.py",
     "logs/session.py",
     "logs/recorder.py",

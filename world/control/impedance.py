@@ -20,6 +20,8 @@ JOINT_SPEED = 0.4
 """Share of the joints' speed limits that following the target may take."""
 TORQUE_RATE = 1000.0
 """Nm/s"""
+LIMIT_ROOM = 0.2
+"""The posture keeps so far from the joints' limits, rad, where the task leaves it room."""
 POSTURE = 25.0
 """Stiffness of the null-space posture over inertia, 1/s²; critically damped."""
 
@@ -119,7 +121,8 @@ class CartesianImpedance:
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
         q = state.position
-        self._posture = q.copy()
+        inner = np.minimum(LIMIT_ROOM, (self._model.upper - self._model.lower) / 2)
+        self._posture: Array = np.clip(q, self._model.lower + inner, self._model.upper - inner)
         pin.computeJointJacobians(self._model.arm, self._data, q)
         jacobian = self._jacobian()
         tool = pin.updateFramePlacement(self._model.arm, self._data, self._model.tcp_frame)

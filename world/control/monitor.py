@@ -37,6 +37,10 @@ class MonitorState:
     felt: Vector3
 
 
+FORCE_SLACK, TOOL_SLACK, JOINT_SLACK = 5.0, 0.005, 0.01
+"""By how much an acknowledged violation may grow, and must be undercut to be over: N, m, rad and rad/s."""
+
+
 class SafetyMonitor:
     """Watches force, joints, speed, workspace and tracking. `stopped` says why motion is refused.
 
@@ -75,7 +79,8 @@ class SafetyMonitor:
     def acknowledge(self) -> None:
         """Allow motion again. Only a safe retreat may say this."""
         if self._stopped is not None:
-            self._tolerated = dict(self._levels)
+            # What was violated may by now be a hair within: it must not stop the way out by flickering.
+            self._tolerated = {self._stopped.cause.name: 0.0, **self._levels}
             self._stopped = None
 
     def check(self, state: JointState, commanded: Array | None, force: Vector3) -> bool:
@@ -91,20 +96,24 @@ class SafetyMonitor:
             self._violated(
                 safety.FORCE_LIMIT,
                 size,
-                5.0,
+                FORCE_SLACK,
                 f"{size:.0f} N at the wrist, above the limit of {self._limits.force:.0f} N",
                 force=[round(c, 3) for c in felt],
                 limit=self._limits.force,
             )
-        elif self._forceful:
+        elif self._forceful or self._tolerated:
             self._forceful = False
-            self._within(safety.FORCE_LIMIT)
+            self._within(safety.FORCE_LIMIT, self._limits.force - size, FORCE_SLACK)
         level, (position, velocity, deviation) = self._level, self._rows
         np.subtract(state.position, self._middle, position)
         np.copyto(velocity, state.velocity)
         np.subtract(state.position, state.position if commanded is None else commanded, deviation)
         np.abs(level, level)
-        if np.count_nonzero(np.greater(level, self._allowed, self._beyond)) or self._levels:
+        if (
+            np.count_nonzero(np.greater(level, self._allowed, self._beyond))
+            or self._levels
+            or self._tolerated
+        ):
             self._check_joints(level - self._allowed, state)
         return self._new_stop()
 
@@ -121,12 +130,12 @@ class SafetyMonitor:
             self._violated(
                 safety.WORKSPACE,
                 outside,
-                0.005,
+                TOOL_SLACK,
                 f"the tool is {outside * 1000:.0f} mm outside the workspace, at ({at})",
                 position=list(position),
             )
-        elif self._levels:
-            self._within(safety.WORKSPACE)
+        elif self._levels or self._tolerated:
+            self._within(safety.WORKSPACE, -outside, TOOL_SLACK)
         return self._new_stop()
 
     def _check_joints(self, beyond: Array, state: JointState) -> None:
@@ -137,7 +146,7 @@ class SafetyMonitor:
             k = int(row.argmax())
             worst = float(row[k])
             if worst <= 0.0:
-                self._within(cause)
+                self._within(cause, -worst, JOINT_SLACK)
                 continue
             joint = self._names[k]
             if cause is safety.JOINT_LIMIT:
@@ -149,7 +158,7 @@ class SafetyMonitor:
             self._violated(
                 cause,
                 worst,
-                0.01,
+                JOINT_SLACK,
                 message,
                 joint=joint,
                 position=float(state.position[k]),
@@ -176,9 +185,11 @@ class SafetyMonitor:
         fresh, self._fresh = self._fresh, False
         return fresh
 
-    def _within(self, cause: Cause) -> None:
+    def _within(self, cause: Cause, room: float, slack: float) -> None:
+        """No violation, by `room`; what was tolerated is so no longer once that is more than `slack`."""
         self._levels.pop(cause.name, None)
-        self._tolerated.pop(cause.name, None)
+        if room > slack:
+            self._tolerated.pop(cause.name, None)
 
     def _violated(
         self, cause: Cause, level: float, slack: float, message: str, **evidence: str | float | list[float]
