@@ -52,7 +52,7 @@ def test_the_sample_of_the_design_has_the_paths_that_people_will_read() -> None:
         "/grasp.slipped/SafeRetreat",
         "/grasp.slipped/Observe",
         "/world.unknown_object",
-        "/world.unknown_object/AlwaysFailure",
+        "/world.unknown_object/Observe",
         "/control.*",
         "/control.*/SafeRetreat",
         "/otherwise",

@@ -441,4 +441,5 @@ def test_the_first_rule_that_holds_names_the_bin() -> None:
     rule = destination_rule(load_scene("three_bins_by_shape").destinations)
     assert rule(Thing("red", "sphere", "ball")) == "round_bin"
     assert rule(Thing("red", "plate", "plate")) == "plate_bin"
-    assert rule(Thing("red", "mesh", "cone")) is None
+    assert rule(Thing("red", "mesh", "nut")) == "box_bin"
+    assert rule(Thing("red", "cone", "cone")) is None
