@@ -23,7 +23,7 @@ class SafeRetreat(Skill):
     When there is no safe way the skill says so and stays where it is.
     """
 
-    pose: In[str] = port("named configuration to end in", default="home")
+    pose: In[str] = port("named configuration to end in", default="home", names="pose")
     hand: In[Literal["keep", "open"]] = port("what to do with a held object", default="keep")
     speed: In[float] = port("share of the joints' speed limits", default=0.4)
     causes = (planning.ANY, control.ANY, safety.ANY)

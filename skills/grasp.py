@@ -42,6 +42,7 @@ class Grasp(Skill):
         world_causes.UNKNOWN_OBJECT,
         world_causes.DISTURBED,
     )
+    hand_after = "full"
     uses = (ARM, GRIPPER)
 
     def run(self, world: World) -> Steps:

@@ -19,6 +19,7 @@ class OpenGripper(Skill):
     width: In[float] = port("opening between the fingers; 0 for as wide as they go", unit="m", default=0.0)
     causes = (control.TIMEOUT,)
     uses = (GRIPPER,)
+    hand_after = "empty"
 
     def run(self, world: World) -> Steps:
         yield from open_hand(world, "let go by OpenGripper", self.width or None)

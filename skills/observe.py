@@ -19,7 +19,7 @@ class Observe(Skill):
     What the hand holds comes first: nothing else can be grasped before. Then the nearest to the robot.
     """
 
-    camera: In[str] = port("which camera", default="overhead")
+    camera: In[str] = port("which camera", default="overhead", names="camera")
     expect: In[ObjectId] = port("fail when this object is not seen", default=ObjectId(""))
     objects: Out[list[ObjectId]] = port("items that do not lie where they belong")
     causes = (perception.NOT_FOUND,)

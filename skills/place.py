@@ -33,7 +33,7 @@ class Place(Skill):
     """
 
     object: In[ObjectId] = port("what is to be placed")
-    into: In[ObjectId] = port("the bin; empty when `at` is given", default=ObjectId(""))
+    into: In[ObjectId] = port("the bin; empty when `at` is given", default=ObjectId(""), names="bin")
     at: In[list[float]] = port("x, y, z in the world where its underside is put down, m", default=[])
     speed: In[float] = port("share of the joints' speed limits", default=1.0)
     causes = (
@@ -48,6 +48,7 @@ class Place(Skill):
         world_causes.DISTURBED,
     )
     uses = (ARM, GRIPPER)
+    hand_after = "empty"
 
     def run(self, world: World) -> Steps:
         held = yield from self._held(world)

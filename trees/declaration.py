@@ -25,9 +25,16 @@ if TYPE_CHECKING:
 
 Kind: TypeAlias = Literal["action", "condition", "control", "decorator", "subtree"]
 
+Hand: TypeAlias = Literal["unchanged", "full", "empty"]
+"""What is in the hand after success."""
+
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
 """In the order in which BT.CPP tries them."""
+POSTCONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
+"""Assignments that BT.CPP runs when the node was halted, failed, succeeded, or ended in any way."""
+BREAKPOINT = "breakpoint"
+"""The key that stops `run --debug` before or after the node."""
 
 
 class Resource(StrEnum):
@@ -49,6 +56,9 @@ class NodeDeclaration:
     causes: tuple[Cause | Family, ...] = ()
     uses: tuple[Resource, ...] = ()
     slots: tuple[SlotDeclaration, ...] = ()
+    hand_after: Hand = "unchanged"
+    example: str = ""
+    """A node of this kind as a mission writes it, for the reference; it is checked."""
 
     def port(self, key: str) -> PortDeclaration | None:
         return next((p for p in self.ports if p.key == key), None)
@@ -85,7 +95,17 @@ def declare(node: type[Node]) -> NodeDeclaration:
     twice = sorted({key for key in keys if keys.count(key) > 1})
     if twice:
         raise PicktreeError(f"node {identity}: the key {twice[0]!r} is declared twice")
-    return NodeDeclaration(identity, doc, node.kind, ports, node.causes, node.uses, slots)
+    return NodeDeclaration(
+        identity,
+        doc,
+        node.kind,
+        ports,
+        node.causes,
+        node.uses,
+        slots,
+        node.hand_after,
+        inspect.cleandoc(node.example),
+    )
 
 
 def _make_descriptors(node: type[Node], identity: str) -> None:
@@ -123,7 +143,9 @@ def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) 
         except ValueError as error:
             raise PicktreeError(f"port {where}: its default: {error}") from None
     side: Literal["in", "out"] = "in" if direction is In else "out"
-    declaration = PortDeclaration(key, attribute, side, kind, spec.doc, spec.unit, default, choices)
+    declaration = PortDeclaration(
+        key, attribute, side, kind, spec.doc, spec.unit, default, choices, spec.names
+    )
     return In[object](declaration) if side == "in" else Out[object](declaration)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 from ..world.files.document import Document, Mark
 from ..world.files.expressions import Expression
@@ -12,6 +13,14 @@ from .ports import PortDeclaration
 from .references import Binding
 
 MAIN = "Main"
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """`key = expression` or `key := expression` of a postcondition."""
+
+    key: str
+    value: Expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +37,12 @@ class NodeSpec:
     )
     """Children by slot: (label, node); the label is a table's key, else empty."""
     preconditions: Mapping[str, Expression] = field(default_factory=dict[str, Expression])
+    postconditions: Mapping[str, tuple[Assignment, ...]] = field(
+        default_factory=dict[str, "tuple[Assignment, ...]"]
+    )
+    breakpoint: Literal["before", "after"] | None = None
+    places: Mapping[str, Mark] = field(default_factory=dict[str, Mark])
+    """Where the values of its ports, conditions and slots stand, by key."""
 
     @property
     def children(self) -> tuple[NodeSpec, ...]:
@@ -61,6 +76,8 @@ class Mission:
     """A shipped scene, or a file beside the mission."""
     goal: Expression | None = None
     plugins: tuple[str, ...] = ()
+    included: tuple[Document, ...] = ()
+    """Files whose trees this mission took in, each once."""
 
     @property
     def main(self) -> TreeSpec:

@@ -13,7 +13,7 @@ from py_trees.common import Status
 from ..world.causes import Cause, Failure, FailureReport, Family, internal, matches, tree, world
 from ..world.files.expressions import Expression
 from ..world.journal import Happened, Plain
-from .declaration import PRECONDITIONS, Kind, NodeDeclaration, Resource, declare
+from .declaration import PRECONDITIONS, Hand, Kind, NodeDeclaration, Resource, declare
 from .plain import plain_copy
 from .ports import PortDeclaration
 from .references import Constant, Reference
@@ -49,6 +49,10 @@ class Node(Behaviour):
     causes: ClassVar[tuple[Cause | Family, ...]] = ()
     """What the node itself may fail with; what its children fail with comes on top."""
     uses: ClassVar[tuple[Resource, ...]] = ()
+    hand_after: ClassVar[Hand] = "unchanged"
+    """What is in the hand after its success, for the linter."""
+    example: ClassVar[str] = ""
+    """The node as a mission writes it, for the reference."""
     remembers: ClassVar[tuple[str, ...]] = ()
     """Attributes that change how the node goes on: plain values, FailureReports, tuples of them."""
     declaration: ClassVar[NodeDeclaration]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Generic, Literal, Self, TypeVar, cast, overload
+from typing import TYPE_CHECKING, Any, Final, Generic, Literal, Self, TypeAlias, TypeVar, cast, overload
 
 from ..world.journal import Plain
 from .types import PortType
@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     from .node import Node
 
 T = TypeVar("T")
+
+
+NameKind: TypeAlias = Literal["camera", "pose", "bin", "fixture", "kind", "colour"]
+"""What a text may name: a camera, bin, fixture, kind of item or colour of the scene, a named pose of the
+robot. Where scene and robot are known, only their names are valid."""
 
 
 class Required:
@@ -39,6 +44,7 @@ class PortDeclaration:
     unit: str | None = None
     default: object = REQUIRED
     choices: tuple[Plain, ...] | None = None
+    names: NameKind | None = None
 
     @property
     def required(self) -> bool:
@@ -54,6 +60,7 @@ class PortSpec:
     default: object
     choices: tuple[Plain, ...] | None
     key: str | None
+    names: NameKind | None
 
 
 class In(Generic[T]):
@@ -98,10 +105,12 @@ def port(
     default: object = REQUIRED,
     choices: Iterable[Plain] | None = None,
     key: str | None = None,
+    names: NameKind | None = None,
 ) -> Any:
     """Declare a port: `object: In[ObjectId] = port("what to grasp")`.
 
     unit: of a number; literals may then be written with a unit. choices: the only values allowed.
     key: the name in the file where it cannot be the attribute's (`in`, `while`).
+    names: what in scene or robot the text names.
     """
-    return PortSpec(doc, unit, default, tuple(choices) if choices is not None else None, key)
+    return PortSpec(doc, unit, default, tuple(choices) if choices is not None else None, key, names)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 from ..errors import PicktreeError
 
 Location: TypeAlias = tuple[str | int, ...]
+Severity: TypeAlias = Literal["error", "warning"]
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -25,13 +26,15 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing that is wrong in a file. `where` is the value's dotted path, `hint` what would be right."""
+    """One thing that is wrong in a file. `where` is the value's dotted path or the node's path in the tree,
+    `hint` what would be right, `code` names the page that explains it (P104)."""
 
     mark: Mark
     where: str
     message: str
     hint: str = ""
     code: str = ""
+    severity: Severity = "error"
 
     def __str__(self) -> str:
         trail = f"{self.where}: " if self.where else ""

@@ -1,0 +1,1 @@
+"""Pictures of a mission: SVG, HTML, DOT and text. Graphviz lays the nodes out."""

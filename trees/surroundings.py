@@ -1,0 +1,34 @@
+"""The names that scene and robot give to a mission: cameras, bins, kinds, named poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..world.robot.description import RobotDescription
+from ..world.scene.description import SceneDescription
+from .ports import NameKind
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a mission may name, by the kind of name; `scene` and `robot` say where the names come from."""
+
+    scene: str
+    robot: str
+    names: Mapping[NameKind, tuple[str, ...]]
+
+
+def surroundings(scene: SceneDescription, robot: RobotDescription) -> Surroundings:
+    """The names of that scene and that robot."""
+    bins = tuple(str(body.id) for body in scene.bins)
+    colours = dict.fromkeys(colour for entry in scene.spawn for colour in entry.colours)
+    names: dict[NameKind, tuple[str, ...]] = {
+        "camera": tuple(camera.name for camera in scene.cameras),
+        "pose": tuple(robot.named),
+        "bin": bins,
+        "fixture": (*(str(fixture.id) for fixture in scene.fixtures), *bins),
+        "kind": tuple(entry.kind for entry in scene.catalogue),
+        "colour": tuple(colours),
+    }
+    return Surroundings(scene.name, robot.name, names)

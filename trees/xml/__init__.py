@@ -1,0 +1,1 @@
+"""Missions as BehaviorTree.CPP 4 XML, out and in."""
