@@ -32,7 +32,8 @@ def build(mission: Mission, world: World, parameters: Mapping[str, Plain] | None
     main = mission.main
     bindings = _parameters(main.ports, parameters or {})
     caller = Namespace(runtime.blackboard, "")
-    root = _Builder(mission, runtime).tree(main, main.name, main.name, caller, bindings)
+    start = NodeSpec(main.name, main.name, main.mark, None, bindings)
+    root = _Builder(mission, runtime).tree(main, start, main.name, caller)
     return Tree(root, runtime)
 
 
@@ -76,20 +77,12 @@ class _Builder:
         self._mission = mission
         self._runtime = runtime
 
-    def tree(
-        self,
-        tree: TreeSpec,
-        name: str,
-        path: str,
-        outer: Namespace,
-        given: Mapping[str, Binding],
-        spec: NodeSpec | None = None,
-    ) -> SubTree:
+    def tree(self, tree: TreeSpec, call: NodeSpec, path: str, outer: Namespace) -> SubTree:
         """An instance of a tree: its ports are wired to the caller's namespace or hold constants."""
         inside = Namespace(self._runtime.blackboard, path)
         bindings: dict[str, Binding] = {}
         for port in tree.ports:
-            bound = given.get(port.key)
+            bound = call.ports.get(port.key)
             if isinstance(bound, Reference):
                 inside.wire(port.key, outer, bound)
                 bindings[port.key] = bound
@@ -97,18 +90,15 @@ class _Builder:
                 bindings[port.key] = bound
             elif port.direction == "in":
                 bindings[port.key] = Constant(port.default, _plain(port.default))
-        wiring = Wiring(tree.name, name, path, outer, bindings, spec.preconditions if spec else {})
-        node = SubTree(wiring, self._runtime, inside)
+        node = SubTree(_wiring(call, path, outer, bindings), self._runtime, inside)
         node.fill({"do": (("", self.node(tree.root, path, inside)),)})
         return node
 
     def node(self, spec: NodeSpec, above: str, namespace: Namespace) -> Node:
         path = f"{above}/{spec.name}"
         if spec.node is None:
-            called = self._mission.trees[spec.id]
-            return self.tree(called, spec.name, path, namespace, spec.ports, spec)
-        wiring = Wiring(spec.id, spec.name, path, namespace, spec.ports, spec.preconditions)
-        node = spec.node(wiring, self._runtime)
+            return self.tree(self._mission.trees[spec.id], spec, path, namespace)
+        node = spec.node(_wiring(spec, path, namespace, spec.ports), self._runtime)
         node.fill(
             {
                 key: tuple((label, self.node(child, path, namespace)) for label, child in filled)
@@ -116,6 +106,19 @@ class _Builder:
             }
         )
         return node
+
+
+def _wiring(spec: NodeSpec, path: str, namespace: Namespace, ports: Mapping[str, Binding]) -> Wiring:
+    return Wiring(
+        spec.id,
+        spec.name,
+        path,
+        namespace,
+        ports,
+        spec.preconditions,
+        spec.postconditions,
+        spec.breakpoint,
+    )
 
 
 def _plain(value: object) -> Plain:

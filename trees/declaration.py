@@ -35,6 +35,8 @@ POSTCONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")
 """Assignments that BT.CPP runs when the node was halted, failed, succeeded, or ended in any way."""
 BREAKPOINT = "breakpoint"
 """The key that stops `run --debug` before or after the node."""
+COMMON_KEYS = ("name", *PRECONDITIONS, *POSTCONDITIONS, BREAKPOINT)
+"""What may stand under every node, sub-trees included."""
 
 
 class Resource(StrEnum):
@@ -77,7 +79,7 @@ class NodeDeclaration:
     @property
     def keys(self) -> tuple[str, ...]:
         """All keys that may stand under the node in a file."""
-        return (*(p.key for p in self.ports), *(s.key for s in self.slots), "name", *PRECONDITIONS)
+        return (*(p.key for p in self.ports), *(s.key for s in self.slots), *COMMON_KEYS)
 
 
 def declare(node: type[Node]) -> NodeDeclaration:

@@ -10,24 +10,22 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import cast
 
 from ..world.causes import all_causes
-from ..world.files.document import Document, Fault, Location, Value, nearest
-from ..world.files.expressions import Expression, ExpressionError
-from ..world.journal import Plain
+from ..world.files.document import Document, Location, Mark, Value
 from .controls import Sequence
-from .declaration import IDENTIFIER, PRECONDITIONS, NodeDeclaration
+from .declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration
+from .faults import Faults
 from .mission import NodeSpec
 from .node import Node
 from .ports import PortDeclaration
-from .references import ATTRIBUTES, Binding, Constant, Reference
+from .references import Binding
 from .registry import Registry
 from .slots import SlotDeclaration
-from .types import convert
+from .wires import Wires
 
 _NAME = re.compile(r"[^/#\x00-\x1f]{1,60}")
-_NO_PORTS = ("name", *PRECONDITIONS)
+_Filled = tuple[tuple[str, NodeSpec], ...]
 
 
 @dataclass(slots=True)
@@ -41,25 +39,45 @@ class Names:
         return name if count == 1 else f"{name}#{count}"
 
 
+@dataclass(frozen=True, slots=True)
+class _Site:
+    """Where a node stands: `loc` of what is under its ID, `start` of the whole, and its path in the tree."""
+
+    loc: Location
+    start: Location
+    trail: str
+
+    @property
+    def keyed(self) -> bool:
+        """Whether the ID is the key of a mapping, and not a bare text."""
+        return self.loc != self.start
+
+
 class Grammar:
-    """Reads the nodes of one document; `faults` gathers what is wrong."""
+    """Reads the nodes of one document."""
 
     def __init__(
-        self, document: Document, registry: Registry, trees: Mapping[str, tuple[PortDeclaration, ...]]
+        self,
+        document: Document,
+        registry: Registry,
+        trees: Mapping[str, tuple[PortDeclaration, ...]],
+        faults: Faults,
     ) -> None:
-        self.faults: list[Fault] = []
         self._document = document
         self._registry = registry
         self._trees = trees
+        self._faults = faults
+        self._wires = Wires(document, faults)
 
     @property
     def _excuse(self) -> str:
         """Why a node may be unknown although its name is right."""
         return "; ".join(problem.message for problem in self._registry.problems)
 
-    def fault(self, loc: Location, trail: str, message: str, hint: str = "", *, key: bool = False) -> None:
-        mark = self._document.key_mark(loc) if key else self._document.mark(loc)
-        self.faults.append(Fault(mark, trail, message, hint))
+    def _fault(
+        self, loc: Location, trail: str, message: str, hint: str = "", *, code: str, key: bool = False
+    ) -> None:
+        self._faults.at(self._document, loc, trail, message, hint, code=code, key=key)
 
     def node(self, value: Value, loc: Location, above: str, names: Names) -> NodeSpec | None:
         """One node and all below it; None when it cannot be read at all."""
@@ -72,16 +90,12 @@ class Grammar:
             case dict() if value:
                 keys = list(value)
                 shown = ", ".join(map(repr, keys[:4])) + (", …" if len(keys) > 4 else "")
-                self.fault(
-                    loc,
-                    above,
-                    f"a node is a mapping with one key, its ID; here are {len(keys)}: {shown}",
-                    f"what belongs to {keys[0]!r} is indented under it",
-                )
+                message = f"a node is a mapping with one key, its ID; here are {len(keys)}: {shown}"
+                hint = f"what belongs to {keys[0]!r} is indented under it"
+                self._fault(loc, above, message, hint, code="P215")
             case _:
-                self.fault(
-                    loc, above, "here a node must stand", "as 'Grasp: {object: \"{item}\"}' or a bare ID"
-                )
+                hint = "as 'Grasp: {object: \"{item}\"}' or a bare ID"
+                self._fault(loc, above, "here a node must stand", hint, code="P216")
         return None
 
     def _known(
@@ -90,101 +104,123 @@ class Grammar:
         given = body.get("name") if isinstance(body, dict) else None
         named = isinstance(given, str) and _NAME.fullmatch(given) is not None
         name = names.take(given if named and isinstance(given, str) else identity)
-        trail = f"{above}/{name}"
+        site = _Site(loc, start, f"{above}/{name}")
         if given is not None and not named:
-            self.fault((*loc, "name"), trail, "a name is a text without '/' and '#', 60 characters at most")
+            message = "a name is a text without '/' and '#', 60 characters at most"
+            self._fault((*loc, "name"), site.trail, message, code="P217")
         if identity in self._trees:
-            return self._subtree(identity, name, body, loc, start, trail)
+            return self._subtree(identity, name, body, site)
         node = self._registry.find(identity)
         if node is None:
-            self._unknown(identity, body, loc, above, trail)
+            self._unknown(identity, body, above, site)
             return None
-        return self._node(node, name, body, loc, start, trail)
+        return self._node(node, name, body, site)
 
-    def _unknown(self, identity: str, body: Value, loc: Location, above: str, trail: str) -> None:
+    def _unknown(self, identity: str, body: Value, above: str, site: _Site) -> None:
+        loc = site.loc
+        key = bool(loc) and loc[-1] == identity
         if IDENTIFIER.fullmatch(identity):
-            message = f"unknown node {identity!r}"
-            hint = nearest(identity, (*self._trees, *self._registry.ids()))
+            hint = self._faults.nearest(identity, (*self._trees, *self._registry.ids()))
             if not hint.startswith("did you mean"):
                 hint = self._excuse or hint
+            self._fault(loc, above, f"unknown node {identity!r}", hint, code="P207", key=key)
         else:
-            message, hint = f"{identity!r} is not an ID", "a letter or '_', then letters, digits and '_'"
-        self.fault(loc, above, message, hint, key=bool(loc) and loc[-1] == identity)
+            hint = "a letter or '_', then letters, digits and '_'"
+            self._fault(loc, above, f"{identity!r} is not an ID", hint, code="P208", key=key)
         # What stands below is still looked at: all faults are reported at once.
         inner, at = (body.get("do"), (*loc, "do")) if isinstance(body, dict) else (body, loc)
         if isinstance(inner, list):
-            self._list(inner, at, trail, Names())
+            self._list(inner, at, site.trail, Names())
         elif inner is not None and at != loc:
-            self.node(inner, at, trail, Names())
+            self.node(inner, at, site.trail, Names())
 
     # A sub-tree.
 
-    def _subtree(
-        self, identity: str, name: str, body: Value, loc: Location, start: Location, trail: str
-    ) -> NodeSpec | None:
-        ports = self._trees[identity]
-        given = self._mapping(identity, body, loc, trail)
+    def _subtree(self, identity: str, name: str, body: Value, site: _Site) -> NodeSpec | None:
+        ports = {port.key: port for port in self._trees[identity]}
+        given = self._mapping(identity, body, site)
         bindings: dict[str, Binding] = {}
         for key, value in given.items():
-            port = next((p for p in ports if p.key == key), None)
+            port, loc = ports.get(key), (*site.loc, key)
             if port is not None:
-                self._bind(bindings, port, value, (*loc, key), trail)
-            elif key not in _NO_PORTS:
-                self._unknown_key(identity, key, (*(p.key for p in ports), *_NO_PORTS), (*loc, key), trail)
-        self._missing(ports, given, loc, trail, key=loc != start)
-        return NodeSpec(
-            identity,
-            name,
-            self._document.mark(start),
-            None,
-            bindings,
-            preconditions=self._preconditions(given, loc, trail),
-        )
+                bound = self._wires.binding(port, value, loc, site.trail)
+                if bound is not None:
+                    bindings[key] = bound
+            elif key not in COMMON_KEYS:
+                self._unknown_key(identity, key, (*ports, *COMMON_KEYS), loc, site.trail)
+        self._wires.missing(ports.values(), given, site.loc, site.trail, key=site.keyed)
+        places = {key: self._document.mark((*site.loc, key)) for key in given}
+        return self._spec(identity, name, None, site, given, bindings, {}, places)
 
     # A node of a class.
 
-    def _node(
-        self, node: type[Node], name: str, body: Value, loc: Location, start: Location, trail: str
-    ) -> NodeSpec:
+    def _node(self, node: type[Node], name: str, body: Value, site: _Site) -> NodeSpec:
         declaration = node.declaration
-        main = declaration.slot("do")
-        given, places = self._body(declaration, main, body, loc, trail)
+        given, locations = self._body(declaration, body, site)
         bindings: dict[str, Binding] = {}
-        slots: dict[str, tuple[tuple[str, NodeSpec], ...]] = {}
+        slots: dict[str, _Filled] = {}
+        places: dict[str, Mark] = {}
         names = Names()
         for key, value in given.items():
-            port, slot, at = declaration.port(key), declaration.slot(key), places[key]
+            port, slot, at = declaration.port(key), declaration.slot(key), locations[key]
+            places[key] = self._document.mark(at)
             if port is not None:
-                self._bind(bindings, port, value, at, trail)
+                bound = self._wires.binding(port, value, at, site.trail)
+                if bound is not None:
+                    bindings[key] = bound
             elif slot is not None:
-                slots[key] = self._slot(declaration, slot, value, at, trail, names)
-            elif key not in _NO_PORTS:
-                self._unknown_key(declaration.id, key, declaration.keys, at, trail)
-        keyed = loc != start
-        self._missing(declaration.ports, given, loc, trail, key=keyed)
+                slots[key] = self._slot(declaration, slot, value, at, site.trail, names)
+                for label, _ in slots[key]:
+                    if label:
+                        places[f"{key}/{label}"] = self._document.key_mark((*at, label))
+            elif key not in COMMON_KEYS:
+                self._unknown_key(declaration.id, key, declaration.keys, at, site.trail)
+        self._wires.missing(declaration.ports, given, site.loc, site.trail, key=site.keyed)
         for slot in declaration.slots:
             if slot.required and slot.key not in given:
                 what = "its children are" if slot.arity == "many" else "its child is"
                 what = what if slot.key == "do" else f"{slot.key!r} is"
-                self.fault(loc, trail, f"{what} missing: {slot.doc}", key=keyed)
+                message = f"{what} missing: {slot.doc}"
+                self._fault(site.loc, site.trail, message, code="P228", key=site.keyed)
         for sentence in node.check_ports(frozenset(given)):
-            self.fault(loc, trail, sentence, key=keyed)
+            self._fault(site.loc, site.trail, sentence, code="P234", key=site.keyed)
         ordered = {slot.key: slots[slot.key] for slot in declaration.slots if slot.key in slots}
-        conditions = self._preconditions(given, loc, trail)
-        return NodeSpec(declaration.id, name, self._document.mark(start), node, bindings, ordered, conditions)
+        return self._spec(declaration.id, name, node, site, given, bindings, ordered, places)
+
+    def _spec(
+        self,
+        identity: str,
+        name: str,
+        node: type[Node] | None,
+        site: _Site,
+        given: Mapping[str, Value],
+        bindings: Mapping[str, Binding],
+        slots: Mapping[str, _Filled],
+        places: Mapping[str, Mark],
+    ) -> NodeSpec:
+        """The node with what may stand under every node."""
+        loc, trail = site.loc, site.trail
+        return NodeSpec(
+            identity,
+            name,
+            self._document.mark(site.start),
+            node,
+            bindings,
+            slots,
+            self._wires.preconditions(given, loc, trail),
+            self._wires.postconditions(given, loc, trail),
+            self._wires.breakpoint(given, loc, trail),
+            places,
+        )
 
     def _body(
-        self,
-        declaration: NodeDeclaration,
-        main: SlotDeclaration | None,
-        body: Value,
-        loc: Location,
-        trail: str,
+        self, declaration: NodeDeclaration, body: Value, site: _Site
     ) -> tuple[dict[str, Value], dict[str, Location]]:
         """The node's keys with their values, and where each value stands."""
+        main, loc = declaration.slot("do"), site.loc
         if main is not None and isinstance(body, str | list):
             return {"do": body}, {"do": loc}
-        given = dict(self._mapping(declaration.id, body, loc, trail))
+        given = dict(self._mapping(declaration.id, body, site))
         places: dict[str, Location] = {key: (*loc, key) for key in given}
         strange = [key for key in given if key not in declaration.keys]
         if main is not None and "do" not in given and len(strange) == 1 and self._is_node(strange[0]):
@@ -197,16 +233,17 @@ class Grammar:
     def _is_node(self, key: str) -> bool:
         return key in self._trees or self._registry.find(key) is not None or key[:1].isupper()
 
-    def _mapping(self, identity: str, body: Value, loc: Location, trail: str) -> dict[str, Value]:
+    def _mapping(self, identity: str, body: Value, site: _Site) -> dict[str, Value]:
         match body:
             case None:
                 return {}
             case dict():
                 return body
             case list():
-                self.fault(loc, trail, f"{identity} has no children")
+                self._fault(site.loc, site.trail, f"{identity} has no children", code="P230")
             case _:
-                self.fault(loc, trail, f"the ports of {identity} are a mapping", "as '{port: value}'")
+                message = f"the ports of {identity} are a mapping"
+                self._fault(site.loc, site.trail, message, "as '{port: value}'", code="P230")
         return {}
 
     def _slot(
@@ -217,7 +254,7 @@ class Grammar:
         loc: Location,
         trail: str,
         names: Names,
-    ) -> tuple[tuple[str, NodeSpec], ...]:
+    ) -> _Filled:
         match slot.arity:
             case "one":
                 label = "" if slot.key == "do" else slot.key
@@ -233,13 +270,14 @@ class Grammar:
         if not isinstance(value, list):
             return self.node(value, loc, trail, names)
         if not value:
-            self.fault(loc, trail, "the list is empty; at least one node must stand here")
+            message = "the list is empty; at least one node must stand here"
+            self._fault(loc, trail, message, code="P231")
             return None
         name = names.take(label or Sequence.declaration.id)
         parts = self._list(value, loc, f"{trail}/{name}", Names())
-        return NodeSpec(
-            Sequence.declaration.id, name, self._document.mark(loc), Sequence, slots={"do": parts}
-        )
+        mark = self._document.mark(loc)
+        slots = {"do": parts}
+        return NodeSpec(Sequence.declaration.id, name, mark, Sequence, slots=slots, places={"do": mark})
 
     def _many(
         self,
@@ -249,7 +287,7 @@ class Grammar:
         loc: Location,
         trail: str,
         names: Names,
-    ) -> tuple[tuple[str, NodeSpec], ...]:
+    ) -> _Filled:
         if not isinstance(value, list):
             found = self.node(value, loc, trail, names)
             count, parts = 1, (("", found),) if found else ()
@@ -257,27 +295,24 @@ class Grammar:
             count, parts = len(value), self._list(value, loc, trail, names)
         if count < slot.least or (slot.most is not None and count > slot.most):
             limit = f"at least {slot.least}" if slot.most is None else f"{slot.least} to {slot.most}"
-            self.fault(loc, trail, f"{declaration.id} has {count} children; it takes {limit}")
+            message = f"{declaration.id} has {count} children; it takes {limit}"
+            self._fault(loc, trail, message, code="P229")
         return parts
 
-    def _list(
-        self, value: list[Value], loc: Location, trail: str, names: Names
-    ) -> tuple[tuple[str, NodeSpec], ...]:
+    def _list(self, value: list[Value], loc: Location, trail: str, names: Names) -> _Filled:
         found = (self.node(item, (*loc, index), trail, names) for index, item in enumerate(value))
         return tuple(("", node) for node in found if node is not None)
 
-    def _table(
-        self, slot: SlotDeclaration, value: Value, loc: Location, trail: str, names: Names
-    ) -> tuple[tuple[str, NodeSpec], ...]:
+    def _table(self, slot: SlotDeclaration, value: Value, loc: Location, trail: str, names: Names) -> _Filled:
         if not isinstance(value, dict) or not value:
-            self.fault(loc, trail, f"{slot.key!r} is a mapping: {slot.doc}")
+            self._fault(loc, trail, f"{slot.key!r} is a mapping: {slot.doc}", code="P232")
             return ()
         found: list[tuple[str, NodeSpec]] = []
         for key, body in value.items():
             if slot.of == "cause":
                 self._check_pattern(key, (*loc, key), trail)
             elif not _NAME.fullmatch(key):
-                self.fault((*loc, key), trail, f"{key!r} cannot name a case", key=True)
+                self._fault((*loc, key), trail, f"{key!r} cannot name a case", code="P232", key=True)
             node = self._one(body, (*loc, key), trail, names, key)
             if node is not None:
                 found.append((key, node))
@@ -288,85 +323,11 @@ class Grammar:
         families = {name.rsplit(".", 1)[0] for name in known}
         patterns = [*known, *(f"{family}.*" for family in sorted(families)), "*"]
         if pattern not in patterns:
-            self.fault(loc, trail, f"no cause is called {pattern!r}", nearest(pattern, patterns), key=True)
-
-    # Ports and preconditions.
-
-    def _bind(
-        self, bindings: dict[str, Binding], port: PortDeclaration, value: Value, loc: Location, trail: str
-    ) -> None:
-        bound = self._binding(port, value, loc, trail)
-        if bound is not None:
-            bindings[port.key] = bound
-
-    def _binding(self, port: PortDeclaration, value: Value, loc: Location, trail: str) -> Binding | None:
-        what = f"port {port.key!r}"
-        if isinstance(value, str) and port.type.name != "expression":
-            try:
-                reference = Reference.parse(value)
-            except ValueError as error:
-                self.fault(loc, trail, f"{what}: {error}", 'a reference is "{key}" or "{key.attribute}"')
-                return None
-            if reference is not None:
-                return self._reference(port, reference, loc, trail)
-        if port.direction == "out":
-            hint = f'write "{{{value}}}"' if isinstance(value, str) and IDENTIFIER.fullmatch(value) else ""
-            self.fault(loc, trail, f"{what} is an output: it needs a key to write to", hint or 'as "{key}"')
-            return None
-        try:
-            return Constant(convert(value, port.type, port.unit, port.choices), cast("Plain", value))
-        except ExpressionError as error:
-            self.fault(loc, trail, f"{what}: {error}, at character {error.offset + 1} of {value!r}")
-        except ValueError as error:
-            self.fault(loc, trail, f"{what}: {error}", port.doc)
-        return None
-
-    def _reference(
-        self, port: PortDeclaration, reference: Reference, loc: Location, trail: str
-    ) -> Binding | None:
-        if port.direction == "out" and reference.attributes:
-            self.fault(loc, trail, f"port {port.key!r} is an output: {reference} cannot be written")
-            return None
-        for name in reference.attributes:
-            if name not in ATTRIBUTES:
-                self.fault(
-                    loc,
-                    trail,
-                    f"port {port.key!r}: {reference}: an object has no attribute {name!r}",
-                    nearest(name, ATTRIBUTES),
-                )
-                return None
-        return reference
-
-    def _preconditions(self, given: Mapping[str, Value], loc: Location, trail: str) -> dict[str, Expression]:
-        found: dict[str, Expression] = {}
-        for name in PRECONDITIONS:
-            if name not in given:
-                continue
-            value = given[name]
-            try:
-                if not isinstance(value, str | bool):
-                    raise ExpressionError(f"{value!r} is not an expression")
-                found[name] = Expression.parse(value if isinstance(value, str) else str(value).lower())
-            except ExpressionError as error:
-                at = f", at character {error.offset + 1} of {value!r}" if isinstance(value, str) else ""
-                self.fault((*loc, name), trail, f"{name}: {error}{at}")
-        return found
-
-    def _missing(
-        self,
-        ports: Iterable[PortDeclaration],
-        given: Mapping[str, Value],
-        loc: Location,
-        trail: str,
-        *,
-        key: bool,
-    ) -> None:
-        for port in ports:
-            if port.required and port.key not in given:
-                self.fault(loc, trail, f"port {port.key!r} is missing: {port.doc}", key=key)
+            hint = self._faults.nearest(pattern, patterns)
+            self._fault(loc, trail, f"no cause is called {pattern!r}", hint, code="P233", key=True)
 
     def _unknown_key(self, identity: str, key: str, known: Iterable[str], loc: Location, trail: str) -> None:
-        # Preconditions are known to those who want them; in a hint they would only be noise.
+        # Conditions are known to those who want them; in a hint they would only be noise.
         names = [name for name in known if not name.startswith("_") or key.startswith("_")]
-        self.fault(loc, trail, f"{identity} has no port {key!r}", nearest(key, names), key=True)
+        hint = self._faults.nearest(key, names)
+        self._fault(loc, trail, f"{identity} has no port {key!r}", hint, code="P218", key=True)

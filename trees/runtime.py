@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from ..world.causes import Failure, tree
 from ..world.files.expressions import Expression, ExpressionError
@@ -13,6 +13,7 @@ from .references import Binding, Reference, attribute
 
 if TYPE_CHECKING:
     from ..world.world import World
+    from .mission import Assignment
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,11 @@ class Wiring:
     path: str
     namespace: Namespace
     ports: Mapping[str, Binding]
-    preconditions: Mapping[str, Expression]
+    preconditions: Mapping[str, Expression] = field(default_factory=dict[str, Expression])
+    postconditions: Mapping[str, tuple[Assignment, ...]] = field(
+        default_factory=dict[str, "tuple[Assignment, ...]"]
+    )
+    breakpoint: Literal["before", "after"] | None = None
 
 
 class Scope(Mapping[str, object]):

@@ -1,0 +1,53 @@
+"""Checking a mission file as a whole: its language, its scene, the names that it uses, and the linter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..world.errors import PicktreeError
+from ..world.files.document import Document, Fault, FileError
+from ..world.robot.load import load_robot
+from ..world.scene.load import load_scene
+from .lint import lint
+from .loader import examine
+from .mission import Mission
+from .naming import misnamed
+from .registry import Registry
+from .surroundings import Surroundings, surroundings
+
+
+@dataclass(frozen=True, slots=True)
+class MissionCheck:
+    """What was found in a mission file. `mission` is None when the text has errors of its own."""
+
+    mission: Mission | None
+    faults: tuple[Fault, ...]
+    """In the order of the files; also those of the scene and the robot, with their own places."""
+
+
+def check_mission(document: Document, registry: Registry | None = None) -> MissionCheck:
+    """Everything that can be said of a document of kind `mission`; never raises for what stands in it."""
+    reading = examine(document, registry)
+    known, faults = _surroundings(reading.mission)
+    faults = [*reading.faults, *faults]
+    if known is not None:
+        faults += misnamed(reading.mission, known)
+    if not any(fault.severity == "error" for fault in faults):
+        faults += lint(reading.mission, known)
+    ordered = sorted(dict.fromkeys(faults), key=lambda fault: fault.mark)
+    return MissionCheck(None if reading.faults else reading.mission, tuple(ordered))
+
+
+def _surroundings(mission: Mission) -> tuple[Surroundings | None, list[Fault]]:
+    """The names of the mission's scene and robot; None when it names no scene, or a faulty one."""
+    if mission.scene is None:
+        return None, []
+    try:
+        scene = load_scene(mission.scene, mission.document.path.parent)
+        robot = load_robot(scene.robot, Path(scene.source).parent)
+    except FileError as error:
+        return None, list(error.faults)
+    except PicktreeError as error:
+        return None, [mission.document.fault(("scene",), str(error), code="P241")]
+    return surroundings(scene, robot), []

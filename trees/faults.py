@@ -1,0 +1,63 @@
+"""Gathering what is wrong with a mission: each fault with its place, as many as anyone reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from ..world.files.document import Document, Fault, Location, nearest
+
+MAX_FAULTS: Final = 200
+"""More are counted, not kept."""
+
+
+class Faults:
+    """The faults of one mission, whichever of its files they stand in."""
+
+    def __init__(self) -> None:
+        self._kept: list[Fault] = []
+        self._more = 0
+
+    @property
+    def full(self) -> bool:
+        """Whether another fault would only be counted."""
+        return len(self._kept) >= MAX_FAULTS
+
+    def __len__(self) -> int:
+        return len(self._kept) + self._more
+
+    def add(self, fault: Fault) -> None:
+        if self.full:
+            self._more += 1
+        else:
+            self._kept.append(fault)
+
+    def at(
+        self,
+        document: Document,
+        loc: Location,
+        trail: str,
+        message: str,
+        hint: str = "",
+        *,
+        code: str,
+        key: bool = False,
+    ) -> None:
+        """A fault of the value there, or (`key`) of its key."""
+        if self.full:
+            self._more += 1
+            return
+        mark = document.key_mark(loc) if key else document.mark(loc)
+        self._kept.append(Fault(mark, trail, message, hint, code))
+
+    def nearest(self, name: str, known: Iterable[str]) -> str:
+        """As `nearest`, which is dear: nothing when nobody will read it."""
+        return "" if self.full else nearest(name, known)
+
+    def all(self) -> tuple[Fault, ...]:
+        """In the order of the files; the last one says how many are left out."""
+        kept = sorted(dict.fromkeys(self._kept), key=lambda fault: fault.mark)
+        if self._more:
+            message = f"and {self._more} more faults"
+            kept.append(Fault(kept[-1].mark, "", message, "mend those above first", "P200"))
+        return tuple(kept)
