@@ -10,6 +10,7 @@ from .control.grip import Grip
 from .control.loop import ControlLoop
 from .control.motion import Motions
 from .eyes import Eyes
+from .facts import facts, to_do
 from .handling import Handling
 from .journal import Journal
 from .motion.fcl_queries import SceneQueries
@@ -20,9 +21,6 @@ from .scene.description import SceneDescription
 from .scene.planning_scene import BeliefObject, PlanningScene
 from .streams import Streams
 from .thinking import ThinkingAccount
-
-ASIDE = "aside"
-"""The place of an item that the mission has given up."""
 
 
 @dataclass(frozen=True)
@@ -49,27 +47,13 @@ class World:
 
     def to_do(self) -> tuple[BeliefObject, ...]:
         """Items that are believed to lie elsewhere than where they belong, and are not put aside."""
-        return tuple(
-            o
-            for o in self.scene.objects
-            if o.role == "item"
-            and o.place != ASIDE
-            and (to := self.scene.destination(o.id)) is not None
-            and o.place != to
-        )
+        return to_do(self.scene)
 
     def facts(self) -> Mapping[str, bool | int | float | str]:
-        """Names that every expression of a mission may use.
-
-        `items_left` is also true before anybody has looked: nothing is known of the table then.
-        """
-        held = self.scene.held
-        to_do = len(self.to_do())
-        return {
-            "items_left": to_do > 0 or self.eyes.looks == 0,
-            "items_to_do": to_do,
-            "holding": held is not None,
-            "held_object": held.id if held else "",
-            "stopped": self.control.monitor.stopped is not None,
-            "time": self.clock.now,
-        }
+        """Names that every expression of a mission may use, with their values now."""
+        return facts(
+            self.scene,
+            looked=self.eyes.looks > 0,
+            stopped=self.control.monitor.stopped is not None,
+            now=self.clock.now,
+        )

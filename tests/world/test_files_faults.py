@@ -15,7 +15,6 @@ from picktree.world.simulation.faultfile import (
     Remove,
     Target,
     load_faults,
-    node_matches,
     parse_faults,
 )
 
@@ -100,24 +99,3 @@ def test_faulty_entries(entry: str, message: str) -> None:
     with pytest.raises(FileError) as caught:
         parse_faults(f"{HEAD}  - {entry}\n", HERE)
     assert str(caught.value) == "\n".join(f"f.yaml:{line}" for line in message.split("\n"))
-
-
-@pytest.mark.parametrize(
-    ("pattern", "path", "fits"),
-    [
-        ("Grasp", "Main/SortOne/Sequence/Grasp", True),
-        ("Grasp", "Main/Grasp/Other", False),
-        ("SortOne/Grasp", "Main/SortOne/Sequence/Grasp", True),
-        ("Grasp/SortOne", "Main/SortOne/Sequence/Grasp", False),
-        ("Main/*/Grasp", "Main/SortOne/Grasp", True),
-        ("Main/*/Grasp", "Main/Grasp", False),
-        ("Gr?sp", "/Main/Grasp", True),
-        ("Grasp", "Main/Grasp#2", True),
-        ("Grasp#2", "Main/Grasp#2", True),
-        ("Grasp#2", "Main/Grasp", False),
-        ("grasp", "Main/Grasp", False),
-        ("/", "Main", False),
-    ],
-)
-def test_which_nodes_a_pattern_means(pattern: str, path: str, fits: bool) -> None:
-    assert node_matches(pattern, path) is fits

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -91,24 +90,6 @@ class FaultFile:
     source: str = ""
     text: str = ""
     """The file as it was read, for the log."""
-
-
-def node_matches(pattern: str, path: str) -> bool:
-    """Whether a node's path fits: `Grasp` any node of that name, `SortOne/Grasp` one somewhere below SortOne.
-
-    Each part may use `*` and `?`; the last part is the node itself. `Grasp` fits `Grasp#2` as well.
-    """
-    wanted = [part for part in pattern.split("/") if part]
-    given = [part for part in path.split("/") if part]
-    if not wanted or not given or not _part_fits(wanted[-1], given[-1]):
-        return False
-    above = iter(given[:-1])
-    return all(any(_part_fits(part, name) for name in above) for part in wanted[:-1])
-
-
-def _part_fits(pattern: str, name: str) -> bool:
-    plain = name if "#" in pattern else name.partition("#")[0]
-    return fnmatch.fnmatchcase(plain, pattern)
 
 
 def _colour(name: str) -> str:

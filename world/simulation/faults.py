@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from ..errors import PicktreeError
+from ..files.node_pattern import node_matches
 from ..journal import Happened, Plain
 from ..protocols import Clock
 from ..values import Pose, Vector3
-from .faultfile import AtTime, Bump, FaultFile, FaultSpec, Friction, Remove, Target, node_matches
+from .faultfile import AtTime, Bump, FaultFile, FaultSpec, Friction, Remove, Target
 from .truth import TrueBody
 
 
