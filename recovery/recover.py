@@ -20,7 +20,7 @@ class Recover(Control):
     A fault of the program is never handled. The tick ends between a handler and the next attempt.
     """
 
-    attempts: In[int] = port("how often `do` may run", default=3)
+    attempts: In[int] = port("how often `do` may run", default=3, least=1)
     body = child("what is to succeed")
     handlers = table("cause, or family of causes, and what may cure it", key="when", of="cause")
     otherwise = optional_child("what may cure all other causes", key="otherwise")

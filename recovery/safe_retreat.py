@@ -25,7 +25,7 @@ class SafeRetreat(Skill):
 
     pose: In[str] = port("named configuration to end in", default="home", names="pose")
     hand: In[Literal["keep", "open"]] = port("what to do with a held object", default="keep")
-    speed: In[float] = port("share of the joints' speed limits", default=0.4)
+    speed: In[float] = port("share of the joints' speed limits", default=0.4, above=0, most=1)
     causes = (planning.ANY, control.ANY, safety.ANY)
     uses = (ARM, GRIPPER)
 

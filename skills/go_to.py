@@ -17,7 +17,7 @@ class GoTo(Skill):
     """Move the arm, free of collisions, to a named configuration of the robot file."""
 
     pose: In[str] = port("name of the configuration", default="home", names="pose")
-    speed: In[float] = port("share of the joints' speed limits", default=1.0)
+    speed: In[float] = port("share of the joints' speed limits", default=1.0, above=0, most=1)
     causes = (planning.ANY, control.ANY, safety.ANY)
     uses = (ARM,)
 

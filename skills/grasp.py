@@ -30,8 +30,8 @@ class Grasp(Skill):
     """
 
     object: In[ObjectId] = port("what to grasp")
-    force: In[float] = port("grip force per finger", unit="N", default=30.0)
-    speed: In[float] = port("share of the joints' speed limits", default=1.0)
+    force: In[float] = port("grip force per finger", unit="N", default=30.0, above=0)
+    speed: In[float] = port("share of the joints' speed limits", default=1.0, above=0, most=1)
     causes = (
         grasp.NO_CANDIDATE,
         grasp.MISSED,

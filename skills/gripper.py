@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 class OpenGripper(Skill):
     """Open the fingers; what they held is believed to be gone from the hand."""
 
-    width: In[float] = port("opening between the fingers; 0 for as wide as they go", unit="m", default=0.0)
+    width: In[float] = port(
+        "opening between the fingers; 0 for as wide as they go", unit="m", default=0.0, least=0
+    )
     causes = (control.TIMEOUT,)
     uses = (GRIPPER,)
     hand_after = "empty"
@@ -28,7 +30,7 @@ class OpenGripper(Skill):
 class CloseGripper(Skill):
     """Close the fingers with a force and report the opening at which they stopped."""
 
-    force: In[float] = port("grip force per finger", unit="N", default=30.0)
+    force: In[float] = port("grip force per finger", unit="N", default=30.0, above=0)
     width: Out[float] = port("opening at which the fingers stopped", unit="m")
     causes = (control.TIMEOUT,)
     uses = (GRIPPER,)

@@ -35,7 +35,7 @@ class Place(Skill):
     object: In[ObjectId] = port("what is to be placed")
     into: In[ObjectId] = port("the bin; empty when `at` is given", default=ObjectId(""), names="bin")
     at: In[list[float]] = port("x, y, z in the world where its underside is put down, m", default=[])
-    speed: In[float] = port("share of the joints' speed limits", default=1.0)
+    speed: In[float] = port("share of the joints' speed limits", default=1.0, above=0, most=1)
     causes = (
         place.OCCUPIED,
         place.MISSED,

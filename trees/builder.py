@@ -64,7 +64,7 @@ def _parameter(value: Plain, port: PortDeclaration) -> object:
         value = [_scalar(part.strip(), port) for part in value.split(",") if part.strip()]
     elif isinstance(value, str):
         value = _scalar(value, port)
-    return convert(value, port.type, port.unit, port.choices)
+    return convert(value, port.type, port.unit, port.choices, port.within)
 
 
 def _scalar(text: str, port: PortDeclaration) -> Plain:

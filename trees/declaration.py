@@ -141,12 +141,12 @@ def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) 
     # An empty text as the default of an id or a choice says "not given": it need not convert.
     if not isinstance(default, Required) and default != "":
         try:
-            default = convert(default, kind, spec.unit, choices)
+            default = convert(default, kind, spec.unit, choices, spec.within)
         except ValueError as error:
             raise PicktreeError(f"port {where}: its default: {error}") from None
     side: Literal["in", "out"] = "in" if direction is In else "out"
     declaration = PortDeclaration(
-        key, attribute, side, kind, spec.doc, spec.unit, default, choices, spec.names
+        key, attribute, side, kind, spec.doc, spec.unit, default, choices, spec.names, spec.within
     )
     return In[object](declaration) if side == "in" else Out[object](declaration)
 

@@ -304,7 +304,7 @@ class Node(Behaviour):
         if value is None and not port.type.optional and port.type.name != "any":
             raise Failure(tree.MISSING_INPUT, f"{where}{wired} is empty", **evidence)
         try:
-            return accept(value, port.type, port.choices)
+            return accept(value, port.type, port.choices, port.within)
         except ValueError as error:
             raise Failure(tree.MISSING_INPUT, f"{where}{wired}: {error}", **evidence) from None
 

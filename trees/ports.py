@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Generic, Literal, Self, TypeAlias, TypeVar, cast, overload
 
 from ..world.journal import Plain
-from .types import PortType
+from .types import ANY_NUMBER, PortType, Range
 
 if TYPE_CHECKING:
     from .node import Node
@@ -45,6 +45,7 @@ class PortDeclaration:
     default: object = REQUIRED
     choices: tuple[Plain, ...] | None = None
     names: NameKind | None = None
+    within: Range = ANY_NUMBER
 
     @property
     def required(self) -> bool:
@@ -61,6 +62,7 @@ class PortSpec:
     choices: tuple[Plain, ...] | None
     key: str | None
     names: NameKind | None
+    within: Range
 
 
 class In(Generic[T]):
@@ -106,11 +108,15 @@ def port(
     choices: Iterable[Plain] | None = None,
     key: str | None = None,
     names: NameKind | None = None,
+    least: float | None = None,
+    most: float | None = None,
+    above: float | None = None,
 ) -> Any:
     """Declare a port: `object: In[ObjectId] = port("what to grasp")`.
 
     unit: of a number; literals may then be written with a unit. choices: the only values allowed.
     key: the name in the file where it cannot be the attribute's (`in`, `while`).
-    names: what in scene or robot the text names.
+    names: what in scene or robot the text names. least, most, above: bounds of a number, in its unit.
     """
-    return PortSpec(doc, unit, default, tuple(choices) if choices is not None else None, key, names)
+    allowed = tuple(choices) if choices is not None else None
+    return PortSpec(doc, unit, default, allowed, key, names, Range(least, most, above))

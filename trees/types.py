@@ -6,7 +6,7 @@ import types
 import typing
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, cast
+from typing import Final, Literal, TypeAlias, cast
 
 from ..world.files.expressions import Expression
 from ..world.files.nearest import nearest
@@ -72,11 +72,39 @@ class PortType:
         return f"a list, each {_WORDS[self.name]}" if self.many else _WORDS[self.name]
 
 
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Which numbers a port takes, in its unit: not under `least`, not over `most`, greater than `above`."""
+
+    least: float | None = None
+    most: float | None = None
+    above: float | None = None
+
+    def check(self, number: float) -> None:
+        """Raises ValueError with a sentence."""
+        if self.least is not None and number < self.least:
+            raise ValueError(f"{number:g} is less than {self.least:g}")
+        if self.most is not None and number > self.most:
+            raise ValueError(f"{number:g} is more than {self.most:g}")
+        if self.above is not None and number <= self.above:
+            raise ValueError(f"{number:g} is not more than {self.above:g}")
+
+    def words(self) -> str:
+        """`more than 0, at most 1`; empty when every number will do."""
+        bounds = (("more than", self.above), ("at least", self.least), ("at most", self.most))
+        return ", ".join(f"{words} {bound:g}" for words, bound in bounds if bound is not None)
+
+
+ANY_NUMBER: Final = Range()
 NAMES_IN_FILES: tuple[Name, ...] = ("string", "int", "float", "bool", "object", "any")
 
 
 def convert(
-    value: object, kind: PortType, unit: str | None = None, choices: Collection[Plain] | None = None
+    value: object,
+    kind: PortType,
+    unit: str | None = None,
+    choices: Collection[Plain] | None = None,
+    within: Range = ANY_NUMBER,
 ) -> object:
     """A literal of a file as the port's type. Raises ValueError with a sentence."""
     if value is None and kind.optional:
@@ -85,23 +113,30 @@ def convert(
         if not isinstance(value, list):
             raise ValueError(f"{show(value)} is not {kind.words()}")
         one = PortType(kind.name)
-        return [convert(item, one, unit, choices) for item in cast("list[object]", value)]
+        return [convert(item, one, unit, choices, within) for item in cast("list[object]", value)]
     converted = _CONVERTERS[kind.name](value, unit)
     if choices is not None and converted not in choices:
         raise ValueError(
             f"{show(converted)} is none of the choices; {nearest(str(value), map(str, choices))}"
         )
+    if kind.name in ("int", "float"):
+        within.check(cast("float", converted))
     return converted
 
 
-def accept(value: object, kind: PortType, choices: Collection[Plain] | None = None) -> object:
+def accept(
+    value: object,
+    kind: PortType,
+    choices: Collection[Plain] | None = None,
+    within: Range = ANY_NUMBER,
+) -> object:
     """A value that comes over the blackboard or from a skill. Raises ValueError with a sentence.
 
     Other than in a literal a text is never read as a number.
     """
     if isinstance(value, str) and kind.name in ("float", "int") and not kind.many:
         raise ValueError(f"{show(value)} is not {kind.words()}")
-    return convert(value, kind, None, choices)
+    return convert(value, kind, None, choices, within)
 
 
 def show(value: object) -> str:

@@ -42,7 +42,8 @@ class Wires:
             self._fault(loc, trail, message, hint or 'as "{key}"', code="P223")
             return None
         try:
-            return Constant(convert(value, port.type, port.unit, port.choices), cast("Plain", value))
+            literal = convert(value, port.type, port.unit, port.choices, port.within)
+            return Constant(literal, cast("Plain", value))
         except ExpressionError as error:
             self._expression_fault(error, value, loc, trail, what)
         except ValueError as error:

@@ -23,7 +23,7 @@ class ForEach(Decorator):
     items: In[list[object]] = port("the elements", key="in")
     item: Out[object] = port("the present element, for the child to read", key="out")
     on_failure: In[Literal["fail", "continue"]] = port("what to do when the child fails", default="fail")
-    most: In[int] = port("how many elements at most, from the first; -1 for all", default=-1)
+    most: In[int] = port("how many elements at most, from the first; -1 for all", default=-1, least=-1)
     remembers = ("_items", "_index", "_skipped")
     _items: list[object] = []  # noqa: RUF012 - replaced when the loop starts, never changed
     _index: int = 0

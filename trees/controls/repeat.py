@@ -14,7 +14,7 @@ class Repeat(Decorator):
     `while` is asked before each cycle. The tick ends between two cycles. A skipped child skips the loop.
     """
 
-    num_cycles: In[int] = port("how often; -1 for without end", default=-1)
+    num_cycles: In[int] = port("how often; -1 for without end", default=-1, least=-1)
     condition: In[Expression | None] = port("go on only while this holds", key="while", default=None)
     remembers = ("_cycles",)
     _cycles: int = 0

@@ -14,7 +14,7 @@ _ROUNDING = 1e-9
 class Timeout(Decorator):
     """Halts its child and fails with tree.timeout when it still runs after that time. 0 is without limit."""
 
-    msec: In[float] = port("time that the child may take; a bare number is in ms", unit="ms")
+    msec: In[float] = port("time that the child may take; a bare number is in ms", unit="ms", least=0)
     causes = (tree.TIMEOUT,)
     remembers = ("_since",)
     _since: float = 0.0
@@ -38,7 +38,7 @@ class Timeout(Decorator):
 class Delay(Decorator):
     """Waits that time, RUNNING, and then ticks its child."""
 
-    delay_msec: In[float] = port("time to wait; a bare number is in ms", unit="ms")
+    delay_msec: In[float] = port("time to wait; a bare number is in ms", unit="ms", least=0)
     remembers = ("_since", "_over")
     _since: float = 0.0
     _over: bool = False
