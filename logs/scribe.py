@@ -63,6 +63,9 @@ class Scribe:
         self._recorder = Recorder(path, info)
         recorder = self._recorder
         recorder.attach("mission.yaml", session.mission.text, "application/yaml")
+        # Under the names by which the mission includes them, so that the record can serve them again.
+        for name, text in session.mission.files.items():
+            recorder.attach(f"include/{name}", text, "application/yaml")
         recorder.attach("scene.yaml", session.scene.text, "application/yaml")
         recorder.attach("robot.yaml", session.robot.text, "application/yaml")
         recorder.attach("robot.urdf", Path(session.robot.urdf).read_bytes(), "application/xml")

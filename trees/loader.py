@@ -13,21 +13,25 @@ from ..world.files.document import (
     FileError,
     Location,
     Value,
-    load_document,
     nearest,
-    parse_document,
+    open_document,
+    read_document,
+    where,
 )
 from ..world.files.expressions import Expression, ExpressionError
 from .calls import check_calls
 from .declaration import IDENTIFIER
 from .faults import Faults
 from .grammar import Grammar, Names
+from .include import Includes
 from .mission import MAIN, Mission, NodeSpec, TreeSpec
+from .mission_files import FilesOnDisk, MissionFiles
 from .ports import PortDeclaration
 from .registry import Registry
 from .tree_ports import TreePorts
 
-_KEYS = ("picktree", "kind", "name", "scene", "goal", "plugins", "trees")
+_KEYS = ("picktree", "kind", "name", "scene", "goal", "library", "include", "plugins", "trees")
+_NOT_IN_LIBRARY = ("scene", "goal")
 _GOAL_NAMES = ("total", "sorted", "misplaced", "left")
 
 
@@ -41,53 +45,96 @@ class Reading:
 
 def load_mission(path: Path, registry: Registry | None = None) -> Mission:
     """Read a mission file. Raises FileError with all its faults."""
-    return read_mission(load_document(path, "mission"), registry)
+    return read_mission(open_document(path, "mission"), registry)
 
 
-def parse_mission(text: str, path: Path, registry: Registry | None = None) -> Mission:
-    """As `load_mission`, of a text that was read already; `path` says what lies beside it."""
-    return read_mission(parse_document(text, path, "mission"), registry)
+def parse_mission(
+    text: str, path: Path, registry: Registry | None = None, files: MissionFiles | None = None
+) -> Mission:
+    """As `load_mission`, of a text that was read already; `path` says what lies beside it.
+
+    `files` gives the included files, by default from the disk.
+    """
+    return read_mission(read_document(text, path, "mission"), registry, files)
 
 
-def read_mission(document: Document, registry: Registry | None = None) -> Mission:
-    """Check a document of kind `mission`. Raises FileError with all its faults."""
-    reading = examine(document, registry)
-    if reading.faults:
-        raise FileError(reading.faults)
+def read_mission(
+    document: Document, registry: Registry | None = None, files: MissionFiles | None = None
+) -> Mission:
+    """Check a document of kind `mission`. Raises FileError with all its faults, and for a library."""
+    reading = examine(document, registry, files)
+    faults = list(reading.faults)
+    if not faults and reading.mission.library:
+        message = "this file is for inclusion: it has no tree 'Main' to begin with"
+        faults.append(document.fault(("library",), message, code="P206"))
+    if faults:
+        raise FileError(faults)
     return reading.mission
 
 
-def examine(document: Document, registry: Registry | None = None) -> Reading:
-    """As `read_mission`, for who wants to look at a faulty mission too."""
-    return _Reader(document, (registry or Registry()).copy()).read()
+def examine(
+    document: Document, registry: Registry | None = None, files: MissionFiles | None = None
+) -> Reading:
+    """As `read_mission`, for who wants to look at a faulty mission too, or at a library."""
+    folder = document.path.parent
+    return _Reader(document, (registry or Registry()).copy(), files or FilesOnDisk(folder)).read()
 
 
 class _Reader:
-    def __init__(self, document: Document, registry: Registry) -> None:
+    def __init__(self, document: Document, registry: Registry, files: MissionFiles) -> None:
         self._document = document
         self._registry = registry
+        self._files = files
         self._faults = Faults()
 
     def read(self) -> Reading:
-        data = self._document.data
-        for key in data:
-            if key not in _KEYS:
-                hint = nearest(key, _KEYS)
-                self._fault((key,), f"a mission has no key {key!r}", hint, code="P201", key=True)
-        plugins = self._plugins(data.get("plugins"))
-        trees = self._trees(data.get("trees"))
+        for fault in self._document.faults:
+            self._faults.add(fault)
+        included = Includes(self._files, self._faults).of(self._document)
+        documents = (self._document, *included)
+        library = self._document.data.get("library") is True
+        for document in documents:
+            self._keys(document)
+        plugins = [plugin for document in documents for plugin in self._plugins(document)]
+        trees = self._trees(documents)
         mission = Mission(
             self._text("name") or self._document.path.stem,
             trees,
             self._document,
             self._text("scene"),
-            self._goal(data.get("goal")),
-            plugins,
+            self._goal(self._document.data.get("goal")),
+            tuple(dict.fromkeys(plugins)),
+            included,
+            library,
         )
         return Reading(mission, self._faults.all())
 
-    def _fault(self, loc: Location, message: str, hint: str = "", *, code: str, key: bool = False) -> None:
-        self._faults.add(self._document.fault(loc, message, hint, code=code, key=key))
+    def _fault(
+        self,
+        loc: Location,
+        message: str,
+        hint: str = "",
+        *,
+        code: str,
+        key: bool = False,
+        document: Document | None = None,
+    ) -> None:
+        self._faults.at(document or self._document, loc, where(loc), message, hint, code=code, key=key)
+
+    # The head of a file.
+
+    def _keys(self, document: Document) -> None:
+        library = document.data.get("library")
+        if library not in (None, True, False):
+            self._fault(("library",), "'library' is true or false", code="P202", document=document)
+        for key in document.data:
+            if key not in _KEYS:
+                hint = self._faults.nearest(key, _KEYS)
+                message = f"a mission has no key {key!r}"
+                self._fault((key,), message, hint, code="P201", key=True, document=document)
+            elif key in _NOT_IN_LIBRARY and library is True:
+                message = f"a library has no {key!r}: that is for the mission to say"
+                self._fault((key,), message, code="P248", key=True, document=document)
 
     def _text(self, key: str) -> str | None:
         value = self._document.data.get(key)
@@ -113,68 +160,90 @@ class _Reader:
             self._fault(("goal",), f"a goal knows no {name!r}", nearest(name, _GOAL_NAMES), code="P203")
         return goal
 
-    def _plugins(self, value: Value) -> tuple[str, ...]:
+    def _plugins(self, document: Document) -> tuple[str, ...]:
+        value = document.data.get("plugins")
         if value is None:
             return ()
         if not isinstance(value, list):
             message = "'plugins' is a list of modules and of Python files beside the mission"
-            self._fault(("plugins",), message, code="P202")
+            self._fault(("plugins",), message, code="P202", document=document)
             return ()
         for index, plugin in enumerate(value):
             if not isinstance(plugin, str) or not plugin:
                 message = "a plug-in is the name of a module or of a Python file"
-                self._fault(("plugins", index), message, code="P202")
+                self._fault(("plugins", index), message, code="P202", document=document)
                 continue
             try:
-                self._registry.add_plugin(plugin, self._document.path.parent)
+                self._registry.add_plugin(plugin, document.path.parent)
             except PicktreeError as error:
-                self._fault(("plugins", index), str(error), code="P204")
+                self._fault(("plugins", index), str(error), code="P204", document=document)
         return tuple(plugin for plugin in value if isinstance(plugin, str))
 
     # Trees.
 
-    def _trees(self, value: Value) -> dict[str, TreeSpec]:
-        if value is None:
-            self._fault((), "'trees:' is missing", "it holds 'Main:' and the sub-trees", code="P205")
-            return {}
-        if not isinstance(value, dict):
-            message = "'trees' is a mapping: a name, and the tree of that name"
-            self._fault(("trees",), message, code="P205")
-            return {}
-        declared = TreePorts(self._document, self._faults)
-        ports: Mapping[str, tuple[PortDeclaration, ...]] = {
-            name: declared.of(name, body) for name, body in value.items() if self._named_well(name)
-        }
-        if MAIN not in value:
-            message = f"the tree {MAIN!r} is missing; a mission begins there"
-            self._fault(("trees",), message, nearest(MAIN, value), code="P206")
-        grammar = Grammar(self._document, self._registry, ports, self._faults)
-        trees = {
-            name: TreeSpec(name, self._document.key_mark(("trees", name)), ports[name], root)
-            for name, body in value.items()
-            if name in ports and (root := self._root(grammar, name, body)) is not None
-        }
+    def _trees(self, documents: tuple[Document, ...]) -> dict[str, TreeSpec]:
+        bodies = [(document, self._bodies(document)) for document in documents]
+        ports: dict[str, tuple[PortDeclaration, ...]] = {}
+        homes: dict[str, Document] = {}
+        for document, found in bodies:
+            declared = TreePorts(document, self._faults)
+            for name, body in found.items():
+                if self._named_well(document, name, homes):
+                    homes[name] = document
+                    ports[name] = declared.of(name, body)
+        trees: dict[str, TreeSpec] = {}
+        for document, found in bodies:
+            grammar = Grammar(document, self._registry, ports, self._faults)
+            for name, body in found.items():
+                root = self._root(document, grammar, name, body) if homes.get(name) is document else None
+                if root is not None:
+                    trees[name] = TreeSpec(name, document.key_mark(("trees", name)), ports[name], root)
         for fault in check_calls(trees):
             self._faults.add(fault)
         return trees
 
-    def _named_well(self, name: str) -> bool:
-        loc = ("trees", name)
-        if not IDENTIFIER.fullmatch(name):
-            hint = "a letter or '_', then letters, digits and '_'"
-            self._fault(loc, f"{name!r} is not an ID", hint, code="P208", key=True)
-            return False
-        if self._registry.find(name) is not None:
-            message = f"{name!r} is a node already; a tree needs another name"
-            self._fault(loc, message, code="P209", key=True)
-            return False
-        return True
+    def _bodies(self, document: Document) -> dict[str, Value]:
+        """What stands under `trees:` of one file, by name."""
+        value = document.data.get("trees")
+        library = document.data.get("library") is True
+        if value is None:
+            hint = "it holds the sub-trees" if library else "it holds 'Main:' and the sub-trees"
+            self._fault((), "'trees:' is missing", hint, code="P205", document=document)
+            return {}
+        if not isinstance(value, dict):
+            message = "'trees' is a mapping: a name, and the tree of that name"
+            self._fault(("trees",), message, code="P205", document=document)
+            return {}
+        if MAIN in value and library:
+            message = f"a library has no tree {MAIN!r}: that is the mission's"
+            self._fault(("trees", MAIN), message, code="P248", key=True, document=document)
+        if MAIN not in value and not library:
+            message = f"the tree {MAIN!r} is missing; a mission begins there"
+            self._fault(("trees",), message, self._faults.nearest(MAIN, value), code="P206")
+        return value
 
-    def _root(self, grammar: Grammar, name: str, body: Value) -> NodeSpec | None:
+    def _named_well(self, document: Document, name: str, homes: Mapping[str, Document]) -> bool:
+        loc: Location = ("trees", name)
+        message, hint, code = "", "", "P209"
+        if not IDENTIFIER.fullmatch(name):
+            message, code = f"{name!r} is not an ID", "P208"
+            hint = "a letter or '_', then letters, digits and '_'"
+        elif self._registry.find(name) is not None:
+            message = f"{name!r} is a node already; a tree needs another name"
+        elif name in homes:
+            first = homes[name].key_mark(loc)
+            message, code = f"the tree {name!r} is given twice", "P247"
+            hint = f"first in {first.file}, line {first.line}"
+        if message:
+            self._fault(loc, message, hint, code=code, key=True, document=document)
+        return not message
+
+    def _root(self, document: Document, grammar: Grammar, name: str, body: Value) -> NodeSpec | None:
         loc: Location = ("trees", name)
         if isinstance(body, dict):
             body = {key: value for key, value in body.items() if key != "ports"}
             if not body:
-                self._fault(loc, f"the tree {name!r} has no node", code="P210", key=True)
+                message = f"the tree {name!r} has no node"
+                self._fault(loc, message, code="P210", key=True, document=document)
                 return None
         return grammar.node(body, loc, name, Names())

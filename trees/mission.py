@@ -8,6 +8,7 @@ from typing import Literal
 
 from ..world.files.document import Document, Mark
 from ..world.files.expressions import Expression
+from .mission_files import name_of
 from .node import Node
 from .ports import PortDeclaration
 from .references import Binding
@@ -78,6 +79,8 @@ class Mission:
     plugins: tuple[str, ...] = ()
     included: tuple[Document, ...] = ()
     """Files whose trees this mission took in, each once."""
+    library: bool = False
+    """It holds sub-trees for other missions only: no `Main`, no scene, no goal."""
 
     @property
     def main(self) -> TreeSpec:
@@ -90,3 +93,9 @@ class Mission:
     @property
     def text(self) -> str:
         return self.document.text
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The texts of the included files by the names under which they were included."""
+        folder = self.document.path.parent
+        return {name_of(document.path, folder): document.text for document in self.included}
