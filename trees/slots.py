@@ -25,6 +25,8 @@ class SlotDeclaration:
     """Of `many`: how many children it takes."""
     of: Literal["cause", "value"] = "value"
     """Of `table`: whether its keys are patterns of causes."""
+    labels: tuple[str, ...] = ()
+    """Of `many`, where places differ in meaning: what each child is, for pictures ("then", "else")."""
 
 
 class Slot:
@@ -85,9 +87,11 @@ def optional_child(doc: str, *, key: str) -> OptionalSlot:
     return OptionalSlot(SlotDeclaration(key, "one", doc, required=False))
 
 
-def children(doc: str, *, key: str = "do", least: int = 1, most: int | None = None) -> ManySlot:
-    """A list of children."""
-    return ManySlot(SlotDeclaration(key, "many", doc, least=least, most=most))
+def children(
+    doc: str, *, key: str = "do", least: int = 1, most: int | None = None, labels: tuple[str, ...] = ()
+) -> ManySlot:
+    """A list of children; `labels` say what each is where the place in the list gives it a meaning."""
+    return ManySlot(SlotDeclaration(key, "many", doc, least=least, most=most, labels=labels))
 
 
 def table(

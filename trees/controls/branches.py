@@ -13,7 +13,12 @@ class IfThenElse(Control):
     Without a third child a no is FAILURE. SKIPPED when the condition is skipped.
     """
 
-    parts = children("the condition, what is done if it holds, what otherwise", least=2, most=3)
+    parts = children(
+        "the condition, what is done if it holds, what otherwise",
+        least=2,
+        most=3,
+        labels=("if", "then", "else"),
+    )
     remembers = ("_chosen",)
     _chosen: int = 0
 
@@ -43,7 +48,12 @@ class WhileDoElse(Control):
     before the other is ticked. Without a third child a no is FAILURE.
     """
 
-    parts = children("the condition, what is done while it holds, what otherwise", least=2, most=3)
+    parts = children(
+        "the condition, what is done while it holds, what otherwise",
+        least=2,
+        most=3,
+        labels=("while", "do", "else"),
+    )
 
     def on_tick(self) -> NodeStatus:
         condition, yes = self.parts[0], self.parts[1]
