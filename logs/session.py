@@ -15,11 +15,11 @@ from ..trees.registry import Registry
 from ..trees.runner import NodeInfo, TickReport
 from ..trees.status import NodeStatus
 from ..world.errors import PicktreeError
+from ..world.faults.load import load_faults
 from ..world.journal import Happened
 from ..world.robot.load import load_robot
 from ..world.scene.load import load_scene
 from ..world.simulation.backends import Backend, build_hardware
-from ..world.simulation.faultfile import load_faults
 from ..world.simulation.faults import Injector
 from ..world.simulation.scorer import score
 from ..world.stopwatch import Stopwatch

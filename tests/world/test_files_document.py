@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from pathlib import Path
 
 import pytest
@@ -109,7 +108,8 @@ FAULTY = [
     (
         "picktree: true\nkind: [a]",
         "m.yaml:1:11: picktree: the format is a whole number (this is format 1)\n"
-        "m.yaml:2:7: kind: unknown kind ['a'] (known: mission, scene, robot, faults, cases, plan)",
+        "m.yaml:2:7: kind: the kind is a word, not a list "
+        "(one of mission, scene, robot, faults, cases, plan)",
     ),
     (
         HEAD + "object: {item}\nb: { item.colour }\nc: {item: }\nd: [{x}]",
@@ -122,8 +122,16 @@ FAULTY = [
         "m.yaml:4:11: b.c: the key 'c' is given twice (first on line 4)\n"
         "m.yaml:5:1: a: the key 'a' is given twice (first on line 3)",
     ),
-    (HEAD + "c: *y", "m.yaml:3:4: c: *y names no finished value (an anchor stands before its alias)"),
-    (HEAD + "a: &a [*a]", "m.yaml:3:8: a[0]: *a names no finished value (an anchor stands before its alias)"),
+    (
+        HEAD + "c: *y",
+        "m.yaml:3:4: c: *y names no finished value "
+        "(its anchor stands before it; a text that begins with * is quoted)",
+    ),
+    (
+        HEAD + "a: &a [*a]",
+        "m.yaml:3:8: a[0]: *a names no finished value "
+        "(its anchor stands before it; a text that begins with * is quoted)",
+    ),
     (HEAD + "a: !!str 1", "m.yaml:3:4: a: the tag 'tag:yaml.org,2002:str' is not read (leave it out)"),
     (
         HEAD + "a: !!python/object/apply:os.system [ls]",
@@ -132,18 +140,19 @@ FAULTY = [
     (HEAD + "a: b: c", "m.yaml:3:5: not valid YAML: a ':' does not fit here (quote the text, or indent it)"),
     (
         HEAD + "a:\n\t- b",
-        "m.yaml:4:1: not valid YAML: this character cannot start a value (quote the text)",
+        "m.yaml:4:1: not valid YAML: a tab cannot indent (use spaces)",
     ),
     (
         HEAD + "a: '",
-        "m.yaml:3:5: not valid YAML: found unexpected end of stream (while scanning a quoted scalar)",
+        "m.yaml:3:4: not valid YAML: the quote that opens here is never closed "
+        "(close it, or double a quote inside)",
     ),
     (HEAD + "? [1]\n: 2", 'm.yaml:3:3: a key is a word, not […] (a reference is quoted: "{item}")'),
     (HEAD + "{a}: 2", 'm.yaml:3:1: a key is a word, not {…} (a reference is quoted: "{item}")'),
-    (HEAD + "a: 1\n---\nb: 2", "m.yaml:4:1: a second document in one file"),
+    (HEAD + "a: 1\n---\nb: 2", "m.yaml:4:1: a second document in one file (a file for each)"),
     (HEAD + "a: x\x00y", "m.yaml:3:5: the character U+0000 may not stand in a text file"),
     (HEAD + "a: " + "9" * 5000, "m.yaml:3:4: a: the number has too many digits"),
-    (HEAD + "<<: {a: 1}", "m.yaml:3:1: merge keys (<<) are not part of YAML 1.2"),
+    (HEAD + "<<: {a: 1}", "m.yaml:3:1: merge keys (<<) are not part of YAML 1.2 (write the keys out)"),
     (HEAD + "'': 1", "m.yaml:3:1: a key is missing before ':'"),
     (
         HEAD + "a: " + "[" * 5000,
@@ -167,11 +176,9 @@ def test_aliases_do_not_explode() -> None:
     for n in range(9):
         one, two = chr(97 + n), chr(98 + n)
         lines.append(f"{two}: &{two} [{', '.join([f'*{one}'] * 10)}]")
-    begun = time.process_time()
     assert refused(HEAD + "\n".join(lines)) == (
-        "m.yaml:8:8: f[0]: the file has more than 200000 values, aliases counted out"
+        "m.yaml:7:20: e[3]: the file has more than 50000 values, aliases counted out"
     )
-    assert time.process_time() - begun < 2.0
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
@@ -183,10 +190,12 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "latin.yaml").write_bytes(b"picktree: 1\nkind: mission\nname: caf\xe9\n")
     (tmp_path / "wide.yaml").write_bytes("picktree: 1\n".encode("utf-16"))
     assert message(tmp_path / "none.yaml") == ":1:1: there is no such file"
-    assert message(tmp_path) == ":1:1: the file cannot be read: Is a directory"
+    assert message(tmp_path) == ":1:1: this is a folder, not a file"
     assert message(tmp_path / "latin.yaml") == ":3:10: the file is not UTF-8 (save it as UTF-8)"
-    assert message(tmp_path / "wide.yaml") == ":1:1: the file is not UTF-8 (save it as UTF-8)"
-    assert message(Path("a\x00b")) == ":1:1: the file cannot be read: embedded null byte"
+    assert (
+        message(tmp_path / "wide.yaml") == ":1:1: the file is UTF-16 or UTF-32, not UTF-8 (save it as UTF-8)"
+    )
+    assert message(Path("a\x00b")) == ":1:1: this is no path: it holds a null character"
 
 
 def test_a_byte_order_mark_and_windows_lines_are_read(tmp_path: Path) -> None:

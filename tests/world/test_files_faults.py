@@ -6,17 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from picktree.world.faults.description import AtNode, AtTime, Bump, Friction, Remove, Target
+from picktree.world.faults.load import load_faults, parse_faults
 from picktree.world.files.document import FileError
-from picktree.world.simulation.faultfile import (
-    AtNode,
-    AtTime,
-    Bump,
-    Friction,
-    Remove,
-    Target,
-    load_faults,
-    parse_faults,
-)
 
 HEAD = "picktree: 1\nkind: faults\nfaults:\n"
 HERE = Path("f.yaml")
@@ -86,7 +78,8 @@ def test_an_empty_list_has_no_faults() -> None:
         ),
         (
             "{fault: bump, when: {at: 1}, target: {index: 0}, velocity: [1, 99, 0], mass: 2}",
-            "4:68: faults[0].velocity[1]: 99 m/s is more than 10 m/s",
+            "4:68: faults[0].velocity[1]: 99 m/s is more than 10 m/s\n"
+            "4:76: faults[0].mass: 'bump' takes no 'mass'",
         ),
         (
             "{fault: remove, when: {at: 1}, target: {index: 0}, mass: 2}",

@@ -18,12 +18,12 @@ from picktree.world.robot.load import load_robot, parse_robot, robot_names
 URDF = """\
 <robot name="arm">
   <link name="base"/><link name="upper"/><link name="hand"/><link name="left"/><link name="right"/>
-  <joint name="turn" type="revolute"><parent link="base"/><child link="upper"/></joint>
+  <joint name="turn" type="revolute">{L}<parent link="base"/><child link="upper"/></joint>
   <joint name="wrist" type="fixed"><parent link="upper"/><child link="hand"/></joint>
-  <joint name="finger1" type="prismatic"><parent link="hand"/><child link="left"/></joint>
-  <joint name="finger2" type="prismatic"><parent link="hand"/><child link="right"/></joint>
+  <joint name="finger1" type="prismatic">{L}<parent link="hand"/><child link="left"/></joint>
+  <joint name="finger2" type="prismatic">{L}<parent link="hand"/><child link="right"/></joint>
 </robot>
-"""
+""".replace("{L}", '<limit lower="-2" upper="2" effort="50" velocity="2"/>')
 ROBOT = """\
 picktree: 1
 kind: robot
@@ -79,13 +79,12 @@ def test_a_robot_is_read(robot_file: Path) -> None:
         (
             "  turn:",
             "  wrist:",
-            "6:3: joints.wrist: 'wrist' is fixed; revolute or prismatic or continuous is wanted",
+            "6:3: joints.wrist: 'wrist' is fixed; revolute or prismatic is wanted",
         ),
         (
             "upper: 1.5",
             "upper: -2",
-            "6:33: joints.turn.upper: the upper limit -2 rad is not above the lower, -1.5708 rad\n"
-            "7:16: poses.home[0]: 0.5 rad is outside the limits of turn (-1.5708 … -2 rad)",
+            "6:33: joints.turn.upper: the upper limit -2 rad is not above the lower, -1.5708 rad",
         ),
         (
             "velocity: 2",
@@ -93,8 +92,8 @@ def test_a_robot_is_read(robot_file: Path) -> None:
             "6:48: joints.turn.velocity: 0 rad/s is not positive",
         ),
         ("velocity: 2, ", "", "6:3: joints.turn: 'velocity' is missing"),
-        ("home: [0.5]", "away: [0.5]", "7:1: poses: 'home' is missing"),
-        ("home: [0.5]", "home: [0, 0]", "7:15: poses.home: 1 values are wanted, one for each joint, not 2"),
+        ("home: [0.5]", "away: [0.5]", "7:1: poses: 'home' is missing (the pose to which the arm returns)"),
+        ("home: [0.5]", "home: [0, 0]", "7:15: poses.home: 1 value is wanted, one for each joint, not 2"),
         (
             "home: [0.5]",
             "home: [2]",
@@ -133,7 +132,7 @@ def test_faulty_robots_are_refused(robot_file: Path, old: str, new: str, message
 
 def test_a_urdf_that_is_no_xml(robot_file: Path) -> None:
     (robot_file.parent / "arm.urdf").write_text("<robot")
-    with pytest.raises(FileError, match=r"arm.yaml:3:7: urdf: .*arm.urdf is not readable as XML: "):
+    with pytest.raises(FileError, match=r"arm.yaml:3:7: urdf: .*arm.urdf: not readable as XML: "):
         load_robot(str(robot_file))
 
 

@@ -118,7 +118,7 @@ REPLACED = [
         "[4 cm, 4 cm, 4 cm]",
         "[4 cm, .nan, -4 cm]",
         "10:23: catalogue.block.box[1]: nan is not a finite number\n"
-        "10:29: catalogue.block.box[2]: -4 cm is less than 0.001 m",
+        "10:29: catalogue.block.box[2]: -4 cm is less than 0.1 cm",
     ),
     (
         "box: [4 cm, 4 cm, 4 cm]",
@@ -163,7 +163,11 @@ REPLACED = [
         "  unknown: {",
         "13:3: catalogue.unknown: the name 'unknown' is taken (it stands for what fits no kind)",
     ),
-    ("wall: 5 mm", "wall: 10 cm", "6:42: fixtures.bin_a.wall: walls of 0.1 m leave no room inside"),
+    (
+        "wall: 5 mm",
+        "wall: 10 cm",
+        "6:42: fixtures.bin_a.wall: walls of 0.1 m leave no room inside ('bin' is the outside)",
+    ),
     (
         "wall: 5 mm, ",
         "",
@@ -208,7 +212,8 @@ REPLACED = [
         "look_at: [0.5, 0, 0]}",
         "look_at: [0.5, 0, 0], size: [320, 8], fov: 200 deg, near: 4, edge_dropout: 2}",
         "8:62: cameras.top.size[1]: at least 16 is wanted, not 8\n"
-        "8:71: cameras.top.fov: 200 deg is more than 2.61799 rad\n"
+        "8:71: cameras.top.fov: 200 deg is more than 150 deg\n"
+        "8:86: cameras.top.near: 'near' (4 m) is not less than 'far' (3 m)\n"
         "8:103: cameras.top.edge_dropout: 2 is more than 1",
     ),
     (
@@ -248,7 +253,11 @@ REPLACED = [
         "15:58: spawn[0].area: the area is not over a level fixture (items stand on a table)",
     ),
     ("lying: 0.5", "lying: 1.5", "15:102: spawn[0].lying: 1.5 is more than 1"),
-    ("lying: 0.5", "tumbled: yes", "15:104: spawn[0].tumbled: true or false is wanted, not 'yes'"),
+    (
+        "lying: 0.5",
+        "tumbled: yes",
+        "15:104: spawn[0].tumbled: true or false is wanted, not 'yes' (write true)",
+    ),
     ("to: bin_a", "to: table", "17:36: destinations[0].to: there is no bin 'table' (known: bin_a)"),
     (
         "colour == 'red'",
@@ -282,7 +291,7 @@ def test_faults_of_all_sections_come_at_once_and_only_once() -> None:
     text = text.replace("{block: 2, can: 1}", "{block: 2, kan: 1}").replace("to: bin_a", "to: bin_b")
     assert faults(text.replace("robot: panda", "robot: 7").replace("fov", "fow")) == "\n".join(
         [
-            "scene.yaml:3:8: robot: a text is wanted, not 7",
+            "scene.yaml:3:8: robot: a text is wanted, not 7 (quote it)",
             "scene.yaml:5:16: fixtures.table.box: 3 values are wanted, not 2",
             "scene.yaml:10:42: catalogue.block.mass: -1 kg is negative (a mass is positive here)",
             "scene.yaml:15:21: spawn[0].of.kan: the catalogue has no 'kan' (did you mean 'can'?)",

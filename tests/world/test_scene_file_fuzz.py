@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picktree.world.errors import PicktreeError
+from picktree.world.faults.load import parse_faults
 from picktree.world.files.document import FileError
 from picktree.world.robot.load import SHIPPED as ROBOTS
 from picktree.world.robot.load import parse_robot
 from picktree.world.scene.load import SHIPPED as SCENES
 from picktree.world.scene.load import parse_scene
-from picktree.world.simulation.faultfile import parse_faults
 
 SCENE = SCENES / "three_bins.yaml"
 ROBOT = ROBOTS / "panda.yaml"

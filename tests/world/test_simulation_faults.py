@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from picktree.world.errors import PicktreeError
-from picktree.world.simulation.faultfile import parse_faults
+from picktree.world.faults.load import parse_faults
 from picktree.world.simulation.faults import Injector
 from picktree.world.simulation.physics import PhysicsHardware
 

@@ -7,13 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from .marks import Fault, FileError, Location, Mark, where
+from .marks import Fault, FileError, Location, Mark, Severity, where
 from .nearest import nearest
+from .opening import Unreadable, read_bytes
 from .reader import MAX_BYTES, Node, Value, mark_at, read
+from .wording import describe
 
 __all__ = [
     "KINDS", "Document", "Fault", "FileError", "Location", "Mark",
-    "Value", "load_document", "nearest", "overlaid", "parse_document", "where",
+    "Value", "load_document", "nearest", "open_document", "overlaid", "parse_document", "read_document",
+    "read_text", "where",
 ]  # fmt: skip
 
 FORMAT = 1
@@ -22,13 +25,17 @@ KINDS = ("mission", "scene", "robot", "faults", "cases", "plan")
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A file that was read. `data` is the whole mapping, `picktree` and `kind` included."""
+    """A file that was read. `data` is the whole mapping, `picktree` and `kind` included.
+
+    `faults` are those of its form that do not keep it from being read: whoever checks it adds to them.
+    """
 
     path: Path
     text: str
     kind: str
     data: dict[str, Value]
     root: Node
+    faults: tuple[Fault, ...] = ()
 
     def mark(self, loc: Location) -> Mark:
         """Where the value stands; of a value that is not there, where its nearest parent stands."""
@@ -57,10 +64,18 @@ class Document:
         return node.value if node else None
 
     def fault(
-        self, loc: Location, message: str, hint: str = "", *, code: str = "", key: bool = False
+        self,
+        loc: Location,
+        message: str,
+        hint: str = "",
+        *,
+        code: str = "",
+        key: bool = False,
+        severity: Severity = "error",
     ) -> Fault:
         """A fault of the value there, or (`key`) of its key."""
-        return Fault(self.key_mark(loc) if key else self.mark(loc), where(loc), message, hint, code)
+        mark = self.key_mark(loc) if key else self.mark(loc)
+        return Fault(mark, where(loc), message, hint, code, severity)
 
 
 def overlaid(base: Document, over: Document) -> Document:
@@ -69,7 +84,8 @@ def overlaid(base: Document, over: Document) -> Document:
     Every value keeps its place in the file that it came from.
     """
     root = _merged(base.root, over.root)
-    return Document(over.path, over.text, over.kind, cast("dict[str, Value]", root.value), root)
+    data = cast("dict[str, Value]", root.value)
+    return Document(over.path, over.text, over.kind, data, root, (*base.faults, *over.faults))
 
 
 def _merged(base: Node, over: Node) -> Node:
@@ -89,51 +105,87 @@ def _merged(base: Node, over: Node) -> Node:
 
 def load_document(path: Path, kind: str | None = None) -> Document:
     """Read a file. Raises FileError with every fault of its form; `kind` None takes any kind."""
-    start = Mark(str(path), 1, 1)
-    try:
-        with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise FileError([Fault(start, "", "there is no such file")]) from None
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise FileError([Fault(start, "", f"the file cannot be read: {reason}")]) from None
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        before = raw[: error.start].decode("utf-8", errors="replace")
-        mark = mark_at(str(path), before, len(before))
-        if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
-            mark = start
-        raise FileError([Fault(mark, "", "the file is not UTF-8", "save it as UTF-8")]) from None
-    return parse_document(text, path, kind)
+    return _flawless(open_document(path, kind))
 
 
 def parse_document(text: str, path: Path, kind: str | None = None) -> Document:
     """As `load_document`, of a text that was read already."""
-    root = read(text, str(path))
-    data = root.value
+    return _flawless(read_document(text, path, kind))
+
+
+def open_document(path: Path, kind: str | None = None) -> Document:
+    """As `load_document`, for who goes on checking: faults that let it be read are in `Document.faults`."""
+    return read_document(read_text(path), path, kind)
+
+
+def read_document(text: str, path: Path, kind: str | None = None) -> Document:
+    """As `open_document`, of a text that was read already."""
+    reading = read(text, str(path))
+    data = reading.root.value
     if not isinstance(data, dict):
-        raise FileError([Fault(root.mark, "", "a file is a mapping that begins with 'picktree: 1'")])
-    faults = list(_header_faults(root, kind))
-    if faults:
-        raise FileError(faults)
-    return Document(path, text, str(data["kind"]), data, root)
+        message = "a file is a mapping that begins with 'picktree: 1'"
+        raise FileError([*reading.faults, Fault(reading.root.mark, "", message, code="P119")])
+    faults = [*reading.faults, *_format_faults(reading.root)]
+    other = list(_kind_faults(reading.root, kind))
+    if other or any(fault.code == "P102" and fault.where for fault in faults):
+        # What another kind or another format says cannot be judged.
+        raise FileError([*faults, *other])
+    return Document(path, text, str(data["kind"]), data, reading.root, tuple(faults))
 
 
-def _header_faults(root: Node, kind: str | None) -> Iterable[Fault]:
-    version, given = root.entries.get("picktree"), root.entries.get("kind")
-    top = Mark(root.mark.file, 1, 1)
+def _flawless(document: Document) -> Document:
+    if document.faults:
+        raise FileError(document.faults)
+    return document
+
+
+def read_text(path: Path) -> str:
+    """The text of a file. Raises FileError when it is no regular file, too large or not UTF-8."""
+    try:
+        return decoded(read_bytes(path, MAX_BYTES), str(path))
+    except Unreadable as error:
+        code = "P123" if error.large else "P124"
+        raise FileError([Fault(Mark(str(path), 1, 1), "", error.message, error.hint, code)]) from None
+
+
+def decoded(raw: bytes, file: str) -> str:
+    """The text of a file's bytes. Raises FileError when they are not UTF-8."""
+    start = Mark(file, 1, 1)
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in raw[:2]:
+        wide = "the file is UTF-16 or UTF-32, not UTF-8"
+        raise FileError([Fault(start, "", wide, "save it as UTF-8", "P122")])
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = raw[: error.start].decode("utf-8-sig", errors="replace")
+        mark = mark_at(file, before, len(before))
+        raise FileError([Fault(mark, "", "the file is not UTF-8", "save it as UTF-8", "P122")]) from None
+
+
+def _format_faults(root: Node) -> Iterable[Fault]:
+    version = root.entries.get("picktree")
     if version is None:
-        yield Fault(top, "", f"'picktree: {FORMAT}' is missing", "every file begins with it")
+        message = f"'picktree: {FORMAT}' is missing"
+        yield Fault(Mark(root.mark.file, 1, 1), "", message, "every file begins with it", "P102")
     elif type(version.value) is not int or version.value < 1:
-        yield Fault(version.mark, "picktree", "the format is a whole number", f"this is format {FORMAT}")
+        message, hint = "the format is a whole number", f"this is format {FORMAT}"
+        yield Fault(version.mark, "picktree", message, hint, "P102")
     elif version.value > FORMAT:
         message = f"format {version.value} is newer than this picktree reads ({FORMAT})"
-        yield Fault(version.mark, "picktree", message, "upgrade picktree")
+        yield Fault(version.mark, "picktree", message, "upgrade picktree", "P102")
+
+
+def _kind_faults(root: Node, kind: str | None) -> Iterable[Fault]:
+    given = root.entries.get("kind")
     if given is None:
-        yield Fault(top, "", "'kind:' is missing", f"one of {', '.join(KINDS)}")
+        hint = f"one of {', '.join(KINDS)}"
+        yield Fault(Mark(root.mark.file, 1, 1), "", "'kind:' is missing", hint, "P103")
+    elif not isinstance(given.value, str):
+        message = f"the kind is a word, not {describe(given.value)}"
+        yield Fault(given.mark, "kind", message, f"one of {', '.join(KINDS)}", "P103")
     elif given.value not in KINDS:
-        yield Fault(given.mark, "kind", f"unknown kind {given.value!r}", nearest(str(given.value), KINDS))
+        message = f"unknown kind {describe(given.value)}"
+        yield Fault(given.mark, "kind", message, nearest(given.value, KINDS), "P103")
     elif kind is not None and given.value != kind:
-        yield Fault(given.mark, "kind", f"this is a {given.value} file; a {kind} file is wanted here")
+        message = f"this is a {given.value} file; a {kind} file is wanted here"
+        yield Fault(given.mark, "kind", message, code="P103")

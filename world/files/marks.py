@@ -41,6 +41,15 @@ class Fault:
         return f"{self.mark}: {trail}{self.message}" + (f" ({self.hint})" if self.hint else "")
 
 
+MAX_FAULTS = 100
+"""Of one file: who has a hundred to mend does not read on."""
+
+
+def too_many(mark: Mark) -> Fault:
+    """What stands for all faults beyond MAX_FAULTS; `mark` is the place of the first of them."""
+    return Fault(mark, "", f"more than {MAX_FAULTS} faults; the rest is not shown", code="P126")
+
+
 class FileError(PicktreeError):
     """Everything that is wrong with a file, in the order of the file; one line per fault."""
 
@@ -53,5 +62,6 @@ def where(loc: Iterable[str | int]) -> str:
     """`("trees", "Main", 0)` as people read it: `trees.Main[0]`."""
     text = ""
     for part in loc:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+        name = part if isinstance(part, int) or len(part) <= 60 else part[:57] + "..."
+        text += f"[{name}]" if isinstance(name, int) else f".{name}" if text else name
     return text

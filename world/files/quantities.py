@@ -70,9 +70,27 @@ _EXAMPLE = {
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S*)\s*", re.ASCII)
 
 
+class NotFinite(ValueError):
+    """A number that no quantity can have: infinite, too large, or not a number."""
+
+
 def parse_quantity(value: str | int | float, unit: str) -> float:
     """The value in the SI unit that `unit` names. Raises ValueError with a sentence."""
     return _finite(value, unit) if not isinstance(value, str) else _with_unit(value, unit)
+
+
+def in_unit(number: float, unit: str, like: str) -> str:
+    """A number of the SI unit `unit` as people read it, in the unit that the quantity `like` was written in.
+
+    >>> in_unit(0.001, "m", "5 mm"), in_unit(0.001, "m", "0.5")
+    ('1 mm', '0.001 m')
+    """
+    match = _QUANTITY.fullmatch(like)
+    written = _ALIASES.get(match[2], match[2]) if match else ""
+    given, target = _UNITS.get(written), _UNITS.get(_ALIASES.get(unit, unit))
+    if not written or given is None or target is None or given.dimension != target.dimension:
+        return f"{number:g} {unit}".strip()
+    return f"{number * given.over / given.times:g} {match[2] if match else written}"
 
 
 def units_like(unit: str) -> tuple[str, ...]:
@@ -80,6 +98,26 @@ def units_like(unit: str) -> tuple[str, ...]:
     wanted = _UNITS.get(unit)
     same = (name for name, u in _UNITS.items() if wanted and u.dimension == wanted.dimension and name)
     return (unit, *(name for name in same if name != unit))
+
+
+def spellings(unit: str) -> tuple[str, ...]:
+    """All that may be written behind a number where `unit` is wanted, other spellings included.
+
+    >>> spellings("rad")
+    ('rad', 'mrad', 'deg', '°')
+    """
+    units = tuple(name for name in units_like(unit) if name)
+    return (*units, *(alias for alias, name in _ALIASES.items() if name in units))
+
+
+def example(unit: str) -> str:
+    """An amount as people write it where `unit` is wanted.
+
+    >>> example("m"), example("Nm/rad"), example("")
+    ('30 mm', '1.5 Nm/rad', '0.5')
+    """
+    known = _UNITS.get(_ALIASES.get(unit, unit))
+    return _EXAMPLE.get(known.dimension if known else "", f"1.5 {unit}")
 
 
 def dimension(unit: str) -> str:
@@ -94,9 +132,9 @@ def _finite(value: float, unit: str) -> float:
     try:
         number = float(value)
     except OverflowError:
-        raise ValueError("the number is too large") from None
+        raise NotFinite("the number is too large") from None
     if not math.isfinite(number):
-        raise ValueError(f"{number} is not a finite number")
+        raise NotFinite(f"{number} is not a finite number")
     return number
 
 
@@ -107,7 +145,7 @@ def _with_unit(text: str, unit: str) -> float:
     number, written = float(match[1]), _ALIASES.get(match[2], match[2])
     target = _UNITS.get(_ALIASES.get(unit, unit))
     if not math.isfinite(number):
-        raise ValueError("the number is too large")
+        raise NotFinite("the number is too large")
     if written == "" or written == unit:
         return number
     given = _UNITS.get(written)
@@ -123,8 +161,7 @@ def _wanted(unit: str) -> str:
     known = _UNITS.get(_ALIASES.get(unit, unit))
     if known is None:
         return f"a number in {unit}"
-    example = _EXAMPLE.get(known.dimension, f"1.5 {unit}")
-    return f"{known.dimension} (as {example})"
+    return f"{known.dimension} (as {example(unit)})"
 
 
 def _short(text: str) -> str:

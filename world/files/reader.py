@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NoReturn, TypeAlias
 
 import yaml
 
-from .marks import Fault, FileError, Location, Mark, where
+from .marks import MAX_FAULTS, Fault, FileError, Location, Mark, too_many, where
+from .syntax import problem
 
 Value: TypeAlias = "dict[str, Value] | list[Value] | str | int | float | bool | None"
 
-MAX_BYTES = 4_000_000
+MAX_BYTES = 1_000_000
 MAX_DEPTH = 200
-MAX_VALUES = 200_000
+MAX_VALUES = 50_000
+"""Of one file, keys counted and aliases counted out: read in less than half a second."""
 
 
 @dataclass(slots=True)
@@ -41,18 +42,32 @@ class Node:
         return self.items[part] if 0 <= part < len(self.items) else None
 
 
-def read(text: str, file: str) -> Node:
-    """The root of the text's one document. Raises FileError with all that is wrong with its form."""
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a text says, read as far as it could be, and what is wrong with its form."""
+
+    root: Node
+    faults: tuple[Fault, ...]
+
+
+def read(text: str, file: str) -> Reading:
+    """The text's one document. Raises FileError when the text cannot be read to its end."""
     return _Reader(text, file).read()
 
 
 def mark_at(file: str, text: str, index: int) -> Mark:
-    lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text[:index])
+    """The place of a character that is counted from 0."""
+    lines = _LINE_END.split(text[:index])
     return Mark(file, len(lines), len(lines[-1]) + 1)
 
 
-# What YAML allows in a stream (1.2, section 5.1), less the byte order mark in mid-text.
-_FORBIDDEN = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
+_LINE_END = re.compile(r"\r\n|\n|\r")
+# What YAML 1.2 allows in a stream (section 5.1), less the byte order mark in mid-text, and less the three
+# characters that end a line in YAML 1.1 and do not in 1.2: readers disagree about what stands behind them.
+_FORBIDDEN = re.compile(
+    "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
+)
+_LINE_SEPARATORS = "\x85\u2028\u2029"
 _NULL = re.compile(r"(?:null|Null|NULL|~|)")
 _BOOL = re.compile(r"(?:true|True|TRUE|false|False|FALSE)")
 _INT = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
@@ -110,30 +125,38 @@ class _Reader:
         self._total = 0
         self._root: Node | None = None
 
-    def read(self) -> Node:
+    def read(self) -> Reading:
+        start = Mark(self._file, 1, 1)
         try:
             self._check_text()
             self._events()
         except _Stop:
-            pass
+            raise FileError(self._faults) from None
         except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            self._fault(_mark(self._file, mark), "", *_yaml_problem(error))
+            found = problem(error, self._text)
+            mark = start if found.mark is None else _mark(self._file, found.mark)
+            self._fault(mark, "", f"not valid YAML: {found.message}", found.hint, code="P101")
+            raise FileError(self._faults) from None
         except yaml.YAMLError as error:
-            self._fault(Mark(self._file, 1, 1), "", f"not valid YAML: {error}")
-        if self._root is None and not self._faults:
-            self._fault(Mark(self._file, 1, 1), "", "the file is empty", "it begins with 'picktree: 1'")
-        if self._faults or self._root is None:
+            self._fault(start, "", f"not valid YAML: {error}", code="P101")
+            raise FileError(self._faults) from None
+        if self._root is None:
+            self._fault(start, "", "the file is empty", "it begins with 'picktree: 1'", code="P119")
             raise FileError(self._faults)
-        return self._root
+        return Reading(self._root, tuple(self._faults))
 
     def _check_text(self) -> None:
         if len(self._text) > MAX_BYTES:
-            self._stop(Mark(self._file, 1, 1), f"the file is larger than {MAX_BYTES // 1_000_000} MB")
+            message = f"the file is larger than {MAX_BYTES // 1_000_000} MB"
+            self._stop(Mark(self._file, 1, 1), message, code="P123")
         bad = _FORBIDDEN.search(self._text)
         if bad:
             mark = mark_at(self._file, self._text, bad.start())
-            self._stop(mark, f"the character U+{ord(bad[0]):04X} may not stand in a text file")
+            name = f"U+{ord(bad[0]):04X}"
+            if bad[0] in _LINE_SEPARATORS:
+                message = f"the line separator {name} ends a line for some readers and not for others"
+                self._stop(mark, message, f'in "…" it is written \\u{ord(bad[0]):04x}', code="P121")
+            self._stop(mark, f"the character {name} may not stand in a text file", code="P121")
 
     def _events(self) -> None:
         documents = 0
@@ -141,8 +164,12 @@ class _Reader:
             match event:
                 case yaml.DocumentStartEvent():
                     documents += 1
+                    mark = _mark(self._file, event.start_mark)
                     if documents > 1:
-                        self._stop(_mark(self._file, event.start_mark), "a second document in one file")
+                        self._stop(mark, "a second document in one file", "a file for each", code="P118")
+                    if event.tags or event.version not in (None, (1, 2)):
+                        message = "a directive is not read: every file is YAML 1.2"
+                        self._fault(mark, "", message, "leave out the line that begins with %", code="P116")
                 case yaml.AliasEvent():
                     self._alias(event)
                 case yaml.ScalarEvent():
@@ -158,10 +185,13 @@ class _Reader:
         mark = _mark(self._file, event.start_mark)
         target = self._anchors.get(str(event.anchor))
         if target is None:
-            self._stop(mark, f"*{event.anchor} names no finished value", "an anchor stands before its alias")
+            message = f"*{event.anchor} names no finished value"
+            self._stop(
+                mark, message, "its anchor stands before it; a text that begins with * is quoted", code="P117"
+            )
         self._count(target.size, mark)
         if len(self._open) + target.height > MAX_DEPTH:
-            self._stop(mark, f"the file is nested more than {MAX_DEPTH} deep")
+            self._stop(mark, f"the file is nested more than {MAX_DEPTH} deep", code="P123")
         self._add(target, mark, None)
 
     def _scalar(self, event: yaml.ScalarEvent) -> None:
@@ -174,7 +204,7 @@ class _Reader:
             try:
                 value = resolve(event.value)
             except ValueError:
-                self._fault(mark, where(self._loc()), "the number has too many digits")
+                self._fault(mark, where(self._loc()), "the number has too many digits", code="P120")
         if awaiting_key:
             self._key(str(event.value), mark)
             self._open[-1].bare = (
@@ -188,18 +218,17 @@ class _Reader:
 
     def _key(self, key: str, mark: Mark) -> None:
         parent = self._open[-1]
+        parent.skip = True
         if key in parent.node.keys:
-            line = parent.node.keys[key].line
-            self._fault(
-                mark, where((*parent.loc, key)), f"the key {key!r} is given twice", f"first on line {line}"
-            )
-            parent.skip = True
+            message, first = f"the key {_shown(key)} is given twice", parent.node.keys[key].line
+            self._fault(mark, where((*parent.loc, key)), message, f"first on line {first}", code="P114")
         elif key == "":
-            self._fault(mark, where(parent.loc), "a key is missing before ':'")
-            parent.skip = True
+            self._fault(mark, where(parent.loc), "a key is missing before ':'", code="P115")
         elif key == "<<":
-            self._fault(mark, where(parent.loc), "merge keys (<<) are not part of YAML 1.2")
-            parent.skip = True
+            message, hint = "merge keys (<<) are not part of YAML 1.2", "write the keys out"
+            self._fault(mark, where(parent.loc), message, hint, code="P115")
+        else:
+            parent.skip = False
         parent.key, parent.key_mark = key, mark
 
     def _start(self, event: yaml.SequenceStartEvent | yaml.MappingStartEvent) -> None:
@@ -207,10 +236,10 @@ class _Reader:
         self._count(1, mark)
         self._refuse_tag(event.tag, mark)
         if len(self._open) >= MAX_DEPTH:
-            self._stop(mark, f"the file is nested more than {MAX_DEPTH} deep")
+            self._stop(mark, f"the file is nested more than {MAX_DEPTH} deep", code="P123")
         if self._awaiting_key():
             what = "{…}" if isinstance(event, yaml.MappingStartEvent) else "[…]"
-            self._stop(mark, f"a key is a word, not {what}", 'a reference is quoted: "{item}"')
+            self._stop(mark, f"a key is a word, not {what}", 'a reference is quoted: "{item}"', code="P115")
         value: Value = {} if isinstance(event, yaml.MappingStartEvent) else []
         node = Node(value, mark)
         self._open.append(_Open(node, self._loc(), event.anchor, bool(event.flow_style)))
@@ -221,7 +250,8 @@ class _Reader:
         if closed.bare and len(node.entries) == 1:
             ((key, _),) = node.entries.items()
             message = f"{{{key}}} without quotes is a YAML mapping"
-            self._fault(node.mark, where(closed.loc), message, f'write "{{{key}}}"')
+            self._fault(node.mark, where(closed.loc), message, f'write "{{{key}}}"', code="P113")
+            node = Node(f"{{{key}}}", node.mark)
         self._add(node, node.mark, closed.anchor)
 
     def _add(self, node: Node, mark: Mark, anchor: str | None) -> None:
@@ -259,18 +289,24 @@ class _Reader:
     def _count(self, values: int, mark: Mark) -> None:
         self._total += values
         if self._total > MAX_VALUES:
-            self._stop(mark, f"the file has more than {MAX_VALUES} values, aliases counted out")
+            message = f"the file has more than {MAX_VALUES} values, aliases counted out"
+            self._stop(mark, message, code="P123")
 
     def _refuse_tag(self, tag: str | None, mark: Mark) -> None:
         if tag is not None:
-            self._fault(mark, where(self._loc()), f"the tag {tag!r} is not read", "leave it out")
+            self._fault(
+                mark, where(self._loc()), f"the tag {_shown(tag)} is not read", "leave it out", code="P116"
+            )
 
-    def _fault(self, mark: Mark, trail: str, message: str, hint: str = "") -> None:
-        self._faults.append(Fault(mark, trail, message, hint))
+    def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
+        if len(self._faults) == MAX_FAULTS:
+            self._faults.append(too_many(mark))
+        if len(self._faults) <= MAX_FAULTS:
+            self._faults.append(Fault(mark, trail, message, hint, code))
 
-    def _stop(self, mark: Mark, message: str, hint: str = "") -> NoReturn:
+    def _stop(self, mark: Mark, message: str, hint: str = "", *, code: str) -> NoReturn:
         loc = self._loc()
-        self._fault(mark, where(loc[:12]) + ("…" if len(loc) > 12 else ""), message, hint)
+        self._fault(mark, where(loc[:12]) + ("…" if len(loc) > 12 else ""), message, hint, code=code)
         raise _Stop
 
 
@@ -279,19 +315,5 @@ def _mark(file: str, mark: object) -> Mark:
     return Mark(file, int(line) + 1, int(column) + 1)
 
 
-_PROBLEMS: Mapping[str, tuple[str, str]] = {
-    "found character that cannot start any token": ("this character cannot start a value", "quote the text"),
-    "mapping values are not allowed in this context": (
-        "a ':' does not fit here",
-        "quote the text, or indent it",
-    ),
-    "did not find expected key": ("this does not line up with the keys above", "check indent and quotes"),
-}
-
-
-def _yaml_problem(error: yaml.MarkedYAMLError) -> tuple[str, str]:
-    problem = str(error.problem or error.context or "unknown problem")
-    known = _PROBLEMS.get(problem)
-    if known is not None:
-        return f"not valid YAML: {known[0]}", known[1]
-    return f"not valid YAML: {problem}", str(error.context or "") if error.problem else ""
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= 60 else text[:57] + "...")

@@ -1,81 +1,31 @@
-"""Reading robot files."""
+"""Reading robot files. All faults come at once."""
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
+from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
 
-from ..files.checked import Angle, Angles, Checker, FileModel, Force, Sizes, Vector, quantity
-from ..files.document import Document, FileError, load_document, nearest, parse_document
+from ..errors import PicktreeError
+from ..files.checked import Checker, describe
+from ..files.document import Document, Fault, FileError, Location, nearest, open_document, read_document
 from ..files.shipped import find_file, is_file, shipped_names
-from ..shapes import Box
-from ..values import Pose
 from .description import GripperDescription, JointLimits, PadContact, RobotDescription
+from .schema import RobotFile
+from .skeleton import LIMITED, Skeleton, UrdfError, read_skeleton
+from .urdf import link_geometry
 
 SHIPPED = Path(__file__).parent.parent / "robots"
 
 
-class _Frame(FileModel):
-    at: Vector = (0.0, 0.0, 0.0)
-    rpy: Angles = (0.0, 0.0, 0.0)
+@dataclass(frozen=True, slots=True)
+class RobotCheck:
+    """What was found in a robot file: the robot, None when there are errors, and all faults."""
 
-    def pose(self) -> Pose:
-        return Pose.from_rpy(self.at, self.rpy)
-
-
-class _Tcp(_Frame):
-    link: str
-
-
-class _Box(_Frame):
-    box: Sizes
-
-    def placed(self) -> tuple[Box, Pose]:
-        return Box(self.box), self.pose()
-
-
-class _Joint(FileModel):
-    lower: Angle
-    upper: Angle
-    velocity: Annotated[float, quantity("rad/s", above=0)]
-    acceleration: Annotated[float, quantity("rad/s2", above=0)]
-    torque: Annotated[float, quantity("Nm", above=0)]
-
-
-class _PadContact(FileModel):
-    stiffness: Annotated[float, quantity("N/m", above=0)] = PadContact().stiffness
-    damping: Annotated[float, quantity("", above=0)] = PadContact().damping
-    friction: Annotated[float, quantity("", above=0)] = PadContact().friction
-    spinning_friction: Annotated[float, quantity("", least=0)] = PadContact().spinning_friction
-
-
-class _Gripper(FileModel):
-    joints: tuple[str, str]
-    links: tuple[str, str]
-    max_width: Annotated[float, quantity("m", above=0)]
-    max_force: Force
-    speed: Annotated[float, quantity("m/s", above=0)]
-    gear: Annotated[float, quantity("")] = -1.0
-    tip: Annotated[float, quantity("m", least=0)]
-    palm: Annotated[float, quantity("m", above=0)]
-    pads: tuple[_Box, _Box]
-    pad_contact: _PadContact = _PadContact()
-    hand: tuple[_Box, ...]
-    finger: _Box
-
-
-class _Robot(FileModel):
-    urdf: str
-    base: _Frame = _Frame()
-    joints: dict[str, _Joint]
-    poses: dict[str, tuple[Angle, ...]]
-    tcp: _Tcp
-    flange_joint: str
-    gripper: _Gripper
-    disabled_pairs: tuple[tuple[str, str], ...] = ()
+    robot: RobotDescription | None
+    faults: tuple[Fault, ...]
 
 
 def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescription:
@@ -83,13 +33,12 @@ def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescriptio
 
     Raises FileError with all faults of the file, PicktreeError when there is no such file.
     """
-    path = find_file(name_or_path, SHIPPED, beside, "robot")
-    return _described(load_document(path, "robot"))
+    return _faultless(open_document(find_file(name_or_path, SHIPPED, beside, "robot"), "robot"))
 
 
 def parse_robot(text: str, path: Path) -> RobotDescription:
     """The robot of a file's text, as a log keeps it; `path` is where the file stood."""
-    return _described(parse_document(text, path, "robot"))
+    return _faultless(read_document(text, path, "robot"))
 
 
 def robot_names() -> tuple[str, ...]:
@@ -97,16 +46,29 @@ def robot_names() -> tuple[str, ...]:
     return shipped_names(SHIPPED)
 
 
-def _described(document: Document) -> RobotDescription:
+def check_robot(document: Document) -> RobotCheck:
+    """Everything that can be said of a document of kind `robot`; never raises for what stands in it."""
     check = Checker(document)
-    robot = check.read(_Robot)
-    if robot is None:
-        raise FileError(check.faults)
-    urdf = _urdf(check, robot.urdf, document.path)
+    robot = check.read(RobotFile)
+    urdf: Path | None = None
+    with check.readable():
+        urdf = _urdf(check, robot.urdf, document.path)
     _check_numbers(check, robot)
     if urdf is not None:
-        _check_names(check, robot, urdf)
-    check.finish()
+        _check_against(check, robot, urdf)
+    if urdf is None or any(fault.severity == "error" for fault in check.faults):
+        return RobotCheck(None, tuple(check.faults))
+    return RobotCheck(_described(document, robot, urdf), tuple(check.faults))
+
+
+def _faultless(document: Document) -> RobotDescription:
+    found = check_robot(document)
+    if found.robot is None:
+        raise FileError(found.faults)
+    return found.robot
+
+
+def _described(document: Document, robot: RobotFile, urdf: Path) -> RobotDescription:
     gripper = robot.gripper
     first, second = gripper.pads
     return RobotDescription(
@@ -152,61 +114,130 @@ def _urdf(check: Checker, text: str, source: Path) -> Path | None:
             spec = None
         roots = list(spec.submodule_search_locations or ()) if spec else []
         if not roots:
-            check.fault(("urdf",), f"there is no installed package {package!r}")
+            check.fault(("urdf",), f"there is no installed package {describe(package)}", code="P501")
             return None
         path = Path(roots[0]) / inside
+        if "\0" in inside or not path.resolve().is_relative_to(Path(roots[0]).resolve()):
+            message = f"{describe(inside)} is outside of the package {package!r}"
+            check.fault(("urdf",), message, code="P501")
+            return None
     else:
         path = source.parent / text
     if not is_file(path):
-        check.fault(("urdf",), f"there is no file {path}")
+        check.fault(("urdf",), f"there is no file {path}", code="P501")
         return None
     return path
 
 
-def _check_numbers(check: Checker, robot: _Robot) -> None:
-    for name, joint in robot.joints.items():
-        if joint.lower >= joint.upper:
-            message = f"the upper limit {joint.upper:g} rad is not above the lower, {joint.lower:g} rad"
-            check.fault(("joints", name, "upper"), message)
-    if "home" not in robot.poses:
-        check.fault(("poses",), "'home' is missing", key=True)
-    for name, pose in robot.poses.items():
-        if len(pose) != len(robot.joints):
-            message = f"{len(robot.joints)} values are wanted, one for each joint, not {len(pose)}"
-            check.fault(("poses", name), message)
-            continue
-        for n, (value, (joint, limit)) in enumerate(zip(pose, robot.joints.items(), strict=True)):
-            if not limit.lower <= value <= limit.upper:
-                message = f"{value:g} rad is outside the limits of {joint}"
-                check.fault(("poses", name, n), message, f"{limit.lower:g} … {limit.upper:g} rad")
+def _check_numbers(check: Checker, robot: RobotFile) -> None:
+    with check.readable():
+        for name in robot.joints:
+            with check.readable():
+                joint = robot.joints[name]
+                if joint.lower >= joint.upper:
+                    message = (
+                        f"the upper limit {joint.upper:g} rad is not above the lower, {joint.lower:g} rad"
+                    )
+                    check.fault(("joints", name, "upper"), message, code="P506")
+    with check.readable():
+        if "home" not in robot.poses:
+            check.fault(
+                ("poses",), "'home' is missing", "the pose to which the arm returns", code="P507", key=True
+            )
+        for name in robot.poses:
+            with check.readable():
+                _check_pose(check, name, robot)
 
 
-def _check_names(check: Checker, robot: _Robot, urdf: Path) -> None:
-    try:
-        root = ElementTree.parse(urdf).getroot()
-    except (ElementTree.ParseError, OSError, UnicodeError) as error:
-        check.fault(("urdf",), f"{urdf} is not readable as XML: {error}")
+def _check_pose(check: Checker, name: str, robot: RobotFile) -> None:
+    given = robot.poses[name]
+    if len(given) != len(robot.joints):
+        count = len(robot.joints)
+        wanted = "1 value is" if count == 1 else f"{count} values are"
+        message = f"{wanted} wanted, one for each joint, not {len(given)}"
+        check.fault(("poses", name), message, code="P508")
         return
-    links = [link.get("name", "") for link in root.findall("link")]
-    joints = {joint.get("name", ""): joint.get("type", "") for joint in root.findall("joint")}
-    for loc, name in _link_names(robot):
-        if name not in links:
-            check.fault(loc, f"the URDF has no link {name!r}", nearest(name, links))
-    wanted = [
-        *((("joints", name), name, ("revolute", "prismatic", "continuous")) for name in robot.joints),
-        *((("gripper", "joints", n), name, ("prismatic",)) for n, name in enumerate(robot.gripper.joints)),
-        (("flange_joint",), robot.flange_joint, ("fixed",)),
-    ]
-    for loc, name, kinds in wanted:
-        if name not in joints:
-            check.fault(loc, f"the URDF has no joint {name!r}", nearest(name, joints), key=loc[0] == "joints")
-        elif joints[name] not in kinds:
-            message = f"{name!r} is {joints[name]}; {' or '.join(kinds)} is wanted"
-            check.fault(loc, message, key=loc[0] == "joints")
+    for n, joint in enumerate(robot.joints):
+        with check.readable():
+            value, limit = given[n], robot.joints[joint]
+            if limit.lower < limit.upper and not limit.lower <= value <= limit.upper:
+                message = f"{value:g} rad is outside the limits of {joint}"
+                check.fault(
+                    ("poses", name, n), message, f"{limit.lower:g} … {limit.upper:g} rad", code="P509"
+                )
 
 
-def _link_names(robot: _Robot) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    yield ("tcp", "link"), robot.tcp.link
-    yield from ((("gripper", "links", n), name) for n, name in enumerate(robot.gripper.links))
-    for n, pair in enumerate(robot.disabled_pairs):
-        yield from ((("disabled_pairs", n, m), name) for m, name in enumerate(pair))
+def _check_against(check: Checker, robot: RobotFile, urdf: Path) -> None:
+    """Whether the robot file and the URDF go together."""
+    try:
+        skeleton = read_skeleton(urdf)
+    except UrdfError as error:
+        check.fault(("urdf",), f"{urdf}: {error}", code="P502")
+        return
+    try:
+        for which in ("visual", "collision"):
+            link_geometry(str(urdf), which)
+    except (PicktreeError, ValueError) as error:
+        text = str(error).removeprefix(f"{urdf}: ")
+        check.fault(("urdf",), f"{urdf}: the geometry cannot be used: {text}", code="P511")
+    for loc, name in _link_names(check, robot):
+        if name not in skeleton.links:
+            hint = nearest(name, skeleton.links)
+            check.fault(loc, f"the URDF has no link {describe(name)}", hint, code="P503")
+    for loc, name, kinds in _joint_names(check, robot):
+        _check_joint(check, loc, name, kinds, skeleton)
+    with check.readable():
+        _check_order(check, [name for name in robot.joints if name in skeleton.joints], skeleton)
+
+
+def _check_joint(
+    check: Checker, loc: Location, name: str, kinds: tuple[str, ...], skeleton: Skeleton
+) -> None:
+    key = loc[0] == "joints"
+    joint = skeleton.joints.get(name)
+    if joint is None:
+        hint = nearest(name, skeleton.joints)
+        check.fault(loc, f"the URDF has no joint {describe(name)}", hint, code="P504", key=key)
+    elif joint.type not in kinds:
+        message = f"{name!r} is {joint.type or 'of no type'}; {' or '.join(kinds)} is wanted"
+        check.fault(loc, message, code="P505", key=key)
+    elif joint.type in LIMITED and not joint.limited:
+        hint = 'as <limit lower="-1" upper="1" effort="10" velocity="1"/>'
+        check.fault(loc, f"the URDF gives {name!r} no limits", hint, code="P505", key=key)
+
+
+def _check_order(check: Checker, joints: list[str], skeleton: Skeleton) -> None:
+    for before, name in pairwise(joints):
+        if before not in skeleton.above(name):
+            message = f"{name!r} does not come behind {before!r} in the URDF"
+            check.fault(
+                ("joints", name),
+                message,
+                "the joints stand in order, from the base on",
+                code="P510",
+                key=True,
+            )
+            return
+
+
+def _link_names(check: Checker, robot: RobotFile) -> Iterator[tuple[Location, str]]:
+    with check.readable():
+        yield ("tcp", "link"), robot.tcp.link
+    for n in range(2):
+        with check.readable():
+            yield ("gripper", "links", n), robot.gripper.links[n]
+    with check.readable():
+        for n in range(len(robot.disabled_pairs)):
+            for m in range(2):
+                with check.readable():
+                    yield ("disabled_pairs", n, m), robot.disabled_pairs[n][m]
+
+
+def _joint_names(check: Checker, robot: RobotFile) -> Iterator[tuple[Location, str, tuple[str, ...]]]:
+    with check.readable():
+        yield from ((("joints", name), name, LIMITED) for name in robot.joints)
+    for n in range(2):
+        with check.readable():
+            yield ("gripper", "joints", n), robot.gripper.joints[n], ("prismatic",)
+    with check.readable():
+        yield ("flange_joint",), robot.flange_joint, ("fixed",)

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from ..files.checked import Checker
 from ..files.document import Location
 from ..files.nearest import nearest
+from ..files.wording import describe
 from ..shapes import Box, Cylinder, Shape, Sphere, corners
-from .description import CatalogueEntry, Fixture, Limits
-from .schema import SpawnFile
+from ..values import Bounds
+from .description import Bin, CatalogueEntry, Fixture
+from .entries import body
+from .schema import AreaFile, FixtureFile, SpawnFile
 
 CROWDED = 0.8
 """Share of an area that items and their gaps may cover."""
@@ -25,30 +28,51 @@ def check_spawn(
     n: int,
     entry: SpawnFile,
     catalogue: Mapping[str, CatalogueEntry | None],
-    fixtures: Sequence[Fixture] | None,
-    limits: Limits | None,
+    bodies: Mapping[str, FixtureFile],
+    workspace: Bounds | None,
 ) -> None:
     """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read."""
     loc: Location = ("spawn", n)
-    for name in entry.of:
-        if name not in catalogue:
-            hint = nearest(name, catalogue)
-            check.fault((*loc, "of", name), f"the catalogue has no {name!r}", hint, key=True)
-    (x0, y0), (x1, y1) = entry.area.min, entry.area.max
-    if x1 <= x0 or y1 <= y0:
-        check.fault((*loc, "area"), "the area is empty: 'max' must be greater than 'min' along x and y")
-        return
+    with check.readable():
+        for name in entry.of:
+            if name not in catalogue:
+                hint = nearest(name, catalogue)
+                message = f"the catalogue has no {describe(name)}"
+                check.fault((*loc, "of", name), message, hint, code="P410", key=True)
+    with check.readable():
+        (x0, y0), (x1, y1) = entry.area.min, entry.area.max
+        if x1 <= x0 or y1 <= y0:
+            message = "the area is empty: 'max' must be greater than 'min' along x and y"
+            check.fault((*loc, "area"), message, code="P411")
+            return
+        _check_place(check, loc, entry.area, bodies, workspace)
+        _check_crowding(check, loc, entry, catalogue)
+
+
+def _check_place(
+    check: Checker, loc: Location, area: AreaFile, bodies: Mapping[str, FixtureFile], workspace: Bounds | None
+) -> None:
+    (x0, y0), (x1, y1) = area.min, area.max
     points = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)]
-    if limits is not None:
-        (wx0, wy0, _), (wx1, wy1, _) = limits.workspace.min, limits.workspace.max
+    if workspace is not None:
+        (wx0, wy0, _), (wx1, wy1, _) = workspace.min, workspace.max
         if any(not (wx0 <= x <= wx1 and wy0 <= y <= wy1) for x, y in points):
             hint = f"which is x {wx0:g} … {wx1:g} m, y {wy0:g} … {wy1:g} m"
-            check.fault((*loc, "area"), "the area is outside the workspace", hint)
-    if fixtures is not None and any(not _covered(fixtures, x, y) for x, y in points):
-        check.fault((*loc, "area"), "the area is not over a level fixture", "items stand on a table")
+            check.fault((*loc, "area"), "the area is outside the workspace", hint, code="P412")
+    with check.readable():  # a table that could not be read is not missed a second time
+        fixtures = [body(name, entry) for name, entry in bodies.items() if entry.box is not None]
+        if any(not _covered(fixtures, x, y) for x, y in points):
+            message = "the area is not over a level fixture"
+            check.fault((*loc, "area"), message, "items stand on a table", code="P413")
+
+
+def _check_crowding(
+    check: Checker, loc: Location, entry: SpawnFile, catalogue: Mapping[str, CatalogueEntry | None]
+) -> None:
+    (x0, y0), (x1, y1) = entry.area.min, entry.area.max
     outlines = [
-        (number, _outline(known.shape, entry.gap, entry.lying))
-        for name, number in entry.of.items()
+        (entry.of[name], _outline(known.shape, entry.gap, entry.lying))
+        for name in entry.of
         if (known := catalogue.get(name)) is not None
     ]
     if not outlines:
@@ -62,12 +86,15 @@ def check_spawn(
             f"{count} items with gaps of {1000 * entry.gap:g} mm do not fit: "
             f"they need {needed:.3f} m², and the area with its rim has {offered:.3f} m²"
         )
-        check.fault((*loc, "area"), message, "enlarge the area, or ask for fewer items or smaller gaps")
+        hint = "enlarge the area, or ask for fewer items or smaller gaps"
+        check.fault((*loc, "area"), message, hint, code="P414")
 
 
-def _covered(fixtures: Iterable[Fixture], x: float, y: float) -> bool:
+def _covered(fixtures: Iterable[Fixture | Bin], x: float, y: float) -> bool:
     for fixture in fixtures:
         rotation = fixture.pose.rotation()
+        if isinstance(fixture, Bin):
+            continue
         if abs(rotation[2, 2]) < 0.999 or not isinstance(fixture.shape, Box):
             continue
         away = rotation.T @ (np.array([x, y, fixture.pose.position[2]]) - fixture.pose.position)

@@ -36,13 +36,24 @@ def destination_rule(destinations: Iterable[Destination]) -> Callable[[Sortable]
     return destination
 
 
-def check_rule(where: str, colours: Iterable[str], forms: Iterable[str], kinds: Iterable[str]) -> None:
-    """Raises ExpressionError when a rule cannot be read, asks for another name, or holds for no item."""
+def can_hold(
+    where: str, colours: Iterable[str], forms: Iterable[str], kinds: Iterable[str], *, most: int
+) -> bool:
+    """Whether a rule holds for any item; True also when `most` trials do not tell.
+
+    Raises ExpressionError when the rule cannot be read, or asks for what no item has.
+    """
     expression = Expression.parse(where)
     unknown = sorted(expression.names - set(NAMES))
     if unknown:
         raise ExpressionError(f"unknown name {unknown[0]!r}; known: {', '.join(NAMES)}")
-    items = itertools.product(colours, forms, kinds)
-    held = [expression.evaluate(dict(zip(NAMES, item, strict=True))) for item in items]
-    if held and not any(held):
-        raise ExpressionError("no item can fulfil this: check the colour, form and kind that it asks for")
+    known = (tuple(colours), tuple(forms), tuple(kinds))
+    # What the rule does not ask for need not be varied.
+    varied = [
+        names if name in expression.names else names[:1] for name, names in zip(NAMES, known, strict=True)
+    ]
+    items = itertools.product(*varied)
+    held = [
+        expression.evaluate(dict(zip(NAMES, item, strict=True))) for item in itertools.islice(items, most)
+    ]
+    return any(held) or not held or next(items, None) is not None

@@ -21,23 +21,39 @@ FLAT = 1 / 3
 """A plate's height is at most this share of its shorter side."""
 
 
-def body(check: Checker, name: str, entry: FixtureFile) -> Fixture | Bin | None:
-    """A fixture or a bin; None when it has faults."""
+def check_body(check: Checker, name: str, entry: FixtureFile) -> None:
+    """Faults of a fixture or a bin."""
     loc: Location = ("fixtures", name)
     which = check.one_of(loc, ("box", "bin"))
-    before = len(check.faults)
     if name in RESERVED or (which == "bin" and name == "table"):
+        hint = f"no body may be called {', '.join(RESERVED)}" if name in RESERVED else "the table is no bin"
+        check.fault(loc, f"the name {name!r} is taken", hint, code="P403", key=True)
+    with check.readable():
+        if entry.rpy is not None and entry.yaw is not None:
+            check.fault((*loc, "yaw"), "'rpy' and 'yaw' exclude each other", code="P112", key=True)
+    with check.readable():
+        if which == "bin" and entry.rpy is not None:
+            check.fault((*loc, "rpy"), "a bin stands upright: give its 'yaw'", code="P405", key=True)
+    with check.readable():
+        _check_walls(check, loc, entry, which)
+
+
+def _check_walls(check: Checker, loc: Location, entry: FixtureFile, which: str | None) -> None:
+    if which == "box" and entry.wall is not None:
+        check.fault((*loc, "wall"), "only a bin has walls", code="P112", key=True)
+    if which == "bin" and entry.wall is None:
         check.fault(
-            loc, f"the name {name!r} is taken", f"no body may be called {', '.join(RESERVED)}", key=True
+            loc, "'wall' is missing", "the thickness of the bin's walls, as 5 mm", code="P105", key=True
         )
-    if entry.rpy is not None and entry.yaw is not None:
-        check.fault((*loc, "yaw"), "'rpy' and 'yaw' exclude each other", key=True)
-    if which == "bin":
-        _check_bin(check, loc, entry)
-    elif entry.wall is not None:
-        check.fault((*loc, "wall"), "only a bin has walls", key=True)
-    if which is None or len(check.faults) > before:
-        return None
+    if which == "bin" and entry.wall is not None and entry.bin is not None:
+        x, y, z = entry.bin
+        if 2 * entry.wall >= min(x, y) or entry.wall >= z:
+            message = f"walls of {entry.wall:g} m leave no room inside"
+            check.fault((*loc, "wall"), message, "'bin' is the outside", code="P404")
+
+
+def body(name: str, entry: FixtureFile) -> Fixture | Bin:
+    """A fixture or a bin without faults."""
     pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
     if entry.bin is not None and entry.wall is not None:
         return Bin(ObjectId(name), entry.bin, entry.wall, pose, entry.colour)
@@ -45,33 +61,27 @@ def body(check: Checker, name: str, entry: FixtureFile) -> Fixture | Bin | None:
     return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour)
 
 
-def _check_bin(check: Checker, loc: Location, entry: FixtureFile) -> None:
-    if entry.rpy is not None:
-        check.fault((*loc, "rpy"), "a bin stands upright: give its 'yaw'", key=True)
-    if entry.wall is None:
-        check.fault(loc, "'wall' is missing", "the thickness of the bin's walls, as 5 mm", key=True)
-    elif entry.bin is not None:
-        x, y, z = entry.bin
-        if 2 * entry.wall >= min(x, y) or entry.wall >= z:
-            check.fault((*loc, "wall"), f"walls of {entry.wall:g} m leave no room inside")
-
-
-def camera(check: Checker, name: str, entry: CameraFile) -> CameraDescription | None:
-    """A camera with its optical frame; None when it has faults."""
+def check_camera(check: Checker, name: str, entry: CameraFile) -> None:
+    """Faults of a camera."""
     loc: Location = ("cameras", name)
-    before = len(check.faults)
-    pose = None
-    if np.allclose(entry.at, entry.look_at, atol=1e-6):
-        check.fault((*loc, "look_at"), "the camera looks at itself", "'at' and 'look_at' must differ")
-    else:
-        pose = looking(entry.at, entry.look_at, entry.up)
-        if pose is None:
-            check.fault((*loc, "up"), "'up' lies along the line of sight", "name what is up in the picture")
-    if entry.near >= entry.far:
-        at: Location = (*loc, "near") if check.document.get((*loc, "near")) is not None else (*loc, "far")
-        check.fault(at, f"'near' ({entry.near:g} m) is not less than 'far' ({entry.far:g} m)")
-    if pose is None or len(check.faults) > before:
-        return None
+    with check.readable():
+        if np.allclose(entry.at, entry.look_at, atol=1e-6):
+            hint = "'at' and 'look_at' must differ"
+            check.fault((*loc, "look_at"), "the camera looks at itself", hint, code="P406")
+        elif looking(entry.at, entry.look_at, entry.up) is None:
+            hint = "name what is up in the picture"
+            check.fault((*loc, "up"), "'up' lies along the line of sight", hint, code="P406")
+    with check.readable():
+        if entry.near >= entry.far:
+            at: Location = (*loc, "near") if check.document.get((*loc, "near")) is not None else (*loc, "far")
+            message = f"'near' ({entry.near:g} m) is not less than 'far' ({entry.far:g} m)"
+            check.fault(at, message, code="P407")
+
+
+def camera(name: str, entry: CameraFile) -> CameraDescription:
+    """A camera without faults, with its optical frame."""
+    pose = looking(entry.at, entry.look_at, entry.up)
+    assert pose is not None
     return CameraDescription(
         name=name,
         pose=pose,
@@ -110,13 +120,14 @@ def kind(check: Checker, name: str, entry: CatalogueFile) -> CatalogueEntry | No
     loc: Location = ("catalogue", name)
     form = check.one_of(loc, FORMS)
     if name == "unknown":
-        check.fault(loc, "the name 'unknown' is taken", "it stands for what fits no kind", key=True)
-        return None
-    shape = _shape(check, loc, entry) if form is not None else None
-    if form is None or shape is None:
-        return None
-    named: Form = next(f for f in FORMS if f == form)
-    return CatalogueEntry(name, named, shape, entry.mass, entry.friction, entry.force_limit)
+        hint = "it stands for what fits no kind"
+        check.fault(loc, "the name 'unknown' is taken", hint, code="P403", key=True)
+    named: Form | None = next((f for f in FORMS if f == form), None)
+    with check.readable():
+        shape = _shape(check, loc, entry)
+        if named is not None and shape is not None:
+            return CatalogueEntry(name, named, shape, entry.mass, entry.friction, entry.force_limit)
+    return None
 
 
 def _shape(check: Checker, loc: Location, entry: CatalogueFile) -> Shape | None:
@@ -128,7 +139,7 @@ def _shape(check: Checker, loc: Location, entry: CatalogueFile) -> Shape | None:
         x, y, z = entry.plate
         if z > FLAT * min(x, y):
             hint = "its height, the third number, is at most a third of the shorter side; else it is a box"
-            check.fault((*loc, "plate"), "a plate is flat", hint)
+            check.fault((*loc, "plate"), "a plate is flat", hint, code="P408")
             return None
         return Box(entry.plate)
     if entry.mesh is not None:
@@ -137,7 +148,6 @@ def _shape(check: Checker, loc: Location, entry: CatalogueFile) -> Shape | None:
             # Relative to the file in which it is named, which may be the base of this one.
             return load_convex(Path(check.document.mark(at).file).parent / entry.mesh.file, entry.mesh.scale)
         except MeshError as error:
-            check.fault(at, error.message, error.hint)
+            check.fault(at, error.message, error.hint, code="P409")
             return None
-    assert entry.box is not None
-    return Box(entry.box)
+    return Box(entry.box) if entry.box is not None else None

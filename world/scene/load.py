@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
@@ -10,20 +11,39 @@ import yaml
 from ..colours import ITEM_COLOURS
 from ..errors import PicktreeError
 from ..files.checked import Checker
-from ..files.document import Document, FileError, load_document, nearest, overlaid, parse_document
+from ..files.document import Document, Fault, FileError, nearest, open_document, overlaid, read_document
 from ..files.expressions import Expression, ExpressionError
 from ..files.shipped import find_file, shipped_names
 from ..values import Bounds
 from .areas import check_spawn
-from .description import Bin, Destination, Fixture, Limits, SceneDescription, SensorNoise, Spawn, Thinking
-from .destinations import check_rule
-from .entries import FORMS, body, camera, kind
+from .description import (
+    Bin,
+    CatalogueEntry,
+    Destination,
+    Limits,
+    SceneDescription,
+    SensorNoise,
+    Spawn,
+    Thinking,
+)
+from .destinations import can_hold
+from .entries import FORMS, body, camera, check_body, check_camera, kind
 from .schema import SECTIONS, CameraFile, CatalogueFile, DestinationFile, FixtureFile, RestFile, SpawnFile
 
 SHIPPED = Path(__file__).parent.parent / "scenes"
 ROBOTS = Path(__file__).parent.parent / "robots"
 MAX_BASES = 5
+RULE_TRIALS = 2_000_000
+"""Characters of rules that are evaluated for the question whether any item fulfils them."""
 GOAL_NAMES = ("total", "sorted", "misplaced", "left")
+
+
+@dataclass(frozen=True, slots=True)
+class SceneCheck:
+    """What was found in a scene file: the scene, None when there are errors, and all faults."""
+
+    scene: SceneDescription | None
+    faults: tuple[Fault, ...]
 
 
 def load_scene(name_or_path: str, beside: Path | None = None) -> SceneDescription:
@@ -31,12 +51,12 @@ def load_scene(name_or_path: str, beside: Path | None = None) -> SceneDescriptio
 
     Raises FileError with all faults of the file, PicktreeError when there is no such file.
     """
-    return _described(load_document(find_file(name_or_path, SHIPPED, beside, "scene"), "scene"))
+    return _faultless(open_document(find_file(name_or_path, SHIPPED, beside, "scene"), "scene"))
 
 
 def parse_scene(text: str, path: Path) -> SceneDescription:
     """The scene of a file's text, as a log keeps it; `path` is where the file stood."""
-    return _described(parse_document(text, path, "scene"))
+    return _faultless(read_document(text, path, "scene"))
 
 
 def scene_names() -> tuple[str, ...]:
@@ -44,64 +64,164 @@ def scene_names() -> tuple[str, ...]:
     return shipped_names(SHIPPED)
 
 
-def _described(own: Document) -> SceneDescription:
-    document = _on_base(own, MAX_BASES)
-    check = Checker(document)
-    check.keys((*RestFile.model_fields, *SECTIONS))
-    rest = check.read(RestFile, ignore=_not_rest(document))
-    robot = _robot(check, rest)
-    limits = _limits(check, rest)
+def check_scene(own: Document) -> SceneCheck:
+    """Everything that can be said of a document of kind `scene`; never raises for what stands in it.
 
-    bodies = {name: e and body(check, name, e) for name, e in check.each(FixtureFile, "fixtures").items()}
-    cameras = {name: e and camera(check, name, e) for name, e in check.each(CameraFile, "cameras").items()}
-    kinds = {name: e and kind(check, name, e) for name, e in check.each(CatalogueFile, "catalogue").items()}
-    fixtures = [b for b in bodies.values() if isinstance(b, Fixture)]
-    spawn = check.sequence(SpawnFile, "spawn")
-    for n, entry in enumerate(spawn):
-        if entry is not None:
-            # A table that could not be read must not be missed a second time.
-            known = None if None in bodies.values() else fixtures
-            check_spawn(check, n, entry, kinds, known, limits)
-    destinations = check.sequence(DestinationFile, "destinations")
-    for n, rule in enumerate(destinations):
-        if rule is not None:
-            _check_destination(check, n, rule, bodies, kinds)
-    if rest is not None and rest.goal is not None:
-        _check_goal(check, rest.goal)
-    check.finish()
-    assert rest is not None
-    assert limits is not None
-    return SceneDescription(
-        name=own.path.stem,
-        robot=robot,
-        fixtures=tuple(fixtures),
-        bins=tuple(b for b in bodies.values() if isinstance(b, Bin)),
-        cameras=tuple(c for c in cameras.values() if c is not None),
-        catalogue=tuple(k for k in kinds.values() if k is not None),
-        spawn=tuple(_spawn(entry) for entry in spawn if entry is not None),
-        destinations=tuple(_destination(d, bodies) for d in destinations if d is not None),
-        limits=limits,
-        thinking=Thinking(rest.thinking.collision_check, rest.thinking.image),
-        noise=SensorNoise(rest.sensors.encoder, rest.sensors.width, rest.sensors.force, rest.sensors.torque),
-        checkpoint_every=rest.checkpoint_every,
-        goal=rest.goal,
-        source=str(own.path),
-        text=_text(own, document),
-    )
+    That its robot exists is checked; what the robot's file says is not.
+    """
+    try:
+        document = _on_base(own, MAX_BASES)
+    except FileError as error:
+        return SceneCheck(None, (*error.faults, *_own_faults(own)))
+    parts = _Parts(document)
+    scene = parts.scene(own) if parts.check() else None
+    return SceneCheck(scene, tuple(parts.checker.faults))
+
+
+def _faultless(document: Document) -> SceneDescription:
+    found = check_scene(document)
+    if found.scene is None:
+        raise FileError(found.faults)
+    return found.scene
 
 
 def _on_base(document: Document, depth: int) -> Document:
-    """The document laid on the scene that its `base:` names."""
+    """The document laid on the scene that its `base:` names. Raises FileError with the faults of the base."""
     name = document.data.get("base")
     if not isinstance(name, str):
         return document
     if depth == 0:
-        raise FileError([document.fault(("base",), f"more than {MAX_BASES} scenes stand on one another")])
+        message = f"more than {MAX_BASES} scenes stand on one another"
+        raise FileError([document.fault(("base",), message, code="P402")])
     try:
         path = find_file(name, SHIPPED, document.path, "scene")
     except PicktreeError as error:
-        raise FileError([document.fault(("base",), str(error))]) from None
-    return overlaid(_on_base(load_document(path, "scene"), depth - 1), document)
+        raise FileError([document.fault(("base",), str(error), code="P402")]) from None
+    return overlaid(_on_base(open_document(path, "scene"), depth - 1), document)
+
+
+def _own_faults(document: Document) -> list[Fault]:
+    """What is wrong whatever the base says, which could not be read: nothing that it might have given."""
+    return [fault for fault in _Parts(document).checker.faults if fault.code != "P105"]
+
+
+class _Parts:
+    """The parts of a scene file, each as far as it could be read."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.checker = check = Checker(document)
+        check.keys((*RestFile.model_fields, *SECTIONS))
+        # Unknown keys were refused already.
+        self.rest = check.read(RestFile, ignore=[k for k in document.data if k not in RestFile.model_fields])
+        self.bodies = check.each(FixtureFile, "fixtures")
+        self.cameras = check.each(CameraFile, "cameras")
+        self.kinds = check.each(CatalogueFile, "catalogue")
+        self.spawn = check.sequence(SpawnFile, "spawn")
+        self.destinations = check.sequence(DestinationFile, "destinations")
+        self.catalogue: Mapping[str, CatalogueEntry | None] = {}
+
+    def check(self) -> bool:
+        """Look for faults of meaning in all that could be read. Whether the whole file is without error."""
+        check = self.checker
+        with check.readable():
+            self._check_robot(self.rest.robot)
+        workspace = self._workspace()
+        for name, entry in self.bodies.items():
+            check_body(check, name, entry)
+        for name, entry in self.cameras.items():
+            check_camera(check, name, entry)
+        self.catalogue = {name: kind(check, name, entry) for name, entry in self.kinds.items()}
+        for n, entry in enumerate(self.spawn):
+            check_spawn(check, n, entry, self.catalogue, self.bodies, workspace)
+        for n, entry in enumerate(self.destinations):
+            self._check_destination(n, entry)
+        with check.readable():
+            self._check_goal(self.rest.goal)
+        return not any(fault.severity == "error" for fault in check.faults)
+
+    def scene(self, own: Document) -> SceneDescription:
+        """The values of a file without errors."""
+        rest, limits = self.rest, self.rest.limits
+        bodies = [body(name, entry) for name, entry in self.bodies.items()]
+        bins = {str(b.id): b for b in bodies if isinstance(b, Bin)}
+        shipped = find_file(rest.robot, ROBOTS, self._robot_folder(), "robot")
+        return SceneDescription(
+            name=own.path.stem,
+            robot=rest.robot if shipped.parent == ROBOTS else str(shipped.resolve()),
+            fixtures=tuple(b for b in bodies if not isinstance(b, Bin)),
+            bins=tuple(bins.values()),
+            cameras=tuple(camera(name, entry) for name, entry in self.cameras.items()),
+            catalogue=tuple(k for k in self.catalogue.values() if k is not None),
+            spawn=tuple(_spawn(entry) for entry in self.spawn),
+            destinations=tuple(Destination(d.where, bins[d.to].id) for d in self.destinations),
+            limits=Limits(limits.force, Bounds(limits.workspace.min, limits.workspace.max)),
+            thinking=Thinking(rest.thinking.collision_check, rest.thinking.image),
+            noise=SensorNoise(
+                rest.sensors.encoder, rest.sensors.width, rest.sensors.force, rest.sensors.torque
+            ),
+            checkpoint_every=rest.checkpoint_every,
+            goal=rest.goal,
+            source=str(own.path),
+            text=_text(own, self.document),
+        )
+
+    def _robot_folder(self) -> Path:
+        """The file in which the robot is named, which may be the base of this one."""
+        return Path(self.document.mark(("robot",)).file)
+
+    def _check_robot(self, robot: str) -> None:
+        try:
+            find_file(robot, ROBOTS, self._robot_folder(), "robot")
+        except PicktreeError as error:
+            self.checker.fault(("robot",), str(error), code="P401")
+
+    def _workspace(self) -> Bounds | None:
+        """None when it is faulty."""
+        with self.checker.readable():
+            workspace = self.rest.limits.workspace
+            if all(a < b for a, b in zip(workspace.min, workspace.max, strict=True)):
+                return Bounds(workspace.min, workspace.max)
+            message = "the workspace is empty: 'max' must be greater than 'min' along x, y and z"
+            self.checker.fault(("limits", "workspace"), message, code="P415")
+        return None
+
+    def _check_destination(self, n: int, rule: DestinationFile) -> None:
+        check = self.checker
+        with check.readable():
+            # What may be a bin, because it could not be read, is not missed here.
+            bins = [name for name in self.bodies if self._may_be_bin(name)]
+            if rule.to not in bins:
+                hint = nearest(rule.to, bins)
+                check.fault(("destinations", n, "to"), f"there is no bin {rule.to!r}", hint, code="P416")
+        with check.readable():
+            # Long rules are tried on fewer items: that takes a bounded time for any file.
+            most = max(1, RULE_TRIALS // (len(self.destinations) * max(1, len(rule.where))))
+            try:
+                held = can_hold(rule.where, ITEM_COLOURS, FORMS, self.kinds, most=most)
+            except ExpressionError as error:
+                check.fault(("destinations", n, "where"), str(error), code="P417")
+                return
+            if not held:
+                message = "no item can fulfil this: check the colour, form and kind that it asks for"
+                check.fault(("destinations", n, "where"), message, code="P418")
+
+    def _may_be_bin(self, name: str) -> bool:
+        with self.checker.readable():
+            return self.bodies[name].bin is not None or self.bodies[name].box is None
+        return True
+
+    def _check_goal(self, goal: str | None) -> None:
+        if goal is None:
+            return
+        try:
+            expression = Expression.parse(goal)
+            unknown = sorted(expression.names - set(GOAL_NAMES))
+            if unknown:
+                raise ExpressionError(f"unknown name {unknown[0]!r}; {nearest(unknown[0], GOAL_NAMES)}")
+            expression.evaluate(dict.fromkeys(GOAL_NAMES, 1))
+        except ExpressionError as error:
+            self.checker.fault(("goal",), str(error), code="P419")
 
 
 def _text(own: Document, whole: Document) -> str:
@@ -110,34 +230,6 @@ def _text(own: Document, whole: Document) -> str:
         return own.text
     data = {key: value for key, value in whole.data.items() if key != "base"}
     return yaml.safe_dump(data, default_flow_style=None, sort_keys=False, allow_unicode=True, width=110)
-
-
-def _not_rest(document: Document) -> list[str]:
-    """Keys that `RestFile` need not see; unknown ones were refused already."""
-    return [key for key in document.data if key not in RestFile.model_fields]
-
-
-def _robot(check: Checker, rest: RestFile | None) -> str:
-    """The name of a shipped robot, or the whole path of a robot file."""
-    if rest is None:
-        return ""
-    try:
-        path = find_file(rest.robot, ROBOTS, Path(check.document.mark(("robot",)).file), "robot")
-    except PicktreeError as error:
-        check.fault(("robot",), str(error))
-        return ""
-    return rest.robot if path.parent == ROBOTS else str(path.resolve())
-
-
-def _limits(check: Checker, rest: RestFile | None) -> Limits | None:
-    if rest is None:
-        return None
-    low, high = rest.limits.workspace.min, rest.limits.workspace.max
-    if any(a >= b for a, b in zip(low, high, strict=True)):
-        message = "the workspace is empty: 'max' must be greater than 'min' along x, y and z"
-        check.fault(("limits", "workspace"), message)
-        return None
-    return Limits(rest.limits.force, Bounds(low, high))
 
 
 def _spawn(entry: SpawnFile) -> Spawn:
@@ -149,36 +241,3 @@ def _spawn(entry: SpawnFile) -> Spawn:
         lying=entry.lying,
         tumbled=entry.tumbled,
     )
-
-
-def _destination(entry: DestinationFile, bodies: dict[str, Fixture | Bin | None]) -> Destination:
-    bin_ = bodies[entry.to]
-    assert bin_ is not None
-    return Destination(entry.where, bin_.id)
-
-
-def _check_destination(
-    check: Checker,
-    n: int,
-    rule: DestinationFile,
-    bodies: dict[str, Fixture | Bin | None],
-    kinds: Iterable[str],
-) -> None:
-    bins = [name for name, found in bodies.items() if found is None or isinstance(found, Bin)]
-    if rule.to not in bins:
-        check.fault(("destinations", n, "to"), f"there is no bin {rule.to!r}", nearest(rule.to, bins))
-    try:
-        check_rule(rule.where, ITEM_COLOURS, FORMS, list(kinds))
-    except ExpressionError as error:
-        check.fault(("destinations", n, "where"), str(error))
-
-
-def _check_goal(check: Checker, goal: str) -> None:
-    try:
-        expression = Expression.parse(goal)
-        unknown = sorted(expression.names - set(GOAL_NAMES))
-        if unknown:
-            raise ExpressionError(f"unknown name {unknown[0]!r}; {nearest(unknown[0], GOAL_NAMES)}")
-        expression.evaluate(dict.fromkeys(GOAL_NAMES, 1))
-    except ExpressionError as error:
-        check.fault(("goal",), str(error))

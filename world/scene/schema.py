@@ -24,6 +24,7 @@ from ..files.checked import (
     quantity,
 )
 from ..files.nearest import nearest
+from ..files.wording import describe
 from .description import Limits, SensorNoise, Thinking
 
 SECTIONS = ("fixtures", "cameras", "catalogue", "spawn", "destinations")
@@ -32,18 +33,19 @@ SECTIONS = ("fixtures", "cameras", "catalogue", "spawn", "destinations")
 
 def _item_colour(name: str) -> str:
     if name not in ITEM_COLOURS:
-        raise Wrong(f"{name!r} is no colour that an item may have", nearest(name, ITEM_COLOURS))
+        raise Wrong(
+            f"{describe(name)} is no colour that an item may have", nearest(name, ITEM_COLOURS), code="P108"
+        )
     return name
 
 
 def _plain_colour(name: str) -> str:
     if name in ITEM_COLOURS:
         plain = ", ".join(PLAIN_COLOURS)
-        raise Wrong(
-            f"{name} is a colour of items: a camera tells items from fixtures by it", f"one of {plain}"
-        )
+        message = f"{name} is a colour of items: a camera tells items from fixtures by it"
+        raise Wrong(message, f"one of {plain}", code="P108")
     if name not in PLAIN_COLOURS:
-        raise Wrong(f"unknown colour {name!r}", nearest(name, PLAIN_COLOURS))
+        raise Wrong(f"unknown colour {describe(name)}", nearest(name, PLAIN_COLOURS), code="P108")
     return name
 
 

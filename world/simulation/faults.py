@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from ..errors import PicktreeError
+from ..faults.description import AtTime, Bump, FaultFile, FaultSpec, Friction, Remove, Target
 from ..files.node_pattern import node_matches
 from ..journal import Happened, Plain
 from ..protocols import Clock
 from ..values import Pose, Vector3
-from .faultfile import AtTime, Bump, FaultFile, FaultSpec, Friction, Remove, Target
 from .truth import TrueBody
 
 

@@ -1,0 +1,58 @@
+"""Values as a fault names them, and what an author may have meant by one that does not fit."""
+
+from __future__ import annotations
+
+import re
+
+
+def describe(value: object) -> str:
+    """A value as a fault names it: `'yes'`, `3`, `a list`, `nothing`."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return str(value).lower()
+        case int():
+            return f"{value}" if abs(value) < 10**20 else "a number of many digits"
+        case float():
+            return f"{value}"
+        case str():
+            return repr(value if len(value) <= 40 else value[:37] + "...")
+        case list() | tuple():
+            return "a list"
+        case _:
+            return "a mapping"
+
+
+_TRUE, _FALSE = ("yes", "y", "on"), ("no", "n", "off")
+_GROUPED = re.compile(r"[-+]?[0-9][0-9_]*(?:\.[0-9_]*)?")
+_BINARY = re.compile(r"[-+]?0b[01_]+")
+_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
+
+
+def meant_flag(value: object) -> str:
+    """What to write for a text that YAML 1.1, or another language, takes for true or false.
+
+    >>> meant_flag("Yes"), meant_flag("maybe")
+    ('write true', '')
+    """
+    word = value.lower() if isinstance(value, str) else ""
+    if word in (*_TRUE, "true"):
+        return "write true"
+    return "write false" if word in (*_FALSE, "false") else ""
+
+
+def meant_number(value: object) -> str:
+    """What to write for a text that YAML 1.1, or another language, takes for a number.
+
+    >>> meant_number("1_000"), meant_number("0b101"), meant_number("0,5"), meant_number("ten")
+    ('write 1000', 'write 5', 'write 0.5', '')
+    """
+    if not isinstance(value, str) or len(value) > 40:
+        return ""
+    text = value.strip()
+    if _BINARY.fullmatch(text) and text[-1] != "_":
+        return f"write {int(text.replace('_', ''), 2)}"
+    if "_" in text and _GROUPED.fullmatch(text):
+        return f"write {text.replace('_', '')}"
+    return f"write {text.replace(',', '.')}" if _COMMA.fullmatch(text) else ""
