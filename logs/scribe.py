@@ -14,6 +14,7 @@ from ..world.shapes import ConvexMesh
 from ..world.simulation.backends import Simulation
 from . import records
 from .checkpoints import RunState
+from .plugin_record import plugin_sources, plugin_versions
 from .recorder import Recorder
 from .result import RunResult
 from .robot_meshes import link_meshes
@@ -56,7 +57,7 @@ class Scribe:
                 "thinking.collision_check": repr(session.scene.thinking.collision_check),
                 "thinking.image": repr(session.scene.thinking.image),
             },
-            versions={name: _version(name) for name in LIBRARIES},
+            versions={name: _version(name) for name in LIBRARIES} | plugin_versions(session.mission),
             revision=_revision(),
             verify=request.verify,
         )
@@ -66,6 +67,8 @@ class Scribe:
         # Under the names by which the mission includes them, so that the record can serve them again.
         for name, text in session.mission.files.items():
             recorder.attach(f"include/{name}", text, "application/yaml")
+        for name, source in plugin_sources(session.mission).items():
+            recorder.attach(name, source, "text/x-python")
         recorder.attach("scene.yaml", session.scene.text, "application/yaml")
         recorder.attach("robot.yaml", session.robot.text, "application/yaml")
         recorder.attach("robot.urdf", Path(session.robot.urdf).read_bytes(), "application/xml")

@@ -42,13 +42,14 @@ class Faults:
         *,
         code: str,
         key: bool = False,
+        detail: str = "",
     ) -> None:
         """A fault of the value there, or (`key`) of its key."""
         if self.full:
             self._more += 1
             return
         mark = document.key_mark(loc) if key else document.mark(loc)
-        self._kept.append(Fault(mark, trail, message, hint, code))
+        self._kept.append(Fault(mark, trail, message, hint, code, detail=detail))
 
     def nearest(self, name: str, known: Iterable[str]) -> str:
         """As `nearest`, which is dear: nothing when nobody will read it."""

@@ -11,7 +11,6 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from ..world.causes import all_causes
 from ..world.files.document import Document, Location, Mark, Value
 from .controls import Sequence
 from .declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration
@@ -69,15 +68,18 @@ class Grammar:
         self._faults = faults
         self._wires = Wires(document, faults)
 
-    @property
-    def _excuse(self) -> str:
-        """Why a node may be unknown although its name is right."""
-        return "; ".join(problem.message for problem in self._registry.problems)
-
     def _fault(
-        self, loc: Location, trail: str, message: str, hint: str = "", *, code: str, key: bool = False
+        self,
+        loc: Location,
+        trail: str,
+        message: str,
+        hint: str = "",
+        *,
+        code: str,
+        key: bool = False,
+        detail: str = "",
     ) -> None:
-        self._faults.at(self._document, loc, trail, message, hint, code=code, key=key)
+        self._faults.at(self._document, loc, trail, message, hint, code=code, key=key, detail=detail)
 
     def node(self, value: Value, loc: Location, above: str, names: Names) -> NodeSpec | None:
         """One node and all below it; None when it cannot be read at all."""
@@ -121,9 +123,12 @@ class Grammar:
         key = bool(loc) and loc[-1] == identity
         if IDENTIFIER.fullmatch(identity):
             hint = self._faults.nearest(identity, (*self._trees, *self._registry.ids()))
-            if not hint.startswith("did you mean"):
-                hint = self._excuse or hint
-            self._fault(loc, above, f"unknown node {identity!r}", hint, code="P207", key=key)
+            detail = ""
+            if not hint.startswith("did you mean") and self._registry.problems:
+                # The name may be right, and its plug-in installed but broken.
+                hint = "; ".join(problem.message for problem in self._registry.problems)
+                detail = "\n".join(filter(None, (problem.traceback for problem in self._registry.problems)))
+            self._fault(loc, above, f"unknown node {identity!r}", hint, code="P207", key=key, detail=detail)
         else:
             hint = "a letter or '_', then letters, digits and '_'"
             self._fault(loc, above, f"{identity!r} is not an ID", hint, code="P208", key=key)
@@ -319,9 +324,7 @@ class Grammar:
         return tuple(found)
 
     def _check_pattern(self, pattern: str, loc: Location, trail: str) -> None:
-        known = [cause.name for cause in all_causes()]
-        families = {name.rsplit(".", 1)[0] for name in known}
-        patterns = [*known, *(f"{family}.*" for family in sorted(families)), "*"]
+        patterns = self._registry.patterns
         if pattern not in patterns:
             hint = self._faults.nearest(pattern, patterns)
             self._fault(loc, trail, f"no cause is called {pattern!r}", hint, code="P233", key=True)

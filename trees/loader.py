@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..world.errors import PicktreeError
 from ..world.files.document import (
     Document,
     Fault,
@@ -26,6 +25,8 @@ from .grammar import Grammar, Names
 from .include import Includes
 from .mission import MAIN, Mission, NodeSpec, TreeSpec
 from .mission_files import FilesOnDisk, MissionFiles
+from .node import Node
+from .plugin_import import PluginError
 from .ports import PortDeclaration
 from .registry import Registry
 from .tree_ports import TreePorts
@@ -106,6 +107,7 @@ class _Reader:
             tuple(dict.fromkeys(plugins)),
             included,
             library,
+            sources=self._registry.plugins_of(_classes(trees)),
         )
         return Reading(mission, self._faults.all())
 
@@ -175,8 +177,16 @@ class _Reader:
                 continue
             try:
                 self._registry.add_plugin(plugin, document.path.parent)
-            except PicktreeError as error:
-                self._fault(("plugins", index), str(error), code="P204", document=document)
+            except PluginError as error:
+                self._faults.at(
+                    document,
+                    ("plugins", index),
+                    where(("plugins", index)),
+                    error.message,
+                    error.hint,
+                    code=error.code,
+                    detail=error.detail,
+                )
         return tuple(plugin for plugin in value if isinstance(plugin, str))
 
     # Trees.
@@ -247,3 +257,8 @@ class _Reader:
                 self._fault(loc, message, code="P210", key=True, document=document)
                 return None
         return grammar.node(body, loc, name, Names())
+
+
+def _classes(trees: Mapping[str, TreeSpec]) -> set[type[Node]]:
+    """The classes of all nodes in the trees."""
+    return {spec.node for tree in trees.values() for spec in tree.root.iterate() if spec.node is not None}

@@ -10,6 +10,7 @@ from ..world.files.document import Document, Mark
 from ..world.files.expressions import Expression
 from .mission_files import name_of
 from .node import Node
+from .plugins import Plugin
 from .ports import PortDeclaration
 from .references import Binding
 
@@ -81,6 +82,8 @@ class Mission:
     """Files whose trees this mission took in, each once."""
     library: bool = False
     """It holds sub-trees for other missions only: no `Main`, no scene, no goal."""
+    sources: tuple[Plugin, ...] = ()
+    """The plug-ins that it names, and the installed ones whose nodes it uses."""
 
     @property
     def main(self) -> TreeSpec:

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-import sys
-import traceback
-import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from types import ModuleType
-from typing import cast
 
-from ..world.errors import PicktreeError
+from ..world.causes import OUR_PREFIXES, Cause, all_causes
 from .declaration import NodeDeclaration
 from .node import Node
+from .plugin_import import PluginError
+from .plugins import Plugin, load_installed, load_plugin
 
 GROUP = "picktree.nodes"
 
@@ -38,6 +33,8 @@ class Registry:
 
         self._nodes: dict[str, type[Node]] = {}
         self._from: dict[str, str] = {}
+        self._plugins: list[Plugin] = []
+        self._asked: set[str] = set()
         self._problems: list[Problem] = []
         self._pending = installed
         self.add(NODES, "picktree.trees")
@@ -62,80 +59,81 @@ class Registry:
         self._load_installed()
         return tuple(self._problems)
 
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """Our own causes, and those under the prefixes that the nodes of this registry declare."""
+        self._load_installed()
+        declared = (cause for node in self._nodes.values() for cause in node.declaration.causes)
+        prefixes = {*OUR_PREFIXES, *(cause.name.split(".")[0] for cause in declared)}
+        return tuple(cause for cause in all_causes() if cause.name.split(".")[0] in prefixes)
+
+    @property
+    def patterns(self) -> tuple[str, ...]:
+        """What may stand under `when:`: causes, families of them (`grasp.*`), and `*`."""
+        names = [cause.name for cause in self.causes]
+        families = {name[:at] for name in names for at, letter in enumerate(name) if letter == "."}
+        return (*names, *(f"{family}.*" for family in sorted(families)), "*")
+
+    def plugins_of(self, nodes: Iterable[type[Node]]) -> tuple[Plugin, ...]:
+        """The plug-ins of `plugins:`, and the installed ones of others that offer one of the nodes."""
+        used = {self._from.get(node.declaration.id) for node in nodes}
+        foreign = (plugin for plugin in self._plugins if not _is_ours(plugin.name))
+        return tuple(plugin for plugin in foreign if plugin.name in used | self._asked)
+
     def copy(self) -> Registry:
         """A registry that can take in a mission's plug-ins without this one changing."""
         other = Registry(installed=False)
         other._nodes, other._from = dict(self._nodes), dict(self._from)
+        other._plugins, other._asked = list(self._plugins), set(self._asked)
         other._problems, other._pending = list(self._problems), self._pending
         return other
 
     def add(self, nodes: Iterable[type[Node]], source: str) -> None:
-        """Raises PicktreeError when an ID is taken by another class."""
-        for node in nodes:
+        """All of them or none. Raises PluginError when an ID is taken by another class."""
+        given = tuple(nodes)
+        for number, node in enumerate(given):
             identity = node.declaration.id
             other = self._nodes.get(identity)
-            if other is not None and other is not node:
-                raise PicktreeError(
-                    f"{source}: the node {identity!r} is already offered by {self._from[identity]}"
+            twice = any(n.declaration.id == identity and n is not node for n in given[:number])
+            if twice or (other is not None and other is not node):
+                taken = source if twice else self._from[identity]
+                raise PluginError(
+                    f"the plug-in {source!r}: the node {identity!r} is already offered by {taken}",
+                    "give the class a 'node_id' of its own",
+                    code="P256",
                 )
-            self._nodes[identity] = node
-            self._from[identity] = source
+        for node in given:
+            self._nodes.setdefault(node.declaration.id, node)
+            self._from.setdefault(node.declaration.id, source)
 
     def add_plugin(self, plugin: str, folder: Path) -> None:
-        """A module by its name, or a Python file in `folder`. Raises PicktreeError with what went wrong."""
-        module = _module_of_file(plugin, folder) if plugin.endswith(".py") else _module_named(plugin)
-        self.add(_nodes_of(module, plugin), plugin)
+        """A module by its name, or a Python file in `folder`. Raises PluginError with what went wrong."""
+        self._load_installed()  # so that it is the mission's plug-in that hears that an ID is taken
+        self._take(load_plugin(plugin, folder))
+        self._asked.add(plugin)
+
+    def _take(self, plugin: Plugin) -> None:
+        self.add(plugin.nodes, plugin.name)
+        if plugin not in self._plugins:
+            self._plugins.append(plugin)
 
     def _load_installed(self) -> None:
         if not self._pending:
             return
         self._pending = False
-        for entry in sorted(entry_points(group=GROUP), key=lambda e: (e.name, e.value)):
-            name = f"{entry.name} ({entry.value})"
+        # Ours first: it is not a plug-in of ours that fails when another offers a node of the same ID.
+        entries = sorted(entry_points(group=GROUP), key=lambda e: (not _is_ours(e.value), e.name, e.value))
+        for entry in entries:
             try:
-                self.add(_nodes_of(_module_named(entry.value), name), name)
-            except PicktreeError as error:
-                cause = error.__cause__
-                trace = "".join(traceback.format_exception(cause)) if cause else ""
-                self._problems.append(Problem(name, str(error), trace))
+                self._take(load_installed(entry.value, _distribution(entry)))
+            except PluginError as error:
+                name = f"{entry.name} ({entry.value})"
+                self._problems.append(Problem(name, error.message, error.detail))
 
 
-def _module_named(name: str) -> ModuleType:
-    try:
-        return importlib.import_module(name)
-    except Exception as error:  # whatever a plug-in's import raises becomes one clear error
-        raise PicktreeError(
-            f"the plug-in {name!r} cannot be imported: {type(error).__name__}: {error}"
-        ) from error
+def _is_ours(module: str) -> bool:
+    return module.split(".")[0] == "picktree"
 
 
-def _module_of_file(plugin: str, folder: Path) -> ModuleType:
-    path = (folder / plugin).resolve()
-    if not path.is_relative_to(folder.resolve()):
-        raise PicktreeError(f"the plug-in {plugin!r} lies outside of the mission's folder")
-    if not path.is_file():
-        raise PicktreeError(f"there is no plug-in {plugin!r} beside the mission")
-    name = f"picktree_plugin_{path.stem}_{zlib.crc32(str(path).encode()):08x}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise PicktreeError(f"the plug-in {plugin!r} is not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        del sys.modules[name]
-        raise PicktreeError(
-            f"the plug-in {plugin!r} cannot be imported: {type(error).__name__}: {error}"
-        ) from error
-    return module
-
-
-def _nodes_of(module: ModuleType, source: str) -> tuple[type[Node], ...]:
-    nodes: object = getattr(module, "NODES", None)
-    if not isinstance(nodes, tuple | list):
-        raise PicktreeError(f"the plug-in {source} has no NODES, a tuple of node classes")
-    for node in cast("tuple[object, ...]", nodes):
-        if not (isinstance(node, type) and issubclass(node, Node) and hasattr(node, "declaration")):
-            raise PicktreeError(f"the plug-in {source}: {node!r} in NODES is not a node class")
-    return cast("tuple[type[Node], ...]", tuple(cast("tuple[object, ...]", nodes)))
+def _distribution(entry: EntryPoint) -> str:
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else ""

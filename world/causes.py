@@ -125,19 +125,46 @@ class internal:
 FAMILIES: tuple[type, ...] = (
     perception, planning, grasp, place, insert, push, control, safety, world, tree, internal
 )  # fmt: skip
+OUR_PREFIXES = tuple(family.__name__ for family in FAMILIES)
+"""First words of our own causes."""
 _causes: dict[str, Cause] = {
     cause.name: cause for family in FAMILIES for cause in vars(family).values() if isinstance(cause, Cause)
 }
 
 
+class CauseError(PicktreeError):
+    """A cause that cannot be registered."""
+
+
 def register_cause(cause: Cause) -> Cause:
-    """Add a plug-in's cause. Raises PicktreeError for a malformed name or one of a family of ours."""
+    """Add a plug-in's cause, and return it.
+
+    Raises CauseError for a malformed name, one of a family of ours, or one that another has registered
+    with another meaning.
+    """
     prefix = cause.name.split(".")[0]
     if not re.fullmatch(r"[a-z]\w*(\.[a-z]\w*)+", cause.name):
-        raise PicktreeError(f"cause {cause.name!r}: must be lower-case words with dots, as 'grasp.missed'")
-    if prefix in {family.__name__ for family in FAMILIES}:
-        raise PicktreeError(f"cause {cause.name!r}: the prefix {prefix!r} belongs to picktree; use your own")
-    return _causes.setdefault(cause.name, cause)
+        raise CauseError(f"cause {cause.name!r}: must be lower-case words with dots, as 'grasp.missed'")
+    if prefix in OUR_PREFIXES:
+        raise CauseError(f"cause {cause.name!r}: the prefix {prefix!r} belongs to picktree; use your own")
+    known = _causes.setdefault(cause.name, cause)
+    if known != cause:
+        raise CauseError(
+            f"cause {cause.name!r}: it is registered already with another meaning ({known.sentence!r}); "
+            "use a prefix of your own"
+        )
+    return known
+
+
+def known_causes() -> Mapping[str, Cause]:
+    """A copy of all registered causes, for `restore_causes`."""
+    return dict(_causes)
+
+
+def restore_causes(causes: Mapping[str, Cause]) -> None:
+    """Forget what was registered since: a plug-in failed, or its file is run again."""
+    _causes.clear()
+    _causes.update(causes)
 
 
 def all_causes() -> tuple[Cause, ...]:

@@ -8,7 +8,6 @@ from textwrap import dedent
 import pytest
 
 from picktree.trees.loader import load_mission, parse_mission
-from picktree.trees.registry import Registry
 from picktree.world.files.document import FileError
 
 from .scripted import FILE, mission, registry
@@ -227,10 +226,6 @@ CASES: dict[str, tuple[str, str]] = {
         "plugins: [nowhere.py]\ntrees: {Main: AlwaysSuccess}",
         "3:11: plugins[0]: there is no plug-in 'nowhere.py' beside the mission",
     ),
-    "a plug-in elsewhere": (
-        "plugins: [../x.py]\ntrees: {Main: AlwaysSuccess}",
-        "3:11: plugins[0]: the plug-in '../x.py' lies outside of the mission's folder",
-    ),
     "a scene that is no text": ("scene: 3\ntrees: {Main: AlwaysSuccess}", "3:8: scene: 'scene' is a text"),
 }  # fmt: skip
 
@@ -312,68 +307,3 @@ def test_sub_trees_that_multiply_are_refused_before_they_are_built() -> None:
     (fault,) = faults(text)
     assert fault.startswith("4:3: trees.Main: with its sub-trees written out the mission has ")
     assert fault.endswith("deep (at most 10000 nodes, 120 deep)")
-
-
-PLUGIN = '''
-from picktree.trees.skill import Skill
-class Wave(Skill):
-    """Waves."""
-    def run(self, world):
-        yield
-NODES = (Wave,)
-'''
-
-
-def test_a_plug_in_beside_the_mission(tmp_path: Path) -> None:
-    (tmp_path / "wave.py").write_text(PLUGIN)
-    text = HEAD + "plugins: [wave.py]\ntrees: {Main: Wave}"
-    base = registry()
-    assert parse_mission(text, tmp_path / "m.yaml", base).main.root.id == "Wave"
-    assert base.find("Wave") is None
-
-
-@pytest.mark.parametrize(
-    ("source", "message"),
-    [
-        ("1/0", "the plug-in 'bad.py' cannot be imported: ZeroDivisionError: division by zero"),
-        ("", "the plug-in bad.py has no NODES, a tuple of node classes"),
-        ("NODES = (3,)", "the plug-in bad.py: 3 in NODES is not a node class"),
-        (
-            PLUGIN.replace("Wave", "Sequence"),
-            "bad.py: the node 'Sequence' is already offered by picktree.trees",
-        ),
-    ],
-)
-def test_a_plug_in_that_cannot_be_used_is_one_clear_fault(tmp_path: Path, source: str, message: str) -> None:
-    (tmp_path / "bad.py").write_text(source)
-    with pytest.raises(FileError) as caught:
-        parse_mission(
-            HEAD + "plugins: [bad.py]\ntrees: {Main: AlwaysSuccess}", tmp_path / "m.yaml", registry()
-        )
-    assert str(caught.value) == f"{tmp_path}/m.yaml:3:11: plugins[0]: {message}"
-
-
-class _Entry:
-    def __init__(self, name: str, value: str) -> None:
-        self.name, self.value = name, value
-
-
-def test_an_installed_plug_in_that_fails_is_named_where_a_node_is_missed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def entries(group: str) -> list[_Entry]:
-        assert group == "picktree.nodes"
-        return [_Entry("mine", "no_such_module")]
-
-    monkeypatch.setattr("picktree.trees.registry.entry_points", entries)
-    found = Registry()
-    assert parse_mission(HEAD + "trees: {Main: AlwaysSuccess}", FILE, found)
-    with pytest.raises(FileError) as caught:
-        parse_mission(HEAD + "trees: {Main: Zzz}", FILE, found)
-    assert str(caught.value) == (
-        "mission.yaml:3:15: Main: unknown node 'Zzz' (the plug-in 'no_such_module' cannot be imported: "
-        "ModuleNotFoundError: No module named 'no_such_module')"
-    )
-    (problem,) = found.problems
-    assert problem.plugin == "mine (no_such_module)"
-    assert "ModuleNotFoundError" in problem.traceback

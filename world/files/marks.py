@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from textwrap import indent
 from typing import Literal, TypeAlias
 
 from ..errors import PicktreeError
@@ -35,10 +36,13 @@ class Fault:
     hint: str = ""
     code: str = ""
     severity: Severity = "error"
+    detail: str = ""
+    """Lines that stand below the fault, as the traceback of a plug-in that cannot be imported."""
 
     def __str__(self) -> str:
         trail = f"{self.where}: " if self.where else ""
-        return f"{self.mark}: {trail}{self.message}" + (f" ({self.hint})" if self.hint else "")
+        line = f"{self.mark}: {trail}{self.message}" + (f" ({self.hint})" if self.hint else "")
+        return f"{line}\n{indent(self.detail, '    ')}" if self.detail else line
 
 
 MAX_FAULTS = 100

@@ -1,0 +1,402 @@
+"""What can be wrong with a plug-in: each is one fault, with the plug-in's own traceback where it has one."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from picktree.world.causes import known_causes
+from picktree.world.files.document import FileError
+
+from .waving import WAVE, below, forgotten, mission
+
+
+@pytest.fixture(autouse=True)
+def alone() -> Iterator[None]:
+    with forgotten():
+        yield
+
+
+def fault(folder: Path, source: str | bytes, plugin: str = "wave.py") -> tuple[str, str]:
+    """Code and whole text of the one fault of a mission with that plug-in; `{folder}` is where it lies."""
+    data = source if isinstance(source, bytes) else dedent(source).encode()
+    (folder / plugin).write_bytes(data)
+    with pytest.raises(FileError) as caught:
+        mission(folder, "{Main: AlwaysSuccess}", plugin)
+    (found,) = caught.value.faults
+    assert str(caught.value) == str(found)
+    assert str(found).startswith(f"{folder}/m.yaml:3:11: plugins[0]: ")
+    return found.code, str(found).removeprefix(f"{folder}/m.yaml:3:11: plugins[0]: ").replace(
+        str(folder), "{folder}"
+    )
+
+
+FAULTS: dict[str, tuple[str, str, str]] = {  # source, code, text after the plug-in's name
+    "it raises": (
+        "import math\n\ndef half(n):\n    return 1 / n\n\nhalf(0)\n",
+        "P252",
+        "cannot be imported: ZeroDivisionError: division by zero"
+        + below(
+            """
+            Traceback (most recent call last):
+              File "{folder}/wave.py", line 6, in <module>
+                half(0)
+              File "{folder}/wave.py", line 4, in half
+                return 1 / n
+                       ~~^~~
+            ZeroDivisionError: division by zero
+            """
+        ),
+    ),
+    "its text is no Python": (
+        "class Wave(\n",
+        "P252",
+        "cannot be imported: SyntaxError: '(' was never closed (wave.py, line 1)"
+        + below(
+            """
+              File "{folder}/wave.py", line 1
+                class Wave(
+                          ^
+            SyntaxError: '(' was never closed
+            """
+        ),
+    ),
+    "it needs what is not installed": (
+        "import no_such_module\n",
+        "P252",
+        "cannot be imported: ModuleNotFoundError: No module named 'no_such_module'"
+        + below(
+            """
+            Traceback (most recent call last):
+              File "{folder}/wave.py", line 1, in <module>
+                import no_such_module
+            ModuleNotFoundError: No module named 'no_such_module'
+            """
+        ),
+    ),
+    "it ends the program": (
+        "import sys\nsys.exit(3)\n",
+        "P252",
+        "cannot be imported: SystemExit: 3"
+        + below(
+            """
+            Traceback (most recent call last):
+              File "{folder}/wave.py", line 2, in <module>
+                sys.exit(3)
+            SystemExit: 3
+            """
+        ),
+    ),
+    "it raises what a Ctrl-C raises": (
+        "raise KeyboardInterrupt\n",
+        "P252",
+        "cannot be imported: KeyboardInterrupt"
+        + below(
+            """
+            Traceback (most recent call last):
+              File "{folder}/wave.py", line 1, in <module>
+                raise KeyboardInterrupt
+            KeyboardInterrupt
+            """
+        ),
+    ),
+    "it calls itself for ever": (
+        "def again():\n    again()\nagain()\n",
+        "P252",
+        "cannot be imported: RecursionError: maximum recursion depth exceeded"
+        + below(
+            """
+            Traceback (most recent call last):
+              File "{folder}/wave.py", line 3, in <module>
+                again()
+              File "{folder}/wave.py", line 2, in again
+                again()
+              File "{folder}/wave.py", line 2, in again
+                again()
+              File "{folder}/wave.py", line 2, in again
+                again()
+              [Previous line repeated N more times]
+            RecursionError: maximum recursion depth exceeded
+            """
+        ),
+    ),
+    "a fault inside of a fault": (
+        "try:\n    1/0\nexcept ArithmeticError as error:\n    raise OSError('no\\nsensor') from error\n",
+        "P252",
+        "cannot be imported: OSError: no"
+        + below(
+            """
+            Traceback (most recent call last):
+              File "{folder}/wave.py", line 2, in <module>
+                1/0
+                ~^~
+            ZeroDivisionError: division by zero
+
+            The above exception was the direct cause of the following exception:
+
+            Traceback (most recent call last):
+              File "{folder}/wave.py", line 4, in <module>
+                raise OSError('no\\nsensor') from error
+            OSError: no
+            sensor
+            """
+        ),
+    ),
+    "no NODES": (
+        WAVE.replace("NODES = (Wave,)", ""),
+        "P253",
+        "has no NODES, a tuple of node classes (write 'NODES = (Wave,)')",
+    ),
+    "an empty file": (
+        "",
+        "P253",
+        "has no NODES, a tuple of node classes (as 'NODES = (Wave,)')",
+    ),
+    "NODES without a comma": (
+        WAVE.replace("(Wave,)", "(Wave)"),
+        "P253",
+        "has something else as NODES, a tuple of node classes (write 'NODES = (Wave,)')",
+    ),
+    "NODES that are none": (
+        "NODES = ()",
+        "P253",
+        "offers no node: its NODES is empty",
+    ),
+    "a number in NODES": (
+        "NODES = (3,)",
+        "P253",
+        "an int in NODES is not a node class (a class derived from Skill, "
+        "ConditionNode or Control)",
+    ),
+    "a base in NODES": (
+        "from picktree.trees.skill import Skill\nNODES = (Skill,)",
+        "P253",
+        "Skill in NODES is not a node class (a class derived from Skill, "
+        "ConditionNode or Control)",
+    ),
+    "no docstring": (
+        WAVE.replace('    """Wave the hand."""\n', ""),
+        "P254",
+        "node Wave: it needs a docstring, which people read in the reference"
+        + below(
+            """
+            Traceback (most recent call last):
+              File "{folder}/wave.py", line 8, in <module>
+                class Wave(Skill):
+            """
+        ),
+    ),
+    "a port of an unknown type": (
+        WAVE.replace("In[int]", "In[dict]"),
+        "P254",
+        "port Wave.times: <class 'dict'> cannot be the type of a port"
+        + below(
+            """
+            Traceback (most recent call last):
+              File "{folder}/wave.py", line 8, in <module>
+                class Wave(Skill):
+            """
+        ),
+    ),
+    "no run": (
+        WAVE.replace("def run", "def go"),
+        "P254",
+        "node Wave: it has no 'run' (as 'def run(self, world): ...', with a 'yield' in it)",
+    ),
+    "no on_tick": (
+        WAVE.replace("trees.skill import Skill", "trees.node import Node as Skill"),
+        "P254",
+        "node Wave: it has no 'on_tick' (derive it from Skill and write 'run', or "
+        "write 'on_tick')",
+    ),
+    "an __init__ of its own": (
+        WAVE.replace("def run", "def __init__(self): ...\n    def run"),
+        "P254",
+        "node Wave: its '__init__' does not take (wiring, runtime) (leave it out; what "
+        "a node begins with is set in 'on_start')",
+    ),
+    "a cause in words": (
+        WAVE.replace("(TIRED,)", "('wave.tired',)"),
+        "P254",
+        "node Wave: 'causes' is a tuple of causes (as 'causes = (grasp.MISSED, "
+        "planning.ANY)')",
+    ),
+    "one cause": (
+        WAVE.replace("(TIRED,)", "TIRED"),
+        "P254",
+        "node Wave: 'causes' is a tuple of causes (as 'causes = (grasp.MISSED, "
+        "planning.ANY)')",
+    ),
+    "a resource in words": (
+        WAVE.replace("causes = (TIRED,)", "uses = ('arm',)"),
+        "P254",
+        "node Wave: 'uses' is a tuple of resources (as 'uses = (ARM, GRIPPER)')",
+    ),
+    "an unknown kind": (
+        WAVE.replace("causes = (TIRED,)", "kind = 'skill'"),
+        "P254",
+        "node Wave: its kind 'skill' is unknown (one of action, condition, control, "
+        "decorator, subtree)",
+    ),
+    "an unknown state of the hand": (
+        WAVE.replace("causes = (TIRED,)", "hand_after = 'holding'"),
+        "P254",
+        "node Wave: its hand_after 'holding' is unknown (one of unchanged, full, empty)",
+    ),
+    "a cause under a prefix of ours": (
+        WAVE.replace('"wave.tired"', '"grasp.tired"'),
+        "P255",
+        "cause 'grasp.tired': the prefix 'grasp' belongs to picktree; use your own"
+        + below(
+            """
+            Traceback (most recent call last):
+              File "{folder}/wave.py", line 6, in <module>
+                TIRED = register_cause(Cause("grasp.tired", "The arm is tired.", "wait"))
+                        ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+            """
+        ),
+    ),
+    "a cause that is not registered": (
+        WAVE.replace("register_cause(Cause(", "(Cause("),
+        "P255",
+        "node Wave: the cause 'wave.tired' is not registered (write "
+        "'register_cause(Cause(...))')",
+    ),
+    "a cause that is not registered, under a prefix of ours": (
+        WAVE.replace("register_cause(Cause(", "(Cause(").replace("wave.tired", "grasp.tired"),
+        "P255",
+        "node Wave: the cause 'grasp.tired' is not registered (the prefix 'grasp' "
+        "belongs to picktree; register it under one of your own)",
+    ),
+    "a family without a cause": (
+        WAVE.replace("(TIRED,)", "(TIRED, Family('waves'))").replace("Cause,", "Cause, Family,"),
+        "P255",
+        "node Wave: no cause of the family 'waves.*' is registered",
+    ),
+    "an ID of ours": (
+        WAVE.replace("Wave(", "Grasp(").replace("(Wave", "(Grasp"),
+        "P256",
+        "the node 'Grasp' is already offered by picktree.skills (give the class a 'node_id' of its own)",
+    ),
+    "an ID twice": (
+        WAVE.replace("NODES = (Wave,)", "First = Wave\n")
+        + WAVE.split("wait\"))\n")[1].replace("(Wave,)", "(First, Wave)"),
+        "P256",
+        "the node 'Wave' is already offered by wave.py (give the class a 'node_id' of its own)",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_what_is_wrong_with_a_plug_in_is_one_clear_fault(tmp_path: Path, case: str) -> None:
+    source, code, text = FAULTS[case]
+    before = set(sys.modules), known_causes()
+    found = fault(tmp_path, source)
+    shown = re.sub(r"repeated \d+ more times", "repeated N more times", found[1])
+    assert (found[0], shown.removeprefix("the plug-in 'wave.py'").lstrip(": ")) == (code, text)
+    if code != "P256":
+        assert not [m for m in set(sys.modules) - before[0] if m.startswith("picktree_plugin_")]
+        assert known_causes() == before[1]
+
+
+def test_the_traceback_of_an_endless_recursion_is_cut(tmp_path: Path) -> None:
+    _, text = fault(tmp_path, "def a(): b()\ndef b(): a()\na()\n")
+    assert "lines are left out" in text
+    assert len(text.splitlines()) == 42
+    assert text.splitlines()[-1].strip().startswith("RecursionError: ")
+
+
+def test_a_text_with_a_byte_0_is_a_fault_of_the_plug_in(tmp_path: Path) -> None:
+    code, text = fault(tmp_path, b"a = 1\0\n")
+    assert code == "P252"
+    assert text.splitlines()[0].endswith("Error: source code string cannot contain null bytes")
+
+
+def test_a_cause_that_two_plug_ins_register_differently(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(WAVE)
+    (tmp_path / "wink.py").write_text(WAVE.replace("Wave", "Wink").replace("The arm is", "The eye is"))
+    with pytest.raises(FileError) as caught:
+        mission(tmp_path, "{Main: AlwaysSuccess}", "wave.py, wink.py")
+    assert str(caught.value).splitlines()[0] == (
+        f"{tmp_path}/m.yaml:3:20: plugins[1]: the plug-in 'wink.py': cause 'wave.tired': it is registered "
+        "already with another meaning ('The arm is tired.'); use a prefix of your own"
+    )
+    (tmp_path / "wink.py").write_text(WAVE.replace("Wave", "Wink"))
+    assert [s.name for s in mission(tmp_path, "{Main: Wink}", "wave.py, wink.py").sources] == [
+        "wave.py",
+        "wink.py",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("plugin", "code", "text"),
+    [
+        ("nowhere.py", "P250", "there is no plug-in 'nowhere.py' beside the mission"),
+        ("folder.py", "P250", "there is no plug-in 'folder.py' beside the mission"),
+        ('"a\\0.py"', "P250", "'a\\x00.py' cannot be the name of a file"),
+        ("a" * 300 + ".py", "P250", f"there is no plug-in '{'a' * 300}.py' beside the mission"),
+        (
+            "no_such_module",
+            "P250",
+            "there is no plug-in 'no_such_module': no module of that name is installed",
+        ),
+        (
+            "json.wavve",
+            "P250",
+            "there is no plug-in 'json.wavve': no module of that name is installed",
+        ),
+        (
+            "greet",
+            "P250",
+            "there is no plug-in 'greet': no module of that name is installed (for the file beside the "
+            "mission write 'greet.py')",
+        ),
+        (
+            "wave",  # Python has a module of that name
+            "P253",
+            "the plug-in 'wave' has no NODES, a tuple of node classes (for the file beside the mission write "
+            "'wave.py')",
+        ),
+        (
+            ".wave",
+            "P250",
+            "'.wave' cannot be the name of a module (as 'my_cell.skills', or 'wave.py' for a file beside the "
+            "mission)",
+        ),
+        (
+            "../wave.py",
+            "P251",
+            "the plug-in '../wave.py' lies outside of the mission's folder (copy it there, or install it "
+            "and name its module)",
+        ),
+        (
+            "/tmp/wave.py",
+            "P251",
+            "the plug-in '/tmp/wave.py' lies outside of the mission's folder (copy it there, or install it "
+            "and name its module)",
+        ),
+        (
+            "link.py",
+            "P251",
+            "the plug-in 'link.py' lies outside of the mission's folder (copy it there, or install it and "
+            "name its module)",
+        ),
+        ("json", "P253", "the plug-in 'json' has no NODES, a tuple of node classes (as 'NODES = (Wave,)')"),
+    ],
+)  # fmt: skip
+def test_a_plug_in_that_is_not_there(tmp_path: Path, plugin: str, code: str, text: str) -> None:
+    home = tmp_path / "home"
+    (home / "folder.py").mkdir(parents=True)
+    for place in (home, tmp_path):
+        (place / "wave.py").write_text(WAVE)
+    (home / "greet.py").write_text(WAVE)
+    (home / "link.py").symlink_to(tmp_path / "wave.py")
+    with pytest.raises(FileError) as caught:
+        mission(home, "{Main: AlwaysSuccess}", plugin)
+    (found,) = caught.value.faults
+    assert (found.code, str(found)) == (code, f"{home}/m.yaml:3:11: plugins[0]: {text}")

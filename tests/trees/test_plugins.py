@@ -1,0 +1,219 @@
+"""Plug-ins: a node of one's own is like a built-in one, and whatever is wrong with it is one clear fault."""
+
+from __future__ import annotations
+
+import importlib
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from picktree.trees.check import check_mission
+from picktree.trees.loader import load_mission, parse_mission
+from picktree.trees.registry import Registry
+from picktree.world.causes import cause_named
+from picktree.world.errors import PicktreeError
+from picktree.world.files.document import FileError, load_document, parse_document
+
+from .waving import WAVE, below, forgotten, mission
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.fixture(autouse=True)
+def alone() -> Iterator[None]:
+    with forgotten():
+        yield
+
+
+# A node of one's own.
+
+
+def test_a_node_of_a_plug_in_is_declared_and_checked_like_any_other(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(WAVE)
+    read = mission(tmp_path, "{Main: {Recover: {do: {Wave: {times: 2}}, when: {wave.tired: Wave}}}}")
+    (wave, handler) = read.main.root.children
+    assert (wave.id, handler.id) == ("Wave", "Wave")
+    assert str(cause_named("wave.tired").sentence) == "The arm is tired."
+    with pytest.raises(FileError) as caught:
+        mission(tmp_path, "{Main: {Recover: {do: {Wave: {tmies: 2}}, when: {wave.tierd: Wave}}}}")
+    assert [str(f).split(": ", 1)[1] for f in caught.value.faults] == [
+        "Main/Recover/Wave: Wave has no port 'tmies' (did you mean 'times'?)",
+        "Main/Recover: no cause is called 'wave.tierd' (did you mean 'wave.tired'?)",
+    ]
+
+
+def test_the_registry_that_was_given_does_not_change(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(WAVE)
+    base = Registry()
+    parse_mission(
+        "picktree: 1\nkind: mission\nplugins: [wave.py]\ntrees: {Main: Wave}\n", tmp_path / "m.yaml", base
+    )
+    assert base.find("Wave") is None
+
+
+def test_causes_of_a_plug_in_are_known_to_the_missions_that_name_it(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(WAVE)
+    with_wave = Registry()
+    with_wave.add_plugin("wave.py", tmp_path)
+    assert "wave.tired" in [cause.name for cause in with_wave.causes]
+    assert "wave.tired" not in [cause.name for cause in Registry().causes]
+    with pytest.raises(FileError) as caught:
+        parse_mission(
+            "picktree: 1\nkind: mission\ntrees: {Main: {Recover: {do: AlwaysSuccess, when: {wave.tired: "
+            "AlwaysSuccess}}}}\n",
+            tmp_path / "m.yaml",
+            Registry(),
+        )
+    assert "no cause is called 'wave.tired'" in str(caught.value)
+
+
+def test_the_same_file_is_run_once_and_an_edited_one_again(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(WAVE)
+    first, again = mission(tmp_path).main.root.node, mission(tmp_path).main.root.node
+    assert first is again
+    (tmp_path / "wave.py").write_text(
+        WAVE.replace("is tired", "must rest").replace("wave.tired", "wave.sore")
+    )
+    assert mission(tmp_path).main.root.node is not first
+    assert cause_named("wave.sore").sentence == "The arm must rest."
+    with pytest.raises(PicktreeError, match=r"unknown cause 'wave.tired'"):
+        cause_named("wave.tired")
+
+
+def test_a_faulty_edit_leaves_what_was_there(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(WAVE)
+    first = mission(tmp_path).main.root.node
+    for wrong in (WAVE + "1/0\n", WAVE.replace("NODES", "NODE"), "register_cause = 3"):
+        (tmp_path / "wave.py").write_text(wrong)
+        with pytest.raises(FileError):
+            mission(tmp_path)
+        assert cause_named("wave.tired").sentence == "The arm is tired."
+    (tmp_path / "wave.py").write_text(WAVE)
+    assert mission(tmp_path).main.root.node is first
+
+
+def test_what_it_prints_goes_to_stderr(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "wave.py").write_text(WAVE + "print('hello')\nimport os\nos.system('echo from a child')\n")
+    mission(tmp_path)
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert sorted(err.splitlines()) == ["from a child", "hello"]
+
+
+def test_a_mission_carries_the_sources_of_its_plug_ins(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(WAVE)
+    (source,) = mission(tmp_path, "{Main: AlwaysSuccess}").sources
+    assert (source.name, source.file, source.source) == ("wave.py", tmp_path / "wave.py", WAVE.encode())
+
+
+def test_the_example_checks_without_a_word() -> None:
+    assert check_mission(load_document(EXAMPLES / "probe.yaml", "mission")).faults == ()
+    node = load_mission(EXAMPLES / "probe.yaml").trees["Main"].root.children[2].children[0].node
+    assert node is not None
+    assert [str(cause) for cause in node.declaration.causes] == ["probe.nothing", "control.*", "safety.*"]
+
+
+def test_a_plug_in_in_a_folder_below_the_mission(tmp_path: Path) -> None:
+    (tmp_path / "plugins").mkdir()
+    (tmp_path / "plugins" / "wave.py").write_text(WAVE)
+    assert mission(tmp_path, plugin="plugins/wave.py").main.root.id == "Wave"
+
+
+def test_a_ctrl_c_while_a_plug_in_is_imported_is_the_users(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        mission(tmp_path)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+# Installed plug-ins.
+
+
+def install(site: Path, source: str, value: str = "cell_skills", module: str = "cell_skills") -> None:
+    """What pip leaves behind of a distribution with one module and one entry point."""
+    (site / f"{module}.py").write_text(source)
+    info = site / "my_cell-1.2.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my-cell\nVersion: 1.2\n")
+    (info / "entry_points.txt").write_text(f"[picktree.nodes]\na_cell = {value}\n")
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder that distributions are found in."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(str(folder))
+    importlib.invalidate_caches()
+    yield folder
+    sys.modules.pop("cell_skills", None)
+
+
+def check(text: str) -> list[str]:
+    document = parse_document(f"picktree: 1\nkind: mission\n{text}\n", Path("m.yaml"), "mission")
+    return [str(found) for found in check_mission(document, Registry()).faults]
+
+
+@pytest.mark.parametrize("value", ["cell_skills", "cell_skills:NODES"])
+def test_an_installed_plug_in_needs_no_word_in_the_mission(site: Path, value: str) -> None:
+    install(site, WAVE, value)
+    read = parse_mission("picktree: 1\nkind: mission\ntrees: {Main: Wave}\n", Path("m.yaml"), Registry())
+    (source,) = read.sources
+    assert (source.name, source.file, source.distribution) == (
+        "cell_skills", site / "cell_skills.py", "my-cell 1.2",
+    )  # fmt: skip
+    other = parse_mission(
+        "picktree: 1\nkind: mission\ntrees: {Main: AlwaysSuccess}\n", Path("m.yaml"), Registry()
+    )
+    assert other.sources == ()
+
+
+def test_an_installed_plug_in_that_fails_is_named_only_where_a_node_is_missed(site: Path) -> None:
+    install(site, "1/0\n")
+    assert check("trees: {Main: AlwaysSuccess}") == []
+    assert check("trees: {Main: OpenGripper}") == []
+    assert check("trees: {Main: OpnGripper}") == [
+        "m.yaml:3:15: Main: unknown node 'OpnGripper' (did you mean 'OpenGripper'?)"
+    ]
+    assert check("trees: {Main: Zzz}") == [
+        "m.yaml:3:15: Main: unknown node 'Zzz' (the plug-in 'cell_skills' cannot be imported: "
+        "ZeroDivisionError: division by zero)"
+        + below(
+            f"""
+            Traceback (most recent call last):
+              File "{site}/cell_skills.py", line 1, in <module>
+                1/0
+                ~^~
+            ZeroDivisionError: division by zero
+            """
+        )
+    ]
+    (problem,) = Registry().problems
+    assert problem.plugin == "a_cell (cell_skills)"
+
+
+def test_an_installed_plug_in_cannot_take_the_place_of_ours(site: Path) -> None:
+    install(site, WAVE.replace("Wave(", "Grasp(").replace("(Wave", "(Grasp"))
+    found = Registry().find("Grasp")
+    assert found is not None and found.__module__ == "picktree.skills.grasp"
+    assert check("trees: {Main: Zzz}") == [
+        "m.yaml:3:15: Main: unknown node 'Zzz' (the plug-in 'cell_skills': the node 'Grasp' is already "
+        "offered by picktree.skills)"
+    ]
+
+
+def test_a_plug_in_that_prints_leaves_stdout_to_the_answer(tmp_path: Path) -> None:
+    (tmp_path / "wave.py").write_text(WAVE + "print('hello')\n")
+    program = f"""
+from pathlib import Path
+from picktree.trees.loader import load_mission
+print(load_mission(Path({str(tmp_path / "m.yaml")!r})).main.root.id)
+"""
+    (tmp_path / "m.yaml").write_text("picktree: 1\nkind: mission\nplugins: [wave.py]\ntrees: {Main: Wave}\n")
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert (ran.stdout, ran.stderr) == ("Wave\n", "hello\n")
