@@ -270,7 +270,11 @@ REPLACED = [
         "17:13: destinations[0].where: "
         "no item can fulfil this: check the colour, form and kind that it asks for",
     ),
-    ("colour == 'red'", "colour == 'red' and", "17:13: destinations[0].where: not an expression"),
+    (
+        "colour == 'red'",
+        "colour == 'red' and",
+        "17:13: destinations[0].where: not an expression: a value is missing after 'and'",
+    ),
     (
         "colour == 'red'",
         "colour < 3",
