@@ -55,6 +55,9 @@ class Node(Behaviour):
     """The node as a mission writes it, for the reference."""
     remembers: ClassVar[tuple[str, ...]] = ()
     """Attributes that change how the node goes on: plain values, FailureReports, tuples of them."""
+    positions: ClassVar[tuple[str, ...]] = ()
+    """Those of `remembers` that point at children: an index in the list, a tuple of them, a table's label.
+    They follow the child when the mission is edited under a run."""
     declaration: ClassVar[NodeDeclaration]
 
     path: str
@@ -81,6 +84,7 @@ class Node(Behaviour):
         self._runtime = runtime
         self._state = NodeStatus.IDLE
         self._slots: dict[str, tuple[tuple[str, Node], ...]] = {}
+        self._begun = False
         self._inputs: dict[str, object] = {}
         self._outputs: dict[str, object] = {}
 
@@ -95,6 +99,9 @@ class Node(Behaviour):
 
     def on_halt(self) -> None:
         """Called when the node is stopped while RUNNING, before its children are."""
+
+    def on_rewired(self, ports: frozenset[str]) -> None:
+        """Called when the node goes on under an edited mission that says something else for these ports."""
 
     @classmethod
     def check_ports(cls, given: frozenset[str]) -> tuple[str, ...]:
@@ -138,6 +145,7 @@ class Node(Behaviour):
         if state is not NodeStatus.FAILURE:
             self.failure = None
         self.seconds = time.perf_counter() - began
+        self._note_end()
         return state
 
     def halt(self) -> None:
@@ -151,11 +159,18 @@ class Node(Behaviour):
         self.failure = None
         self.feedback_message = ""
         self._set(NodeStatus.IDLE)
+        self._note_end()
 
     def save(self) -> dict[str, Plain]:
         """What `restore` needs to go on from here, as plain values."""
         remembered: dict[str, Plain] = {name: pack(getattr(self, name)) for name in self.remembers}
         return {
+            "id": self._wiring.id,
+            "children": [node.path for node in self.below],
+            "ports": {
+                key: bound.text if isinstance(bound, Constant) else str(bound)
+                for key, bound in self._wiring.ports.items()
+            },
             "state": self._state.value,
             "failure": report_to_plain(self.failure),
             "message": self.feedback_message,
@@ -168,6 +183,7 @@ class Node(Behaviour):
     def restore(self, saved: Mapping[str, Plain]) -> None:
         """Go back to what `save` gave."""
         self._set(NodeStatus(str(saved["state"])))
+        self._begun = self._state is NodeStatus.RUNNING
         self.failure = report_from_plain(saved["failure"])
         self.feedback_message = str(saved["message"])
         inputs = cast("dict[str, Plain]", saved["inputs"])
@@ -261,6 +277,12 @@ class Node(Behaviour):
             self._start()
         return self.on_tick()
 
+    def _note_end(self) -> None:
+        if self._begun and self._state is not NodeStatus.RUNNING:
+            self._begun = False
+            for hook in self._runtime.end_hooks:
+                hook(self.path)
+
     def _start(self) -> None:
         for node in self.below:
             node.halt()
@@ -268,6 +290,7 @@ class Node(Behaviour):
         self.feedback_message = ""
         self._outputs = {}
         self._set(NodeStatus.RUNNING)
+        self._begun = True
         for hook in self._runtime.start_hooks:
             hook(self.path)
         self.read_inputs()

@@ -9,6 +9,7 @@ from typing import cast
 from ..world.causes import Evidence, FailureReport
 from ..world.errors import PicktreeError
 from ..world.journal import Plain
+from .adoption import Adoption, adopt
 from .blackboard import Blackboard, Write
 from .node import Node
 from .references import Constant
@@ -78,6 +79,11 @@ class Tree:
     def on_start(self) -> list[Callable[[str], None]]:
         """Called with the path of each node that starts, before it reads its inputs."""
         return self._runtime.start_hooks
+
+    @property
+    def on_end(self) -> list[Callable[[str], None]]:
+        """Called with the path of each node that has ended or was halted, its status set."""
+        return self._runtime.end_hooks
 
     @property
     def status(self) -> NodeStatus:
@@ -154,6 +160,15 @@ class Tree:
             self._by_path[path].restore(state)
             self._by_path[path].ticked = False
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
+
+    def adopt(self, saved: Mapping[str, Plain]) -> Adoption:
+        """Go on from a saved state of another version of the mission; this tree is new, not yet ticked.
+
+        The blackboard is taken over whole, and each node whose path and type are the same goes on where it
+        was; the others begin anew.
+        """
+        self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
+        return adopt(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
 
     def _reports(self) -> tuple[NodeReport, ...]:
         return tuple(_report(node) for node in self._nodes)

@@ -24,6 +24,8 @@ class Runtime:
     blackboard: Blackboard = field(default_factory=Blackboard)
     start_hooks: list[Callable[[str], None]] = field(default_factory=list[Callable[[str], None]])
     """Called with a node's path when it starts, before it reads its inputs."""
+    end_hooks: list[Callable[[str], None]] = field(default_factory=list[Callable[[str], None]])
+    """Called with a node's path when it has ended or was halted; its status and failure are set by then."""
 
 
 @dataclass(frozen=True, slots=True)

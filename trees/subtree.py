@@ -26,8 +26,11 @@ class SubTree(Node):
         self.inside = inside
 
     def on_start(self) -> None:
+        self.on_rewired(frozenset(self.wiring.ports))
+
+    def on_rewired(self, ports: frozenset[str]) -> None:
         for key, wired in self.wiring.ports.items():
-            if isinstance(wired, Constant):
+            if key in ports and isinstance(wired, Constant):
                 self.inside.write(key, wired.value, self.path)
 
     def on_tick(self) -> NodeStatus:

@@ -20,6 +20,7 @@ class IfThenElse(Control):
         labels=("if", "then", "else"),
     )
     remembers = ("_chosen",)
+    positions = ("_chosen",)
     _chosen: int = 0
 
     def on_start(self) -> None:

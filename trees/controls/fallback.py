@@ -17,6 +17,7 @@ class Fallback(Control):
 
     parts = children("what is tried, in this order")
     remembers = ("_index", "_skipped")
+    positions = ("_index",)
     _index: int = 0
     _skipped: int = 0
 

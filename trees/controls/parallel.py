@@ -21,6 +21,7 @@ class Parallel(Control):
     success_count: In[int] = port("how many children must succeed", default=-1)
     failure_count: In[int] = port("how many failures are too many", default=1)
     remembers = ("_ended", "_succeeded", "_failed", "_reports")
+    positions = ("_ended",)
     _ended: tuple[int, ...] = ()
     _succeeded: int = 0
     _failed: int = 0

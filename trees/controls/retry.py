@@ -34,7 +34,8 @@ class RetryUntilSuccessful(Decorator):
         self._attempts += 1
         report = self.body.failure
         fault = report is not None and matches(str(internal.ANY), report.cause)
-        if fault or self._attempts == self.num_attempts:
+        # More than allowed, when the number was edited under the run.
+        if fault or 0 < self.num_attempts <= self._attempts:
             return self._give_up(report)
         # Without end, so that hours of retrying do not grow the state.
         self._reports = (*self._reports, *((report,) if report else ()))[-_KEPT:]

@@ -16,6 +16,7 @@ class Sequence(Control):
 
     parts = children("what is done, in this order")
     remembers = ("_index", "_skipped")
+    positions = ("_index",)
     _index: int = 0
     _skipped: int = 0
 
