@@ -2,7 +2,8 @@
 
 from ..trees.node import Node
 from .recover import Recover
+from .recovery_node import RecoveryNode
 from .safe_retreat import SafeRetreat
 
-NODES: tuple[type[Node], ...] = (Recover, SafeRetreat)
+NODES: tuple[type[Node], ...] = (Recover, RecoveryNode, SafeRetreat)
 """What the entry point `picktree.nodes` offers."""

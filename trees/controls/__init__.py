@@ -9,13 +9,14 @@ from .leaves import AlwaysFailure, AlwaysSuccess, Condition, Log, SetBlackboard
 from .parallel import Parallel
 from .repeat import KeepRunningUntilFailure, Repeat
 from .retry import RetryUntilSuccessful
+from .round_robin import RoundRobin
 from .run_once import RunOnce
 from .sequence import ReactiveSequence, Sequence
 from .switch import Switch
 from .timing import Delay, Timeout
 
 NODES: tuple[type[Node], ...] = (
-    Sequence, Fallback, ReactiveSequence, ReactiveFallback, Parallel,
+    Sequence, Fallback, ReactiveSequence, ReactiveFallback, RoundRobin, Parallel,
     IfThenElse, WhileDoElse, Switch, ForEach,
     Inverter, ForceSuccess, ForceFailure, Repeat, KeepRunningUntilFailure, RetryUntilSuccessful,
     Timeout, Delay, RunOnce,

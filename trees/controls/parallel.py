@@ -53,16 +53,14 @@ class Parallel(Control):
                     skipped += 1
                 case _:
                     pass
-            if self._succeeded >= wanted:
+            # As BT.CPP: of a number that counts from the end, skipped children need not succeed.
+            spared = skipped if self.success_count < 0 and skipped < total else 0
+            if self._succeeded + spared >= wanted:
                 return NodeStatus.SUCCESS
             if total - self._failed < wanted or self._failed >= tolerated:
                 first = self._reports[0] if self._reports else None
                 return self.fail_with(with_attached(first, self._reports[1:]) if first else None)
-        if skipped == total:
-            return NodeStatus.SKIPPED
-        # As BT.CPP: of a number that counts from the end, skipped children need not succeed.
-        enough = self.success_count < 0 and self._succeeded + skipped >= wanted
-        return NodeStatus.SUCCESS if enough else NodeStatus.RUNNING
+        return NodeStatus.SKIPPED if skipped == total else NodeStatus.RUNNING
 
     def _count(self, number: int) -> int:
         return max(0, len(self.parts) + number + 1) if number < 0 else number

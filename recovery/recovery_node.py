@@ -1,0 +1,38 @@
+"""RecoveryNode: Nav2's, a Recover with one cure for every cause."""
+
+from __future__ import annotations
+
+from ..trees.node import Node
+from ..trees.ports import In, port
+from ..trees.slots import children
+from ..trees.status import NodeStatus
+from ..world.causes import FailureReport
+from .recovering import Recovering
+
+
+class RecoveryNode(Recovering):
+    """Runs its first child; when it fails, runs the second, then the first again, as Nav2's.
+
+    The first child runs once more than `number_of_retries`. The node fails when the second child fails or is
+    skipped, with the first one's cause, the cure's attached; and when all retries are used up, with the last
+    cause, the earlier ones attached. SKIPPED when the first child is. The tick ends between the two.
+    `Recover` chooses the cure by the cause.
+    """
+
+    parts = children("what is to succeed, and what may cure its failure", least=2, most=2)
+    number_of_retries: In[int] = port("how often the second child may run", default=1, least=0)
+
+    def tried(self) -> Node:
+        return self.parts[0]
+
+    def most_runs(self) -> int:
+        return self.number_of_retries + 1
+
+    def cure_of(self, report: FailureReport) -> str:
+        return self.parts[1].name
+
+    def cure(self, label: str) -> Node:
+        return self.parts[1]
+
+    def goes_on_after(self, cure: NodeStatus) -> bool:
+        return cure is NodeStatus.SUCCESS

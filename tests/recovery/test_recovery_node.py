@@ -1,0 +1,72 @@
+"""RecoveryNode with scripted leaves: what it fails with, and what it tells the journal."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from picktree.recovery import RecoveryNode
+from picktree.trees.builder import build
+from picktree.trees.loader import parse_mission
+from picktree.trees.registry import Registry
+from picktree.trees.status import NodeStatus
+from picktree.world.causes import FailureReport
+from picktree.world.world import World
+
+from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
+
+TEXT = """\
+picktree: 1
+kind: mission
+trees:
+  Main:
+    RecoveryNode:
+      number_of_retries: %s
+      do:
+        - Scripted: {name: Do, script: "%s"}
+        - Scripted: {name: Cure, script: "%s"}
+"""
+
+
+def start(retries: int, tried: str, cure: str) -> Run:
+    world = FakeWorld()
+    mission = parse_mission(
+        TEXT % (retries, tried, cure), FILE, Registry((*NODES, RecoveryNode), installed=False)
+    )
+    return Run(build(mission, cast("World", world), {}), world)
+
+
+def failed(run: Run) -> FailureReport:
+    assert run.to_end()[-1] is NodeStatus.FAILURE
+    report = run.tree.failure
+    assert report is not None
+    return report
+
+
+def test_a_recovery_node_fails_with_the_cause_that_was_not_cured() -> None:
+    report = failed(start(2, "grasp.missed", "control.timeout"))
+    assert (str(report.cause), report.node) == ("grasp.missed", "Main/RecoveryNode/Do")
+    assert [str(other.cause) for other in report.attached] == ["control.timeout"]
+
+
+def test_a_recovery_node_whose_retries_are_used_up_attaches_the_earlier_failures() -> None:
+    run = start(2, "grasp.missed|grasp.slipped|control.timeout", "S")
+    report = failed(run)
+    assert str(report.cause) == "control.timeout"
+    assert [str(other.cause) for other in report.attached] == ["grasp.missed", "grasp.slipped"]
+    assert (run.trace.count("start Do"), run.trace.count("start Cure")) == (3, 2)
+
+
+def test_a_recovery_node_does_not_cure_a_fault_of_the_program() -> None:
+    run = start(2, "crash", "S")
+    assert str(failed(run).cause) == "internal.error"
+    assert "start Cure" not in run.trace
+
+
+def test_a_recovery_node_tells_the_journal_what_it_cures() -> None:
+    run = start(1, "grasp.missed|S", "S")
+    assert letters(run.to_end()) == "RRS"
+    notes = run.world.journal.take()
+    assert [str(getattr(note, "message", "")) for note in notes] == [
+        "grasp.missed in Main/RecoveryNode/Do: Cure is tried (attempt 1 of 2)",
+        "cured after 1 failures: grasp.missed",
+    ]

@@ -1,0 +1,190 @@
+"""Control nodes tick by tick against the table in semantics.yaml, and the reference that is made of it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+import pytest
+import yaml
+
+from picktree import recovery
+from picktree.trees import controls
+from picktree.trees.builder import build
+from picktree.trees.loader import parse_mission
+from picktree.trees.node import Node
+from picktree.trees.registry import Registry
+from picktree.trees.status import NodeStatus
+from picktree.world.files.reader import resolve
+from picktree.world.world import World
+
+from .scripted import FILE, FakeWorld, Run
+
+ANSWERS = {
+    "S": NodeStatus.SUCCESS,
+    "F": NodeStatus.FAILURE,
+    "R": NodeStatus.RUNNING,
+    "K": NodeStatus.SKIPPED,
+}
+LEAF = re.compile("[A-Z]")
+HERE = Path(__file__).parent
+DOCS = HERE.parents[1] / "docs" / "control-nodes.md"
+CASES: dict[str, dict[str, object]] = yaml.load(
+    (HERE / "semantics.yaml").read_text(encoding="utf-8"), yaml.CSafeLoader
+)
+
+
+@dataclass
+class ToldWorld(FakeWorld):
+    """What each leaf answers at its successive ticks, by its name."""
+
+    answers: str = ""
+
+    def answer(self, name: str) -> str:
+        given = re.findall(rf"\b{name}:([SFRK])", self.answers)
+        asked = sum(event.startswith(f"{name}:") for event in self.trace)
+        return given[asked] if asked < len(given) else "?"
+
+
+class Told(Node):
+    """A leaf that answers as the case says; asked more often than that it runs, and the trace shows `?`."""
+
+    kind = "action"
+
+    def on_tick(self) -> NodeStatus:
+        world = cast("ToldWorld", self.world)
+        letter = world.answer(self.name)
+        world.trace.append(f"{self.name}:{letter}")
+        return ANSWERS.get(letter, NodeStatus.RUNNING)
+
+    def on_halt(self) -> None:
+        cast("ToldWorld", self.world).trace.append(f"halt {self.name}")
+
+
+def with_leaves(tree: object) -> object:
+    """`A` and `{A: {…}}` as leaves of that name."""
+    match tree:
+        case str() if LEAF.fullmatch(tree):
+            return {"Told": {"name": tree}}
+        case dict():
+            return dict(_entry(str(key), value) for key, value in cast("dict[object, object]", tree).items())
+        case list():
+            return [with_leaves(item) for item in cast("list[object]", tree)]
+        case _:
+            return tree
+
+
+def _entry(key: str, value: object) -> tuple[str, object]:
+    if LEAF.fullmatch(key):
+        return "Told", {"name": key, **cast("dict[str, object]", value)}
+    return key, with_leaves(value)
+
+
+def started(case: dict[str, object]) -> Run:
+    trees = {"Main": with_leaves(case["tree"]), **cast("dict[str, object]", with_leaves(case.get("sub", {})))}
+    text = f"picktree: 1\nkind: mission\ntrees: {json.dumps(trees)}\n"
+    registry = Registry((Told, *recovery.NODES), installed=False)
+    world = ToldWorld(answers=" ".join(cast("list[str]", case["ticks"])))
+    return Run(build(parse_mission(text, FILE, registry), cast("World", world)), world)
+
+
+def step(run: Run, before: str) -> None:
+    """What stands before the bar, and the tick."""
+    for word in before.split():
+        if word == "halt":
+            run.tree.halt()
+            return
+        key, _, value = word.partition("=")
+        run.tree.blackboard.write(f"Main/{key}", resolve(value), "test")
+    run.tick()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_table_holds(name: str) -> None:
+    case = CASES[name]
+    run = started(case)
+    expected = cast("list[str]", case["ticks"])
+    seen: list[str] = []
+    for line in expected:
+        before, bar, _ = line.rpartition("| ")
+        done = len(run.trace)
+        step(run, before)
+        events = [*run.trace[done:], "->", str(run.tree.status)]
+        seen.append(before + bar + " ".join(events))
+    assert seen == expected
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_whatever_happens_nothing_runs_below_what_does_not(name: str) -> None:
+    case = CASES[name]
+    run = started(case)
+    for line in cast("list[str]", case["ticks"]):
+        step(run, line.rpartition("| ")[0])
+        for node in run.tree.nodes:
+            if node.state is not NodeStatus.RUNNING:
+                assert [below.path for below in node.below if below.state is NodeStatus.RUNNING] == []
+
+
+def test_a_case_is_a_sentence_a_tree_and_its_ticks() -> None:
+    for name, case in CASES.items():
+        assert set(case) - {"differs", "sub"} == {"shows", "tree", "ticks"}, name
+        assert str(case["shows"]).endswith("."), name
+
+
+# The reference in docs/control-nodes.md.
+
+
+@dataclass(frozen=True)
+class Rule:
+    node: str
+    text: str
+    held_by: tuple[str, ...]
+
+
+def rules() -> Iterator[Rule]:
+    """Each item of the lists under the headings: the rule, and the names in back-ticks at its end."""
+    node = ""
+    for block in re.split(r"\n(?=#|- |\n)", DOCS.read_text(encoding="utf-8")):
+        line = " ".join(block.split())
+        if line.startswith("#"):
+            node = line.lstrip("# ").strip("`")
+        elif line.startswith("- "):
+            held = re.search(r"\(((?:`[\w-]+`(?:, )?)+)\)$", line)
+            assert held, f"nothing holds this rule: {line}"
+            yield Rule(node, line[2 : held.start()].strip(), tuple(re.findall(r"`([\w-]+)`", held[1])))
+
+
+def names_of_tests() -> set[str]:
+    """Names of the test functions about trees and recovery."""
+    files = [*HERE.glob("test_*.py"), *(HERE.parent / "recovery").glob("test_*.py")]
+    return {name for file in files for name in re.findall(r"^def (test_\w+)", file.read_text("utf-8"), re.M)}
+
+
+def test_every_rule_is_one_sentence_held_by_a_case_or_a_test() -> None:
+    known = {*CASES, *names_of_tests()}
+    found = list(rules())
+    assert len(found) >= 100
+    for rule in found:
+        assert rule.text.endswith("."), rule.text
+        assert set(rule.held_by) <= known, rule
+
+
+def test_every_case_holds_a_rule() -> None:
+    named = {name for rule in rules() for name in rule.held_by}
+    assert set(CASES) - named == set()
+
+
+def test_every_node_of_the_language_has_rules() -> None:
+    nodes = {node.declaration.id for node in (*controls.NODES, *recovery.NODES)} - {"SafeRetreat"}
+    assert nodes - {rule.node for rule in rules()} == set()
+
+
+def test_where_we_differ_the_reference_says_so() -> None:
+    text = " ".join(DOCS.read_text(encoding="utf-8").split())
+    differing = {name for name, case in CASES.items() if "differs" in case}
+    said = set(re.findall(r"`([\w-]+)`", text.partition("## Where we differ")[2]))
+    assert differing == said & set(CASES)
