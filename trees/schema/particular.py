@@ -1,0 +1,65 @@
+"""What a schema can know of a mission before it is read: of any mission, or of one that stands in a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...world.errors import PicktreeError
+from ...world.files.document import Document
+from ...world.robot.load import load_robot
+from ...world.scene.load import load_scene, scene_names
+from ..faults import Faults
+from ..loader import examine
+from ..mission import Mission
+from ..ports import NameKind, PortDeclaration
+from ..registry import Registry
+from ..surroundings import Surroundings, surroundings
+from ..tree_ports import TreePorts
+from .mission import Particular
+from .values import Known
+
+
+def any_mission() -> Particular:
+    """The names of the shipped scenes are proposed; others are as good."""
+    names: dict[NameKind, dict[str, None]] = {}
+    for scene in scene_names():
+        for kind, found in _of_scene(scene, None).names.items():
+            names.setdefault(kind, {}).update(dict.fromkeys(found))
+    return Particular(known=Known({kind: tuple(found) for kind, found in names.items()}))
+
+
+def one_mission(document: Document, registry: Registry) -> Particular:
+    """Of a mission file, which may be faulty. Its plug-ins' nodes are added to the registry.
+
+    Raises PicktreeError for a plug-in that fails.
+    """
+    mission = examine(document, registry).mission
+    files = (mission.document, *mission.included)
+    trees: dict[str, tuple[PortDeclaration, ...]] = {}
+    for file in files:
+        plugins = file.data.get("plugins")
+        for plugin in plugins if isinstance(plugins, list) else []:
+            if isinstance(plugin, str) and plugin:
+                registry.add_plugin(plugin, file.path.parent)
+        bodies = file.data.get("trees")
+        declared = TreePorts(file, Faults())
+        for name, body in (bodies if isinstance(bodies, dict) else {}).items():
+            trees[name] = declared.of(name, body)
+    # A name that a node has already is a fault, and no tree.
+    trees = {name: ports for name, ports in trees.items() if registry.find(name) is None}
+    known = _known(mission)
+    return Particular(True, trees, Known(known.names, all=True) if known else Known())
+
+
+def _known(mission: Mission) -> Surroundings | None:
+    if mission.scene is None:
+        return None
+    try:
+        return _of_scene(mission.scene, mission.document.path.parent)
+    except PicktreeError:
+        return None
+
+
+def _of_scene(name: str, beside: Path | None) -> Surroundings:
+    scene = load_scene(name, beside)
+    return surroundings(scene, load_robot(scene.robot, Path(scene.source).parent))

@@ -1,0 +1,93 @@
+"""Declarations in the words of people: what a port takes, its default; for editors and the reference."""
+
+from __future__ import annotations
+
+import re
+
+from ..world.files.quantities import example
+from .declaration import NodeDeclaration
+from .ports import PortDeclaration, Required
+from .types import Name
+
+_ONE: dict[Name, str] = {
+    "string": "text", "int": "whole number", "float": "number", "bool": "true or false",
+    "object": "id of an object", "expression": "expression", "any": "any value",
+}  # fmt: skip
+_MANY: dict[Name, str] = {
+    "string": "list of texts", "int": "list of whole numbers", "float": "list of numbers",
+    "bool": "list of true or false", "object": "list of ids of objects", "expression": "list of expressions",
+    "any": "list",
+}  # fmt: skip
+_NAMED = {
+    "camera": "name of a camera of the scene",
+    "pose": "name of a pose of the robot",
+    "bin": "name of a bin of the scene",
+    "fixture": "name of a fixture or bin of the scene",
+    "kind": "name of a kind of the scene's catalogue",
+    "colour": "name of a colour",
+}
+
+
+def type_words(port: PortDeclaration) -> str:
+    """What the port takes: `number, m`, `name of a camera of the scene`."""
+    if port.names is not None and not port.type.many:
+        words = _NAMED[port.names]
+    else:
+        words = (_MANY if port.type.many else _ONE)[port.type.name]
+    if port.unit:
+        words += f", {port.unit}"
+    return f"{words}, or null" if port.type.optional else words
+
+
+def default_words(port: PortDeclaration) -> str:
+    """The default as a file would say it; `none` for one that means "not given", empty when there is none."""
+    match port.default:
+        case Required():
+            return ""
+        case None | "" | []:
+            return "none"
+        case bool() as flag:
+            return str(flag).lower()
+        case int() | float() as number:
+            return f"{number:g} {port.unit}" if port.unit else f"{number:g}"
+        case other:
+            return str(other)
+
+
+def unit_words(port: PortDeclaration) -> str:
+    """How a number with a unit may be written; empty for a port without unit."""
+    if not port.unit or port.type.name != "float":
+        return ""
+    if port.unit == "ms":
+        return 'a bare number is in ms; or with a unit, as "500 ms" or "2 s"'
+    return f'a bare number is in {port.unit}; or with a unit, as "{example(port.unit)}"'
+
+
+def uses_words(node: NodeDeclaration) -> str:
+    """`arm and gripper`; empty for a node that uses nothing."""
+    return listed([str(resource.value) for resource in node.uses])
+
+
+def hand_words(node: NodeDeclaration) -> str:
+    """What is in the hand after success; empty when the node does not change it."""
+    match node.hand_after:
+        case "full":
+            return "After success the hand holds the object."
+        case "empty":
+            return "After success the hand is empty."
+        case "unchanged":
+            return ""
+
+
+def flowing(doc: str) -> str:
+    """A docstring without the line breaks that fit it to the code; paragraphs stay."""
+    paragraphs = re.split(r"\n\s*\n", doc)
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+
+
+def listed(words: list[str]) -> str:
+    """
+    >>> listed(["arm", "gripper", "camera"])
+    'arm, gripper and camera'
+    """
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
