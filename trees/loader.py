@@ -30,6 +30,7 @@ from .plugin_import import PluginError
 from .ports import PortDeclaration
 from .registry import Registry
 from .tree_ports import TreePorts
+from .wires import at_character
 
 _KEYS = ("picktree", "kind", "name", "scene", "goal", "library", "include", "plugins", "trees")
 _NOT_IN_LIBRARY = ("scene", "goal")
@@ -155,8 +156,7 @@ class _Reader:
         try:
             goal = Expression.parse(value)
         except ExpressionError as error:
-            message = f"{error}, at character {error.offset + 1} of {value!r}"
-            self._fault(("goal",), message, code="P225")
+            self._fault(("goal",), f"{error}{at_character(value, error.offset)}", code="P225")
             return None
         for name in sorted(goal.names - set(_GOAL_NAMES)):
             self._fault(("goal",), f"a goal knows no {name!r}", nearest(name, _GOAL_NAMES), code="P203")

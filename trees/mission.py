@@ -19,10 +19,13 @@ MAIN = "Main"
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """`key = expression` or `key := expression` of a postcondition."""
+    """`key := expression` of a postcondition; not `new`: `key = expression`, for a key that is there."""
 
     key: str
     value: Expression
+    new: bool = True
+    at: int = 0
+    """The character (from 0) of the postcondition's text at which the value begins."""
 
 
 @dataclass(frozen=True, slots=True)

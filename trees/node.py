@@ -13,11 +13,12 @@ from py_trees.common import Status
 from ..world.causes import Cause, Failure, FailureReport, Family, internal, matches, tree, world
 from ..world.files.expressions import Expression
 from ..world.journal import Happened, Plain
-from .declaration import PRECONDITIONS, Hand, Kind, NodeDeclaration, Resource, declare
+from .conditions import assign_after, settled_before
+from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
 from .plain import plain_copy
 from .ports import PortDeclaration
 from .references import Constant, Reference
-from .reports import pack, plain_evidence, report_from_plain, report_to_plain, unpack
+from .reports import pack, plain_evidence, report_from_plain, report_to_plain, unpack, with_attached
 from .runtime import Runtime, Wiring, evaluate
 from .status import NodeStatus
 from .types import accept
@@ -137,11 +138,13 @@ class Node(Behaviour):
             state = self.fail_with(self._report(failure))
         except Exception as error:  # noqa: BLE001 - the border of this floor
             state = self.fail_with(self._fault(error, "ticked"))
-        self._set(state)
         if state is not NodeStatus.RUNNING:
             for node in self.below:
                 if node.state is NodeStatus.RUNNING:
                     node.halt()
+        if self._wiring.postconditions:
+            state = self._postconditions(state)
+        self._set(state)
         if state is not NodeStatus.FAILURE:
             self.failure = None
         self.seconds = time.perf_counter() - began
@@ -156,6 +159,9 @@ class Node(Behaviour):
             self._guarded_halt()
         for node in self.below:
             node.halt()
+        if self._state is NodeStatus.RUNNING:
+            for problem in assign_after(self._wiring, self.world, NodeStatus.IDLE):
+                self.note("postcondition_failed", problem.message, cause=problem.cause.name)
         self.failure = None
         self.feedback_message = ""
         self._set(NodeStatus.IDLE)
@@ -297,24 +303,24 @@ class Node(Behaviour):
         self.on_start()
 
     def _precondition(self) -> NodeStatus | None:
-        """BT.CPP's: the first three are asked when the node would start, `_while` at every tick."""
-        running = self._state is NodeStatus.RUNNING
-        for name in PRECONDITIONS:
-            expression = self._wiring.preconditions.get(name)
-            if expression is None or (running and name != "_while"):
-                continue
-            try:
-                true = self.holds(expression)
-            except Failure:
-                self.halt()
-                raise
-            if name == "_while" and not true:
-                self.halt()
-                return NodeStatus.SKIPPED
-            if name != "_while" and true:
-                self.halt()
-                return _SETTLED[name]
-        return None
+        """The status that a precondition gives in place of a tick. Raises Failure when one has no value."""
+        try:
+            settled = settled_before(self._wiring, self.world, running=self._state is NodeStatus.RUNNING)
+        except Failure:
+            self.halt()
+            raise
+        if settled is not None:
+            self.halt()
+        return settled
+
+    def _postconditions(self, state: NodeStatus) -> NodeStatus:
+        """One that cannot be carried out makes a success a failure, and never hides a failure."""
+        problems = assign_after(self._wiring, self.world, state)
+        if not problems:
+            return state
+        if state is NodeStatus.FAILURE and self.failure is not None:
+            return self.fail_with(with_attached(self.failure, problems))
+        return self.fail_with(with_attached(problems[0], problems[1:]))
 
     def _read(self, port: PortDeclaration, wired: Reference) -> object:
         where = f"input {port.key!r} of {self._wiring.id}: "
@@ -364,13 +370,6 @@ class Node(Behaviour):
             self.on_halt()
         except Exception as error:  # noqa: BLE001 - a fault here must not keep siblings from being halted
             self._fault(error, "halted")
-
-
-_SETTLED: Mapping[str, NodeStatus] = {
-    "_failureIf": NodeStatus.FAILURE,
-    "_successIf": NodeStatus.SUCCESS,
-    "_skipIf": NodeStatus.SKIPPED,
-}
 
 
 class Control(Node, abstract=True):

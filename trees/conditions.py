@@ -1,0 +1,72 @@
+"""Pre- and postconditions of a node, as BehaviorTree.CPP has them.
+
+Before: `_failureIf`, `_successIf`, `_skipIf` are asked, in this order, when the node would start; `_while` at
+every tick. After: `_onSuccess` or `_onFailure`, then `_post`; `_onHalted` when it was stopped while RUNNING.
+A skipped node assigns nothing, and a halted one nothing but `_onHalted`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from ..world.causes import Failure, FailureReport, tree
+from .declaration import PRECONDITIONS
+from .runtime import Wiring, evaluate
+from .status import NodeStatus
+
+if TYPE_CHECKING:
+    from ..world.world import World
+    from .mission import Assignment
+
+ON_HALTED = "_onHalted"
+_AFTER: Mapping[NodeStatus, tuple[str, ...]] = {
+    NodeStatus.SUCCESS: ("_onSuccess", "_post"),
+    NodeStatus.FAILURE: ("_onFailure", "_post"),
+}
+_SETTLED: Mapping[str, NodeStatus] = {
+    "_failureIf": NodeStatus.FAILURE,
+    "_successIf": NodeStatus.SUCCESS,
+    "_skipIf": NodeStatus.SKIPPED,
+}
+
+
+def settled_before(wiring: Wiring, world: World, *, running: bool) -> NodeStatus | None:
+    """The status that a precondition gives the node in place of a tick; None: it is ticked.
+
+    Raises Failure when a precondition has no value.
+    """
+    for name in PRECONDITIONS:
+        expression = wiring.preconditions.get(name)
+        if expression is None or (running and name != "_while"):
+            continue
+        true = bool(evaluate(expression, wiring.namespace, world))
+        if name == "_while" and not true:
+            return NodeStatus.SKIPPED
+        if name != "_while" and true:
+            return _SETTLED[name]
+    return None
+
+
+def assign_after(wiring: Wiring, world: World, state: NodeStatus) -> tuple[FailureReport, ...]:
+    """Carry out what belongs to that end; IDLE: to having been halted. What could not be, as reports."""
+    names = (ON_HALTED,) if state is NodeStatus.IDLE else _AFTER.get(state, ())
+    problems: list[FailureReport] = []
+    for name in names:
+        try:
+            for assignment in wiring.postconditions.get(name, ()):
+                _assign(assignment, wiring, world)
+        except Failure as failure:
+            problems.append(FailureReport(failure.cause, f"{name}: {failure.message}", {}, wiring.path))
+    return tuple(problems)
+
+
+def _assign(assignment: Assignment, wiring: Wiring, world: World) -> None:
+    value = evaluate(assignment.value, wiring.namespace, world)
+    if not assignment.new and not wiring.namespace.has(assignment.key):
+        message = f"nothing has written {assignment.key!r} yet; ':=' writes it anew"
+        raise Failure(tree.MISSING_INPUT, message, key=assignment.key)
+    try:
+        wiring.namespace.write(assignment.key, value, wiring.path)
+    except ValueError as error:
+        raise Failure(tree.MISSING_INPUT, str(error), key=assignment.key) from None
