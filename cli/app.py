@@ -13,6 +13,8 @@ from typing import Annotated
 import typer
 
 from ..world.errors import PicktreeError
+from .check import check
+from .explain_code import explain_code
 from .run import run
 from .snapshot import snapshot
 
@@ -23,6 +25,8 @@ app = typer.Typer(
     rich_markup_mode=None,  # importing rich would triple the time of --help
     pretty_exceptions_enable=False,
 )
+app.command()(check)
+app.command()(explain_code)
 app.command()(run)
 app.command()(snapshot)
 

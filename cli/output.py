@@ -6,8 +6,14 @@ import os
 import shlex
 import shutil
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, Any, TextIO
+
+import typer
+
+if TYPE_CHECKING:
+    from ..world.files.rendering import Paint
 
 
 def keep_stdout() -> TextIO:
@@ -30,3 +36,20 @@ def program() -> str:
     if found is not None and Path(found).resolve() == called.resolve():
         return called.name
     return shlex.quote(sys.argv[0])
+
+
+def painter(stream: TextIO) -> Paint:
+    """How to colour text for that stream: not at all unless it is a terminal that wants it."""
+    if not stream.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return lambda text, role: text
+    return lambda text, role: typer.style(text, **_STYLES[role])
+
+
+_STYLES: Mapping[str, Mapping[str, Any]] = {
+    "place": {"bold": True},
+    "error": {"fg": "red", "bold": True},
+    "warning": {"fg": "yellow", "bold": True},
+    "hint": {"fg": "cyan"},
+    "margin": {"fg": "blue"},
+    "caret": {"fg": "red", "bold": True},
+}

@@ -8,13 +8,14 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from contextlib import AbstractContextManager, suppress
-from typing import Annotated, TypeVar
+from dataclasses import dataclass
+from typing import Annotated, Any, TypeVar
 
 import pydantic
-from pydantic import AfterValidator, BaseModel, BeforeValidator, Strict
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Strict, WithJsonSchema
 
 from .document import Document, Fault, FileError, Location
-from .marks import MAX_FAULTS, Severity, too_many
+from .marks import MAX_FAULTS, SPOILT, Severity, too_many
 from .misfits import Wrong, follows, misfit
 from .nearest import nearest
 from .partial import FileModel, Unread, partly
@@ -27,13 +28,22 @@ __all__ = [
 ]  # fmt: skip
 
 HEADER = ("picktree", "kind")
-_SPOILT = ("P113", "P116", "P120")
-"""Faults of form that spoil the value at their place: what else is said of it only follows."""
+
+
+@dataclass(frozen=True)
+class Quantity(BeforeValidator):
+    """Reads a number with a unit, and says so in a JSON Schema under `unit`."""
+
+    unit: str = ""
+    bounds: tuple[tuple[str, float], ...] = ()
+
+    def __get_pydantic_json_schema__(self, _: object, __: object) -> dict[str, Any]:
+        return {"type": ["string", "number"], "unit": self.unit, **dict(self.bounds)}
 
 
 def quantity(
     unit: str, *, above: float | None = None, least: float | None = None, most: float | None = None
-) -> BeforeValidator:
+) -> Quantity:
     """A number with a unit: greater than `above`, not under `least`, not over `most` (SI)."""
 
     def read(value: object) -> float:
@@ -44,7 +54,10 @@ def quantity(
         except NotFinite as error:
             raise Wrong(str(error), code="P120") from None
         except ValueError as error:
-            raise Wrong(str(error), meant_number(value), code="P109") from None
+            meant = meant_number(value)
+            raise Wrong(
+                f"{describe(value)} is not a number" if meant else str(error), meant, code="P109"
+            ) from None
         written = value if isinstance(value, str) else f"{value} {unit}".strip()
         what = dimension(unit) or "it"
         if number < 0 and (above == 0 or least == 0):
@@ -60,7 +73,9 @@ def quantity(
             raise Wrong(f"{written} is more than {in_unit(most, unit, written)}", code="P107")
         return number
 
-    return BeforeValidator(read, json_schema_input_type=float | str)
+    given = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
+    bounds = tuple((key, bound) for key, bound in given.items() if bound is not None)
+    return Quantity(read, float | str, unit, bounds)
 
 
 def _identifier(value: str) -> str:
@@ -70,7 +85,8 @@ def _identifier(value: str) -> str:
     return value
 
 
-Name = Annotated[str, AfterValidator(_identifier)]
+_NAME_FORM = {"type": "string", "pattern": r"^[A-Za-z_][A-Za-z0-9_]*(?![\s\S])"}
+Name = Annotated[str, AfterValidator(_identifier), WithJsonSchema(_NAME_FORM)]
 Flag = Annotated[bool, Strict()]
 Length = Annotated[float, quantity("m")]
 Size = Annotated[float, quantity("m", above=0, most=100)]
@@ -95,7 +111,7 @@ class Checker:
     def __init__(self, document: Document) -> None:
         self.document = document
         self.faults: list[Fault] = list(document.faults)
-        self._spoilt = {fault.mark for fault in document.faults if fault.code in _SPOILT}
+        self._spoilt = {fault.mark for fault in document.faults if fault.code in SPOILT}
 
     @property
     def full(self) -> bool:

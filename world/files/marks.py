@@ -49,6 +49,10 @@ MAX_FAULTS = 100
 """Of one file: who has a hundred to mend does not read on."""
 
 
+SPOILT = ("P113", "P116", "P120")
+"""Faults of form that spoil the value at their place: what else is said of it only follows."""
+
+
 def too_many(mark: Mark) -> Fault:
     """What stands for all faults beyond MAX_FAULTS; `mark` is the place of the first of them."""
     return Fault(mark, "", f"more than {MAX_FAULTS} faults; the rest is not shown", code="P126")

@@ -47,7 +47,7 @@ def can_hold(
     unknown = sorted(expression.names - set(NAMES))
     if unknown:
         raise ExpressionError(f"unknown name {unknown[0]!r}; known: {', '.join(NAMES)}")
-    known = (tuple(colours), tuple(forms), tuple(kinds))
+    known = (tuple(colours), tuple(forms), tuple(kinds) or ("unknown",))
     # What the rule does not ask for need not be varied.
     varied = [
         names if name in expression.names else names[:1] for name, names in zip(NAMES, known, strict=True)

@@ -44,6 +44,8 @@ class SceneCheck:
 
     scene: SceneDescription | None
     faults: tuple[Fault, ...]
+    robot: Path | None = None
+    """The file of its robot, where there is one."""
 
 
 def load_scene(name_or_path: str, beside: Path | None = None) -> SceneDescription:
@@ -75,7 +77,7 @@ def check_scene(own: Document) -> SceneCheck:
         return SceneCheck(None, (*error.faults, *_own_faults(own)))
     parts = _Parts(document)
     scene = parts.scene(own) if parts.check() else None
-    return SceneCheck(scene, tuple(parts.checker.faults))
+    return SceneCheck(scene, tuple(parts.checker.faults), parts.robot)
 
 
 def _faultless(document: Document) -> SceneDescription:
@@ -120,12 +122,13 @@ class _Parts:
         self.spawn = check.sequence(SpawnFile, "spawn")
         self.destinations = check.sequence(DestinationFile, "destinations")
         self.catalogue: Mapping[str, CatalogueEntry | None] = {}
+        self.robot: Path | None = None
 
     def check(self) -> bool:
         """Look for faults of meaning in all that could be read. Whether the whole file is without error."""
         check = self.checker
         with check.readable():
-            self._check_robot(self.rest.robot)
+            self.robot = self._robot(self.rest.robot)
         workspace = self._workspace()
         for name, entry in self.bodies.items():
             check_body(check, name, entry)
@@ -145,10 +148,10 @@ class _Parts:
         rest, limits = self.rest, self.rest.limits
         bodies = [body(name, entry) for name, entry in self.bodies.items()]
         bins = {str(b.id): b for b in bodies if isinstance(b, Bin)}
-        shipped = find_file(rest.robot, ROBOTS, self._robot_folder(), "robot")
+        assert self.robot is not None
         return SceneDescription(
             name=own.path.stem,
-            robot=rest.robot if shipped.parent == ROBOTS else str(shipped.resolve()),
+            robot=rest.robot if self.robot.parent == ROBOTS else str(self.robot.resolve()),
             fixtures=tuple(b for b in bodies if not isinstance(b, Bin)),
             bins=tuple(bins.values()),
             cameras=tuple(camera(name, entry) for name, entry in self.cameras.items()),
@@ -166,15 +169,13 @@ class _Parts:
             text=_text(own, self.document),
         )
 
-    def _robot_folder(self) -> Path:
-        """The file in which the robot is named, which may be the base of this one."""
-        return Path(self.document.mark(("robot",)).file)
-
-    def _check_robot(self, robot: str) -> None:
+    def _robot(self, name: str) -> Path | None:
+        """The robot's file; its path counts from the file that names it: this one or its base."""
         try:
-            find_file(robot, ROBOTS, self._robot_folder(), "robot")
+            return find_file(name, ROBOTS, Path(self.document.mark(("robot",)).file), "robot")
         except PicktreeError as error:
             self.checker.fault(("robot",), str(error), code="P401")
+            return None
 
     def _workspace(self) -> Bounds | None:
         """None when it is faulty."""

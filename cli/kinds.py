@@ -1,0 +1,38 @@
+"""Which function checks which kind of file. Each is imported when a file of its kind is met."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..world.files.checking import Check
+    from ..world.files.document import Document
+    from ..world.files.marks import Fault
+
+
+def _mission(document: Document) -> Iterable[Fault]:
+    from ..trees.check import check_mission
+
+    return check_mission(document).faults
+
+
+def _scene(document: Document) -> Iterable[Fault]:
+    from ..world.robot.cell import check_cell
+
+    return check_cell(document)
+
+
+def _robot(document: Document) -> Iterable[Fault]:
+    from ..world.robot.load import check_robot
+
+    return check_robot(document).faults
+
+
+def _faults(document: Document) -> Iterable[Fault]:
+    from ..world.faults.load import check_faults
+
+    return check_faults(document).faults
+
+
+CHECKS: Mapping[str, Check] = {"mission": _mission, "scene": _scene, "robot": _robot, "faults": _faults}

@@ -1,0 +1,70 @@
+"""Every code has a page, every page is used, and its examples do what they say."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from picktree.cli.kinds import CHECKS
+from picktree.world.errors import PicktreeError
+from picktree.world.files.checking import Given, check_files
+from picktree.world.files.codes import Example, index, page, pages
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("cli", "logs", "recovery", "skills", "trees", "world")
+MISSION = "picktree: 1\nkind: mission\n"
+
+
+def codes_in_sources() -> set[str]:
+    texts = (file.read_text(encoding="utf-8") for room in ROOMS for file in (ROOT / room).rglob("*.py"))
+    return {code for text in texts for code in re.findall(r"[\"'](P\d{3})[\"']", text)}
+
+
+def codes_of(example: Example, folder: Path) -> set[str]:
+    """The codes of all that is wrong with an example, in a folder that holds the example missions."""
+    for file in (ROOT / "examples").glob("*.yaml"):
+        shutil.copy(file, folder)
+    if example.text.startswith("$ picktree check "):
+        path = folder / example.text.removeprefix("$ picktree check ")
+        return {fault.code for fault in check_files([path], CHECKS).faults}
+    text = f"{MISSION}{example.text}" if example.text.startswith("trees:") else example.text
+    raw = f"{text}\n".encode()
+    if example.language == "text":  # bytes that a page cannot show are written \xe9
+        raw = re.sub(rb"\\x([0-9a-f]{2})", lambda match: bytes([int(match[1], 16)]), raw)
+    return {fault.code for fault in check_files([Given(folder / "example.yaml", raw)], CHECKS).faults}
+
+
+@pytest.mark.parametrize("family", ["P1", "P4", "P5", "P6"])
+def test_every_code_has_a_page_and_every_page_is_used(family: str) -> None:
+    written = {each.code for each in pages() if each.code.startswith(family)}
+    used = {code for code in codes_in_sources() if code.startswith(family)}
+    assert sorted(used - written) == [], "codes without a page"
+    assert sorted(written - used) == [], "pages that no source uses"
+
+
+@pytest.mark.parametrize("code", [each.code for each in pages()])
+def test_the_examples_of_a_page(code: str, tmp_path: Path) -> None:
+    explained = page(code)
+    if explained.wrong.language == "xml":
+        pytest.skip("XML is read by picktree convert")
+    assert explained.wrong.text != explained.right.text
+    assert code in codes_of(explained.wrong, tmp_path)
+    assert code not in codes_of(explained.right, tmp_path)
+
+
+def test_a_page_is_found_in_small_letters_and_an_unknown_one_named() -> None:
+    assert page("p104").title == "Unknown key"
+    with pytest.raises(PicktreeError) as caught:
+        page("P1044")
+    assert str(caught.value) == "there is no code 'P1044' (did you mean 'P104'?)"
+    with pytest.raises(PicktreeError) as caught:
+        page("nonsense")
+    assert str(caught.value) == "there is no code 'nonsense' (`picktree explain-code` lists all)"
+
+
+def test_the_index_is_up_to_date() -> None:
+    """`picktree explain-code --index > docs/codes.md` makes it anew."""
+    assert (ROOT / "docs" / "codes.md").read_text(encoding="utf-8") == index()
