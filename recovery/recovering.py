@@ -15,6 +15,7 @@ class Recovering(Control, abstract=True):
 
     causes = (tree.ATTEMPTS,)
     remembers = ("_runs", "_reports", "_handler", "_giving_up")
+    positions = ("_handler",)
     _runs: int = 0
     _reports: tuple[FailureReport, ...] = ()
     _handler: str = ""

@@ -29,31 +29,25 @@ class Adoption:
 def adopt(nodes: Sequence[Node], saved: Mapping[str, Mapping[str, Plain]]) -> Adoption:
     """Give each node of a new tree (parents first) the saved state of the node of its path and type.
 
-    A node runs on only under a parent that does: what stands below a node that begins anew is IDLE.
+    What stands below a node that begins anew is halted: it is IDLE, and remembers what outlasts that.
     """
     kept: list[str] = []
-    running: set[str] = set()
     for node in nodes:
         state = saved.get(node.path)
+        above = cast("Node | None", node.parent)
         if state is None or state.get("id") != node.wiring.id:
             continue
-        above = cast("Node | None", node.parent)
-        if _take_over(node, state, saved, above is None or above.path in running):
+        if _take_over(node, state, saved, above is None or above.state is not NodeStatus.IDLE):
             kept.append(node.path)
-        if node.state is NodeStatus.RUNNING:
-            running.add(node.path)
-    paths = [node.path for node in nodes]
-    known = set(kept)
-    fresh = tuple(path for path in paths if path not in known)
-    return Adoption(tuple(kept), fresh, tuple(path for path in saved if path not in set(paths)))
+    going_on, now = set(kept), {node.path: None for node in nodes}
+    fresh = tuple(path for path in now if path not in going_on)
+    return Adoption(tuple(kept), fresh, tuple(path for path in saved if path not in now))
 
 
 def _take_over(
-    node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]], may_run: bool
+    node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]], active: bool
 ) -> bool:
-    """Whether the node goes on as it was; if not it is IDLE, with what it keeps beyond an activation."""
-    was = NodeStatus(str(state["state"]))
-    active = may_run or was is not NodeStatus.RUNNING
+    """Take over the state, and halt what cannot go on; False when it ran and begins anew."""
     memory = _memory(node, state)
     try:
         report_from_plain(state["failure"])
@@ -61,21 +55,16 @@ def _take_over(
             unpack(value)
     except PicktreeError:  # a cause that the edited plug-in no longer has
         return False
-    lost = any(name not in memory for name in node.positions)
-    if was is NodeStatus.RUNNING and (not active or lost or _lost_a_skipped_child(node, state, saved)):
-        _begin_anew(node, memory)
-        return False
+    running = NodeStatus(str(state["state"])) is NodeStatus.RUNNING
+    lost = any(name not in memory for name in node.positions) or _lost_count(node, state, saved)
     node.restore({**state, "inputs": _inputs(node, state), "memory": memory})
-    if was is NodeStatus.RUNNING:
-        return _rewire(node, state, memory)
+    if not active or (running and (lost or not _rewired(node, state))):
+        node.halt()
+        return not running
     return True
 
 
-def _begin_anew(node: Node, memory: Mapping[str, Plain]) -> None:
-    node.restore({"state": "IDLE", "failure": None, "message": "", "inputs": {}, "memory": dict(memory)})
-
-
-def _rewire(node: Node, state: Mapping[str, Plain], memory: Mapping[str, Plain]) -> bool:
+def _rewired(node: Node, state: Mapping[str, Plain]) -> bool:
     """Let a running node see what the edited text says of its ports; False when that has no value yet."""
     before = cast("dict[str, Plain]", state["ports"])
     now = cast("dict[str, Plain]", node.save()["ports"])
@@ -84,7 +73,6 @@ def _rewire(node: Node, state: Mapping[str, Plain], memory: Mapping[str, Plain])
         try:
             node.read_inputs()
         except Failure:
-            _begin_anew(node, memory)
             return False
     if changed:
         node.on_rewired(changed)
@@ -118,7 +106,8 @@ def _position(node: Node, position: object, children: Sequence[str]) -> object:
     match position:
         case str():
             keys = [slot.key for slot in node.declaration.slots]
-            labels = {label or key for key in keys for label, _ in node.slot(key)}
+            filled = [(key, *child) for key in keys for child in node.slot(key)]
+            labels = {word for key, label, child in filled for word in (label or key, child.name)}
             return position if not position or position in labels else None
         case int():
             return _index(node, position, children)
@@ -139,10 +128,8 @@ def _index(node: Node, index: int, children: Sequence[str]) -> int | None:
     return now.index(children[index]) if children[index] in now else None
 
 
-def _lost_a_skipped_child(
-    node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]]
-) -> bool:
-    """Whether a child is gone that the node has counted as skipped."""
+def _lost_count(node: Node, state: Mapping[str, Plain], saved: Mapping[str, Mapping[str, Plain]]) -> bool:
+    """Whether a child is gone that the node has counted."""
     now = {child.path for child in node.below}
     gone = (path for path in cast("list[str]", state["children"]) if path not in now)
-    return bool(node.positions) and any(saved[path]["state"] == NodeStatus.SKIPPED.value for path in gone)
+    return any(NodeStatus(str(saved[path]["state"])) in node.counted for path in gone)

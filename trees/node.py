@@ -59,6 +59,8 @@ class Node(Behaviour):
     positions: ClassVar[tuple[str, ...]] = ()
     """Those of `remembers` that point at children: an index in the list, a tuple of them, a table's label.
     They follow the child when the mission is edited under a run."""
+    counted: ClassVar[tuple[NodeStatus, ...]] = ()
+    """Statuses of children of which it keeps a count: it begins anew when such a child is edited away."""
     declaration: ClassVar[NodeDeclaration]
 
     path: str

@@ -257,6 +257,16 @@ WITHOUT_A_PLACE = {"ForEach", "Repeat", "RetryUntilSuccessful", "RunOnce", "Time
 """They remember, but not at which child they stand: they have but one."""
 
 
+def test_a_round_robin_keeps_whose_turn_it_is() -> None:
+    def text(*parts: str) -> str:
+        return f"Main: {{RoundRobin: [{', '.join(parts)}]}}"
+
+    failing = leaf("A", "grasp.missed")
+    before = text(failing, rounds(), leaf("C"))
+    assert starts(edited(before, text(failing, leaf("new"), rounds(), leaf("C")))[0]) == "round round"
+    assert starts(edited(before, text(leaf("B"), rounds()))[0]) == "B"  # of A, which failed, it kept a count
+
+
 def test_every_node_that_remembers_says_which_of_it_points_at_children() -> None:
     remembering = {node.declaration.id: node for node in NODES if node.remembers}
     assert {name for name, node in remembering.items() if not node.positions} == WITHOUT_A_PLACE

@@ -18,6 +18,7 @@ class Fallback(Control):
     parts = children("what is tried, in this order")
     remembers = ("_index", "_skipped")
     positions = ("_index",)
+    counted = (NodeStatus.SKIPPED,)
     _index: int = 0
     _skipped: int = 0
 

@@ -23,6 +23,8 @@ class RoundRobin(Control):
     wrap_around: In[bool] = port("after the last child it is the first one's turn again", default=False)
     causes = (tree.ATTEMPTS,)
     remembers = ("_turn", "_failed")
+    positions = ("_turn",)
+    counted = (NodeStatus.FAILURE,)
     _turn: int = 0
     _failed: int = 0
 

@@ -17,6 +17,7 @@ class Sequence(Control):
     parts = children("what is done, in this order")
     remembers = ("_index", "_skipped")
     positions = ("_index",)
+    counted = (NodeStatus.SKIPPED,)
     _index: int = 0
     _skipped: int = 0
 
