@@ -56,7 +56,7 @@ def load_installed(module: str, distribution: str = "") -> Plugin:
 def _named(name: str, folder: Path) -> Plugin:
     if not _DOTTED.fullmatch(name):
         hint = "as 'my_cell.skills', or 'wave.py' for a file beside the mission"
-        raise PluginError(f"{name!r} cannot be the name of a module", hint, code="P250")
+        raise PluginError(f"{name!r} cannot be the name of a module", hint, code="P257")
     beside = f"{name}.py"
     hint = f"for the file beside the mission write {beside!r}" if is_file(folder / beside) else ""
     try:
@@ -65,7 +65,7 @@ def _named(name: str, folder: Path) -> Plugin:
         cause = error.__cause__
         if isinstance(cause, ModuleNotFoundError) and _is_part(cause.name, name):
             message = f"there is no plug-in {name!r}: no module of that name is installed"
-            raise PluginError(message, hint, code="P250") from None
+            raise PluginError(message, hint, code="P257") from None
         if error.code == "P253" and hint:  # a module of Python's own may have the same name
             raise PluginError(error.message, hint, code="P253") from None
         raise
@@ -81,12 +81,12 @@ def _file(plugin: str, folder: Path) -> Plugin:
         path = (folder / plugin).resolve()
         outside = not path.is_relative_to(folder.resolve())
     except (OSError, ValueError):
-        raise PluginError(f"{plugin!r} cannot be the name of a file", code="P250") from None
+        raise PluginError(f"{plugin!r} cannot be the name of a file", code="P257") from None
     if outside:
         message = f"the plug-in {plugin!r} lies outside of the mission's folder"
         raise PluginError(message, "copy it there, or install it and name its module", code="P251")
     if not is_file(path):
-        raise PluginError(f"there is no plug-in {plugin!r} beside the mission", code="P250")
+        raise PluginError(f"there is no plug-in {plugin!r} beside the mission", code="P257")
     with importing(plugin):
         source = path.read_bytes()
         name = f"picktree_plugin_{path.stem}_{hashlib.sha256(bytes(path)).hexdigest()[:8]}"

@@ -336,23 +336,23 @@ def test_a_cause_that_two_plug_ins_register_differently(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("plugin", "code", "text"),
     [
-        ("nowhere.py", "P250", "there is no plug-in 'nowhere.py' beside the mission"),
-        ("folder.py", "P250", "there is no plug-in 'folder.py' beside the mission"),
-        ('"a\\0.py"', "P250", "'a\\x00.py' cannot be the name of a file"),
-        ("a" * 300 + ".py", "P250", f"there is no plug-in '{'a' * 300}.py' beside the mission"),
+        ("nowhere.py", "P257", "there is no plug-in 'nowhere.py' beside the mission"),
+        ("folder.py", "P257", "there is no plug-in 'folder.py' beside the mission"),
+        ('"a\\0.py"', "P257", "'a\\x00.py' cannot be the name of a file"),
+        ("a" * 300 + ".py", "P257", f"there is no plug-in '{'a' * 300}.py' beside the mission"),
         (
             "no_such_module",
-            "P250",
+            "P257",
             "there is no plug-in 'no_such_module': no module of that name is installed",
         ),
         (
             "json.wavve",
-            "P250",
+            "P257",
             "there is no plug-in 'json.wavve': no module of that name is installed",
         ),
         (
             "greet",
-            "P250",
+            "P257",
             "there is no plug-in 'greet': no module of that name is installed (for the file beside the "
             "mission write 'greet.py')",
         ),
@@ -364,7 +364,7 @@ def test_a_cause_that_two_plug_ins_register_differently(tmp_path: Path) -> None:
         ),
         (
             ".wave",
-            "P250",
+            "P257",
             "'.wave' cannot be the name of a module (as 'my_cell.skills', or 'wave.py' for a file beside the "
             "mission)",
         ),
