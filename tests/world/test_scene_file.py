@@ -145,7 +145,7 @@ REPLACED = [
     (
         "box: [4 cm, 4 cm, 4 cm]",
         "mesh: none.stl",
-        "10:17: catalogue.block.mesh: there is no mesh file none.stl",
+        "10:17: catalogue.block.mesh: none.stl: there is no such file",
     ),
     (
         "  plate: {",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -61,12 +61,18 @@ def as_text(fault: Fault, sources: Sources, paint: Paint = plain) -> str:
     hint = paint(f" ({one_line(fault.hint)})", "hint") if fault.hint else ""
     sentence = f"{head} {kind} {_trail(fault)}{one_line(fault.message)}{hint}"
     excerpt = _excerpt(fault.mark, sources)
-    if excerpt is None:
-        return sentence
-    number = f"{fault.mark.line:>5} |"
-    margin = f"{'':>5} |"
-    caret = " " * excerpt.caret + paint("^", "caret")
-    return f"{sentence}\n{paint(number, 'margin')} {excerpt.line}\n{paint(margin, 'margin')} {caret}"
+    lines = [sentence]
+    if excerpt is not None:
+        caret = " " * excerpt.caret + paint("^", "caret")
+        lines.append(f"{paint(f'{fault.mark.line:>5} |', 'margin')} {excerpt.line}")
+        lines.append(f"{paint('      |', 'margin')} {caret}")
+    return "\n".join([*lines, *(f"      {one_line(line)}" for line in fault.detail.splitlines())])
+
+
+def fault_lines(faults: Iterable[Fault], paint: Paint = plain) -> str:
+    """Faults of files as they lie on the disk."""
+    sources = Sources()
+    return "\n".join(as_text(fault, sources, paint) for fault in faults)
 
 
 def as_github(fault: Fault) -> str:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import struct
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
-from ..files.shipped import is_file
+from ..files.opening import Unreadable, read_bytes
 from ..shapes import ConvexMesh
 
-MAX_BYTES = 20_000_000
+FORMATS = ("obj", "stl", "ply", "off")
+"""Formats of one file that holds nothing but a mesh: none that names or packs other files."""
+MAX_BYTES = 1_000_000
 MAX_VERTICES = 256
 """Of the hull: contact costs grow with it."""
 HOLLOW = 1.05
@@ -31,12 +34,17 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
     # Imported here: trimesh costs 0.3 s, and few scenes have meshes.
     import trimesh
 
-    if not is_file(path):
-        raise MeshError(f"there is no mesh file {path}")
-    if path.stat().st_size > MAX_BYTES:
-        raise MeshError(f"the mesh file is larger than {MAX_BYTES // 1_000_000} MB")
+    suffix = path.suffix.lower().removeprefix(".")
+    if suffix not in FORMATS:
+        raise MeshError(f"{path.name} is no mesh file", f"known: {', '.join(FORMATS)}")
     try:
-        loaded = trimesh.load(str(path), force="mesh")  # pyright: ignore[reportUnknownMemberType]
+        raw = read_bytes(path, MAX_BYTES)
+    except Unreadable as error:
+        raise MeshError(f"{path}: {error.message}") from None
+    # Handed over as bytes: nothing beside the file is looked for, such as materials and textures.
+    options: dict[str, Any] = {"skip_materials": True} if suffix == "obj" else {}
+    try:
+        loaded = trimesh.load(io.BytesIO(raw), suffix, force="mesh", **options)  # pyright: ignore[reportUnknownMemberType]
         mesh = cast("trimesh.Trimesh", loaded)
         vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3) * scale
         if len(vertices) < 4 or not np.isfinite(vertices).all():
@@ -52,9 +60,12 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
         raise
     except (
         ValueError, OSError, LookupError, TypeError, AttributeError, ArithmeticError,
-        RuntimeError, ImportError, struct.error,
+        RuntimeError, struct.error,
     ) as error:  # fmt: skip
-        raise MeshError(f"the mesh file cannot be read: {error or type(error).__name__}") from None
+        said = str(error).strip().partition("\n")[0] or type(error).__name__
+        raise MeshError(f"the mesh file cannot be read: {said}") from None
+    except ImportError:  # trimesh looks for a library that guesses the encoding of a damaged file
+        raise MeshError("the mesh file is damaged, or of another format than its name says") from None
     size = points.max(axis=0) - points.min(axis=0)
     if volume < 1e-12 or float(size.min()) < 1e-4:
         raise MeshError("the mesh is flat: it encloses no volume")
