@@ -11,11 +11,9 @@ from ..files.document import Document, Fault, FileError, Location, nearest, open
 from ..scene.description import SceneDescription
 from ..scene.load import load_scene
 from .description import AtNode, AtTime, Bump, FaultFile, FaultSpec, Friction, Remove, Target, When
-from .schema import FaultEntryFile, FaultsRestFile, TargetFile, WhenFile
+from .schema import MAY, NEEDS, FaultEntryFile, FaultsRestFile, TargetFile, WhenFile
 
 _OWN_KEYS = ("friction", "mass", "velocity", "spin")
-_NEEDS = {"remove": (), "friction": ("friction",), "bump": ("velocity",)}
-_MAY = {"remove": (), "friction": ("friction", "mass"), "bump": ("velocity", "spin")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +86,9 @@ def _check_entry(check: Checker, n: int, entry: FaultEntryFile) -> None:
     with check.readable():
         for name in _OWN_KEYS:
             given = check.document.get((*loc, name)) is not None
-            if given and name not in _MAY[entry.fault]:
+            if given and name not in MAY[entry.fault]:
                 check.fault((*loc, name), f"{entry.fault!r} takes no {name!r}", code="P602", key=True)
-            if not given and name in _NEEDS[entry.fault]:
+            if not given and name in NEEDS[entry.fault]:
                 check.fault(loc, f"{entry.fault!r} needs {name!r}", code="P601")
     with check.readable():
         if entry.target == TargetFile():
@@ -103,7 +101,7 @@ def _check_entry(check: Checker, n: int, entry: FaultEntryFile) -> None:
 
 
 def _check_when(check: Checker, loc: Location, when: WhenFile) -> None:
-    if check.one_of(loc, ("at", "node")) == "at":
+    if check.one_of(loc, WhenFile.one_of) == "at":
         for name in ("start", "delay"):
             if getattr(when, name) is not None:
                 check.fault((*loc, name), f"{name!r} belongs to 'node'", code="P605", key=True)

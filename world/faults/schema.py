@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, Strict
+from pydantic import AfterValidator, Field, Strict, WithJsonSchema
 
 from ..colours import ITEM_COLOURS
 from ..files.checked import Duration, FileModel, Mass, Wrong, describe, quantity
@@ -25,36 +25,77 @@ def _pattern(text: str) -> str:
     return text
 
 
+ItemColour = Annotated[str, AfterValidator(_colour), WithJsonSchema({"enum": list(ITEM_COLOURS)})]
+NodePattern = Annotated[str, AfterValidator(_pattern), WithJsonSchema({"type": "string", "pattern": "[^/]"})]
 Speed = Annotated[float, quantity("m/s", least=-10, most=10)]
 Spin = Annotated[float, quantity("rad/s", least=-100, most=100)]
 
 
 class WhenFile(FileModel):
+    """When it happens: at a time, or when a node starts."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("at", "node")
+    """Exactly one of these is given."""
+
     at: Duration | None = None
-    node: Annotated[str, AfterValidator(_pattern)] | None = None
+    """Simulated time since the run began."""
+    node: NodePattern | None = None
+    """The node that starts: its name, or a path as SortOne/Grasp; '*' and '?' stand for other letters."""
     start: Annotated[int, Strict(), Field(ge=1)] | None = None
+    """At which of the node's starts, from 1; the first unless given. Only with `node`."""
     delay: Duration | None = None
+    """How long after the node's start; at once unless given. Only with `node`."""
 
 
 class TargetFile(FileModel):
+    """Which item is meant: of those that fit all that is given the nearest, or the first that was spawned."""
+
     index: Annotated[int, Strict(), Field(ge=0)] | None = None
+    """Its number in the order of spawning, from 0."""
     kind: str | None = None
+    """Its kind, by the scene's catalogue."""
     form: Form | None = None
-    colour: Annotated[str, AfterValidator(_colour)] | None = None
+    """Its form."""
+    colour: ItemColour | None = None
+    """Its colour."""
     nearest_to: Literal["tool", "object"] | None = None
+    """The nearest to the TCP, or to where the belief has what the node's port `object` names."""
 
 
 class FaultEntryFile(FileModel):
+    """One thing that goes wrong: what, when, and to which item."""
+
     fault: Literal["remove", "friction", "bump"]
+    """remove: the item is snatched away. friction: it is oiled or made heavier. bump: it gets a push."""
     when: WhenFile
+    """When it happens."""
     target: TargetFile
+    """To which item."""
     friction: Annotated[float, quantity("", least=0, most=2)] | None = None
+    """Its new coefficient of friction. Only of the fault friction, which needs it."""
     mass: Mass | None = None
+    """Its new mass; unchanged unless given. Only of the fault friction."""
     velocity: tuple[Speed, Speed, Speed] | None = None
+    """What it gets all at once, along x, y, z of the world. Only of the fault bump, which needs it."""
     spin: tuple[Spin, Spin, Spin] | None = None
+    """What it gets all at once, about x, y, z of the world; none unless given. Only of the fault bump."""
+
+
+NEEDS = {"remove": (), "friction": ("friction",), "bump": ("velocity",)}
+"""What must be given with a fault."""
+MAY = {"remove": (), "friction": ("friction", "mass"), "bump": ("velocity", "spin")}
+"""What may be given with a fault."""
 
 
 class FaultsRestFile(FileModel):
     """What stands in a faults file beside its list."""
 
     scene: str | None = None
+    """A scene, shipped or a file beside this one: kinds, colours and numbers of items are held against it."""
+
+
+class FaultsFile(FaultsRestFile):
+    """What is to go wrong in a run. Only the simulation knows; the robot finds out."""
+
+    faults: list[FaultEntryFile]
+    """The faults; those that are due in the same tick happen in this order."""

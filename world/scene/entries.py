@@ -12,11 +12,10 @@ from ..shapes import Box, Cylinder, Shape, Sphere
 from ..values import Array, ObjectId, Pose, Vector3
 from .description import Bin, CameraDescription, CatalogueEntry, Fixture, Form
 from .meshes import MeshError, load_convex
-from .schema import CameraFile, CatalogueFile, FixtureFile
+from .schema import FORMS, CameraFile, CatalogueFile, FixtureFile
 
 RESERVED = ("arm", "gripper", "hand", "aside")
 """Names that the belief uses for other things."""
-FORMS: tuple[Form, ...] = ("box", "cylinder", "sphere", "plate", "mesh")
 FLAT = 1 / 3
 """A plate's height is at most this share of its shorter side."""
 
@@ -24,7 +23,7 @@ FLAT = 1 / 3
 def check_body(check: Checker, name: str, entry: FixtureFile) -> None:
     """Faults of a fixture or a bin."""
     loc: Location = ("fixtures", name)
-    which = check.one_of(loc, ("box", "bin"))
+    which = check.one_of(loc, FixtureFile.one_of)
     if name in RESERVED or (which == "bin" and name == "table"):
         hint = f"no body may be called {', '.join(RESERVED)}" if name in RESERVED else "the table is no bin"
         check.fault(loc, f"the name {name!r} is taken", hint, code="P403", key=True)
@@ -118,7 +117,7 @@ def _unit(vector: Array) -> Array:
 def kind(check: Checker, name: str, entry: CatalogueFile) -> CatalogueEntry | None:
     """A kind of the catalogue; None when it has faults."""
     loc: Location = ("catalogue", name)
-    form = check.one_of(loc, FORMS)
+    form = check.one_of(loc, CatalogueFile.one_of)
     if name == "unknown":
         hint = "it stands for what fits no kind"
         check.fault(loc, "the name 'unknown' is taken", hint, code="P403", key=True)

@@ -27,8 +27,17 @@ from .description import (
     Thinking,
 )
 from .destinations import can_hold
-from .entries import FORMS, body, camera, check_body, check_camera, kind
-from .schema import SECTIONS, CameraFile, CatalogueFile, DestinationFile, FixtureFile, RestFile, SpawnFile
+from .entries import body, camera, check_body, check_camera, kind
+from .schema import (
+    FORMS,
+    SECTIONS,
+    CameraFile,
+    CatalogueFile,
+    DestinationFile,
+    FixtureFile,
+    RestFile,
+    SpawnFile,
+)
 
 SHIPPED = Path(__file__).parent.parent / "scenes"
 ROBOTS = Path(__file__).parent.parent / "robots"

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, cast
+from collections.abc import Iterable
+from typing import Annotated, ClassVar, cast, get_args
 
-from pydantic import AfterValidator, BeforeValidator, Field, Strict
+from pydantic import AfterValidator, BeforeValidator, Field, Strict, WithJsonSchema
 
 from ..colours import ITEM_COLOURS, PLAIN_COLOURS
 from ..files.checked import (
@@ -16,6 +17,7 @@ from ..files.checked import (
     Force,
     Length,
     Mass,
+    Name,
     Share,
     Size,
     Sizes,
@@ -25,10 +27,11 @@ from ..files.checked import (
 )
 from ..files.nearest import nearest
 from ..files.wording import describe
-from .description import Limits, SensorNoise, Thinking
+from .description import Form, Limits, SensorNoise, Thinking
 
 SECTIONS = ("fixtures", "cameras", "catalogue", "spawn", "destinations")
 """The parts of a scene file that are read entry by entry; the rest is `RestFile`."""
+FORMS: tuple[Form, ...] = get_args(Form)
 
 
 def _item_colour(name: str) -> str:
@@ -49,19 +52,23 @@ def _plain_colour(name: str) -> str:
     return name
 
 
-def _as_mapping(key: str) -> BeforeValidator:
-    """A bare value stands for a mapping with one key."""
+def _as_mapping(key: str, given: object) -> BeforeValidator:
+    """A bare value stands for a mapping with one key; `given` is what may be written."""
 
     def wrap(value: object) -> object:
         if value is None or isinstance(value, dict | FileModel):
             return cast("object", value)
         return {key: value}
 
-    return BeforeValidator(wrap)
+    return BeforeValidator(wrap, json_schema_input_type=given)
 
 
-ItemColour = Annotated[str, AfterValidator(_item_colour)]
-PlainColour = Annotated[str, AfterValidator(_plain_colour)]
+def _names(known: Iterable[str]) -> WithJsonSchema:
+    return WithJsonSchema({"enum": list(known)})
+
+
+ItemColour = Annotated[str, AfterValidator(_item_colour), _names(ITEM_COLOURS)]
+PlainColour = Annotated[str, AfterValidator(_plain_colour), _names(PLAIN_COLOURS)]
 ItemSize = Annotated[float, quantity("m", least=0.001, most=1.0)]
 ItemSizes = tuple[ItemSize, ItemSize, ItemSize]
 Noise = Annotated[float, quantity("m", least=0, most=0.1)]
@@ -74,106 +81,216 @@ Cost = Annotated[float, quantity("s", least=0, most=10)]
 
 
 class CylinderFile(FileModel):
+    """A cylinder that stands on a round face."""
+
     radius: ItemSize
+    """Of the round face."""
     height: ItemSize
+    """Along its axis."""
 
 
 class SphereFile(FileModel):
+    """A ball."""
+
     radius: ItemSize
+    """Half its width."""
 
 
 class MeshFile(FileModel):
+    """A convex body from a mesh file."""
+
     file: str
+    """An OBJ or STL file; its path counts from this file. Its hull is what the robot handles."""
     scale: Annotated[float, quantity("", above=0)] = 1.0
+    """Factor on the mesh's own coordinates: 0.001 for a mesh in mm."""
 
 
 class FixtureFile(FileModel):
+    """A body that never moves: a box as a table or shelf, or a bin to put items into."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("box", "bin")
+    """Exactly one of these is given."""
+
     box: Sizes | None = None
+    """Edge lengths along x, y, z; `at` is its centre. Either this or `bin`."""
     bin: Sizes | None = None
+    """Outside lengths of an open bin along x, y, z; `at` is the centre of its underside. Needs `wall`."""
     at: Vector
+    """Where it stands: x, y, z in the world."""
     rpy: Angles | None = None
+    """How it is turned: about the world's x, then y, then z. Only a box."""
     yaw: Angle | None = None
+    """How it is turned about the world's z, where that is all. Not beside `rpy`."""
     wall: Size | None = None
+    """Thickness of a bin's walls and floor."""
     colour: PlainColour = "grey"
+    """What cameras see: an unsaturated colour, so that it is told from items."""
 
 
 class OffsetFile(FileModel):
+    """How far a camera really hangs from where it is believed to hang, in its believed frame."""
+
     offset: Vector = (0.0, 0.0, 0.0)
+    """Along the picture's x (right), y (down) and z (forward)."""
     rpy: Angles = (0.0, 0.0, 0.0)
+    """About the picture's x, y and z."""
 
 
 class CameraFile(FileModel):
+    """A camera for colour and depth that hangs still."""
+
     at: Vector
+    """Where it hangs: x, y, z in the world."""
     look_at: Vector
+    """The point in the middle of its picture: x, y, z in the world."""
     up: Vector | None = None
+    """What is up in the picture, a direction in the world; z unless given, x when it looks up or down."""
     size: tuple[Pixels, Pixels] = (320, 240)
+    """Width and height of the picture in pixels."""
     fov: FieldOfView = math.radians(60)
+    """Vertical field of view."""
     depth_noise: Noise = 0.002
+    """Standard deviation of the depth at 0.7 m; it grows with the square of the depth."""
     edge_dropout: Share = 0.5
+    """Probability that a pixel on an edge of the depth picture returns nothing."""
     near: Distance = 0.05
+    """Nearest depth that it sees."""
     far: Distance = 3.0
-    error: Annotated[OffsetFile, _as_mapping("offset")] = OffsetFile()
+    """Farthest depth that it sees."""
+    error: Annotated[OffsetFile, _as_mapping("offset", OffsetFile | Vector)] = OffsetFile()
+    """Where it really hangs, seen from where it is believed to hang; three lengths stand for `offset`."""
 
 
 class CatalogueFile(FileModel):
+    """A kind of item: what the scene may spawn and perception may recognise."""
+
+    one_of: ClassVar[tuple[Form, ...]] = FORMS
+    """Exactly one of these is given."""
+
     box: ItemSizes | None = None
+    """Edge lengths along x, y, z as it stands on the table."""
     cylinder: CylinderFile | None = None
+    """A can: it stands upright or lies."""
     sphere: SphereFile | None = None
+    """A ball."""
     plate: ItemSizes | None = None
-    mesh: Annotated[MeshFile | None, _as_mapping("file")] = None
+    """A flat box; its height, the last number, is at most a third of the shorter side."""
+    mesh: Annotated[MeshFile | None, _as_mapping("file", MeshFile | str | None)] = None
+    """A convex body of another shape; a bare text is its mesh file."""
     mass: Mass
+    """Of one item."""
     friction: Annotated[float, quantity("", least=0, most=2)]
+    """Coulomb's coefficient against the table and the fingers."""
     force_limit: Force | None = None
+    """Greatest grip force of a finger that it survives; without it any."""
 
 
 class AreaFile(FileModel):
+    """A rectangle on the table, along the world's axes, for the items' centres."""
+
     min: Corner
+    """Smallest x and y in the world."""
     max: Corner
+    """Greatest x and y in the world."""
 
 
 class SpawnFile(FileModel):
+    """Items that are set down at random where a run begins; where, follows from scene and seed alone."""
+
     of: Annotated[dict[str, Count], Field(min_length=1)]
+    """How many of each kind of the catalogue."""
     colours: Annotated[tuple[ItemColour, ...], Field(min_length=1)]
+    """Given out in turn, shuffled: with three colours a third of the items has each."""
     area: AreaFile
+    """Where on the table."""
     gap: Annotated[float, quantity("m", least=0, most=1)] = 0.025
+    """Free distance between any two items as seen from above."""
     lying: Share = 0.0
+    """Share of the cylinders that lie on their side."""
     tumbled: Flag = False
+    """Dropped from 10 cm in any orientation instead of set down: items roll, and lean on one another."""
 
 
 class DestinationFile(FileModel):
+    """A rule that says where items belong. The first that holds for an item counts."""
+
     where: str
+    """For which items: an expression of colour, form and kind, as "colour == 'red' and kind != 'can'"."""
     to: str
+    """The bin, by its name under `fixtures`."""
 
 
 class WorkspaceFile(FileModel):
+    """A box along the world's axes."""
+
     min: Vector = Limits().workspace.min
+    """Smallest x, y, z in the world."""
     max: Vector = Limits().workspace.max
+    """Greatest x, y, z in the world."""
 
 
 class LimitsFile(FileModel):
+    """What the safety monitor enforces: beyond it the robot stops, and only a SafeRetreat goes on."""
+
     force: Force = Limits().force
+    """Greatest contact force at the wrist."""
     workspace: WorkspaceFile = WorkspaceFile()
+    """Where the TCP may be."""
 
 
 class ThinkingFile(FileModel):
+    """Simulated time that computing costs; zero is allowed, and reports then say so."""
+
     collision_check: Cost = Thinking().collision_check
+    """For each configuration that a planner checks."""
     image: Cost = Thinking().image
+    """For taking a picture and recognising what is in it."""
 
 
 class SensorsFile(FileModel):
+    """Standard deviations of the sensors other than the cameras."""
+
     encoder: Annotated[float, quantity("rad", least=0, most=0.1)] = SensorNoise().encoder
+    """Of each joint's angle."""
     width: Annotated[float, quantity("m", least=0, most=0.1)] = SensorNoise().width
+    """Of the opening between the fingers."""
     force: Annotated[float, quantity("N", least=0, most=100)] = SensorNoise().force
+    """Of the force at the wrist, each axis."""
     torque: Annotated[float, quantity("Nm", least=0, most=100)] = SensorNoise().torque
+    """Of the torque at the wrist, each axis."""
 
 
 class RestFile(FileModel):
     """What stands in a scene file beside its sections."""
 
     base: str | None = None
+    """A scene, shipped or a file beside this one, on which this one is laid: mappings merge, other values
+    replace, null removes."""
     robot: str
+    """A shipped robot, or a robot file beside this one."""
     limits: LimitsFile = LimitsFile()
+    """What the safety monitor enforces."""
     thinking: ThinkingFile = ThinkingFile()
+    """Simulated time that computing costs."""
     sensors: SensorsFile = SensorsFile()
+    """Noise of the sensors other than the cameras."""
     checkpoint_every: Count = 4
+    """How many items are handled from one checkpoint of a run to the next."""
     goal: str | None = None
+    """When a run has reached its goal: an expression of the numbers of items total, sorted, misplaced and
+    left; every item at its destination unless given."""
+
+
+class SceneFile(RestFile):
+    """A scene: what stands where, what cameras see, which items there are, and where they belong."""
+
+    fixtures: dict[Name, FixtureFile] | None = None
+    """Bodies that never move, by name: the table, bins, obstacles."""
+    cameras: dict[Name, CameraFile] | None = None
+    """Cameras by name."""
+    catalogue: dict[Name, CatalogueFile] | None = None
+    """The kinds of items by name."""
+    spawn: list[SpawnFile] | None = None
+    """Items that are set down at random."""
+    destinations: list[DestinationFile] | None = None
+    """Rules that say where items belong; an item for which none holds stays where it is."""
