@@ -53,13 +53,14 @@ def _parameters(ports: tuple[PortDeclaration, ...], given: Mapping[str, Plain]) 
             continue
         value = given[port.key]
         try:
-            bindings[port.key] = Constant(_parameter(value, port), value)
+            bindings[port.key] = Constant(parameter_value(value, port), value)
         except ValueError as error:
             raise PicktreeError(f"the mission's parameter {port.key!r}: {error}") from None
     return bindings
 
 
-def _parameter(value: Plain, port: PortDeclaration) -> object:
+def parameter_value(value: Plain, port: PortDeclaration) -> object:
+    """The value that a parameter of the mission gets; a text is read as in a file. Raises ValueError."""
     if isinstance(value, str) and port.type.many:
         value = [_scalar(part.strip(), port) for part in value.split(",") if part.strip()]
     elif isinstance(value, str):

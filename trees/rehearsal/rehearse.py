@@ -1,0 +1,109 @@
+"""Rehearsing a mission: its real tree is ticked, its leaves answer as each case says."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from ...world.errors import PicktreeError
+from ...world.files.document import Document, nearest
+from ...world.journal import Plain
+from ..builder import build
+from ..loader import load_mission
+from ..mission import Mission
+from ..status import NodeStatus
+from .case import Case, CaseFile
+from .checks import load_cases
+from .coverage import Reached, coverage
+from .prompter import Prompter
+from .result import CaseResult, Rehearsal
+from .stage import TICK, RehearsalWorld
+from .staging import Staging, scene_of, stage_mission
+from .trace import Trace
+from .trace_text import short_names
+from .verdict import Outcome, differences
+
+if TYPE_CHECKING:
+    from ...world.world import World
+
+MOST_TICKS = 10_000
+"""Of a case that does not say how many it may take."""
+
+
+def rehearse_files(mission: Path, cases: Path | None = None, names: Collection[str] = ()) -> Rehearsal:
+    """As `rehearse`, of files. Without a cases file it is the one of the mission's name in `cases` beside it.
+
+    Raises FileError with all faults of the mission, of its scene or of the cases.
+    """
+    if cases is None:
+        cases = mission.parent / "cases" / mission.name
+        if mission.is_file() and not cases.is_file():
+            raise PicktreeError(f"there are no cases {cases}; name the file with --cases")
+    loaded = load_mission(mission)
+    return rehearse(loaded, load_cases(cases, loaded), names)
+
+
+def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> Rehearsal:
+    """Rehearse all cases of the file, or those of these names. The cases were checked for this mission.
+
+    Raises PicktreeError for an unknown name, and for a faulty scene of the mission.
+    """
+    known = [case.name for case in cases.cases]
+    for name in names:
+        if name not in known:
+            raise PicktreeError(f"{cases.document.path} has no case {name!r}; {nearest(name, known)}")
+    staging = stage_mission(mission, scene_of(mission))
+    reached = Reached()
+    results = tuple(
+        rehearse_case(staging, case, cases.document, reached)
+        for case in cases.cases
+        if not names or case.name in names
+    )
+    names = short_names([mission.main.name, *(role.path for role in staging.roles.all)])
+    return Rehearsal(mission.name, cases.document.path, results, coverage(staging, reached), names)
+
+
+def rehearse_case(staging: Staging, case: Case, document: Document, reached: Reached) -> CaseResult:
+    """Rehearse one case, and add what it reaches."""
+    world = _world(staging, case)
+    parameters = cast("Mapping[str, Plain]", case.parameters)
+    tree = build(staging.mission, cast("World", world), parameters)
+    trace = world.trace
+    tree.on_start.append(trace.begun)
+    trace.writes = tree.blackboard.take_writes
+    most = min(case.expect.ticks or MOST_TICKS, case.halt_after or MOST_TICKS)
+    while True:
+        trace.tick = world.clock.ticks + 1
+        report = tree.tick()
+        trace.flush(report.writes)
+        if tree.status is not NodeStatus.RUNNING or world.contradictions or trace.tick >= most:
+            break
+        world.clock.ticks += 1
+    if trace.tick == case.halt_after and tree.status is NodeStatus.RUNNING:
+        trace.flush(tree.halt().writes)
+    outcome = Outcome(trace.tick, tree.status, tree.failure, tree, world)
+    reached.take(staging, trace)
+    return CaseResult(
+        name=case.name,
+        doc=case.doc,
+        mark=document.key_mark(case.loc),
+        status=tree.status.value,
+        cause=tree.failure.cause.name if tree.failure else "",
+        message=tree.failure.message if tree.failure else "",
+        ticks=trace.tick,
+        seconds=round(trace.tick * TICK, 9),
+        differences=differences(document, case, outcome),
+        runs=tuple(trace.runs),
+        handled=tuple(trace.handled),
+        events=tuple(trace.events),
+        unused=tuple(document.mark(loc) for loc in world.prompter.unused() if loc[:1] == ("cases",)),
+    )
+
+
+def _world(staging: Staging, case: Case) -> RehearsalWorld:
+    played = (role.path for role in staging.roles.all if role.played)
+    world = RehearsalWorld(staging.scene, Prompter(case.scripts), Trace(played))
+    world.belief.change(case.objects)
+    world.belief.pin(case.facts)
+    return world

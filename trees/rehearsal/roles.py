@@ -1,0 +1,61 @@
+"""Which nodes a mission has once its sub-trees are written out, and which of them a case answers for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ...world.files.node_pattern import node_matches
+from ..controls import NODES
+from ..mission import Mission, NodeSpec
+from ..node import Node
+
+_OWN = frozenset(NODES)
+
+
+@dataclass(frozen=True, slots=True)
+class Role:
+    """One node as it will be built. `text` is its path in the tree that the file writes down."""
+
+    path: str
+    text: str
+    spec: NodeSpec
+    branch: str = ""
+    """The slot and label under which it stands where they say something: `when grasp.missed`, `otherwise`."""
+
+    @property
+    def played(self) -> bool:
+        """Whether a case answers for it; the language's own nodes do their own work."""
+        return self.spec.node is not None and is_played(self.spec.node)
+
+
+def is_played(node: type[Node]) -> bool:
+    """Whether a stand-in takes the node's place: a leaf that is not of the language itself."""
+    return node not in _OWN and not node.declaration.slots
+
+
+@dataclass(frozen=True, slots=True)
+class Roles:
+    """All nodes of a mission, parents first."""
+
+    all: tuple[Role, ...]
+
+    def fitting(self, pattern: str) -> tuple[Role, ...]:
+        return tuple(role for role in self.all if node_matches(pattern, role.path))
+
+
+def roles_of(mission: Mission) -> Roles:
+    """Every node of the tree that `build` makes of the mission, but for `Main` itself."""
+    return Roles(tuple(_walk(mission, mission.main.root, mission.main.name, mission.main.name, "")))
+
+
+def _walk(mission: Mission, spec: NodeSpec, above: str, text: str, branch: str) -> Iterator[Role]:
+    role = Role(f"{above}/{spec.name}", f"{text}/{spec.name}", spec, branch)
+    yield role
+    if spec.node is None:
+        called = mission.trees[spec.id]
+        yield from _walk(mission, called.root, role.path, called.name, "")
+    for slot, filled in spec.slots.items():
+        for label, child in filled:
+            below = f"{slot} {label}".strip() if label or slot != "do" else ""
+            yield from _walk(mission, child, role.path, role.text, below)
