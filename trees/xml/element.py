@@ -1,0 +1,45 @@
+"""One element of an XML file, with its places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from ...world.files.marks import Mark
+
+NOWHERE: Final = Mark("", 1, 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """`text` is what stands between the tags beside children, `comments` what stands before the element.
+
+    Two elements are equal when they say the same, wherever they stand.
+    """
+
+    name: str
+    attributes: Mapping[str, str] = field(default_factory=dict[str, str])
+    children: tuple[Element, ...] = ()
+    text: str = ""
+    comments: tuple[str, ...] = field(default=(), compare=False)
+    mark: Mark = field(default=NOWHERE, compare=False)
+    places: Mapping[str, Mark] = field(default_factory=dict[str, Mark], compare=False)
+    """Where the values of the attributes stand."""
+
+    def get(self, attribute: str, default: str = "") -> str:
+        return self.attributes.get(attribute, default)
+
+    def place(self, attribute: str) -> Mark:
+        """Where the attribute's value stands; of one that is not there, the element's place."""
+        return self.places.get(attribute, self.mark)
+
+    def all(self, name: str) -> tuple[Element, ...]:
+        """The children of that name."""
+        return tuple(child for child in self.children if child.name == name)
+
+    def iterate(self) -> Iterator[Element]:
+        """This element and all below it, parents first."""
+        yield self
+        for child in self.children:
+            yield from child.iterate()
