@@ -35,4 +35,16 @@ def _faults(document: Document) -> Iterable[Fault]:
     return check_faults(document).faults
 
 
-CHECKS: Mapping[str, Check] = {"mission": _mission, "scene": _scene, "robot": _robot, "faults": _faults}
+def _cases(document: Document) -> Iterable[Fault]:
+    from ..trees.rehearsal.checks import check_cases
+
+    return check_cases(document)
+
+
+CHECKS: Mapping[str, Check] = {
+    "mission": _mission,
+    "scene": _scene,
+    "robot": _robot,
+    "faults": _faults,
+    "cases": _cases,
+}
