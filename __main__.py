@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import sys
+from io import TextIOWrapper
 
 from .cli.app import answer
 
 
 def main() -> None:
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal that knows no '…' still shows the rest
     sys.exit(answer(sys.argv[1:]))
 
 

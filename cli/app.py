@@ -13,8 +13,11 @@ from typing import Annotated
 import typer
 
 from ..world.errors import PicktreeError
+from ..world.files.marks import FileError
 from .check import check
 from .explain_code import explain_code
+from .output import painter
+from .rehearse import rehearse
 from .run import run
 from .snapshot import snapshot
 
@@ -27,6 +30,7 @@ app = typer.Typer(
 )
 app.command()(check)
 app.command()(explain_code)
+app.command()(rehearse)
 app.command()(run)
 app.command()(snapshot)
 
@@ -47,6 +51,14 @@ def _picktree(  # pyright: ignore[reportUnusedFunction] - typer calls it
 ) -> None: ...
 
 
+def _told(error: PicktreeError) -> str:
+    if not isinstance(error, FileError):
+        return str(error)
+    from ..world.files.rendering import fault_lines
+
+    return fault_lines(error.faults, painter(sys.stderr))
+
+
 def answer(arguments: Sequence[str]) -> int:
     """Carry out one command line and return the exit code."""
     try:
@@ -54,7 +66,7 @@ def answer(arguments: Sequence[str]) -> int:
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 0
     except PicktreeError as error:
-        print(error, file=sys.stderr)
+        print(_told(error), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130

@@ -62,12 +62,12 @@ def mark_at(file: str, text: str, index: int) -> Mark:
 
 
 _LINE_END = re.compile(r"\r\n|\n|\r")
-# What YAML 1.2 allows in a stream (section 5.1), less the byte order mark in mid-text, and less the three
-# characters that end a line in YAML 1.1 and do not in 1.2: readers disagree about what stands behind them.
+# What YAML 1.2 allows in a stream (section 5.1), less the byte order mark in mid-text, and less what ends a
+# line for some readers and not for others: they disagree about what stands behind it.
 _FORBIDDEN = re.compile(
-    "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
+    "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]|\r(?!\n)"
 )
-_LINE_SEPARATORS = "\x85\u2028\u2029"
+_LINE_SEPARATORS = "\r\x85\u2028\u2029"
 _NULL = re.compile(r"(?:null|Null|NULL|~|)")
 _BOOL = re.compile(r"(?:true|True|TRUE|false|False|FALSE)")
 _INT = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
@@ -155,7 +155,7 @@ class _Reader:
             name = f"U+{ord(bad[0]):04X}"
             if bad[0] in _LINE_SEPARATORS:
                 message = f"the line separator {name} ends a line for some readers and not for others"
-                self._stop(mark, message, f'in "…" it is written \\u{ord(bad[0]):04x}', code="P121")
+                self._stop(mark, message, "end the line as your editor does", code="P121")
             self._stop(mark, f"the character {name} may not stand in a text file", code="P121")
 
     def _events(self) -> None:
