@@ -9,8 +9,9 @@ from .cli.app import answer
 
 
 def main() -> None:
-    if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal that knows no '…' still shows the rest
+    stdout: object = sys.stdout
+    if isinstance(stdout, TextIOWrapper):
+        stdout.reconfigure(errors="backslashreplace")  # a terminal that knows no '…' still shows the rest
     sys.exit(answer(sys.argv[1:]))
 
 
