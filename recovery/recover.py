@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.slots import child, optional_child, table
 from ..world.causes import FailureReport, matches
+from .flow import Cure, Recovery
 from .recovering import Recovering
+
+if TYPE_CHECKING:
+    from ..trees.flow.walk import Walk
+    from ..trees.mission import NodeSpec
 
 
 class Recover(Recovering):
@@ -50,6 +57,14 @@ class Recover(Recovering):
 
     def resort(self) -> Node | None:
         return self.last_resort
+
+    @classmethod
+    def recovery(cls, spec: NodeSpec, walk: Walk) -> Recovery:
+        cures = [Cure(label, label, part) for label, part in spec.slots.get("when", ())]
+        cures += (Cure(_OTHERWISE, "*", part) for _, part in spec.slots.get("otherwise", ()))
+        resort = next((part for _, part in spec.slots.get("give_up", ())), None)
+        tried = spec.slots["do"][0][1]
+        return Recovery(tried, tuple(cures), resort, walk.number(spec, "attempts"))
 
 
 _OTHERWISE = "otherwise"

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import TYPE_CHECKING
 
+from ..trees.flow import Flow, State
 from ..trees.node import Control, Node
 from ..trees.reports import with_attached
 from ..trees.status import NodeStatus
 from ..world.causes import FailureReport, internal, matches, tree
+from .flow import Recovery
+
+if TYPE_CHECKING:
+    from ..trees.flow.walk import Walk
+    from ..trees.mission import NodeSpec
 
 
 class Recovering(Control, abstract=True):
@@ -46,9 +53,16 @@ class Recovering(Control, abstract=True):
         """What is run before failing for good."""
         return None
 
-    def goes_on_after(self, cure: NodeStatus) -> bool:
+    @classmethod
+    def goes_on_after(cls, cure: NodeStatus) -> bool:
         """Whether `tried` runs again after a cure that ended so."""
         return cure is not NodeStatus.FAILURE
+
+    @classmethod
+    @abstractmethod
+    def recovery(cls, spec: NodeSpec, walk: Walk) -> Recovery:
+        """The same of a node in the text."""
+        ...
 
     # What they share.
 
@@ -122,3 +136,7 @@ class Recovering(Control, abstract=True):
                 return self.fail_with(with_attached(report, (resort.failure,)))
             case _:
                 return self.fail_with(report)
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        return cls.recovery(spec, walk).flow(spec, entry, walk)

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.slots import children
 from ..trees.status import NodeStatus
 from ..world.causes import FailureReport
+from .flow import Cure, Recovery
 from .recovering import Recovering
+
+if TYPE_CHECKING:
+    from ..trees.flow.walk import Walk
+    from ..trees.mission import NodeSpec
 
 
 class RecoveryNode(Recovering):
@@ -34,5 +41,13 @@ class RecoveryNode(Recovering):
     def cure(self, label: str) -> Node:
         return self.parts[1]
 
-    def goes_on_after(self, cure: NodeStatus) -> bool:
+    @classmethod
+    def goes_on_after(cls, cure: NodeStatus) -> bool:
         return cure is NodeStatus.SUCCESS
+
+    @classmethod
+    def recovery(cls, spec: NodeSpec, walk: Walk) -> Recovery:
+        tried, cure = spec.children
+        retries = walk.number(spec, "number_of_retries")
+        runs = None if retries is None else retries + 1
+        return Recovery(tried, (Cure(cure.name, "*", cure),), None, runs, skipped_cure_fails=True)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
+from ..trees.declaration import Hand
 from ..trees.ports import In, port
+from ..trees.references import Binding, Constant
 from ..trees.skill import ARM, GRIPPER, Skill, Steps
 from ..world.causes import Failure, control, planning, safety
 from ..world.journal import Happened
@@ -28,6 +31,18 @@ class SafeRetreat(Skill):
     speed: In[float] = port("share of the joints' speed limits", default=0.4, above=0, most=1)
     causes = (planning.ANY, control.ANY, safety.ANY)
     uses = (ARM, GRIPPER)
+    hand_after = "kept"
+
+    @classmethod
+    def hand_with(cls, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
+        # Even where it finds no way, nothing better can be done about what is held.
+        match ports.get("hand", Constant("keep", "keep")):
+            case Constant(value="keep"):
+                return "kept", ("kept",)
+            case Constant():
+                return "empty", ("kept", "empty")
+            case _:
+                return "kept", ("kept", "empty")
 
     def run(self, world: World) -> Steps:
         yield from world.move.rest()

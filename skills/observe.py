@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from ..trees.ports import In, Out, port
+from ..trees.references import Binding
 from ..trees.skill import CAMERA, Skill, Steps
-from ..world.causes import Failure, perception
+from ..world.causes import Cause, Failure, Family, perception
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -24,6 +26,10 @@ class Observe(Skill):
     objects: Out[list[ObjectId]] = port("items that do not lie where they belong")
     causes = (perception.NOT_FOUND,)
     uses = (CAMERA,)
+
+    @classmethod
+    def causes_with(cls, ports: Mapping[str, Binding]) -> tuple[Cause | Family, ...]:
+        return cls.causes if "expect" in ports else ()
 
     def run(self, world: World) -> Steps:
         yield from world.control.settle()

@@ -5,11 +5,15 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
+from .flow.plainly import leaf
 from .node import Node
 from .status import NodeStatus
 
 if TYPE_CHECKING:
     from ..world.world import World
+    from .flow import Flow, State
+    from .flow.walk import Walk
+    from .mission import NodeSpec
 
 
 class ConditionNode(Node, abstract=True):
@@ -24,3 +28,7 @@ class ConditionNode(Node, abstract=True):
 
     def on_tick(self) -> NodeStatus:
         return NodeStatus.SUCCESS if self.answer(self.world) else NodeStatus.FAILURE
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        return leaf(cls, spec, entry, walk, takes_time=False, says_no=True)

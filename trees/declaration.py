@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 Kind: TypeAlias = Literal["action", "condition", "control", "decorator", "subtree"]
 
-Hand: TypeAlias = Literal["unchanged", "full", "empty"]
-"""What is in the hand after success."""
+Hand: TypeAlias = Literal["unchanged", "full", "empty", "kept"]
+"""What is in the hand after success; `kept`: what was held still is, on purpose and in a safe place."""
 
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
@@ -97,6 +97,10 @@ def declare(node: type[Node]) -> NodeDeclaration:
     twice = sorted({key for key in keys if keys.count(key) > 1})
     if twice:
         raise PicktreeError(f"node {identity}: the key {twice[0]!r} is declared twice")
+    inputs = [p.key for p in ports if p.direction == "in"]
+    for passed in (p.like or p.each_of for p in ports):
+        if passed is not None and passed not in inputs:
+            raise PicktreeError(f"node {identity}: it has no input {passed!r} to pass on")
     return NodeDeclaration(
         identity,
         doc,
@@ -146,7 +150,18 @@ def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) 
             raise PicktreeError(f"port {where}: its default: {error}") from None
     side: Literal["in", "out"] = "in" if direction is In else "out"
     declaration = PortDeclaration(
-        key, attribute, side, kind, spec.doc, spec.unit, default, choices, spec.names, spec.within
+        key,
+        attribute,
+        side,
+        kind,
+        spec.doc,
+        spec.unit,
+        default,
+        choices,
+        spec.names,
+        spec.within,
+        spec.like,
+        spec.each_of,
     )
     return In[object](declaration) if side == "in" else Out[object](declaration)
 

@@ -15,9 +15,10 @@ from ..world.files.expressions import Expression
 from ..world.journal import Happened, Plain
 from .conditions import assign_after, settled_before
 from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
+from .flow.plainly import any_way
 from .plain import plain_copy
 from .ports import PortDeclaration
-from .references import Constant, Reference
+from .references import Binding, Constant, Reference
 from .reports import pack, plain_evidence, report_from_plain, report_to_plain, unpack, with_attached
 from .runtime import Runtime, Wiring, evaluate
 from .status import NodeStatus
@@ -25,6 +26,9 @@ from .types import accept
 
 if TYPE_CHECKING:
     from ..world.world import World
+    from .flow import Flow, State
+    from .flow.walk import Walk
+    from .mission import NodeSpec
 
 _PY_TREES: Mapping[NodeStatus, Status] = {
     NodeStatus.IDLE: Status.INVALID,
@@ -52,6 +56,8 @@ class Node(Behaviour):
     uses: ClassVar[tuple[Resource, ...]] = ()
     hand_after: ClassVar[Hand] = "unchanged"
     """What is in the hand after its success, for the linter."""
+    lasting: ClassVar[bool] = False
+    """Whether what it remembers outlasts its end; for its `flow`, which then has a flag."""
     example: ClassVar[str] = ""
     """The node as a mission writes it, for the reference."""
     remembers: ClassVar[tuple[str, ...]] = ()
@@ -110,6 +116,24 @@ class Node(Behaviour):
     def check_ports(cls, given: frozenset[str]) -> tuple[str, ...]:
         """What is wrong with the set of keys that a file gives, as sentences: rules about several keys."""
         return ()
+
+    # What a sub-class may say of itself for the linter, where the declaration is not the whole truth.
+
+    @classmethod
+    def causes_with(cls, ports: Mapping[str, Binding]) -> tuple[Cause | Family, ...]:
+        """What it may fail with when its ports are wired so."""
+        return cls.causes
+
+    @classmethod
+    def hand_with(cls, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
+        """What is in the hand after success when its ports are wired so, and all that may be there else."""
+        return cls.hand_after, ("unchanged", cls.hand_after)
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        """In which ways it may end when it starts in that state. The most cautious answer unless overridden;
+        a class that overrides `on_tick` below one that overrides this gets that answer, too."""
+        return any_way(cls, spec, entry, walk)
 
     # What a parent and the runner call.
 

@@ -8,12 +8,16 @@ from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 
 from ..world.causes import internal
 from .declaration import Resource
+from .flow.plainly import leaf
 from .node import Node
 from .runtime import Runtime, Wiring
 from .status import NodeStatus
 
 if TYPE_CHECKING:
     from ..world.world import World
+    from .flow import Flow, State
+    from .flow.walk import Walk
+    from .mission import NodeSpec
 
 T = TypeVar("T")
 
@@ -47,6 +51,10 @@ class Skill(Node, abstract=True):
     def run(self, world: World) -> Steps:
         """The body. Inputs are read before it starts; every output is assigned before it returns."""
         ...
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        return leaf(cls, spec, entry, walk, takes_time=True)
 
     def on_start(self) -> None:
         self._steps = None

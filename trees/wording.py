@@ -75,6 +75,8 @@ def hand_words(node: NodeDeclaration) -> str:
             return "After success the hand holds the object."
         case "empty":
             return "After success the hand is empty."
+        case "kept":
+            return "After success the hand holds what it held, in a safe place."
         case "unchanged":
             return ""
 

@@ -246,7 +246,7 @@ FAULTS: dict[str, tuple[str, str, str]] = {  # source, code, text after the plug
     "an unknown state of the hand": (
         WAVE.replace("causes = (TIRED,)", "hand_after = 'holding'"),
         "P254",
-        "node Wave: its hand_after 'holding' is unknown (one of unchanged, full, empty)",
+        "node Wave: its hand_after 'holding' is unknown (one of unchanged, full, empty, kept)",
     ),
     "a cause under a prefix of ours": (
         WAVE.replace('"wave.tired"', '"grasp.tired"'),

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from ..flow import NOTHING, Ends, Flow, State, States, tidy
 from ..node import Control, Node
 from ..slots import children
 from ..status import NodeStatus
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class IfThenElse(Control):
@@ -41,6 +48,12 @@ class IfThenElse(Control):
         state = chosen.step()
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends = Ends()
+        _branch(spec, frozenset((entry,)), walk, ends)
+        return ends.flow()
+
 
 class WhileDoElse(Control):
     """Asks its first child at every tick, and ticks the second while it holds, the third while not.
@@ -73,3 +86,35 @@ class WhileDoElse(Control):
                 return other
         state = chosen.step()
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends = Ends()
+        starts: States = frozenset((entry,))
+        while (after := tidy(starts | _branch(spec, starts, walk, ends, asked_anew=True))) != starts:
+            starts = after
+        return ends.flow()
+
+
+def _branch(spec: NodeSpec, starts: States, walk: Walk, ends: Ends, *, asked_anew: bool = False) -> States:
+    """Gather the ends of the branch that the condition chooses; the states in which something may run on.
+
+    `asked_anew`: while a branch runs on, the condition is asked at every tick.
+    """
+    condition, *branches = spec.children
+    asked = walk.child(condition, starts)
+    meanwhile = walk.effect(condition, starts) if asked_anew else NOTHING
+    ends.skip(asked.skipped)
+    ends.run(asked.running)
+    running = set(asked.running)
+    chosen = (asked.success, tidy(asked.failure))
+    for branch, states, never in zip(branches, chosen, ("succeeds", "fails"), strict=False):
+        if not states:
+            walk.unreached(branch, f"its condition {condition.name} never {never}")
+            continue
+        flow = walk.child(branch, states, meanwhile)
+        ends.take(flow)
+        running |= flow.running
+    if len(branches) == 1:
+        ends.fail(asked.failure)
+    return tidy(running)

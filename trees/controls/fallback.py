@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from ..flow import NOTHING, Ends, Failures, Flow, State, States, tidy
+from ..flow.trying import try_next
 from ..node import Control
 from ..reports import decisive
 from ..slots import children
 from ..status import NodeStatus
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class Fallback(Control):
@@ -41,6 +49,12 @@ class Fallback(Control):
             return NodeStatus.SKIPPED
         return self.fail_with(decisive(part.failure for part in self.parts))
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends = Ends()
+        _try_all(spec, frozenset((entry,)), walk, ends)
+        return ends.flow()
+
 
 class ReactiveFallback(Control):
     """Tries every child anew at each tick, from the first.
@@ -63,3 +77,38 @@ class ReactiveFallback(Control):
         if skipped == len(self.parts):
             return NodeStatus.SKIPPED
         return self.fail_with(decisive(part.failure for part in self.parts))
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends = Ends()
+        starts: States = frozenset((entry,))
+        while (after := tidy(starts | _try_all(spec, starts, walk, ends, asked_anew=True))) != starts:
+            starts = after
+        return ends.flow()
+
+
+def _try_all(spec: NodeSpec, starts: States, walk: Walk, ends: Ends, *, asked_anew: bool = False) -> States:
+    """Gather the ends of trying the children once; the states in which one of them may run on.
+
+    `asked_anew`: while a child runs on, those before it are asked at every tick.
+    """
+    skipped: States = starts
+    failed: Failures = {}
+    running: set[State] = set()
+    meanwhile = NOTHING
+    before = ""
+    for part in spec.children:
+        if not skipped and not failed:
+            walk.unreached(part, f"{before} before it never fails")
+            continue
+        trial = try_next(part, skipped, failed, walk, meanwhile)
+        if asked_anew:
+            meanwhile = meanwhile.with_(walk.effect(part, (*skipped, *failed)))
+        ends.succeed(trial.success)
+        running |= trial.running
+        skipped, failed = trial.skipped, trial.failed
+        before = part.name
+    ends.run(running)
+    ends.skip(skipped)
+    ends.fail(failed)
+    return tidy(running)

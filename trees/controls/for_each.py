@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, cast
 
+from ..flow import Ends, Flow, State, States, tidy
 from ..node import Node
 from ..ports import In, Out, port
 from ..reports import cannot_be_hidden
 from ..status import NodeStatus
 from .decorator import Decorator
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class ForEach(Decorator):
@@ -21,7 +26,7 @@ class ForEach(Decorator):
     """
 
     items: In[list[object]] = port("the elements", key="in")
-    item: Out[object] = port("the present element, for the child to read", key="out")
+    item: Out[object] = port("the present element, for the child to read", key="out", each_of="in")
     on_failure: In[Literal["fail", "continue"]] = port("what to do when the child fails", default="fail")
     most: In[int] = port("how many elements at most, from the first; -1 for all", default=-1, least=-1)
     remembers = ("_items", "_index", "_skipped")
@@ -53,6 +58,38 @@ class ForEach(Decorator):
         if self._index < len(self._items):
             return NodeStatus.RUNNING
         return NodeStatus.SKIPPED if self._skipped == len(self._items) else NodeStatus.SUCCESS
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        items, most = walk.literal(spec, "in"), walk.number(spec, "most")
+        length = len(cast("list[object]", items)) if isinstance(items, list) else None
+        part, ends = spec.children[0], Ends()
+        if length is None or length == 0 or most is None or most == 0:
+            ends.succeed((entry,))
+        if length == 0 or most == 0:
+            walk.unreached(part, "there is no element")
+            return ends.flow()
+        only_one = length == 1 or most == 1
+        element, on_failure = walk.key_of(spec, "out"), walk.literal(spec, "on_failure")
+        starts: States = frozenset((entry,))
+        while True:
+            flow = walk.child(part, tidy(state.written(element) for state in starts))
+            passed = set(flow.success)
+            for state, reasons in flow.failure.items():
+                # A safety stop is passed over if somebody has acknowledged it by then.
+                ends.fail_at(state, reasons.only(walk.unhidable) if on_failure == "continue" else reasons)
+                passed |= {state} if on_failure != "fail" else set()
+            ends.succeed(passed)
+            ends.skip(flow.skipped)
+            ends.run(flow.running)
+            after = starts
+            if not only_one:
+                ends.succeed(flow.skipped)
+                ends.run(passed | flow.skipped)
+                after = tidy(starts | passed | flow.skipped)
+            if after == starts:
+                return ends.flow()
+            starts = after
 
     def _may_pass_over(self) -> bool:
         report = self.body.failure

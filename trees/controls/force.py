@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from ..flow import NO_REPORT, Ends, Flow, State
 from ..reports import cannot_be_hidden
 from ..status import NodeStatus
 from .decorator import Decorator
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class Inverter(Decorator):
@@ -21,6 +28,13 @@ class Inverter(Decorator):
             case other:
                 return other
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+        _hide_failures(flow, walk, ends)
+        ends.fail(dict.fromkeys(flow.success, NO_REPORT))
+        return ends.flow()
+
 
 class ForceSuccess(Decorator):
     """SUCCESS however the child ends. It cannot hide a safety stop (safety.*) or a fault of the program."""
@@ -31,6 +45,13 @@ class ForceSuccess(Decorator):
             return NodeStatus.SUCCESS
         return state
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+        _hide_failures(flow, walk, ends)
+        ends.succeed(flow.success)
+        return ends.flow()
+
 
 class ForceFailure(Decorator):
     """FAILURE however the child ends, with the child's failure when it has one."""
@@ -38,3 +59,22 @@ class ForceFailure(Decorator):
     def on_tick(self) -> NodeStatus:
         state = self.relay()
         return NodeStatus.FAILURE if state is NodeStatus.SUCCESS else state
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+        ends.fail(flow.failure)
+        ends.fail(dict.fromkeys(flow.success, NO_REPORT))
+        ends.skip(flow.skipped)
+        ends.run(flow.running)
+        return ends.flow()
+
+
+def _hide_failures(flow: Flow, walk: Walk, ends: Ends) -> None:
+    """Gather the ends of a child other than success, its failures made successes where that may be."""
+    for state, reasons in flow.failure.items():
+        ends.fail_at(state, reasons.only(walk.unhidable))
+        if hidden := reasons.only(~walk.unhidable).any:
+            ends.succeed((state if reasons.loud & hidden else state.in_doubt(),))
+    ends.skip(flow.skipped)
+    ends.run(flow.running)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ...world.files.expressions import Expression
 from ..condition import ConditionNode
+from ..flow import NO_REPORT, Ends, Flow, State
 from ..node import Node
 from ..plain import plain_copy
 from ..ports import In, Out, port
@@ -14,6 +15,8 @@ from ..types import show
 
 if TYPE_CHECKING:
     from ...world.world import World
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class AlwaysSuccess(Node):
@@ -24,6 +27,10 @@ class AlwaysSuccess(Node):
     def on_tick(self) -> NodeStatus:
         return NodeStatus.SUCCESS
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        return _succeeding(entry)
+
 
 class AlwaysFailure(Node):
     """FAILURE at once, without a report, as a false condition."""
@@ -32,6 +39,12 @@ class AlwaysFailure(Node):
 
     def on_tick(self) -> NodeStatus:
         return NodeStatus.FAILURE
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends = Ends()
+        ends.fail_at(entry, NO_REPORT)
+        return ends.flow()
 
 
 class Condition(ConditionNode):
@@ -42,17 +55,31 @@ class Condition(ConditionNode):
     def answer(self, world: World) -> bool:
         return self.holds(self.expression)
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        expression, ends = walk.literal(spec, "if"), Ends()
+        assert isinstance(expression, Expression)
+        asked = walk.ask(spec, "if", expression, (entry,))
+        ends.succeed(asked.yes)
+        ends.fail(dict.fromkeys(asked.no, NO_REPORT))
+        ends.fail(asked.failed)
+        return ends.flow()
+
 
 class SetBlackboard(Node):
     """Writes a value to the blackboard."""
 
     kind = "action"
     value: In[object] = port("the value, or a reference to another")
-    output_key: Out[object] = port("where to")
+    output_key: Out[object] = port("where to", like="value")
 
     def on_tick(self) -> NodeStatus:
         self.output_key = self.value
         return NodeStatus.SUCCESS
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        return _succeeding(entry.written(walk.key_of(spec, "output_key")))
 
 
 class Log(Node):
@@ -67,3 +94,13 @@ class Log(Node):
         self.feedback_message = self.message if value is None else f"{self.message}: {show(value)}"
         self.note("log", self.feedback_message, value=value)
         return NodeStatus.SUCCESS
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        return _succeeding(entry)
+
+
+def _succeeding(state: State) -> Flow:
+    ends = Ends()
+    ends.succeed((state,))
+    return ends.flow()

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ...world.causes import FailureReport
+from ..flow import Flow, State
+from ..flow.side_by_side import SideBySide
 from ..node import Control
 from ..ports import In, port
 from ..reports import with_attached
 from ..slots import children
 from ..status import NodeStatus
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class Parallel(Control):
@@ -62,5 +70,19 @@ class Parallel(Control):
                 return self.fail_with(with_attached(first, self._reports[1:]) if first else None)
         return NodeStatus.SKIPPED if skipped == total else NodeStatus.RUNNING
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        total, success = len(spec.children), walk.number(spec, "success_count")
+        failure = walk.number(spec, "failure_count")
+        wanted = None if success is None else _count(int(success), total)
+        tolerated = None if failure is None else _count(int(failure), total)
+        spares_skipped = success is None or success < 0
+        return SideBySide(spec, entry, walk, wanted, tolerated, spares_skipped=spares_skipped).flow()
+
     def _count(self, number: int) -> int:
-        return max(0, len(self.parts) + number + 1) if number < 0 else number
+        return _count(number, len(self.parts))
+
+
+def _count(number: int, total: int) -> int:
+    """A number below zero counts from the end."""
+    return max(0, total + number + 1) if number < 0 else number

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ...world.files.expressions import Expression
+from ..flow import Ends, Flow, State, States, tidy
 from ..ports import In, port
 from ..status import NodeStatus
 from .decorator import Decorator
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class Repeat(Decorator):
@@ -42,6 +49,38 @@ class Repeat(Decorator):
             return True
         return self.condition is not None and not self.holds(self.condition)
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        cycles, part, ends = walk.number(spec, "num_cycles"), spec.children[0], Ends()
+        condition = walk.literal(spec, "while")
+        starts: States = frozenset((entry,))
+        if cycles is None or cycles == 0:
+            ends.succeed(starts)
+        if cycles == 0:
+            walk.unreached(part, "num_cycles is 0")
+            return ends.flow()
+        while True:
+            begun = starts
+            if isinstance(condition, Expression):
+                asked = walk.ask(spec, "while", condition, starts)
+                ends.succeed(asked.no)
+                ends.fail(asked.failed)
+                begun = asked.yes
+            if not begun:
+                walk.unreached(part, "its while never holds")
+            flow = walk.child(part, begun)
+            ends.fail(flow.failure)
+            ends.skip(flow.skipped)
+            ends.run(flow.running)
+            if cycles is None or cycles > 0:
+                ends.succeed(flow.success)
+            if cycles != 1:
+                ends.run(flow.success)
+            after = starts if cycles == 1 else tidy(starts | flow.success)
+            if after == starts:
+                return ends.flow()
+            starts = after
+
 
 class KeepRunningUntilFailure(Decorator):
     """Runs its child again and again, one tick apart, until it fails; then it fails with its failure."""
@@ -49,3 +88,16 @@ class KeepRunningUntilFailure(Decorator):
     def on_tick(self) -> NodeStatus:
         state = self.relay()
         return state if state is NodeStatus.FAILURE else NodeStatus.RUNNING
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends = Ends()
+        starts: States = frozenset((entry,))
+        while True:
+            flow = walk.child(spec.children[0], starts)
+            ends.fail(flow.failure)
+            ends.run(flow.running | flow.success | flow.skipped)
+            after = tidy(starts | flow.success | flow.skipped)
+            if after == starts:
+                return ends.flow()
+            starts = after

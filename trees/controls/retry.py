@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ...world.causes import FailureReport, internal, matches, tree
+from ..flow import UNREPORTED, Ends, Flow, Reasons, State, States, joined, tidy
 from ..ports import In, port
 from ..reports import with_attached
 from ..status import NodeStatus
 from .decorator import Decorator
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class RetryUntilSuccessful(Decorator):
@@ -46,6 +53,36 @@ class RetryUntilSuccessful(Decorator):
             message = f"{self._attempts} attempts are used up"
             return self.fail(tree.ATTEMPTS, message, attached=self._reports)
         return self.fail_with(with_attached(last, self._reports))
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        attempts, part, ends = walk.number(spec, "num_attempts"), spec.children[0], Ends()
+        used_up = walk.fails(spec, walk.causes.of(cls.causes))
+        if attempts is None or attempts == 0:
+            ends.fail_at(entry, used_up)
+        if attempts == 0:
+            walk.unreached(part, "num_attempts is 0")
+            return ends.flow()
+        starts: States = frozenset((entry,))
+        while True:
+            flow = walk.child(part, starts)
+            ends.succeed(flow.success)
+            ends.skip(flow.skipped)
+            ends.run(flow.running)
+            for state, reasons in flow.failure.items():
+                if attempts != 1:
+                    ends.run((state,))
+                if attempts is None or attempts > 0:
+                    ends.fail_at(state, _for_good(reasons if attempts == 1 else reasons.tried(), used_up))
+            after = starts if attempts == 1 else tidy(starts | flow.failure.keys())
+            if after == starts:
+                return ends.flow()
+            starts = after
+
+
+def _for_good(reasons: Reasons, used_up: Reasons) -> Reasons:
+    reported = reasons.only(~UNREPORTED)
+    return joined((reported, used_up.tried())) if reasons.any & UNREPORTED else reported
 
 
 _KEPT = 20

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, ClassVar
+
 from ...world.causes import tree
+from ..flow import NO_REPORT, Ends, Failures, Flow, State, States
+from ..flow.trying import try_next
 from ..node import Control
 from ..ports import In, port
 from ..reports import decisive
 from ..slots import children
 from ..status import NodeStatus
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class RoundRobin(Control):
@@ -25,6 +33,7 @@ class RoundRobin(Control):
     remembers = ("_turn", "_failed")
     positions = ("_turn",)
     counted = (NodeStatus.FAILURE,)
+    lasting: ClassVar[bool] = True
     _turn: int = 0
     _failed: int = 0
 
@@ -61,3 +70,65 @@ class RoundRobin(Control):
         if skipped == len(self.parts):
             return NodeStatus.SKIPPED
         return self.fail_with(decisive(part.failure for part in in_turn))
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends, parts, succeeded = Ends(), spec.children, walk.flag(spec)
+        wraps = walk.literal(spec, "wrap_around") is not False
+        turns = range(len(parts) + 1) if entry.maybe & succeeded else range(1)
+        for turn in turns:
+            order = (*parts[turn:], *(parts[:turn] if wraps else ()))
+            if not order:
+                ends.fail_at(entry, walk.fails(spec, walk.causes.of(cls.causes)))
+            else:
+                _take_turns(order, entry, succeeded, walk, ends, again=wraps, whole=len(order) == len(parts))
+        return ends.flow()
+
+
+def _take_turns(
+    order: tuple[NodeSpec, ...],
+    entry: State,
+    succeeded: int,
+    walk: Walk,
+    ends: Ends,
+    *,
+    again: bool,
+    whole: bool,
+) -> None:
+    """Gather the ends of trying the children in that order. `again`: those skipped before a child ran on may
+    have another turn after it. `whole`: SKIPPED when all of them are."""
+    skipped: States = frozenset((entry,))
+    failed: Failures = {}
+    running: set[State] = set()
+    before = ""
+    for part in order:
+        if not skipped and not failed:
+            walk.unreached(part, f"{before} before it never fails")
+            continue
+        trial = try_next(part, skipped, failed, walk)
+        ends.succeed(state.written(succeeded) for state in trial.success)
+        running |= trial.running
+        skipped, failed = trial.skipped, trial.failed
+        before = part.name
+    ends.run(running)
+    ends.fail(failed)
+    ends.skip(skipped if whole else ())
+    if running or not whole:
+        ends.fail(dict.fromkeys(skipped, NO_REPORT))
+    if again and running:
+        _more_turns(order, skipped, failed, succeeded, walk, ends)
+
+
+def _more_turns(
+    order: tuple[NodeSpec, ...], skipped: States, failed: Failures, succeeded: int, walk: Walk, ends: Ends
+) -> None:
+    seen: set[State] = set()
+    failed = {**dict.fromkeys(skipped, NO_REPORT), **failed}
+    while not seen.issuperset(failed):
+        seen |= failed.keys()
+        for part in order:
+            trial = try_next(part, frozenset(), failed, walk)
+            ends.succeed(state.written(succeeded) for state in trial.success)
+            ends.run(trial.running)
+            ends.fail(trial.failed)
+            failed = {**failed, **trial.failed}

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, ClassVar
+
 from ...world.causes import FailureReport
+from ..flow import NEVER, Ends, Flow, State, joined
 from ..ports import In, port
 from ..status import NodeStatus
 from .decorator import Decorator
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class RunOnce(Decorator):
@@ -13,6 +20,7 @@ class RunOnce(Decorator):
 
     then_skip: In[bool] = port("SKIPPED after the first time, instead of the first answer", default=True)
     remembers = ("_first_answer", "_first_failure")
+    lasting: ClassVar[bool] = True
     _first_answer: str = ""
     _first_failure: FailureReport | None = None
 
@@ -26,3 +34,22 @@ class RunOnce(Decorator):
         if state in (NodeStatus.SUCCESS, NodeStatus.FAILURE):
             self._first_answer, self._first_failure = state.value, self.failure
         return state
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ended, part, ends = walk.flag(spec), spec.children[0], Ends()
+        then_skip = walk.literal(spec, "then_skip")
+        flow = NEVER if entry.sure & ended and then_skip is True else walk.child(part, (entry,))
+        if not entry.sure & ended:
+            ends.succeed(state.written(ended) for state in flow.success)
+            for state, reasons in flow.failure.items():
+                ends.fail_at(state.written(ended), reasons)
+            ends.skip(flow.skipped)
+            ends.run(flow.running)
+        if entry.maybe & ended and then_skip is not False:
+            ends.skip((entry,))
+        if entry.maybe & ended and then_skip is not True:
+            ends.succeed((entry,) if flow.success else ())
+            if flow.failure:
+                ends.fail_at(entry, joined(flow.failure.values()))
+        return ends.flow()

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from ..flow import NONE, NOTHING, Ends, Flow, State, States, tidy
 from ..node import Control
 from ..slots import children
 from ..status import NodeStatus
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class Sequence(Control):
@@ -39,6 +46,12 @@ class Sequence(Control):
             self._index += 1
         return NodeStatus.SKIPPED if self._skipped == len(self.parts) else NodeStatus.SUCCESS
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends = Ends()
+        _go_through(spec, frozenset((entry,)), walk, ends)
+        return ends.flow()
+
 
 class ReactiveSequence(Control):
     """Asks every child anew at each tick, from the first: conditions first, then what they guard.
@@ -58,3 +71,41 @@ class ReactiveSequence(Control):
                     later.halt()
                 return state if state is NodeStatus.RUNNING else self.fail_with(part.failure)
         return NodeStatus.SKIPPED if skipped == len(self.parts) else NodeStatus.SUCCESS
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends = Ends()
+        starts: States = frozenset((entry,))
+        while (after := tidy(starts | _go_through(spec, starts, walk, ends, asked_anew=True))) != starts:
+            starts = after
+        return ends.flow()
+
+
+def _go_through(
+    spec: NodeSpec, starts: States, walk: Walk, ends: Ends, *, asked_anew: bool = False
+) -> States:
+    """Gather the ends of one way through the children; the states in which one of them may run on.
+
+    `asked_anew`: while a child runs on, those before it are asked at every tick.
+    """
+    skipped, going = starts, NONE
+    """States after children that were all skipped, and after others."""
+    running: set[State] = set()
+    meanwhile = NOTHING
+    before = ""
+    for part in spec.children:
+        if not skipped and not going:
+            walk.unreached(part, f"{before} before it never succeeds")
+            continue
+        first, then = walk.child(part, skipped, meanwhile), walk.child(part, going, meanwhile)
+        for flow in (first, then):
+            ends.fail(flow.failure)
+            running |= flow.running
+        if asked_anew:
+            meanwhile = meanwhile.with_(walk.effect(part, skipped | going))
+        skipped, going = first.skipped, tidy(first.success | then.success | then.skipped)
+        before = part.name
+    ends.run(running)
+    ends.succeed(going)
+    ends.skip(skipped)
+    return tidy(running)

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ...world.causes import Failure, tree
+from ..flow import Ends, Flow, State, States, tidy
 from ..node import Control, Node
 from ..ports import In, port
+from ..references import Reference
 from ..slots import optional_child, table
 from ..status import NodeStatus
 from ..types import show
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 
 class Switch(Control):
@@ -18,7 +26,7 @@ class Switch(Control):
     """
 
     variable: In[object] = port("the value that decides")
-    cases = table("what is done for each value", key="cases", required=True)
+    cases = table("what is done for each value", key="cases", required=True, matches="variable")
     default = optional_child("what is done for all other values", key="default")
     causes = (tree.NO_CASE,)
 
@@ -36,6 +44,29 @@ class Switch(Control):
         state = chosen.step()
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends = Ends()
+        chosen = _chosen(spec, walk)
+        for part in spec.children:
+            if not any(part is one for one in chosen):
+                walk.unreached(part, "the value is written here, and it is another")
+        default = "default" in spec.slots
+        if not chosen or (not default and walk.literal(spec, "variable") is None):
+            ends.fail_at(entry, walk.fails(spec, walk.causes.of(cls.causes)))
+        starts: States = frozenset((entry,))
+        while True:
+            running: set[State] = set()
+            for part in chosen:
+                flow = walk.child(part, starts)
+                ends.take(flow)
+                running |= flow.running
+            # That the value changes while a case runs on is rare: reckoned with, and nothing reported of it.
+            after = tidy(starts | {state.in_doubt() for state in running} if len(chosen) > 1 else starts)
+            if after == starts:
+                return ends.flow()
+            starts = after
+
     def _leave_others(self, chosen: Node) -> None:
         for node in self.below:
             if node is not chosen:
@@ -51,3 +82,14 @@ def _same(value: object, name: str) -> bool:
         except ValueError:
             return False
     return name == ("null" if value is None else str(value))
+
+
+def _chosen(spec: NodeSpec, walk: Walk) -> tuple[NodeSpec, ...]:
+    """The cases, and the default, that the value may lead to; one at most where the text says the value."""
+    bound = spec.ports["variable"]
+    if isinstance(bound, Reference):
+        return spec.children
+    for name, part in spec.slots["cases"]:
+        if _same(bound.value, name):
+            return (part,)
+    return tuple(part for _, part in spec.slots.get("default", ()))

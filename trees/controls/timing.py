@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ...world.causes import Failure, tree
+from ..flow import Ends, Flow, State
 from ..ports import In, port
 from ..status import NodeStatus
 from .decorator import Decorator
+
+if TYPE_CHECKING:
+    from ..flow.walk import Walk
+    from ..mission import NodeSpec
 
 _ROUNDING = 1e-9
 """Seconds by which a sum of ticks may fall short of the time that it means."""
@@ -34,6 +41,15 @@ class Timeout(Decorator):
             )
         return self.relay()
 
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+        ends.take(flow)
+        if walk.number(spec, "msec") != 0:
+            for state in flow.running:
+                ends.fail_at(state, walk.fails(spec, walk.causes.of(cls.causes)))
+        return ends.flow()
+
 
 class Delay(Decorator):
     """Waits that time, RUNNING, and then ticks its child."""
@@ -50,3 +66,11 @@ class Delay(Decorator):
         waited = self.world.clock.now - self._since
         self._over = self._over or waited >= self.delay_msec / 1000.0 - _ROUNDING
         return self.relay() if self._over else NodeStatus.RUNNING
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        ends = Ends()
+        ends.take(walk.child(spec.children[0], (entry,)))
+        if walk.number(spec, "delay_msec") != 0:
+            ends.run((entry,))
+        return ends.flow()

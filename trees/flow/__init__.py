@@ -1,0 +1,15 @@
+"""How a mission may go: each kind of node says in which ways it can end, without running anything.
+
+A node class answers `flow(spec, entry, walk)`: from one State to the States in which it may succeed, fail, be
+skipped or still run, with the causes of its failures. `analysis` puts these together for a whole mission; the
+linter's rules read what it finds. Faults of the program (internal.error) are left out: any node may have one.
+"""
+
+from .ends import NEVER, Ends, Failures, Flow
+from .reasons import NO_REPORT, UNREPORTED, Reasons, joined
+from .state import NONE, NOTHING, Effect, State, States, tidy
+
+__all__ = [
+    "NEVER", "NONE", "NOTHING", "NO_REPORT", "UNREPORTED", "Effect", "Ends", "Failures", "Flow", "Reasons",
+    "State", "States", "joined", "tidy",
+]  # fmt: skip

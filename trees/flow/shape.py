@@ -1,0 +1,84 @@
+"""What can be said of an expression without the values of its names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...world.files.expression_nodes import (
+    Attribute,
+    Choice,
+    Comparison,
+    ListOf,
+    Literally,
+    Logic,
+    Name,
+    Not,
+    Part,
+    walk,
+)
+from ...world.files.expression_nodes import below as parts_of
+from ...world.files.expressions import Expression, ExpressionError
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """`certain`: names that are read whatever the values are. `total`: it has a value as soon as its names
+    have one, of whatever type. `constant`: whether it holds, where no name decides; None: cannot be said."""
+
+    names: tuple[str, ...]
+    certain: frozenset[str]
+    attributes: bool
+    total: bool
+    constant: bool | None
+    fails: bool
+    """It has no value at all: `1 / 0`."""
+
+
+def shape(expression: Expression) -> Shape:
+    constant, fails = _constant(expression)
+    names = dict.fromkeys(part.name for part in walk(expression.root) if isinstance(part, Name))
+    return Shape(
+        tuple(names),
+        certain_names(expression.root),
+        bool(expression.paths),
+        is_total(expression.root),
+        constant,
+        fails,
+    )
+
+
+def certain_names(part: Part) -> frozenset[str]:
+    """Names that are read whatever the values are: those behind a first `and` or `or` are not."""
+    match part:
+        case Name(name=name):
+            return frozenset((name,))
+        case Logic(parts=(first, *_)):
+            return certain_names(first)
+        case Choice(test=test, yes=yes, no=no):
+            return certain_names(test) | (certain_names(yes) & certain_names(no))
+        case Comparison(first=first, rest=(second, *_)):
+            return certain_names(first) | certain_names(second.operand)
+        case _:
+            return frozenset[str]().union(*map(certain_names, parts_of(part)))
+
+
+def is_total(part: Part) -> bool:
+    """Whether nothing in it works on some types only."""
+    match part:
+        case Literally() | Name():
+            return True
+        case Comparison(rest=rest):
+            return all(r.relation in ("==", "!=") for r in rest) and all(map(is_total, parts_of(part)))
+        case Logic() | Not() | Choice() | ListOf():
+            return all(map(is_total, parts_of(part)))
+        case _:
+            return False
+
+
+def _constant(expression: Expression) -> tuple[bool | None, bool]:
+    if expression.names or any(isinstance(part, Attribute) for part in walk(expression.root)):
+        return None, False
+    try:
+        return bool(expression.evaluate({})), False
+    except ExpressionError:
+        return None, True

@@ -1,0 +1,112 @@
+"""What is known at one point of a mission: which keys are written, and what the hand may hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple, TypeAlias
+
+EMPTY = 1
+"""Of `State.hand`: nothing is held."""
+KEPT = 2
+"""Of `State.hand`: what is held was seen to by a retreat, or was held before the analysis began."""
+FIRST_FILLER = 4
+"""Of `State.hand`, and each bit above: what one node of the text took is held still."""
+
+LIMIT = 12
+"""States that are told apart at one point; more are merged."""
+
+
+class State(NamedTuple):
+    """Keys and flags are bits of `sure` and `maybe`; what is in neither was written on no way here.
+
+    `hand` is a set of possibilities, as bits. `doubtful`: the point is reached only if some node ends in a
+    way that it does not declare; nothing is reported of such a state, but it counts as reached.
+    """
+
+    sure: int
+    maybe: int
+    hand: int
+    doubtful: bool = False
+
+    def written(self, bits: int) -> State:
+        """After these keys were written."""
+        if self.sure & bits == bits:
+            return self
+        return State(self.sure | bits, self.maybe | bits, self.hand, self.doubtful)
+
+    def perhaps(self, bits: int) -> State:
+        """After these keys were written, or not."""
+        if self.maybe & bits == bits:
+            return self
+        return State(self.sure, self.maybe | bits, self.hand, self.doubtful)
+
+    def holding(self, hand: int) -> State:
+        return self if hand == self.hand else State(self.sure, self.maybe, hand, self.doubtful)
+
+    def in_doubt(self) -> State:
+        return self if self.doubtful else State(self.sure, self.maybe, self.hand, True)
+
+    def covers(self, other: State) -> bool:
+        """Whether all that may be so in the other may be so here."""
+        return (
+            self.sure & ~other.sure == 0
+            and other.maybe & ~self.maybe == 0
+            and other.hand & ~self.hand == 0
+            and (other.doubtful or not self.doubtful)
+        )
+
+
+class Effect(NamedTuple):
+    """What something that goes on beside a node may do meanwhile: write keys, change what the hand holds."""
+
+    maybe: int = 0
+    hand: int = 0
+
+    def on(self, state: State) -> State:
+        """What must be reckoned with from that state on."""
+        if not (self.maybe & ~state.maybe or self.hand & ~state.hand):
+            return state
+        return State(state.sure, state.maybe | self.maybe, state.hand | self.hand, state.doubtful)
+
+    def with_(self, other: Effect) -> Effect:
+        return Effect(self.maybe | other.maybe, self.hand | other.hand)
+
+
+NOTHING = Effect()
+States: TypeAlias = frozenset[State]
+NONE: States = frozenset()
+
+
+def merged(states: Iterable[State]) -> State:
+    """One state that covers them all. There must be one at least."""
+    sure, maybe, hand, doubtful = -1, 0, 0, True
+    for state in states:
+        sure &= state.sure
+        maybe |= state.maybe
+        hand |= state.hand
+        doubtful = doubtful and state.doubtful
+    return State(sure, maybe, hand, doubtful)
+
+
+def tidy(states: Iterable[State]) -> States:
+    """The same with what others cover left out, and merged where there are too many."""
+    found = uncovered(states if isinstance(states, frozenset) else frozenset(states))
+    if len(found) > LIMIT:
+        found = uncovered(_merged_by(found, with_hand=True))
+    if len(found) > LIMIT:
+        found = uncovered(_merged_by(found, with_hand=False))
+    return found
+
+
+def uncovered(states: States) -> States:
+    """Those that no other covers."""
+    if len(states) < 2:
+        return states
+    return frozenset(s for s in states if not any(o is not s and o != s and o.covers(s) for o in states))
+
+
+def _merged_by(states: States, *, with_hand: bool) -> States:
+    groups: dict[tuple[int, bool], list[State]] = {}
+    for state in states:
+        groups.setdefault((state.hand if with_hand else 0, state.doubtful), []).append(state)
+    return frozenset(merged(group) for group in groups.values())
