@@ -119,7 +119,7 @@ class LeafChecks:
             if of_itself:
                 message = f"{role.path} has no answer, but an output {port.key!r} that the mission uses"
             else:
-                message = f"{declaration.id} succeeds without its output {port.key!r} ({role.path})"
+                message = f"{declaration.id} succeeds without its output {port.key!r}, used at {role.path}"
             hint = f"as {{outputs: {{{port.key}: …}}}}: {port.doc}"
             self._known.fault(answer.loc, message, hint, code="P709", key=of_itself)
             return True
