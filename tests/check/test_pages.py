@@ -37,13 +37,14 @@ def codes_of(example: Example, folder: Path) -> set[str]:
     return {fault.code for fault in check_files([Given(folder / "example.yaml", raw)], CHECKS).faults}
 
 
-def write_plug_ins(explanation: str, folder: Path) -> None:
-    """The Python files that a page shows; their first line is their name."""
-    for name, source in re.findall(r"```python\n# (\w+\.py)\n(.*?)```", explanation, re.DOTALL):
+def write_files(explanation: str, folder: Path) -> None:
+    """The files that a page shows before its examples; their first line is their name."""
+    shown = r"```(?:python|yaml)\n# (\w+\.(?:py|yaml))\n(.*?)```"
+    for name, source in re.findall(shown, explanation, re.DOTALL):
         (folder / name).write_text(source)
 
 
-@pytest.mark.parametrize("family", ["P1", "P4", "P5", "P6"])
+@pytest.mark.parametrize("family", ["P1", "P4", "P5", "P6", "P7"])
 def test_every_code_has_a_page_and_every_page_is_used(family: str) -> None:
     written = {each.code for each in pages() if each.code.startswith(family)}
     used = {code for code in codes_in_sources() if code.startswith(family)}
@@ -54,7 +55,7 @@ def test_every_code_has_a_page_and_every_page_is_used(family: str) -> None:
 @pytest.mark.parametrize("code", [each.code for each in pages()])
 def test_the_examples_of_a_page(code: str, tmp_path: Path) -> None:
     explained = page(code)
-    write_plug_ins(explained.explanation, tmp_path)
+    write_files(explained.explanation, tmp_path)
     if explained.wrong.language == "xml":
         pytest.skip("XML is read by picktree convert")
     assert explained.wrong.text != explained.right.text
