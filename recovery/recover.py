@@ -26,6 +26,17 @@ class Recover(Recovering):
     A fault of the program is never handled. The tick ends between a handler and the next attempt.
     """
 
+    example = """
+    Recover:
+      attempts: 3
+      do: {Grasp: {object: "{item}"}}
+      when:
+        grasp.missed: [SafeRetreat, {Observe: {camera: overhead}}]
+        control.*: SafeRetreat
+      otherwise: SafeRetreat
+      give_up: {SafeRetreat: {hand: open}}
+    """
+
     attempts: In[int] = port("how often `do` may run", default=3, least=1)
     body = child("what is to succeed")
     handlers = table("cause, or family of causes, and what may cure it", key="when", of="cause")

@@ -26,6 +26,14 @@ class RecoveryNode(Recovering):
     `Recover` chooses the cure by the cause.
     """
 
+    example = """
+    RecoveryNode:
+      number_of_retries: 2
+      do:
+        - Grasp: {object: "{item}"}
+        - Observe: {camera: overhead}
+    """
+
     parts = children("what is to succeed, and what may cure its failure", least=2, most=2)
     number_of_retries: In[int] = port("how often the second child may run", default=1, least=0)
 

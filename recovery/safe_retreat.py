@@ -26,9 +26,17 @@ class SafeRetreat(Skill):
     When there is no safe way the skill says so and stays where it is.
     """
 
-    pose: In[str] = port("named configuration to end in", default="home", names="pose")
-    hand: In[Literal["keep", "open"]] = port("what to do with a held object", default="keep")
-    speed: In[float] = port("share of the joints' speed limits", default=0.4, above=0, most=1)
+    example = """
+    SafeRetreat: {pose: home, hand: open}
+    """
+
+    pose: In[str] = port("named pose of the robot to end in", default="home", names="pose")
+    hand: In[Literal["keep", "open"]] = port(
+        "a held object: keep it, or open the hand and drop it where it is", default="keep"
+    )
+    speed: In[float] = port(
+        "share of the joints' speed limits: 1 for as fast as allowed", default=0.4, above=0, most=1
+    )
     causes = (planning.ANY, control.ANY, safety.ANY)
     uses = (ARM, GRIPPER)
     hand_after = "kept"

@@ -16,8 +16,14 @@ if TYPE_CHECKING:
 class GoTo(Skill):
     """Move the arm, free of collisions, to a named configuration of the robot file."""
 
-    pose: In[str] = port("name of the configuration", default="home", names="pose")
-    speed: In[float] = port("share of the joints' speed limits", default=1.0, above=0, most=1)
+    example = """
+    GoTo: {pose: observe, speed: 0.5}
+    """
+
+    pose: In[str] = port("named pose of the robot", default="home", names="pose")
+    speed: In[float] = port(
+        "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
+    )
     causes = (planning.ANY, control.ANY, safety.ANY)
     uses = (ARM,)
 

@@ -29,9 +29,15 @@ class Grasp(Skill):
     the fingers and by the load on the wrist.
     """
 
-    object: In[ObjectId] = port("what to grasp")
-    force: In[float] = port("grip force per finger", unit="N", default=30.0, above=0)
-    speed: In[float] = port("share of the joints' speed limits", default=1.0, above=0, most=1)
+    example = """
+    Grasp: {object: "{item}", force: 20 N}
+    """
+
+    object: In[ObjectId] = port("the object to grasp")
+    force: In[float] = port("grip force of each finger", unit="N", default=30.0, above=0)
+    speed: In[float] = port(
+        "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
+    )
     causes = (
         grasp.NO_CANDIDATE,
         grasp.MISSED,

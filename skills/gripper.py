@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 class OpenGripper(Skill):
     """Open the fingers; what they held is believed to be gone from the hand."""
 
+    example = """
+    OpenGripper: {width: 60 mm}
+    """
+
     width: In[float] = port(
         "opening between the fingers; 0 for as wide as they go", unit="m", default=0.0, least=0
     )
@@ -30,7 +34,11 @@ class OpenGripper(Skill):
 class CloseGripper(Skill):
     """Close the fingers with a force and report the opening at which they stopped."""
 
-    force: In[float] = port("grip force per finger", unit="N", default=30.0, above=0)
+    example = """
+    CloseGripper: {force: 20 N, width: "{gap}"}
+    """
+
+    force: In[float] = port("grip force of each finger", unit="N", default=30.0, above=0)
     width: Out[float] = port("opening at which the fingers stopped", unit="m")
     causes = (control.TIMEOUT,)
     uses = (GRIPPER,)

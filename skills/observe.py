@@ -21,9 +21,17 @@ class Observe(Skill):
     What the hand holds comes first: nothing else can be grasped before. Then the nearest to the robot.
     """
 
-    camera: In[str] = port("which camera", default="overhead", names="camera")
-    expect: In[ObjectId] = port("fail when this object is not seen", default=ObjectId(""))
-    objects: Out[list[ObjectId]] = port("items that do not lie where they belong")
+    example = """
+    Observe: {camera: overhead, objects: "{items}"}
+    """
+
+    camera: In[str] = port("the camera to look through", default="overhead", names="camera")
+    expect: In[ObjectId] = port(
+        "fail when this object is not in view; without it, whatever is seen will do", default=ObjectId("")
+    )
+    objects: Out[list[ObjectId]] = port(
+        "ids of the items that do not lie where they belong, in the order to take them"
+    )
     causes = (perception.NOT_FOUND,)
     uses = (CAMERA,)
 

@@ -32,10 +32,20 @@ class Place(Skill):
     The hold is felt again before the release, and that the hand is empty after it.
     """
 
-    object: In[ObjectId] = port("what is to be placed")
-    into: In[ObjectId] = port("the bin; empty when `at` is given", default=ObjectId(""), names="bin")
-    at: In[list[float]] = port("x, y, z in the world where its underside is put down, m", default=[])
-    speed: In[float] = port("share of the joints' speed limits", default=1.0, above=0, most=1)
+    example = """
+    Place: {object: "{item}", into: "{item.destination}"}
+    """
+
+    object: In[ObjectId] = port("the object to place, which the hand holds")
+    into: In[ObjectId] = port(
+        "the bin to place it into; not needed with `at`", default=ObjectId(""), names="bin"
+    )
+    at: In[list[float]] = port(
+        "where its underside is put down, instead of `into`: x, y, z in the world", unit="m", default=[]
+    )
+    speed: In[float] = port(
+        "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
+    )
     causes = (
         place.OCCUPIED,
         place.MISSED,

@@ -20,6 +20,13 @@ class IfThenElse(Control):
     Without a third child a no is FAILURE. SKIPPED when the condition is skipped.
     """
 
+    example = """
+    IfThenElse:
+      - Condition: {if: holding}
+      - SafeRetreat: {hand: open}
+      - GoTo: {pose: home}
+    """
+
     parts = children(
         "the condition, what is done if it holds, what otherwise",
         least=2,
@@ -60,6 +67,13 @@ class WhileDoElse(Control):
 
     It is not a loop: it ends when the ticked child ends. As in BT.CPP the branch that is left is halted
     before the other is ticked. Without a third child a no is FAILURE.
+    """
+
+    example = """
+    WhileDoElse:
+      - Condition: {if: items_left}
+      - Observe: {camera: overhead, objects: "{items}"}
+      - GoTo: {pose: rest}
     """
 
     parts = children(

@@ -23,6 +23,12 @@ class Fallback(Control):
     (a false condition) does not hide one that has. SKIPPED when all were skipped.
     """
 
+    example = """
+    Fallback:
+      - Place: {object: "{item}", into: red_bin}
+      - SafeRetreat: {hand: open}
+    """
+
     parts = children("what is tried, in this order")
     remembers = ("_index", "_skipped")
     positions = ("_index",)
@@ -61,6 +67,12 @@ class ReactiveFallback(Control):
 
     When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
     ticked: both hold the arm for a moment, and the one that acquired it last keeps it.
+    """
+
+    example = """
+    ReactiveFallback:
+      - Condition: {if: not holding}
+      - SafeRetreat: {hand: open}
     """
 
     parts = children("what is tried, the most wanted first")

@@ -25,9 +25,21 @@ class ForEach(Decorator):
     was skipped for every element.
     """
 
+    example = """
+    ForEach:
+      in: "{items}"
+      out: "{item}"
+      on_failure: continue
+      do:
+        - Grasp: {object: "{item}"}
+        - Place: {object: "{item}", into: "{item.destination}"}
+    """
+
     items: In[list[object]] = port("the elements", key="in")
-    item: Out[object] = port("the present element, for the child to read", key="out", each_of="in")
-    on_failure: In[Literal["fail", "continue"]] = port("what to do when the child fails", default="fail")
+    item: Out[object] = port("key of the present element, for the child to read", key="out", each_of="in")
+    on_failure: In[Literal["fail", "continue"]] = port(
+        "when the child fails: fail with it, or continue with the next element", default="fail"
+    )
     most: In[int] = port("how many elements at most, from the first; -1 for all", default=-1, least=-1)
     remembers = ("_items", "_index", "_skipped")
     _items: list[object] = []  # noqa: RUF012 - replaced when the loop starts, never changed

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 class Inverter(Decorator):
     """SUCCESS becomes FAILURE without a report, and FAILURE becomes SUCCESS, unless it is a safety stop."""
 
+    example = """
+    Inverter:
+      Condition: {if: holding}
+    """
+
     def on_tick(self) -> NodeStatus:
         match self.body.step():
             case NodeStatus.SUCCESS:
@@ -39,6 +44,11 @@ class Inverter(Decorator):
 class ForceSuccess(Decorator):
     """SUCCESS however the child ends. It cannot hide a safety stop (safety.*) or a fault of the program."""
 
+    example = """
+    ForceSuccess:
+      GoTo: {pose: observe}
+    """
+
     def on_tick(self) -> NodeStatus:
         state = self.relay()
         if state is NodeStatus.FAILURE and not cannot_be_hidden(self.body.failure):
@@ -55,6 +65,13 @@ class ForceSuccess(Decorator):
 
 class ForceFailure(Decorator):
     """FAILURE however the child ends, with the child's failure when it has one."""
+
+    example = """
+    Fallback:
+      - Grasp: {object: "{item}"}
+      - ForceFailure:
+          Log: {message: could not be grasped, value: "{item}"}
+    """
 
     def on_tick(self) -> NodeStatus:
         state = self.relay()

@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 class AlwaysSuccess(Node):
     """SUCCESS at once."""
 
+    example = """
+    Fallback:
+      - GoTo: {pose: observe}
+      - AlwaysSuccess
+    """
+
     kind = "action"
 
     def on_tick(self) -> NodeStatus:
@@ -34,6 +40,14 @@ class AlwaysSuccess(Node):
 
 class AlwaysFailure(Node):
     """FAILURE at once, without a report, as a false condition."""
+
+    example = """
+    Fallback:
+      - Grasp: {object: "{item}"}
+      - Sequence:
+          - Log: {message: could not be grasped, value: "{item}"}
+          - AlwaysFailure
+    """
 
     kind = "action"
 
@@ -50,7 +64,11 @@ class AlwaysFailure(Node):
 class Condition(ConditionNode):
     """Whether an expression holds. It sees the blackboard's keys and the facts of the world."""
 
-    expression: In[Expression] = port("what must hold", key="if")
+    example = """
+    Condition: {if: "item.colour == 'red' and not holding"}
+    """
+
+    expression: In[Expression] = port("the expression that must hold", key="if")
 
     def answer(self, world: World) -> bool:
         return self.holds(self.expression)
@@ -69,9 +87,13 @@ class Condition(ConditionNode):
 class SetBlackboard(Node):
     """Writes a value to the blackboard."""
 
+    example = """
+    SetBlackboard: {value: 3, output_key: "{tries}"}
+    """
+
     kind = "action"
     value: In[object] = port("the value, or a reference to another")
-    output_key: Out[object] = port("where to", like="value")
+    output_key: Out[object] = port("the key to write it to", like="value")
 
     def on_tick(self) -> NodeStatus:
         self.output_key = self.value
@@ -85,9 +107,13 @@ class SetBlackboard(Node):
 class Log(Node):
     """Writes a sentence, and a value if given, into the record."""
 
+    example = """
+    Log: {message: now comes, value: "{item.kind}"}
+    """
+
     kind = "action"
-    message: In[str] = port("the sentence")
-    value: In[object] = port("a value to log with it", default=None)
+    message: In[str] = port("the sentence for the record")
+    value: In[object] = port("a value to log behind it", default=None)
 
     def on_tick(self) -> NodeStatus:
         value = plain_copy(self.value)

@@ -25,9 +25,17 @@ class Parallel(Control):
     failure, the others' attached. What still runs when it ends is halted. SKIPPED when all were skipped.
     """
 
+    example = """
+    Parallel:
+      - GoTo: {pose: observe}
+      - OpenGripper
+    """
+
     parts = children("what is done at the same time")
-    success_count: In[int] = port("how many children must succeed", default=-1)
-    failure_count: In[int] = port("how many failures are too many", default=1)
+    success_count: In[int] = port(
+        "how many children must succeed; -1 for all, -2 for all but one", default=-1
+    )
+    failure_count: In[int] = port("how many failures are too many; -1 when all failed", default=1)
     remembers = ("_ended", "_succeeded", "_failed", "_reports")
     positions = ("_ended",)
     _ended: tuple[int, ...] = ()

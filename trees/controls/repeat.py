@@ -21,8 +21,17 @@ class Repeat(Decorator):
     `while` is asked before each cycle. The tick ends between two cycles. A skipped child skips the loop.
     """
 
-    num_cycles: In[int] = port("how often; -1 for without end", default=-1, least=-1)
-    condition: In[Expression | None] = port("go on only while this holds", key="while", default=None)
+    example = """
+    Repeat:
+      num_cycles: 3
+      while: items_left
+      do: {Observe: {camera: overhead, objects: "{items}"}}
+    """
+
+    num_cycles: In[int] = port("how often at most; -1 for without end", default=-1, least=-1)
+    condition: In[Expression | None] = port(
+        "go on only while this holds; asked before each cycle", key="while", default=None
+    )
     remembers = ("_cycles",)
     _cycles: int = 0
 
@@ -84,6 +93,11 @@ class Repeat(Decorator):
 
 class KeepRunningUntilFailure(Decorator):
     """Runs its child again and again, one tick apart, until it fails; then it fails with its failure."""
+
+    example = """
+    KeepRunningUntilFailure:
+      Observe: {camera: overhead, expect: "{item}"}
+    """
 
     def on_tick(self) -> NodeStatus:
         state = self.relay()

@@ -23,7 +23,13 @@ class RetryUntilSuccessful(Decorator):
     tree.attempts when the child gave no reason. A fault of the program is not tried again.
     """
 
-    num_attempts: In[int] = port("how often it may run; -1 for without end", least=-1)
+    example = """
+    RetryUntilSuccessful:
+      num_attempts: 3
+      do: {Grasp: {object: "{item}"}}
+    """
+
+    num_attempts: In[int] = port("how often the child may run; -1 for without end", least=-1)
     causes = (tree.ATTEMPTS,)
     remembers = ("_attempts", "_reports")
     _attempts: int = 0

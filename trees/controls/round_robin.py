@@ -27,6 +27,19 @@ class RoundRobin(Control):
     tries another cure at each failure.
     """
 
+    example = """
+    Recover:
+      attempts: 5
+      do: {Grasp: {object: "{item}"}}
+      when:
+        grasp.*:
+          RoundRobin:
+            wrap_around: true
+            do:
+              - Observe: {camera: overhead}
+              - SafeRetreat: {pose: observe}
+    """
+
     parts = children("what takes turns")
     wrap_around: In[bool] = port("after the last child it is the first one's turn again", default=False)
     causes = (tree.ATTEMPTS,)

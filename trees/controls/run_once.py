@@ -18,7 +18,14 @@ if TYPE_CHECKING:
 class RunOnce(Decorator):
     """Runs its child until it has ended once; after that it is SKIPPED, or answers as the child did then."""
 
-    then_skip: In[bool] = port("SKIPPED after the first time, instead of the first answer", default=True)
+    example = """
+    RunOnce:
+      Observe: {camera: overhead, objects: "{items}"}
+    """
+
+    then_skip: In[bool] = port(
+        "after the first time SKIPPED (true), or the first answer again (false)", default=True
+    )
     remembers = ("_first_answer", "_first_failure")
     lasting: ClassVar[bool] = True
     _first_answer: str = ""

@@ -21,6 +21,12 @@ class Sequence(Control):
     failure of its failing child.
     """
 
+    example = """
+    Sequence:
+      - Grasp: {object: "{item}"}
+      - Place: {object: "{item}", into: "{item.destination}"}
+    """
+
     parts = children("what is done, in this order")
     remembers = ("_index", "_skipped")
     positions = ("_index",)
@@ -57,6 +63,12 @@ class ReactiveSequence(Control):
     """Asks every child anew at each tick, from the first: conditions first, then what they guard.
 
     When an earlier child runs or fails, a later one that was RUNNING is halted, after the earlier was ticked.
+    """
+
+    example = """
+    ReactiveSequence:
+      - Condition: {if: not stopped}
+      - GoTo: {pose: home}
     """
 
     parts = children("the conditions, then what they guard")

@@ -25,7 +25,16 @@ class Switch(Control):
     ticked, as in BT.CPP. Without a case and a default it fails with tree.no_case.
     """
 
-    variable: In[object] = port("the value that decides")
+    example = """
+    Switch:
+      variable: "{item.form}"
+      cases:
+        plate: {Grasp: {object: "{item}", force: 15 N}}
+        sphere: {Grasp: {object: "{item}", speed: 0.5}}
+      default: {Grasp: {object: "{item}"}}
+    """
+
+    variable: In[object] = port("the value that decides; it is read at every tick")
     cases = table("what is done for each value", key="cases", required=True, matches="variable")
     default = optional_child("what is done for all other values", key="default")
     causes = (tree.NO_CASE,)

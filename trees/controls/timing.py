@@ -21,7 +21,13 @@ _ROUNDING = 1e-9
 class Timeout(Decorator):
     """Halts its child and fails with tree.timeout when it still runs after that time. 0 is without limit."""
 
-    msec: In[float] = port("time that the child may take; a bare number is in ms", unit="ms", least=0)
+    example = """
+    Timeout:
+      msec: 20 s
+      do: {Grasp: {object: "{item}"}}
+    """
+
+    msec: In[float] = port("simulated time that the child may take; 0 for no limit", unit="ms", least=0)
     causes = (tree.TIMEOUT,)
     remembers = ("_since",)
     _since: float = 0.0
@@ -54,7 +60,13 @@ class Timeout(Decorator):
 class Delay(Decorator):
     """Waits that time, RUNNING, and then ticks its child."""
 
-    delay_msec: In[float] = port("time to wait; a bare number is in ms", unit="ms", least=0)
+    example = """
+    Delay:
+      delay_msec: 500 ms
+      do: {Observe: {camera: overhead, objects: "{items}"}}
+    """
+
+    delay_msec: In[float] = port("simulated time to wait before the child is ticked", unit="ms", least=0)
     remembers = ("_since", "_over")
     _since: float = 0.0
     _over: bool = False
