@@ -28,7 +28,7 @@ class Repeat(Decorator):
       do: {Observe: {camera: overhead, objects: "{items}"}}
     """
 
-    num_cycles: In[int] = port("how often at most; -1 for without end", default=-1, least=-1)
+    num_cycles: In[int] = port("how often; -1 for without end", default=-1, least=-1)
     condition: In[Expression | None] = port(
         "go on only while this holds; asked before each cycle", key="while", default=None
     )
