@@ -91,11 +91,9 @@ def _points(staging: Staging, reached: Reached, role: Role) -> Iterator[Point]:
     mark, text = role.spec.mark, role.text
     missed = f"'{role.branch}' is never used" if role.branch else "never starts"
     yield Point("branch" if role.branch else "node", mark, text, missed, text in reached.started)
-    if role.played:
-        if role.spec.node is not None and role.spec.node.kind == "condition":
-            for answer in ("SUCCESS", "FAILURE"):
-                yield Point("answer", mark, text, f"never {answer}", (text, answer) in reached.answered)
-        return
+    if role.played and role.spec.node is not None and role.spec.node.kind == "condition":
+        for answer in ("SUCCESS", "FAILURE"):
+            yield Point("answer", mark, text, f"never {answer}", (text, answer) in reached.answered)
     for key, expression in staging.expressions.get(text, {}).items():
         name = key.split()[0]
         place = role.spec.places.get(name, mark)

@@ -61,8 +61,11 @@ def _node(spec: NodeSpec, above: str, watched: _Watched) -> NodeSpec:
         watched[text][key] = WatchedExpression.of(expression)
         return watched[text][key]
 
+    played = spec.node is not None and is_played(spec.node)
+
     def binding(key: str, bound: Binding) -> Binding:
-        if isinstance(bound, Constant) and isinstance(bound.value, Expression):
+        # Nobody asks the expressions of a leaf whose place is taken.
+        if not played and isinstance(bound, Constant) and isinstance(bound.value, Expression):
             return Constant(watch(key, bound.value), bound.text)
         return bound
 
