@@ -55,6 +55,12 @@ class Faults:
         """As `nearest`, which is dear: nothing when nobody will read it."""
         return "" if self.full else nearest(name, known)
 
+    def within(self, tree: str) -> bool:
+        """Whether any of them stands in that tree."""
+        starts = (f"{tree}/", f"trees.{tree}.")
+        names = (tree, f"trees.{tree}")
+        return any(f.where in names or f.where.startswith(starts) for f in self._kept)
+
     def all(self) -> tuple[Fault, ...]:
         """In the order of the files; the last one says how many are left out."""
         kept = sorted(dict.fromkeys(self._kept), key=lambda fault: fault.mark)

@@ -17,6 +17,7 @@ from ..world.files.document import (
     read_document,
     where,
 )
+from ..world.files.expression_types import ValueType
 from ..world.files.expressions import Expression, ExpressionError
 from .calls import check_calls
 from .declaration import IDENTIFIER
@@ -28,9 +29,13 @@ from .mission_files import FilesOnDisk, MissionFiles
 from .node import Node
 from .plugin_import import PluginError
 from .ports import PortDeclaration
+from .references import ATTRIBUTE_TYPES
 from .registry import Registry
 from .tree_ports import TreePorts
-from .wires import at_character
+from .wiring.asking import unanswerable
+from .wiring.circuit import Circuit
+from .wiring.keys import FACT_TYPES
+from .wiring.misfits import misfits
 
 _KEYS = ("picktree", "kind", "name", "scene", "goal", "library", "include", "plugins", "trees")
 _NOT_IN_LIBRARY = ("scene", "goal")
@@ -51,20 +56,28 @@ def load_mission(path: Path, registry: Registry | None = None) -> Mission:
 
 
 def parse_mission(
-    text: str, path: Path, registry: Registry | None = None, files: MissionFiles | None = None
+    text: str,
+    path: Path,
+    registry: Registry | None = None,
+    files: MissionFiles | None = None,
+    facts: Mapping[str, ValueType] = FACT_TYPES,
 ) -> Mission:
     """As `load_mission`, of a text that was read already; `path` says what lies beside it.
 
-    `files` gives the included files, by default from the disk.
+    `files` gives the included files, by default from the disk; `facts` are what expressions may name of the
+    world.
     """
-    return read_mission(read_document(text, path, "mission"), registry, files)
+    return read_mission(read_document(text, path, "mission"), registry, files, facts)
 
 
 def read_mission(
-    document: Document, registry: Registry | None = None, files: MissionFiles | None = None
+    document: Document,
+    registry: Registry | None = None,
+    files: MissionFiles | None = None,
+    facts: Mapping[str, ValueType] = FACT_TYPES,
 ) -> Mission:
     """Check a document of kind `mission`. Raises FileError with all its faults, and for a library."""
-    reading = examine(document, registry, files)
+    reading = examine(document, registry, files, facts)
     faults = list(reading.faults)
     if not faults and reading.mission.library:
         message = "this file is for inclusion: it has no tree 'Main' to begin with"
@@ -75,18 +88,24 @@ def read_mission(
 
 
 def examine(
-    document: Document, registry: Registry | None = None, files: MissionFiles | None = None
+    document: Document,
+    registry: Registry | None = None,
+    files: MissionFiles | None = None,
+    facts: Mapping[str, ValueType] = FACT_TYPES,
 ) -> Reading:
     """As `read_mission`, for who wants to look at a faulty mission too, or at a library."""
-    folder = document.path.parent
-    return _Reader(document, (registry or Registry()).copy(), files or FilesOnDisk(folder)).read()
+    beside = files or FilesOnDisk(document.path.parent)
+    return _Reader(document, (registry or Registry()).copy(), beside, facts).read()
 
 
 class _Reader:
-    def __init__(self, document: Document, registry: Registry, files: MissionFiles) -> None:
+    def __init__(
+        self, document: Document, registry: Registry, files: MissionFiles, facts: Mapping[str, ValueType]
+    ) -> None:
         self._document = document
         self._registry = registry
         self._files = files
+        self._facts = facts
         self._faults = Faults()
 
     def read(self) -> Reading:
@@ -156,7 +175,7 @@ class _Reader:
         try:
             goal = Expression.parse(value)
         except ExpressionError as error:
-            self._fault(("goal",), f"{error}{at_character(value, error.offset)}", code="P225")
+            self._fault(("goal",), error.told(value), code="P225")
             return None
         for name in sorted(goal.names - set(_GOAL_NAMES)):
             self._fault(("goal",), f"a goal knows no {name!r}", nearest(name, _GOAL_NAMES), code="P203")
@@ -207,10 +226,24 @@ class _Reader:
             for name, body in found.items():
                 root = self._root(document, grammar, name, body) if homes.get(name) is document else None
                 if root is not None:
-                    trees[name] = TreeSpec(name, document.key_mark(("trees", name)), ports[name], root)
+                    mark = document.key_mark(("trees", name))
+                    places = {p.key: document.mark(("trees", name, "ports", p.key)) for p in ports[name]}
+                    trees[name] = TreeSpec(name, mark, ports[name], root, places)
+        self._check(trees)
+        return trees
+
+    def _check(self, trees: Mapping[str, TreeSpec]) -> None:
+        """What can be wrong between nodes that are right by themselves."""
+        circles = len(self._faults)
         for fault in check_calls(trees):
             self._faults.add(fault)
-        return trees
+        if len(self._faults) > circles:
+            return
+        # Where a node could not be read, a key may be written that nobody sees.
+        unfinished = [name for name in trees if self._faults.within(name)]
+        circuit = Circuit(trees, self._facts)
+        for fault in (*misfits(circuit), *unanswerable(circuit, ATTRIBUTE_TYPES, unfinished)):
+            self._faults.add(fault)
 
     def _bodies(self, document: Document) -> dict[str, Value]:
         """What stands under `trees:` of one file, by name."""

@@ -68,6 +68,8 @@ class TreeSpec:
     mark: Mark
     ports: tuple[PortDeclaration, ...]
     root: NodeSpec
+    places: Mapping[str, Mark] = field(default_factory=dict[str, Mark])
+    """Where its ports are declared, by key."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,10 @@ class PortDeclaration:
     choices: tuple[Plain, ...] | None = None
     names: NameKind | None = None
     within: Range = ANY_NUMBER
+    like: str | None = None
+    """Of an output: the input whose value it passes on."""
+    each_of: str | None = None
+    """Of an output: the input whose elements it takes, one after the other."""
 
     @property
     def required(self) -> bool:
@@ -63,6 +67,8 @@ class PortSpec:
     key: str | None
     names: NameKind | None
     within: Range
+    like: str | None
+    each_of: str | None
 
 
 class In(Generic[T]):
@@ -111,12 +117,15 @@ def port(
     least: float | None = None,
     most: float | None = None,
     above: float | None = None,
+    like: str | None = None,
+    each_of: str | None = None,
 ) -> Any:
     """Declare a port: `object: In[ObjectId] = port("what to grasp")`.
 
     unit: of a number; literals may then be written with a unit. choices: the only values allowed.
     key: the name in the file where it cannot be the attribute's (`in`, `while`).
     names: what in scene or robot the text names. least, most, above: bounds of a number, in its unit.
+    like, each_of: the key of the input whose value an output passes on, or whose elements it takes.
     """
     allowed = tuple(choices) if choices is not None else None
-    return PortSpec(doc, unit, default, allowed, key, names, Range(least, most, above))
+    return PortSpec(doc, unit, default, allowed, key, names, Range(least, most, above), like, each_of)

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 import typing
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
 from ..world.causes import Failure, tree
+from ..world.colours import ITEM_COLOURS
+from ..world.files.expression_types import BOOL, FLOAT, INT, OBJECT, PLACE, TEXT, ValueType
 from ..world.files.nearest import nearest
 from ..world.journal import Plain
+from ..world.scene.description import Form
 from ..world.scene.planning_scene import BeliefObject, PlanningScene
 from ..world.values import ObjectId
 
@@ -17,23 +21,34 @@ _REFERENCE = re.compile(r"\{([A-Za-z_]\w*)((?:\.[A-Za-z_]\w*)*)\}", re.ASCII)
 _BRACES = re.compile(r"\{.*\}", re.DOTALL)
 
 
-def _attributes() -> tuple[str, ...]:
+_PLAIN: Mapping[object, ValueType] = {str: TEXT, int: INT, float: FLOAT, bool: BOOL, ObjectId: OBJECT}
+_CHOICES: Mapping[str, tuple[str, ...]] = {
+    "form": (*typing.get_args(Form), "unknown"),
+    "colour": (*ITEM_COLOURS, "unknown"),
+}
+
+
+def _attribute_types() -> dict[str, ValueType]:
+    """The plain fields of a BeliefObject, its plain properties, and `destination`."""
     hints = typing.get_type_hints(BeliefObject)
-    plain = (str, int, float, bool, ObjectId)
-    found = [
-        f.name for f in fields(BeliefObject)
-        if hints[f.name] in plain or typing.get_origin(hints[f.name]) is typing.Literal
-    ]  # fmt: skip
-    # A property's type stands on its getter; those with a plain one are part of the language too.
+    found = {f.name: hints[f.name] for f in fields(BeliefObject)}
     for name, member in vars(BeliefObject).items():
+        # A property's type stands on its getter.
         getter = member.fget if isinstance(member, property) else None
-        if getter is not None and typing.get_type_hints(getter).get("return") in plain:
-            found.append(name)
-    return (*found, "destination")
+        if getter is not None:
+            found[name] = typing.get_type_hints(getter).get("return")
+    types: dict[str, ValueType] = {}
+    for name, hint in found.items():
+        if hint in _PLAIN:
+            types[name] = replace(_PLAIN[hint], choices=_CHOICES.get(name, ()))
+        elif typing.get_origin(hint) is typing.Literal:
+            types[name] = replace(TEXT, choices=typing.get_args(hint))
+    return {**types, "place": PLACE, "destination": replace(PLACE, optional=True)}
 
 
-ATTRIBUTES: tuple[str, ...] = _attributes()
-"""What may stand after the dot: the plain fields of a BeliefObject, and `destination`."""
+ATTRIBUTE_TYPES: Mapping[str, ValueType] = _attribute_types()
+"""What may stand after the dot, with its type; where all its texts are known, with these."""
+ATTRIBUTES: tuple[str, ...] = tuple(ATTRIBUTE_TYPES)
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,6 +27,8 @@ class SlotDeclaration:
     """Of `table`: whether its keys are patterns of causes."""
     labels: tuple[str, ...] = ()
     """Of `many`, where places differ in meaning: what each child is, for pictures ("then", "else")."""
+    matches: str | None = None
+    """Of `table`: the input whose value its keys are compared with."""
 
 
 class Slot:
@@ -95,7 +97,15 @@ def children(
 
 
 def table(
-    doc: str, *, key: str, of: Literal["cause", "value"] = "value", required: bool = False
+    doc: str,
+    *,
+    key: str,
+    of: Literal["cause", "value"] = "value",
+    required: bool = False,
+    matches: str | None = None,
 ) -> TableSlot:
-    """Children by name, in the order of the file; with `of="cause"` the names are patterns of causes."""
-    return TableSlot(SlotDeclaration(key, "table", doc, required=required, of=of))
+    """Children by name, in the order of the file; with `of="cause"` the names are patterns of causes.
+
+    matches: the key of the input whose value the names are compared with.
+    """
+    return TableSlot(SlotDeclaration(key, "table", doc, required=required, of=of, matches=matches))

@@ -128,21 +128,10 @@ class Wires:
     def _expression_fault(
         self, error: ExpressionError, value: Value, loc: Location, trail: str, what: str
     ) -> None:
-        at = at_character(value, error.offset) if isinstance(value, str) else ""
-        self._fault(loc, trail, f"{what}: {error}{at}", code="P225")
+        told = error.told(value) if isinstance(value, str) else str(error)
+        self._fault(loc, trail, f"{what}: {told}", code="P225")
 
     def _fault(
         self, loc: Location, trail: str, message: str, hint: str = "", *, code: str, key: bool = False
     ) -> None:
         self._faults.at(self._document, loc, trail, message, hint, code=code, key=key)
-
-
-_SHOWN = 80
-
-
-def at_character(text: str, offset: int) -> str:
-    """Which character of an expression a complaint means; of a long one what stands around it."""
-    if len(text) <= _SHOWN:
-        return f", at character {offset + 1} of {text!r}"
-    start = max(0, offset - _SHOWN // 4)
-    return f", at character {offset + 1}: …{text[start : start + _SHOWN // 2]!r}…"

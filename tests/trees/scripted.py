@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from textwrap import dedent
@@ -19,6 +19,7 @@ from picktree.trees.skill import ARM, Skill, Steps
 from picktree.trees.status import NodeStatus
 from picktree.world.attempts import Attempts
 from picktree.world.causes import Failure, cause_named, control, grasp, perception, safety
+from picktree.world.files.expression_types import ANY, ValueType
 from picktree.world.journal import Entry, Happened, Journal, Plain
 from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
@@ -149,10 +150,27 @@ def registry() -> Registry:
     return Registry(NODES, installed=False)
 
 
+class AnyFacts(Mapping[str, ValueType]):
+    """Whatever a test puts into `FakeWorld.known`, or writes to the blackboard itself."""
+
+    def __getitem__(self, name: str) -> ValueType:
+        return ANY
+
+    def __contains__(self, name: object) -> bool:
+        return True
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0
+
+
 def mission(body: str) -> Mission:
     """A mission whose `trees:` is the given text."""
     indented = "\n".join(f"  {line}" for line in dedent(body).strip().splitlines())
-    return parse_mission(f"picktree: 1\nkind: mission\ntrees:\n{indented}\n", FILE, registry())
+    text = f"picktree: 1\nkind: mission\ntrees:\n{indented}\n"
+    return parse_mission(text, FILE, registry(), facts=AnyFacts())
 
 
 @dataclass

@@ -22,7 +22,7 @@ from picktree.trees.status import NodeStatus
 from picktree.world.files.reader import resolve
 from picktree.world.world import World
 
-from .scripted import FILE, FakeWorld, Run
+from .scripted import FILE, AnyFacts, FakeWorld, Run
 
 ANSWERS = {
     "S": NodeStatus.SUCCESS,
@@ -89,7 +89,7 @@ def started(case: dict[str, object]) -> Run:
     text = f"picktree: 1\nkind: mission\ntrees: {json.dumps(trees)}\n"
     registry = Registry((Told, *recovery.NODES), installed=False)
     world = ToldWorld(answers=" ".join(cast("list[str]", case["ticks"])))
-    return Run(build(parse_mission(text, FILE, registry), cast("World", world)), world)
+    return Run(build(parse_mission(text, FILE, registry, facts=AnyFacts()), cast("World", world)), world)
 
 
 def step(run: Run, before: str) -> None:

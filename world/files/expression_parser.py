@@ -47,6 +47,16 @@ class ExpressionError(ValueError):
         super().__init__(message)
         self.offset = offset
 
+    def told(self, text: str) -> str:
+        """With the character, counted from 1, and the text of the expression or what stands around it."""
+        if len(text) <= _SHOWN:
+            return f"{self}, at character {self.offset + 1} of {text!r}"
+        start = max(0, self.offset - _SHOWN // 4)
+        return f"{self}, at character {self.offset + 1}: …{text[start : start + _SHOWN // 2]!r}…"
+
+
+_SHOWN = 80
+
 
 Kind: TypeAlias = Literal["number", "text", "name", "word", "symbol", "end"]
 

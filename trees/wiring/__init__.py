@@ -1,0 +1,1 @@
+"""What is wired to what: which values reach which inputs, over keys and the ports of sub-trees."""

@@ -1,0 +1,143 @@
+"""Which values arrive at which inputs, through keys, lists and the ports of sub-trees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from ...world.files.document import Mark
+from ...world.files.expression_types import ValueType
+from ..calls import bottom_up
+from ..mission import MAIN, TreeSpec
+from ..ports import PortDeclaration
+from ..references import Constant, Reference
+from .fitting import misfit
+from .keys import Keys, Placed
+from .sources import Source, constant
+
+MAX_DEMANDS: Final = 60
+"""On one input of a tree; more are not followed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A value that reaches an input, and the place of the text where it is wired so."""
+
+    mark: Mark
+    trail: str
+    key: str
+    """Of the input at that place, which may be that of a sub-tree."""
+    text: str
+    """What stands there: `{item.colour}`, or a literal."""
+    source: Source
+    target: PortDeclaration
+    """Where it ends up: the same input, or that of a node in the sub-tree;"""
+    via: str
+    """then that node in words, else empty."""
+    problem: str | None
+    """Why it does not fit there."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Demand:
+    """What an input of a tree is used for: that port gets it, or its elements `depth` lists deep."""
+
+    target: PortDeclaration
+    where: str
+    depth: int
+    strict: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """An input and what stands there."""
+
+    mark: Mark
+    trail: str
+    port: PortDeclaration
+    text: str
+
+    def arrival(self, source: Source, demand: _Demand) -> Arrival:
+        for _ in range(demand.depth):
+            source = source.elements()
+        target = demand.target
+        problem = misfit(source, target, self.text, strict=demand.strict)
+        via = "" if target is self.port else demand.where
+        return Arrival(self.mark, self.trail, self.port.key, self.text, source, target, via, problem)
+
+
+class Circuit:
+    """The trees of a mission with their keys, and what arrives at each input.
+
+    Raises CycleError for sub-trees in a circle.
+    """
+
+    def __init__(self, trees: Mapping[str, TreeSpec], facts: Mapping[str, ValueType]) -> None:
+        self.keys: dict[str, Keys] = {}
+        self.facts = facts
+        self._demands: dict[str, dict[str, list[_Demand]]] = {}
+        for name in bottom_up(trees):
+            self.keys[name] = Keys(trees[name], trees, self.keys, facts)
+            self._demands[name] = {}
+        self.arrivals = tuple(self._all(trees.get(MAIN)))
+        """By input; what stands first at an input came first in the text."""
+
+    def _all(self, main: TreeSpec | None) -> Iterator[tuple[Arrival, ...]]:
+        for name, keys in self.keys.items():
+            for placed in keys.nodes:
+                for port in keys.ports(placed.spec):
+                    if port.direction == "in":
+                        yield tuple(self._at(name, placed, port))
+        if main is not None:
+            for port in main.ports:
+                yield tuple(self._parameter(main, port))
+
+    def _at(self, tree: str, placed: Placed, port: PortDeclaration) -> Iterator[Arrival]:
+        spec = placed.spec
+        bound = spec.ports.get(port.key)
+        if bound is None and (port.required or port.default == ""):
+            return
+        inside = self._demands.get(spec.id, {}).get(port.key, []) if spec.node is None else []
+        own = _Demand(port, f"{spec.id}, line {spec.mark.line}", 0, strict=spec.node is not None)
+        if not isinstance(bound, Reference):
+            value = bound.value if isinstance(bound, Constant) else port.default
+            text = _shown(bound.text) if isinstance(bound, Constant) else "its default"
+            # It was converted to the port's own type; whether it names something is another question.
+            wanted = [own, *inside] if port.names is not None else inside
+            place = _Place(placed.mark(port.key), placed.path, port, text)
+            yield from _literal(place, value, wanted)
+            return
+        place = _Place(placed.mark(port.key), placed.path, port, str(bound))
+        for source in self.keys[tree].reference(bound):
+            for demand in (own, *inside):
+                arrival = place.arrival(source, demand)
+                yield arrival
+                if source.port is not None and arrival.problem is None:
+                    self._add(tree, source, demand)
+
+    def _parameter(self, main: TreeSpec, port: PortDeclaration) -> Iterator[Arrival]:
+        """The default of a parameter of the mission, as far as it goes on to nodes."""
+        if port.direction == "in" and not port.required:
+            mark = main.places.get(port.key, main.mark)
+            place = _Place(mark, main.name, port, "its default")
+            yield from _literal(place, port.default, self._demands[MAIN].get(port.key, []))
+
+    def _add(self, tree: str, source: Source, demand: _Demand) -> None:
+        assert source.port is not None
+        found = self._demands[tree].setdefault(source.port, [])
+        depth = demand.depth + source.depth
+        known = any(d.target is demand.target and d.depth == depth for d in found)
+        if not known and len(found) < MAX_DEMANDS:
+            found.append(_Demand(demand.target, demand.where, depth, demand.strict))
+
+
+def _literal(place: _Place, value: object, wanted: list[_Demand]) -> Iterator[Arrival]:
+    source = constant(value, place.mark)
+    for demand in wanted:
+        yield place.arrival(source, demand)
+
+
+def _shown(text: object) -> str:
+    shown = repr(text) if isinstance(text, str) else str(text)
+    return shown if len(shown) <= 60 else shown[:57] + "..."
