@@ -38,8 +38,6 @@ def test_the_sample_of_the_design_has_the_paths_that_people_will_read() -> None:
         "/Sequence",
         "/Sequence/Grasp",
         "/Sequence/Place",
-        "/perception.*",
-        "/perception.*/Observe",
         "/world.disturbed",
         "/world.disturbed/SafeRetreat",
         "/world.disturbed/Observe",
