@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import yaml
 
-from .marks import Fault, Mark
+from .marks import MAX_FAULTS, Fault, Mark
 from .nearest import nearest
-from .reader import mark_at
+from .reader import Places
 
 _COMMENT = re.compile(r"(?:^|(?<=[ \t]))#[ \t]*picktree[ \t]*:[ \t]*(?P<text>[^\r\n]*)", re.MULTILINE)
 _ALLOW = re.compile(r"allow[ \t]+(?P<codes>[^\s,]+(?:[ \t]*,[ \t]*[^\s,]+)*)(?:[ \t].*)?")
@@ -45,20 +45,23 @@ def silenced(
         elif severity is None and complete:
             message = f"there is no warning {allowance.code} on this line"
             wrong.append(Fault(allowance.mark, "", message, "leave the comment out", "P130", "warning"))
-    return (*kept, *wrong)
+    return (*kept, *wrong[:MAX_FAULTS])
 
 
 def _read(text: str, file: str, known: tuple[str, ...]) -> tuple[list[Allowance], list[Fault]]:
     allowances: list[Allowance] = []
     wrong: list[Fault] = []
+    places = Places(file, text)
     for comment in _comments(text):
-        mark = mark_at(file, text, comment.start())
+        mark = places.mark(comment.start())
         match = _ALLOW.fullmatch(comment["text"].strip())
         if match is None:
             message = "this comment to picktree is not understood"
             wrong.append(Fault(mark, "", message, "as '# picktree: allow P304'", "P131", "warning"))
             continue
         for code in re.split(r"[ \t]*,[ \t]*", match["codes"]):
+            if len(wrong) >= MAX_FAULTS:
+                break
             if code in known:
                 allowances.append(Allowance(code, mark))
             else:

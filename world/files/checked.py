@@ -28,6 +28,8 @@ __all__ = [
 ]  # fmt: skip
 
 HEADER = ("picktree", "kind")
+MAX_ENTRIES = 1000
+"""Of a section."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +153,8 @@ class Checker:
         """The model of the mapping at `loc`, as far as it can be read; `ignore`: keys at the top."""
         value = self.document.get(loc)
         if not loc and isinstance(value, dict):
-            value = {k: v for k, v in value.items() if k not in ignore}
+            left_out = frozenset(ignore)
+            value = {k: v for k, v in value.items() if k not in left_out}
         try:
             return model.model_validate(value)
         except pydantic.ValidationError as error:
@@ -161,7 +164,7 @@ class Checker:
             places = [tuple(part for part in d["loc"] if part != "[key]") for d in details]
             return partly(model, value, places)
 
-    def each(self, model: type[Model], section: str) -> dict[str, Model]:
+    def each(self, model: type[Model], section: str, *, most: int = MAX_ENTRIES) -> dict[str, Model]:
         """The models of a mapping's values by key, each as far as it can be read."""
         value = self.document.get((section,))
         if value is None:
@@ -170,6 +173,8 @@ class Checker:
             message = f"a mapping from names is wanted, not {describe(value)}"
             self.fault((section,), message, code="P106")
             return {}
+        if self._too_many(section, len(value), most):
+            return {}
         for name in value:
             try:
                 _identifier(name)
@@ -177,7 +182,7 @@ class Checker:
                 self.fault((section, name), wrong.message, wrong.hint, code=wrong.code, key=True)
         return {name: self.read(model, (section, name)) for name in value if not self.full}
 
-    def sequence(self, model: type[Model], section: str) -> list[Model]:
+    def sequence(self, model: type[Model], section: str, *, most: int = MAX_ENTRIES) -> list[Model]:
         """The models of a list's entries, each as far as it can be read."""
         value = self.document.get((section,))
         if value is None:
@@ -185,7 +190,15 @@ class Checker:
         if not isinstance(value, list):
             self.fault((section,), f"a list is wanted, not {describe(value)}", code="P106")
             return []
+        if self._too_many(section, len(value), most):
+            return []
         return [self.read(model, (section, n)) for n in range(len(value)) if not self.full]
+
+    def _too_many(self, section: str, number: int, most: int) -> bool:
+        if number > most:
+            message = f"at most {most} entries are wanted, not {number}"
+            self.fault((section,), message, code="P110", key=True)
+        return number > most
 
     def one_of(self, loc: Location, keys: Collection[str]) -> str | None:
         """Which of the keys the mapping at `loc` has; a fault unless it is exactly one."""

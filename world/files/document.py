@@ -151,7 +151,7 @@ def read_text(path: Path) -> str:
 def decoded(raw: bytes, file: str) -> str:
     """The text of a file's bytes. Raises FileError when they are not UTF-8."""
     start = Mark(file, 1, 1)
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in raw[:2]:
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or 0 < raw[:4].count(0) < 4:
         wide = "the file is UTF-16 or UTF-32, not UTF-8"
         raise FileError([Fault(start, "", wide, "save it as UTF-8", "P122")])
     try:

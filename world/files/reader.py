@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from bisect import bisect_right
 from dataclasses import dataclass, field
 from typing import NoReturn, TypeAlias
 
@@ -55,10 +56,21 @@ def read(text: str, file: str) -> Reading:
     return _Reader(text, file).read()
 
 
+class Places:
+    """Lines and columns of a text's characters, which are counted from 0."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self._file = file
+        self._starts = [0, *(end.end() for end in _LINE_END.finditer(text))]
+
+    def mark(self, index: int) -> Mark:
+        line = bisect_right(self._starts, index)
+        return Mark(self._file, line, index - self._starts[line - 1] + 1)
+
+
 def mark_at(file: str, text: str, index: int) -> Mark:
-    """The place of a character that is counted from 0."""
-    lines = _LINE_END.split(text[:index])
-    return Mark(file, len(lines), len(lines[-1]) + 1)
+    """The place of one character that is counted from 0."""
+    return Places(file, text[:index]).mark(index)
 
 
 _LINE_END = re.compile(r"\r\n|\n|\r")

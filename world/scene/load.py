@@ -42,6 +42,8 @@ from .schema import (
 SHIPPED = Path(__file__).parent.parent / "scenes"
 ROBOTS = Path(__file__).parent.parent / "robots"
 MAX_BASES = 5
+MAX_ENTRIES = 200
+"""Of a section: what a simulator could still bear."""
 RULE_TRIALS = 2_000_000
 """Characters of rules that are evaluated for the question whether any item fulfils them."""
 GOAL_NAMES = ("total", "sorted", "misplaced", "left")
@@ -125,11 +127,11 @@ class _Parts:
         check.keys((*RestFile.model_fields, *SECTIONS))
         # Unknown keys were refused already.
         self.rest = check.read(RestFile, ignore=[k for k in document.data if k not in RestFile.model_fields])
-        self.bodies = check.each(FixtureFile, "fixtures")
-        self.cameras = check.each(CameraFile, "cameras")
-        self.kinds = check.each(CatalogueFile, "catalogue")
-        self.spawn = check.sequence(SpawnFile, "spawn")
-        self.destinations = check.sequence(DestinationFile, "destinations")
+        self.bodies = check.each(FixtureFile, "fixtures", most=MAX_ENTRIES)
+        self.cameras = check.each(CameraFile, "cameras", most=MAX_ENTRIES)
+        self.kinds = check.each(CatalogueFile, "catalogue", most=MAX_ENTRIES)
+        self.spawn = check.sequence(SpawnFile, "spawn", most=MAX_ENTRIES)
+        self.destinations = check.sequence(DestinationFile, "destinations", most=MAX_ENTRIES)
         self.catalogue: Mapping[str, CatalogueEntry | None] = {}
         self.robot: Path | None = None
 
