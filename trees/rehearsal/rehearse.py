@@ -60,8 +60,15 @@ def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> 
         for case in cases.cases
         if not names or case.name in names
     )
-    names = short_names([mission.main.name, *(role.path for role in staging.roles.all)])
-    return Rehearsal(mission.name, cases.document.path, results, coverage(staging, reached), names)
+    short = short_names([mission.main.name, *(role.path for role in staging.roles.all)])
+    return Rehearsal(
+        mission.name,
+        cases.document.path,
+        results,
+        coverage(staging, reached),
+        complete=len(results) == len(cases.cases),
+        names=short,
+    )
 
 
 def rehearse_case(staging: Staging, case: Case, document: Document, reached: Reached) -> CaseResult:

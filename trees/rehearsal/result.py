@@ -47,6 +47,8 @@ class Rehearsal:
     file: Path
     cases: tuple[CaseResult, ...]
     coverage: Coverage
+    complete: bool
+    """Whether all cases of the file were rehearsed."""
     names: Mapping[str, str]
     """Short names of the nodes by their paths, for people."""
 

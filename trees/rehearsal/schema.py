@@ -63,7 +63,7 @@ class AnswerFile(FileModel):
     )
     cause: Text | None = Field(None, description="Why it fails: one of the causes that the leaf declares.")
     ticks: Ticks = Field(0, description="For how many ticks (0.05 s each) it is RUNNING before it ends.")
-    message: Text = Field("", description="The sentence that comes with the failure.")
+    message: Text = Field("", description="The sentence of the failure. Default: the cause's own.")
     outputs: dict[str, object] = Field(
         default_factory=dict[str, object], description="Values that it writes to its outputs, by port."
     )

@@ -68,12 +68,12 @@ class StandIn(Node, abstract=True):
             belief.apply(answer.then)
             return state
         self._write(answer)
-        if answer.cause:
-            belief.failed(cause_named(answer.cause))
+        cause = cause_named(answer.cause) if answer.cause else None
+        if cause is not None:
+            belief.failed(cause)
         belief.apply(answer.then)
-        if answer.cause:
-            message = answer.message or "as the case says"
-            raise Failure(cause_named(answer.cause), message)
+        if cause is not None:
+            raise Failure(cause, answer.message or cause.sentence.rstrip("."))
         return NodeStatus(answer.status)
 
     def _succeed(self, answer: Answer | None) -> NodeStatus:

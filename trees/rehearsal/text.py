@@ -14,12 +14,13 @@ _STARTS = ("node", "branch")
 
 
 def to_text(rehearsal: Rehearsal, *, quiet: bool = False, causes: bool = False) -> str:
-    """Trace and verdict of each case, then the coverage, without a line's end. `quiet`: no traces;
-    `causes`: also which declared causes no case has raised."""
+    """Trace and verdict of each case, then the coverage if these were all cases, without a line's end.
+    `quiet`: no traces; `causes`: also which declared causes no case has raised."""
     lines: list[str] = []
     for case in rehearsal.cases:
         lines += _case(case, rehearsal.names, quiet=quiet)
-    lines += _coverage(rehearsal.coverage, causes=causes)
+    if rehearsal.complete:
+        lines += _coverage(rehearsal.coverage, causes=causes)
     passed, total = len(rehearsal.cases) - len(rehearsal.failed), len(rehearsal.cases)
     what = "case" if total == 1 else "cases"
     lines.append(f"{rehearsal.mission}: {passed} of {total} {what} passed")

@@ -17,6 +17,7 @@ def to_json(rehearsal: Rehearsal) -> dict[str, Plain]:
         "mission": rehearsal.mission,
         "file": str(rehearsal.file),
         "passed": rehearsal.passed,
+        "complete": rehearsal.complete,
         "cases": [_case(case) for case in rehearsal.cases],
         "coverage": _coverage(rehearsal.coverage),
     }

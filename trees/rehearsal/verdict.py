@@ -84,8 +84,8 @@ class _Comparison:
 
     def _end(self, expect: Expectation) -> Iterator[Difference]:
         outcome, failure = self._outcome, self._outcome.failure
-        why = f", {failure.cause}: {failure.message} ({failure.node})" if failure else ""
         if expect.status is not None and outcome.status.value != expect.status:
+            why = f": {failure.cause} at {failure.node}: {failure.message}" if failure else ""
             message = f"{expect.status} is expected, but the mission is {outcome.status.value}{why}"
             yield self._at((*expect.loc, "status"), message, outcome.ticks)
         if expect.cause is not None and (failure is None or not matches(expect.cause, failure.cause)):
