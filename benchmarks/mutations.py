@@ -1,0 +1,201 @@
+"""A campaign of mistakes: mutated files of all kinds through the checker, and what it passes through loading.
+
+Counted against us: an exception, a file that takes more than a second of CPU, and an "ok" that then fails in
+loading or, of a mission, at the first tick of a rehearsal.
+
+python benchmarks/mutations.py --runs 20000
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import shutil
+import tempfile
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, cast
+
+from _campaign import ROOT, Row, campaign
+from _mutants import mutant
+
+from picktree.cli.kinds import CHECKS
+from picktree.trees.loader import examine, load_mission
+from picktree.trees.mission import Mission
+from picktree.trees.rehearsal.checks import load_cases
+from picktree.trees.rehearsal.coverage import Reached
+from picktree.trees.rehearsal.rehearse import rehearse_case
+from picktree.trees.rehearsal.roles import is_played
+from picktree.trees.rehearsal.staging import scene_of, stage_mission
+from picktree.world.errors import PicktreeError
+from picktree.world.faults.load import load_faults
+from picktree.world.files.checking import check_files
+from picktree.world.files.document import load_document
+from picktree.world.robot.load import load_robot
+from picktree.world.scene.load import load_scene
+
+CHUNK = 250
+"""Mutants of one job."""
+LIMIT = 1.0
+"""CPU seconds that one file may take."""
+FOLDERS = ("examples", "trees/library", "world/scenes", "world/robots", "tests/check/good")
+KEPT = ROOT / "runs" / "mutations"
+
+
+@dataclass(frozen=True)
+class Job:
+    seed: int
+
+
+@cache
+def corpus() -> tuple[tuple[Path, str], ...]:
+    files = (file for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*.yaml")))
+    return tuple((file, file.read_text(encoding="utf-8")) for file in files)
+
+
+def one(job: Job) -> Row:
+    rng = random.Random(job.seed)
+    words = [text for _, text in corpus()]
+    counts: Counter[str] = Counter()
+    worst, problems = 0.0, list[str]()
+    with tempfile.TemporaryDirectory() as folder:
+        _copy_corpus(Path(folder))
+        for number in range(CHUNK):
+            source, text = rng.choice(corpus())
+            raw = mutant(text, words, rng)
+            file = Path(folder) / source.relative_to(ROOT)
+            file.write_bytes(raw)
+            began = time.process_time()
+            outcome, problem = _outcome(file)
+            seconds = time.process_time() - began
+            file.write_text(text, encoding="utf-8")
+            counts[outcome] += 1
+            worst = max(worst, seconds)
+            if seconds > LIMIT:
+                problem = problem or f"{seconds:.2f} s"
+            if problem:
+                KEPT.mkdir(parents=True, exist_ok=True)
+                kept = KEPT / f"{job.seed}_{number}_{source.name}"
+                kept.write_bytes(raw)
+                problems.append(f"{kept.name}: {problem}")
+    return {"seed": job.seed, "counts": counts, "worst": worst, "problems": problems}
+
+
+def _copy_corpus(folder: Path) -> None:
+    """Files that name each other stay beside each other."""
+    for name in FOLDERS:
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, folder / name)
+
+
+def _outcome(file: Path) -> tuple[str, str]:
+    """What became of one file, and what is wrong with that, if anything."""
+    try:
+        report = check_files([file], CHECKS)
+        report.to_text()
+    except Exception:  # noqa: BLE001 - what the campaign looks for
+        return "exception", traceback.format_exc(limit=-4)
+    if report.errors:
+        return "refused", ""
+    try:
+        return "passed", _use(file)
+    except PicktreeError as error:
+        return "passed", f"ok, and then: {error}"
+    except Exception:  # noqa: BLE001 - what the campaign looks for
+        return "passed", "ok, and then: " + traceback.format_exc(limit=-4)
+
+
+def _use(file: Path) -> str:
+    kind = next(
+        (
+            line.split(":")[1].strip()
+            for line in file.read_text("utf-8-sig").splitlines()
+            if line.startswith("kind:")
+        ),
+        "",
+    )
+    loaders: dict[str, Callable[[], object]] = {
+        "scene": lambda: load_scene(str(file)),
+        "robot": lambda: load_robot(str(file)),
+        "faults": lambda: load_faults(file),
+        "cases": lambda: load_cases(file),
+    }
+    if kind in loaders:
+        loaders[kind]()
+        return ""
+    reading = examine(load_document(file, "mission"))
+    return "" if reading.mission.library else _first_tick(load_mission(file))
+
+
+def _first_tick(mission: Mission) -> str:
+    """Why the first tick of a rehearsal fails, where it fails for a mistake in the text."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "cases.yaml"
+        parameters = {
+            port.key: _some_value(port.type.name, port.type.many)
+            for port in mission.parameters
+            if port.required
+        }
+        leaves = json.dumps(_outputs(mission))
+        case = (
+            f"{{parameters: {json.dumps(parameters)}, leaves: {leaves}, halt_after: 1, expect: {{ticks: 1}}}}"
+        )
+        path.write_text(f"picktree: 1\nkind: cases\ncases:\n  first: {case}\n")
+        cases = load_cases(path)
+    staging = stage_mission(mission, scene_of(mission))
+    result = rehearse_case(staging, cases.cases[0], cases.document, Reached())
+    if result.cause in ("internal.error", "tree.missing_input", "tree.no_case"):
+        return f"ok, and then at the first tick: {result.cause}: {result.message}"
+    return ""
+
+
+def _outputs(mission: Mission) -> dict[str, Row]:
+    """An answer for each skill whose outputs the rehearsal cannot think up."""
+    played = (spec.node for tree in mission.trees.values() for spec in tree.root.iterate() if spec.node)
+    return {
+        node.declaration.id: {
+            "outputs": {
+                port.key: _some_value(port.type.name, port.type.many) for port in node.declaration.outputs
+            }
+        }
+        for node in played
+        if is_played(node) and node.declaration.outputs and node.declaration.id != "Observe"
+    }
+
+
+def _some_value(name: str, many: bool) -> Any:
+    value = {"int": 1, "float": 1.0, "bool": True}.get(name, "x")
+    return [value] if many else value
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--runs", type=int, default=20_000, help="files")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first job of 250 files")
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    jobs = [Job(options.first + n) for n in range(-(-options.runs // CHUNK))]
+    rows = campaign(
+        KEPT.parent / "mutations.jsonl", jobs, one, cost=CHUNK * 0.03, workers=options.workers,
+        short=lambda row: f"{dict(row['counts'])}, {row['worst']:.2f} s; {len(row['problems'])} problems",
+    )  # fmt: skip
+    total: Counter[str] = Counter()
+    for row in rows:
+        total.update(cast("dict[str, int]", row["counts"]))
+    problems = [problem for row in rows for problem in row["problems"]]
+    print(f"{sum(total.values())} files: {dict(total)}")
+    print(f"slowest {max(row['worst'] for row in rows):.2f} CPU s; {len(problems)} problems; files in {KEPT}")
+    for problem in problems[:40]:
+        print(problem)
+
+
+if __name__ == "__main__":
+    main()
