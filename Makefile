@@ -1,4 +1,4 @@
-# The verbs: setup, demo, test, check, bench. Each does what it depends on.
+# The verbs: setup, demo, test, check, docs, bench. Each does what it depends on.
 
 VENV ?= .venv
 JOBS ?= 2
@@ -10,7 +10,7 @@ version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep="."
 PYTHON ?= $(firstword $(foreach p,python3.11 python3 python,$(if $(filter 3.11,$(call version_of,$(p))),$(p))) python3.11)
 WRONG_PYTHON = picktree needs Python 3.11; '$(PYTHON)' is $(or $(patsubst %,Python %,$(call version_of,$(PYTHON))),missing or no Python) (name another: make PYTHON=/path/to/python3.11)
 
-.PHONY: setup demo test check bench clean
+.PHONY: setup demo test check docs bench clean
 
 setup: $(READY)
 
@@ -36,6 +36,12 @@ check: $(READY)
 	run pyright --pythonpath "$(BIN)/python"; \
 	run lint-imports --no-logo --no-cache; \
 	[ -z "$$failed" ] || { echo "failed:$$failed" >&2; exit 1; }
+
+# What is written from the declarations in the code; tests say when it is out of date.
+docs: $(READY)
+	@set -e; for kind in mission scene robot faults cases; do \
+		"$(BIN)/picktree" schema $$kind --shipped --output schemas/$$kind.json; done; \
+	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md
 
 bench: $(READY)
 	@set -e; for program in benchmarks/*.py; do \

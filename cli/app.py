@@ -16,9 +16,11 @@ from ..world.errors import PicktreeError
 from ..world.files.marks import FileError
 from .check import check
 from .explain_code import explain_code
+from .nodes import nodes
 from .output import painter
 from .rehearse import rehearse
 from .run import run
+from .schema import schema
 from .snapshot import snapshot
 
 app = typer.Typer(
@@ -30,8 +32,10 @@ app = typer.Typer(
 )
 app.command()(check)
 app.command()(explain_code)
+app.command()(nodes)
 app.command()(rehearse)
 app.command()(run)
+app.command()(schema)
 app.command()(snapshot)
 
 

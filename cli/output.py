@@ -27,6 +27,19 @@ def keep_stdout() -> TextIO:
     return kept
 
 
+def show(text: str, output: Path | None) -> None:
+    """Print the text, or write it to that file. Raises PicktreeError when it cannot be written."""
+    if output is None:
+        sys.stdout.write(text)
+        return
+    from ..world.errors import PicktreeError
+
+    try:
+        output.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise PicktreeError(f"{output} cannot be written: {(error.strerror or str(error)).lower()}") from None
+
+
 def program() -> str:
     """What to type to call picktree as it was called now, for commands that are shown to be copied."""
     called = Path(sys.argv[0])

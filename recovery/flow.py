@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING
 
-from ..trees.flow import UNREPORTED, Ends, Flow, Reasons, State, States, joined, tidy
+from ..trees.flow import UNREPORTED, Ends, Failures, Flow, Reasons, State, States, joined, tidy
 from ..world.causes import tree
 
 if TYPE_CHECKING:
@@ -52,7 +51,6 @@ class _Rounds:
         seen: States = frozenset()
         for run in count(1):
             self._run(states, run)
-            # The first run is by itself: after it nothing is used up yet.
             seen = tidy(seen | states) if run > 1 else seen
             states = tidy(self._cured)
             self._cured = set()
@@ -70,28 +68,28 @@ class _Rounds:
         return f"{self._recovery.tried.name} never fails with what it is for"
 
     def _run(self, states: States, run: int) -> None:
-        ends, runs = self._ends, self._recovery.runs
-        flow = self._walk.child(self._recovery.tried, states)
+        ends, recovery, runs = self._ends, self._recovery, self._recovery.runs
+        flow = self._walk.child(recovery.tried, states)
         ends.succeed(flow.success)
         ends.skip(flow.skipped)
         ends.run(flow.running)
-        more = runs is None or run < runs
+        # The first run is by itself: after it nothing is used up yet.
         used_up = run > 1 or runs is None or runs <= 1
-        for state, reasons in flow.failure.items():
-            left = self._reported(reasons)
-            for cure in self._recovery.cures:
-                pattern = self._walk.causes.matching(cure.pattern)
-                caught, left = left.only(pattern), left.only(~pattern)
-                if not caught.any:
-                    continue
-                at = state if caught.loud else state.in_doubt()
-                if more:
-                    self._walk.handles(self._spec, cure.label)
-                    self._cure(cure, at, caught.tried())
-                if used_up:
-                    self._give_up(at, caught if runs is not None and runs <= 1 else caught.tried())
-            if left.any:
-                self._give_up(state if left.loud else state.in_doubt(), left)
+        given_up: list[Failures] = []
+        left = {state: self._reported(reasons) for state, reasons in flow.failure.items()}
+        for cure in recovery.cures:
+            pattern = self._walk.causes.matching(cure.pattern)
+            caught, left = _narrowed(left, pattern), _narrowed(left, ~pattern)
+            if not caught:
+                continue
+            if runs is None or run < runs:
+                self._walk.handles(self._spec, cure.label)
+                self._cure(cure, caught)
+            if used_up:
+                once = runs is not None and runs <= 1
+                given_up.append(caught if once else {s: reasons.tried() for s, reasons in caught.items()})
+        for failures in (*given_up, left):
+            self._give_up(failures)
 
     def _reported(self, reasons: Reasons) -> Reasons:
         """A condition that does not hold counts as tree.attempts."""
@@ -99,28 +97,30 @@ class _Rounds:
             return reasons
         return joined((reasons.only(~UNREPORTED), self._used_up))
 
-    def _cure(self, cure: Cure, state: State, caught: Reasons) -> None:
-        self._ends.run((state,))
-        flow = self._walk.child(cure.node, (state,))
+    def _cure(self, cure: Cure, caught: Failures) -> None:
+        starts, reasons = tidy(caught), joined(caught.values()).tried()
+        self._ends.run(starts)
+        flow = self._walk.child(cure.node, starts)
         self._ends.run(flow.running)
-        self._goes_on(flow.success)
-        if self._recovery.skipped_cure_fails:
-            for after in flow.skipped:
-                self._ends.fail_at(after, caught)
-        else:
-            self._goes_on(flow.skipped)
-        for after in flow.failure:
-            self._ends.fail_at(after, caught)
+        goes_on, fails = set(flow.success), set(flow.failure)
+        (fails if self._recovery.skipped_cure_fails else goes_on).update(flow.skipped)
+        self._cured |= goes_on
+        self._ends.run(goes_on)
+        self._ends.fail(dict.fromkeys(fails, reasons))
 
-    def _goes_on(self, states: Iterable[State]) -> None:
-        self._cured |= set(states)
-        self._ends.run(states)
-
-    def _give_up(self, state: State, reasons: Reasons) -> None:
-        if self._recovery.resort is None:
-            self._ends.fail_at(state, reasons)
+    def _give_up(self, failures: Failures) -> None:
+        if self._recovery.resort is None or not failures:
+            self._ends.fail(failures)
             return
-        flow = self._walk.child(self._recovery.resort, (state,))
+        flow = self._walk.child(self._recovery.resort, tidy(failures))
         self._ends.run(flow.running)
-        for after in (*flow.success, *flow.skipped, *flow.failure):
-            self._ends.fail_at(after, reasons.tried())
+        reasons = joined(failures.values()).tried()
+        self._ends.fail(dict.fromkeys((*flow.success, *flow.skipped, *flow.failure), reasons))
+
+
+def _narrowed(failures: Failures, mask: int) -> Failures:
+    """The failures as far as their causes are in the mask."""
+    found = Ends()
+    for state, reasons in failures.items():
+        found.fail_at(state, reasons.only(mask))
+    return found.flow().failure

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("batch", "cli", "logs", "recovery", "skills", "trees", "world")
+ROOMS = ("batch", "cli", "logs", "recovery", "schemas", "skills", "trees", "world")
 LEFT_OUT = ("__pycache__",)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
+from ..world.facts import FACTS
 from ..world.files.quantities import example
 from .declaration import NodeDeclaration
 from .ports import PortDeclaration, Required
@@ -27,16 +29,37 @@ _NAMED = {
     "colour": "name of a colour",
 }
 
+_ASSIGNMENTS = "Assignments, as `tries := tries + 1`, several with `;`: made when the node "
+COMMON_DOCS: Mapping[str, str] = {
+    "name": "What the node is called in pictures, logs and paths; its ID unless given.",
+    "_failureIf": "An expression: when it holds as the node would start, it is FAILURE instead.",
+    "_successIf": "An expression: when it holds as the node would start, it is SUCCESS instead.",
+    "_skipIf": "An expression: when it holds as the node would start, it is SKIPPED, as if it were absent.",
+    "_while": "An expression, asked at every tick: when it does not hold, the node is halted and SKIPPED.",
+    "_onHalted": _ASSIGNMENTS + "is halted while it runs.",
+    "_onFailure": _ASSIGNMENTS + "ends in FAILURE.",
+    "_onSuccess": _ASSIGNMENTS + "ends in SUCCESS.",
+    "_post": _ASSIGNMENTS + "ends or is halted, whatever the outcome.",
+    "breakpoint": "Where `picktree run --debug` stops: `before` the node starts, or `after` its end.",
+}
+"""What may stand under every node, by key."""
+
 
 def type_words(port: PortDeclaration) -> str:
-    """What the port takes: `number, m`, `name of a camera of the scene`."""
+    """What the port takes: `number in m, or as "30 mm"`, `name of a camera of the scene`."""
     if port.names is not None and not port.type.many:
         words = _NAMED[port.names]
     else:
         words = (_MANY if port.type.many else _ONE)[port.type.name]
     if port.unit:
-        words += f", {port.unit}"
+        words += f" in {port.unit}"
+        words += f', or as "{unit_example(port.unit)}"' if port.direction == "in" else ""
     return f"{words}, or null" if port.type.optional else words
+
+
+def unit_example(unit: str) -> str:
+    """A quantity with a unit, where a bare number is in `unit`."""
+    return "2 s" if unit == "ms" else example(unit)
 
 
 def default_words(port: PortDeclaration) -> str:
@@ -54,13 +77,11 @@ def default_words(port: PortDeclaration) -> str:
             return str(other)
 
 
-def unit_words(port: PortDeclaration) -> str:
-    """How a number with a unit may be written; empty for a port without unit."""
-    if not port.unit or port.type.name != "float":
+def expression_words(port: PortDeclaration) -> str:
+    """What an expression may use; empty for other ports."""
+    if port.type.name != "expression":
         return ""
-    if port.unit == "ms":
-        return 'a bare number is in ms; or with a unit, as "500 ms" or "2 s"'
-    return f'a bare number is in {port.unit}; or with a unit, as "{example(port.unit)}"'
+    return f"of the blackboard's keys and the facts {', '.join(FACTS)}"
 
 
 def uses_words(node: NodeDeclaration) -> str:

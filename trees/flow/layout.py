@@ -18,7 +18,7 @@ class Layout:
 
     tree: TreeSpec
     keys: Mapping[str, int]
-    flags: Mapping[int, int]
+    flags: Mapping[int, tuple[int, ...]]
     """For nodes that remember something beyond their end, by `id` of the spec."""
     calls: Mapping[int, tuple[int, Layout]]
     """Shift and layout of each use of a sub-tree, by `id` of the spec."""
@@ -37,15 +37,15 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
         for key in (*(port.key for port in tree.ports), *(key for spec in specs for key in _keys(spec))):
             keys.setdefault(key, 1 << len(keys))
         size = len(keys)
-        flags: dict[int, int] = {}
+        flags: dict[int, tuple[int, ...]] = {}
         calls: dict[int, tuple[int, Layout]] = {}
         for spec in specs:
             if spec.node is None:
                 calls[id(spec)] = (size, layouts[spec.id])
                 size += layouts[spec.id].size
             elif spec.node.lasting:
-                flags[id(spec)] = 1 << size
-                size += 1
+                flags[id(spec)] = tuple(1 << size + index for index in range(spec.node.lasting))
+                size += spec.node.lasting
         inputs = sum(keys[port.key] for port in tree.ports if port.direction == "in")
         layouts[name] = Layout(tree, keys, flags, calls, size, inputs)
     return layouts

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from .ends import Ends, Flow
 from .reasons import NO_REPORT, Reasons, joined
-from .state import EMPTY, KEPT, State, tidy, uncovered
+from .state import EMPTY, KEPT, NONE, State, tidy, uncovered
 
 if TYPE_CHECKING:
     from ..declaration import Hand
@@ -26,30 +27,50 @@ def leaf(
     skips: bool = False,
 ) -> Flow:
     """A leaf that may fail with what it declares. `says_no`: also without a report, as a condition."""
-    outputs = sum({walk.key_of(spec, port.key) for port in node.declaration.outputs})
-    success, failure = node.hand_with(spec.ports)
-    ends = Ends()
-    ends.succeed((entry.written(outputs).holding(hand_after(success, entry.hand, spec, walk)),))
+    found = walk.leaves.get(id(spec))
+    if found is None:
+        found = walk.leaves[id(spec)] = _leaf(node, spec, walk, says_no=says_no)
+    outputs = walk.keys_of(spec, found.outputs) if found.outputs else 0
+    held = hand_after(found.success, entry.hand, found.filler)
     hand = 0
-    for how in failure:
-        hand |= hand_after(how, entry.hand, spec, walk)
+    for how in found.otherwise:
+        hand |= hand_after(how, entry.hand, found.filler)
     halfway = entry.perhaps(outputs).holding(hand)
+    failed = halfway if found.reasons.loud else halfway.in_doubt()
+    return Flow(
+        frozenset((entry.written(outputs).holding(held),)),
+        {failed: found.reasons},
+        frozenset((entry,)) if skips else NONE,
+        frozenset((halfway,)) if takes_time else NONE,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """What does not depend on the state in which a leaf starts."""
+
+    outputs: tuple[str, ...]
+    success: Hand
+    otherwise: tuple[Hand, ...]
+    filler: int
+    reasons: Reasons
+
+
+def _leaf(node: type[Node], spec: NodeSpec, walk: Walk, *, says_no: bool) -> Leaf:
+    success, otherwise = node.hand_with(spec.ports)
+    outputs = tuple(port.key for port in node.declaration.outputs if port.key in spec.ports)
+    filler = walk.filler(spec) if "full" in (success, *otherwise) else 0
     reasons = walk.fails(spec, walk.causes.of(node.causes_with(spec.ports)), walk.undeclared)
-    ends.fail_at(halfway, joined((reasons, NO_REPORT)) if says_no else reasons)
-    if takes_time:
-        ends.run((halfway,))
-    if skips:
-        ends.skip((entry,))
-    return ends.flow()
+    return Leaf(outputs, success, otherwise, filler, joined((reasons, NO_REPORT)) if says_no else reasons)
 
 
-def hand_after(how: Hand, hand: int, spec: NodeSpec, walk: Walk) -> int:
+def hand_after(how: Hand, hand: int, filler: int) -> int:
     """What may be in the hand after a node that held these possibilities before."""
     match how:
         case "unchanged":
             return hand
         case "full":
-            return walk.filler(spec)
+            return filler
         case "empty":
             return EMPTY
         case "kept":
@@ -60,7 +81,7 @@ def any_way(node: type[Node], spec: NodeSpec, entry: State, walk: Walk) -> Flow:
     """The most cautious account: children in any order, as often as one likes, and any end."""
     if not spec.children:
         return leaf(node, spec, entry, walk, takes_time=True, says_no=True, skips=True)
-    outputs = sum({walk.key_of(spec, port.key) for port in node.declaration.outputs})
+    outputs = walk.keys_of(spec, tuple(port.key for port in node.declaration.outputs))
     own = walk.fails(spec, walk.causes.of(node.causes_with(spec.ports)), walk.undeclared)
     reasons: list[Reasons] = [own, NO_REPORT]
     reached = frozenset((entry.perhaps(outputs),))

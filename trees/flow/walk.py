@@ -16,9 +16,9 @@ from ..mission import Mission, NodeSpec, TreeSpec
 from ..node import Node
 from ..ports import Required
 from ..references import Constant, Reference
-from .ends import NEVER, Ends, Failures, Flow
+from .ends import NEVER, Ends, Failures, Flow, tidy_failures
 from .layout import Layout, lay_out
-from .plainly import any_way
+from .plainly import Leaf, any_way
 from .reasons import NO_REPORT, UNREPORTED, CauseBits, Reasons, joined
 from .shape import Shape, shape
 from .state import EMPTY, FIRST_FILLER, NOTHING, Effect, State, States, tidy
@@ -46,7 +46,7 @@ class Read:
 
 
 @dataclass(slots=True)
-class _Frame:
+class Frame:
     """A tree in one way of being wired; `same`: bits that stand for one key; `owned`: inputs that are
     attributes of an object."""
 
@@ -71,10 +71,12 @@ class Walk:
         """Handlers that were used, by `id` of the spec and label."""
         self.raised: dict[int, int] = {}
         self.fillers: list[NodeSpec] = []
+        self.leaves: dict[int, Leaf] = {}
+        """By `id` of the spec."""
         self._trees = mission.trees
         self._layouts = lay_out(mission.trees, bottom_up(mission.trees))
-        self._frames: dict[tuple[str, tuple[tuple[int, int], ...], int], _Frame] = {}
-        self._frame: _Frame | None = None
+        self._frames: dict[tuple[str, tuple[tuple[int, int], ...], int], Frame] = {}
+        self._frame: Frame | None = None
         self._missing = 0
         self._missing_input = self.causes.of((tree_causes.MISSING_INPUT,))
         self._unknown_object = self.causes.of((world_causes.UNKNOWN_OBJECT,))
@@ -83,6 +85,9 @@ class Walk:
         self.unhidable = self.causes.matching("safety.*")
         """What no node may turn into a success; faults of the program are not walked through."""
         self._shapes: dict[int, Shape] = {}
+        self._remembered: dict[int, Reasons] = {}
+        self._recalled: set[int] = set()
+        self._outdated = False
         self._made: dict[tuple[int, int, int], Reasons] = {}
 
     # What whoever analyses a mission calls.
@@ -90,7 +95,22 @@ class Walk:
     def enter(self, tree: TreeSpec, hand: int = EMPTY) -> Flow:
         """The ends of a tree that starts with its inputs written."""
         layout = self._layouts[tree.name]
-        return self._in_frame(tree, (), 0, State(layout.inputs, layout.inputs, hand))
+        while True:
+            self._outdated = False
+            flow = self._in_frame(tree, (), 0, State(layout.inputs, layout.inputs, hand))
+            if not self._outdated:
+                return flow
+            # Something was recalled before all of it was known.
+            for frame in self._frames.values():
+                frame.memo.clear()
+
+    def layout_of(self, tree: str) -> Layout:
+        """Which bits of a state stand for what in that tree."""
+        return self._layouts[tree]
+
+    def frames_of(self, tree: str) -> tuple[Frame, ...]:
+        """The ways in which the tree is wired, with all that was found of its nodes."""
+        return tuple(frame for (name, _, _), frame in self._frames.items() if name == tree)
 
     # What a node's flow may ask.
 
@@ -140,10 +160,30 @@ class Walk:
         bound = spec.ports.get(port)
         return self._bits(bound.key) if isinstance(bound, Reference) else 0
 
-    def flag(self, spec: NodeSpec) -> int:
-        """The bit of a node that is `lasting`."""
+    def keys_of(self, spec: NodeSpec, ports: Iterable[str]) -> int:
+        """As `key_of`, of several."""
+        bits = 0
+        for port in ports:
+            bits |= self.key_of(spec, port)
+        return bits
+
+    def flags(self, spec: NodeSpec) -> tuple[int, ...]:
+        """The bits of a node that is `lasting`."""
         assert self._frame is not None
         return self._frame.layout.flags[id(spec)]
+
+    def remember(self, spec: NodeSpec, reasons: Reasons) -> None:
+        """That the node may have failed so in an earlier activation."""
+        known = self._remembered.get(id(spec))
+        together = reasons if known is None else joined((known, reasons))
+        if known is None or together.any & ~known.any or together.loud & ~known.loud:
+            self._remembered[id(spec)] = together
+            self._outdated = self._outdated or id(spec) in self._recalled
+
+    def recall(self, spec: NodeSpec) -> Reasons:
+        """What it may have failed with in an earlier activation."""
+        self._recalled.add(id(spec))
+        return self._remembered.get(id(spec), Reasons(0, 0))
 
     def filler(self, spec: NodeSpec) -> int:
         """The bit of `State.hand` that says that this node took what is held."""
@@ -285,10 +325,11 @@ class Walk:
         flow = _flow_of(spec.node)(spec, after, self)
         if reasons is None:
             return flow
-        ends = Ends()
-        ends.take(flow)
-        ends.fail_at(state, reasons)
-        return ends.flow()
+        if not reasons.loud:
+            state = state.in_doubt()
+        known = flow.failure.get(state)
+        failure = {**flow.failure, state: reasons if known is None else joined((known, reasons))}
+        return Flow(flow.success, tidy_failures(failure), flow.skipped, flow.running)
 
     def _call(self, spec: NodeSpec, state: State) -> Flow:
         assert self._frame is not None
@@ -296,7 +337,7 @@ class Walk:
         everything = (1 << layout.size) - 1
         sure, maybe = (state.sure >> shift) & everything, (state.maybe >> shift) & everything
         wired: dict[int, int] = {}
-        owned = 0
+        constant = owned = 0
         for port in layout.tree.ports:
             bit, bound = layout.keys[port.key], spec.ports.get(port.key)
             if isinstance(bound, Reference):
@@ -306,7 +347,7 @@ class Walk:
                 sure = sure | bit if state.sure & outer else sure & ~bit
                 maybe = maybe | bit if state.maybe & outer else maybe & ~bit
             elif bound is not None or port.direction == "in":
-                sure, maybe = sure | bit, maybe | bit
+                sure, maybe, constant = sure | bit, maybe | bit, constant | bit
         twice = tuple(pair for pair in wired.items() if list(wired.values()).count(pair[1]) > 1)
         inside = State(sure, maybe, state.hand, state.doubtful)
         flow = self._in_frame(layout.tree, twice, owned, inside)
@@ -315,7 +356,8 @@ class Walk:
             if isinstance(bound, Reference) and port.direction == "in":
                 unwritten = bool(flow.missing & layout.keys[port.key])
                 self._note_read(spec, port.key, bound.key, state, missing=unwritten)
-        kept = everything & ~sum(wired)
+        # What is written at each start need not be kept from one to the next.
+        kept = everything & ~(sum(wired) | constant)
         ways = tuple(wired.items())
 
         def outside(inner: State) -> State:
@@ -338,7 +380,7 @@ class Walk:
         frame = self._frames.get(key)
         if frame is None:
             same = {bit: sum(other for other, to in twice if to == outer) for bit, outer in twice}
-            frame = self._frames[key] = _Frame(self._layouts[tree.name], same, owned)
+            frame = self._frames[key] = Frame(self._layouts[tree.name], same, owned)
         self.entered.add(tree.name)
         above, self._frame = self._frame, frame
         outer, self._missing = self._missing, 0

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Iterable
 
-from ...world.causes import FAMILIES, Cause, all_causes
-from .parts import Schema, ref
-
-_OWN = tuple(family.__name__ for family in FAMILIES)
+from ...world.causes import OUR_PREFIXES, Cause
+from .parts import Schema, escaped, ref
 
 
-def causes_schema(*, closed: bool) -> Schema:
-    """`closed`: no plug-in brings causes other than those that are registered now."""
-    causes = [cause for cause in all_causes() if closed or cause.name.split(".")[0] in _OWN]
-    families = dict.fromkeys(cause.name.rpartition(".")[0] for cause in causes)
-    properties: dict[str, Schema] = {cause.name: _handler(cause_markdown(cause)) for cause in causes}
-    for family in families:
-        members = [cause.name for cause in causes if cause.name.startswith(f"{family}.")]
-        properties[f"{family}.*"] = _handler("Any of " + ", ".join(f"`{name}`" for name in members) + ".")
-    properties["*"] = _handler("Every cause but `internal.error`, a fault of the program.")
+def causes_schema(causes: Iterable[Cause], patterns: Iterable[str], *, closed: bool) -> Schema:
+    """`patterns` are the causes' names, their families and `*`. `closed`: there are no other causes."""
+    known = {cause.name: cause for cause in causes}
+    properties: dict[str, Schema] = {}
+    for pattern in patterns:
+        cause = known.get(pattern)
+        properties[pattern] = _handler(cause_markdown(cause) if cause else _family(pattern, known))
     found: Schema = {"type": "object", "minProperties": 1, "properties": properties}
     if closed:
         return found | {"additionalProperties": False}
-    own = "|".join(_OWN)
+    own = "|".join(map(escaped, OUR_PREFIXES))
     foreign = rf"^(?!(?:{own})\.)[a-z][A-Za-z0-9_]*(?:\.[a-z][A-Za-z0-9_]*)*(?:\.\*)?(?![\s\S])"
     return found | {"patternProperties": {foreign: ref("child")}, "additionalProperties": False}
 
@@ -32,8 +28,13 @@ def cause_markdown(cause: Cause) -> str:
     return f"{cause.sentence} First remedy: {cause.remedy}."
 
 
+def _family(pattern: str, known: Iterable[str]) -> str:
+    if pattern == "*":
+        return "Every cause but `internal.error`, a fault of the program."
+    return "Any of " + ", ".join(f"`{name}`" for name in known if name.startswith(pattern[:-1])) + "."
+
+
 def _handler(markdown: str) -> Schema:
-    plain = re.sub("`", "", markdown)
-    said: Schema = {"description": plain, "markdownDescription": markdown}
+    said: Schema = {"description": markdown.replace("`", ""), "markdownDescription": markdown}
     # First of all, so that the cause is explained and not the node that handles it.
     return {"allOf": [said, ref("child")]} | said

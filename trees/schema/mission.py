@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ..declaration import NodeDeclaration
 from ..mission import MAIN
 from ..ports import PortDeclaration
+from ..registry import Registry
 from ..types import NAMES_IN_FILES
 from .causes import causes_schema
 from .ids import Ids
@@ -33,15 +33,17 @@ class Particular:
     """
 
     closed: bool = False
+    scenes: tuple[str, ...] = ()
+    """Those that come with picktree."""
     trees: Mapping[str, tuple[PortDeclaration, ...]] = field(
         default_factory=dict[str, "tuple[PortDeclaration, ...]"]
     )
     known: Known = field(default_factory=Known)
 
 
-def mission_schema(nodes: Iterable[NodeDeclaration], scenes: Iterable[str], particular: Particular) -> Schema:
-    """JSON Schema of a mission that may use these nodes and shipped scenes."""
-    declared = tuple(nodes)
+def mission_schema(registry: Registry, particular: Particular) -> Schema:
+    """JSON Schema of a mission that may use the registry's nodes."""
+    declared = registry.declarations()
     needing = [node.id for node in declared if needs_body(node)]
     needing += [name for name, ports in particular.trees.items() if any(p.required for p in ports)]
     ids = Ids(tuple(node.id for node in declared), tuple(particular.trees), tuple(needing), particular.closed)
@@ -53,7 +55,7 @@ def mission_schema(nodes: Iterable[NodeDeclaration], scenes: Iterable[str], part
         "child": single | {"type": ["object", "array", "string"], "items": ref("node"), "minItems": 1},
         "bare": {"title": "node"} | ids.bare() | bare_docs(node for node in declared if not needs_body(node)),
         "unknown": {"properties": common_properties()},
-        "causes": causes_schema(closed=ids.closed),
+        "causes": causes_schema(registry.causes, registry.patterns, closed=ids.closed),
         **common_definitions(),
         **{f"node.{node.id}": node_schema(node, ids, particular.known) for node in declared},
         **{
@@ -66,7 +68,7 @@ def mission_schema(nodes: Iterable[NodeDeclaration], scenes: Iterable[str], part
         "title": "picktree mission",
         "description": "A mission: behaviour trees that say what the robot does, and what may cure failures.",
         "type": "object",
-        "properties": _head(list(scenes)) | {"trees": _trees()},
+        "properties": _head(particular.scenes) | {"trees": _trees()},
         "required": ["picktree", "kind", "trees"],
         "additionalProperties": False,
         "if": {"properties": {"library": {"const": True}}, "required": ["library"]},
@@ -76,7 +78,7 @@ def mission_schema(nodes: Iterable[NodeDeclaration], scenes: Iterable[str], part
     }
 
 
-def _head(scenes: list[str]) -> dict[str, Schema]:
+def _head(scenes: tuple[str, ...]) -> dict[str, Schema]:
     found: dict[str, Schema] = {
         "name": {
             "type": ["string", "null"],
@@ -87,7 +89,7 @@ def _head(scenes: list[str]) -> dict[str, Schema]:
             "type": ["string", "null"],
             "minLength": 1,
             "description": "Where it happens: a shipped scene, or a scene file beside this one.",
-            "examples": scenes,
+            "examples": list(scenes),
         },
         "goal": {
             "type": ["string", "null"],

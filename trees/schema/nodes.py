@@ -2,49 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from ...world.causes import Cause
 from ..declaration import BREAKPOINT, COMMON_KEYS, POSTCONDITIONS, PRECONDITIONS, NodeDeclaration
 from ..ports import PortDeclaration
 from ..slots import SlotDeclaration
-from ..wording import flowing, hand_words, uses_words
+from ..wording import COMMON_DOCS, flowing, hand_words, uses_words
 from .ids import Ids
 from .parts import NAME_PATTERN, Schema, if_bare, ref
 from .values import Known, port_schema
 
-_CONDITIONS: Mapping[str, str] = {
-    "_failureIf": "When this holds as the node would start, it is FAILURE instead, without a report.",
-    "_successIf": "When this holds as the node would start, it is SUCCESS instead.",
-    "_skipIf": "When this holds as the node would start, it is SKIPPED: as if it did not stand here.",
-    "_while": "The node is SKIPPED when this does not hold, and halted when it ceases to while it runs.",
-    "_onHalted": "Assignments that are made when the node is halted while it runs.",
-    "_onFailure": "Assignments that are made when the node ends in FAILURE.",
-    "_onSuccess": "Assignments that are made when the node ends in SUCCESS.",
-    "_post": "Assignments that are made when the node ends or is halted, whatever the outcome.",
-}
-
 
 def common_definitions() -> dict[str, Schema]:
     """What may stand under every node, by key."""
-    found: dict[str, Schema] = {
+    forms: dict[str, Schema] = {
         "name": {
             "type": ["string", "null"],
             "pattern": NAME_PATTERN,
             "patternErrorMessage": "a name is a text without '/' and '#', 60 characters at most",
-            "description": "What the node is called in pictures, logs and paths; its ID unless given.",
         },
-        BREAKPOINT: {
-            "enum": ["before", "after"],
-            "description": "Where `picktree run --debug` stops: before the node starts, or after its end.",
-        },
+        BREAKPOINT: {"enum": ["before", "after"]},
     }
-    for key in PRECONDITIONS:
-        found[key] = {"type": ["string", "boolean"], "description": f"{_CONDITIONS[key]} An expression."}
-    for key in POSTCONDITIONS:
-        description = f"{_CONDITIONS[key]} As `tries := tries + 1`; several with `;`."
-        found[key] = {"type": "string", "minLength": 1, "description": description}
-    return {f"key.{key}": found[key] for key in COMMON_KEYS}
+    forms |= {key: {"type": ["string", "boolean"]} for key in PRECONDITIONS}
+    forms |= {key: {"type": "string", "minLength": 1} for key in POSTCONDITIONS}
+    return {
+        f"key.{key}": forms[key] | {"description": doc.replace("`", ""), "markdownDescription": doc}
+        for key, doc in COMMON_DOCS.items()
+    }
 
 
 def common_properties() -> dict[str, Schema]:

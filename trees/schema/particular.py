@@ -25,7 +25,9 @@ def any_mission() -> Particular:
     for scene in scene_names():
         for kind, found in _of_scene(scene, None).names.items():
             names.setdefault(kind, {}).update(dict.fromkeys(found))
-    return Particular(known=Known({kind: tuple(found) for kind, found in names.items()}))
+    return Particular(
+        scenes=scene_names(), known=Known({kind: tuple(found) for kind, found in names.items()})
+    )
 
 
 def one_mission(document: Document, registry: Registry) -> Particular:
@@ -48,7 +50,8 @@ def one_mission(document: Document, registry: Registry) -> Particular:
     # A name that a node has already is a fault, and no tree.
     trees = {name: ports for name, ports in trees.items() if registry.find(name) is None}
     known = _known(mission)
-    return Particular(True, trees, Known(known.names, all=True) if known else Known())
+    names = Known(known.names, all=True) if known else Known()
+    return Particular(True, scene_names(), trees, names)
 
 
 def _known(mission: Mission) -> Surroundings | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Final, TypeAlias
 
@@ -27,6 +28,11 @@ _NUMBER = r"\s*[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?\s*"
 REFERENCE_RULE: Final = 'a reference is "{key}" or "{key.attribute}", the attribute one of ' + ", ".join(
     ATTRIBUTES
 )
+
+
+def to_text(schema: Schema) -> str:
+    """As it stands in a file."""
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
 def ref(name: str) -> Schema:

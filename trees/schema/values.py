@@ -8,7 +8,7 @@ from typing import cast
 
 from ...world.journal import Plain
 from ..ports import NameKind, PortDeclaration, Required
-from ..wording import default_words, type_words, unit_words
+from ..wording import default_words, expression_words, type_words
 from .parts import (
     Schema,
     bounds,
@@ -45,7 +45,7 @@ def port_schema(port: PortDeclaration, known: Known) -> Schema:
 
 def port_markdown(port: PortDeclaration) -> str:
     """What hovering over the port shows."""
-    facts = [type_words(port), port.within.words(), unit_words(port)]
+    facts = [type_words(port), port.within.words(), expression_words(port)]
     if port.direction == "out":
         facts = [f"output: {type_words(port)}", 'a key of the blackboard, as "{key}"']
     elif port.required:
@@ -84,7 +84,7 @@ def _literal(port: PortDeclaration, known: Known) -> Schema:
             return text_or_reference()
         case "float" if port.unit:
             unit = "s" if port.unit == "ms" else port.unit
-            said = {"patternErrorMessage": unit_words(port) + ", or a reference"}
+            said = {"patternErrorMessage": f"a {type_words(port)}, or a reference"}
             return quantity(unit, or_reference=True) | said | bounds(port.within)
         case "float":
             return _or_reference("number", "a number, or a reference") | bounds(port.within)
