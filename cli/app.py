@@ -15,6 +15,7 @@ import typer
 from ..world.errors import PicktreeError
 from ..world.files.marks import FileError
 from .check import check
+from .convert import convert
 from .explain_code import explain_code
 from .nodes import nodes
 from .output import painter
@@ -31,6 +32,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command()(check)
+app.command()(convert)
 app.command()(explain_code)
 app.command()(nodes)
 app.command()(rehearse)

@@ -67,18 +67,39 @@ class Statement:
     new: bool
     value: Part
 
+    def constant(self) -> str | int | float | bool | None:
+        """What is written whether the key is there or not: a literal, or `"{key}"` for a copy; else None."""
+        if not self.new:
+            return None
+        match self.value:
+            case Name(name=name):
+                return f"{{{name}}}"
+            case Literally(value=str() as text) if "{" in text:
+                return None
+            case Literally(value=value):
+                return value
+            case Sign(symbol="-", operand=Literally(value=int() | float() as number)) if number is not True:
+                return -number
+            case _:
+                return None
+
     def text(self) -> str:
         """As a postcondition writes it."""
         operator = ":=" if self.new else "="
         return f"{self.key} {operator} {expression_text(self.value)}"
 
 
-def read_condition(script: str) -> str:
-    """The script's one expression as ours. Raises ScriptError."""
+def read_expression(script: str) -> Part:
+    """The script's one expression. Raises ScriptError."""
     statements = _Parser(script).statements()
     if len(statements) != 1 or statements[0].key:
         raise ScriptError("one expression without an assignment is wanted", 0)
-    return expression_text(statements[0].value)
+    return statements[0].value
+
+
+def read_condition(script: str) -> str:
+    """The script's one expression as ours. Raises ScriptError."""
+    return expression_text(read_expression(script))
 
 
 def read_statements(script: str) -> tuple[Statement, ...]:

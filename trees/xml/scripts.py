@@ -42,8 +42,15 @@ def assignments_script(assignments: Iterable[Assignment]) -> str:
     return "; ".join(_assignment(assignment) for assignment in assignments)
 
 
-def literal_script(value: str | int | float | bool | None) -> str:
-    """A constant. Raises Unsayable."""
+def constant_script(key: str, value: object) -> str:
+    """`key := value` for a scalar. Raises Unsayable."""
+    _check_name(key)
+    if not isinstance(value, str | int | float | bool):
+        raise Unsayable("there are no lists and mappings")
+    return f"{key} := {_literal(value)}"
+
+
+def _literal(value: str | int | float | bool | None) -> str:
     match value:
         case bool():
             return "true" if value else "false"
@@ -70,7 +77,7 @@ def _assignment(assignment: Assignment) -> str:
 def _text(part: Part) -> str:
     match part:
         case Literally(value=value):
-            return literal_script(value)
+            return _literal(value)
         case Name(name=name):
             _check_name(name)
             return name

@@ -1,0 +1,76 @@
+"""The names that BehaviorTree.CPP 4 gives to its nodes, and ours for what it does not have."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+FORMAT: Final = "4"
+
+ELEMENTS: Final = ("Action", "Condition", "Control", "Decorator", "SubTree")
+"""Elements that name their node by the attribute ID."""
+STRUCTURE: Final = ("root", "Root", "BehaviorTree", "TreeNodesModel", "include", *ELEMENTS)
+"""Names that the format keeps for itself."""
+
+SAME: Final = frozenset(
+    (
+        "Sequence", "Fallback", "ReactiveSequence", "ReactiveFallback", "Parallel", "IfThenElse",
+        "WhileDoElse", "Inverter", "ForceSuccess", "ForceFailure", "Repeat", "KeepRunningUntilFailure",
+        "RetryUntilSuccessful", "Timeout", "Delay", "RunOnce", "AlwaysSuccess", "AlwaysFailure",
+    )
+)  # fmt: skip
+"""Nodes that both have, with the same ports."""
+TRANSLATED: Final = frozenset(
+    (
+        "ScriptCondition", "Script", "SetBlackboard", "Sleep", "Precondition", "LoopInt", "LoopBool",
+        "LoopDouble", "LoopString", "Switch2", "Switch3", "Switch4", "Switch5", "Switch6",
+    )
+)  # fmt: skip
+"""Nodes of BehaviorTree.CPP that we say in another way."""
+FOREIGN: Final[dict[str, str]] = {
+    "AsyncSequence": "Sequence comes near; here no Sequence is interrupted between two children",
+    "AsyncFallback": "Fallback comes near; here no Fallback is interrupted between two children",
+    "SequenceWithMemory": "Sequence comes near; it begins anew after a failure",
+    "ParallelAll": "Parallel comes near; it does not wait for the others once its count is reached",
+    "UnsetBlackboard": "a key cannot be taken away; write null with SetBlackboard",
+    "WasEntryUpdated": "compare the value with a copy of the old one in a Condition",
+    "SkipUnlessUpdated": "compare the value with a copy of the old one in a _skipIf",
+    "WaitValueUpdate": "compare the value with a copy of the old one in a Condition",
+    "ManualSelector": "there is no choosing by hand",
+    "SubTreePlus": "this is of format 3; in format 4 it is <SubTree>",
+    "SequenceStar": "this is of format 3; in format 4 it is <SequenceWithMemory>",
+}
+"""Nodes of BehaviorTree.CPP without a counterpart, and what comes near."""
+BUILT_IN: Final = SAME | TRANSLATED | (frozenset(FOREIGN) - {"SubTreePlus", "SequenceStar"})
+
+CHECK: Final = "CheckExpression"
+"""The condition leaf that carries an expression which scripts cannot say."""
+GUARDED: Final = "Guarded"
+"""The decorator that carries conditions of its child which scripts cannot say."""
+REPEAT_WHILE: Final = "RepeatWhile"
+"""Repeat with `while`."""
+OURS: Final = (CHECK, GUARDED, REPEAT_WHILE)
+SWITCH: Final = re.compile(r"Switch[1-9]\d*")
+
+GUARDS: Final[dict[str, str]] = {
+    "_failureIf": "failure_if", "_successIf": "success_if", "_skipIf": "skip_if", "_while": "while",
+    "_onHalted": "on_halted", "_onFailure": "on_failure", "_onSuccess": "on_success", "_post": "post",
+}  # fmt: skip
+"""Ports of a Guarded by the conditions that they carry."""
+
+BREAKPOINT: Final = "_breakpoint"
+LEFT_OUT: Final = "_left_out"
+"""Ports that the mission leaves out and BehaviorTree.CPP wants, between spaces."""
+OWN_NAME: Final = "_name"
+"""The name in the mission, where BehaviorTree.CPP needs another."""
+NO_CASE: Final = "_no_case"
+"""Marks the default of a Switch that has none."""
+IGNORED: Final = ("_uid", "_fullpath", "_description")
+"""What Groot2 writes for itself."""
+
+
+def taken(identity: str) -> bool:
+    """Whether a tree or a node of a plug-in cannot have that name in BehaviorTree.CPP."""
+    return (
+        identity in BUILT_IN or identity in STRUCTURE or identity in OURS or bool(SWITCH.fullmatch(identity))
+    )
