@@ -56,8 +56,8 @@ class Node(Behaviour):
     uses: ClassVar[tuple[Resource, ...]] = ()
     hand_after: ClassVar[Hand] = "unchanged"
     """What is in the hand after its success, for the linter."""
-    lasting: ClassVar[bool] = False
-    """Whether what it remembers outlasts its end; for its `flow`, which then has a flag."""
+    lasting: ClassVar[int] = 0
+    """How many facts outlast its end, of those that it remembers: its `flow` has a flag for each."""
     example: ClassVar[str] = ""
     """The node as a mission writes it, for the reference."""
     remembers: ClassVar[tuple[str, ...]] = ()

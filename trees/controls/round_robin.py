@@ -46,7 +46,7 @@ class RoundRobin(Control):
     remembers = ("_turn", "_failed")
     positions = ("_turn",)
     counted = (NodeStatus.FAILURE,)
-    lasting: ClassVar[bool] = True
+    lasting: ClassVar[int] = 1
     _turn: int = 0
     _failed: int = 0
 
@@ -86,7 +86,8 @@ class RoundRobin(Control):
 
     @classmethod
     def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends, parts, succeeded = Ends(), spec.children, walk.flag(spec)
+        ends, parts = Ends(), spec.children
+        (succeeded,) = walk.flags(spec)
         wraps = walk.literal(spec, "wrap_around") is not False
         turns = range(len(parts) + 1) if entry.maybe & succeeded else range(1)
         for turn in turns:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from ...world.causes import FailureReport
-from ..flow import NEVER, Ends, Flow, State, joined
+from ..flow import Ends, Flow, State
 from ..ports import In, port
 from ..status import NodeStatus
 from .decorator import Decorator
@@ -27,7 +27,7 @@ class RunOnce(Decorator):
         "after the first time SKIPPED (true), or the first answer again (false)", default=True
     )
     remembers = ("_first_answer", "_first_failure")
-    lasting: ClassVar[bool] = True
+    lasting: ClassVar[int] = 2
     _first_answer: str = ""
     _first_failure: FailureReport | None = None
 
@@ -44,19 +44,20 @@ class RunOnce(Decorator):
 
     @classmethod
     def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ended, part, ends = walk.flag(spec), spec.children[0], Ends()
+        (ended, failed), ends = walk.flags(spec), Ends()
         then_skip = walk.literal(spec, "then_skip")
-        flow = NEVER if entry.sure & ended and then_skip is True else walk.child(part, (entry,))
         if not entry.sure & ended:
+            flow = walk.child(spec.children[0], (entry,))
             ends.succeed(state.written(ended) for state in flow.success)
             for state, reasons in flow.failure.items():
-                ends.fail_at(state.written(ended), reasons)
+                ends.fail_at(state.written(ended | failed), reasons)
+                walk.remember(spec, reasons)
             ends.skip(flow.skipped)
             ends.run(flow.running)
         if entry.maybe & ended and then_skip is not False:
             ends.skip((entry,))
         if entry.maybe & ended and then_skip is not True:
-            ends.succeed((entry,) if flow.success else ())
-            if flow.failure:
-                ends.fail_at(entry, joined(flow.failure.values()))
+            ends.succeed(() if entry.sure & failed else (entry,))
+            if entry.maybe & failed:
+                ends.fail_at(entry, walk.recall(spec))
         return ends.flow()
