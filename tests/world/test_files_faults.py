@@ -44,10 +44,10 @@ def test_an_empty_list_has_no_faults() -> None:
             "4:13: faults[0].fault: 'remov' is not known here (did you mean 'remove'?)",
         ),
         ("{fault: remove, target: {index: 0}}", "4:5: faults[0]: 'when' is missing"),
-        ("{fault: remove, when: {}, target: {index: 0}}", "4:21: faults[0].when: one of at, node is missing"),
+        ("{fault: remove, when: {}, target: {index: 0}}", "4:21: faults[0].when: 'at' or 'node' is missing"),
         (
             "{fault: remove, when: {at: 1, node: A}, target: {index: 0}}",
-            "4:21: faults[0].when: only one of at, node may be given",
+            "4:21: faults[0].when: 'at' and 'node' exclude each other (give one of them)",
         ),
         (
             "{fault: remove, when: {at: 1, delay: 3}, target: {index: 0}}",

@@ -84,7 +84,7 @@ def test_a_robot_is_read(robot_file: Path) -> None:
         (
             "upper: 1.5",
             "upper: -2",
-            "6:33: joints.turn.upper: the upper limit -2 rad is not above the lower, -1.5708 rad",
+            "6:33: joints.turn.upper: the upper limit, -2 rad, is not above the lower, -90 deg",
         ),
         (
             "velocity: 2",
@@ -97,7 +97,7 @@ def test_a_robot_is_read(robot_file: Path) -> None:
         (
             "home: [0.5]",
             "home: [2]",
-            "7:16: poses.home[0]: 2 rad is outside the limits of turn (-1.5708 … 1.5 rad)",
+            "7:16: poses.home[0]: 2 rad is outside the limits of turn (-90 deg … 1.5 rad)",
         ),
         ("link: hand", "link: hnad", "8:13: tcp.link: the URDF has no link 'hnad' (did you mean 'hand'?)"),
         (

@@ -85,9 +85,9 @@ REPLACED = [
     (
         "limits: {force: 50 N}",
         "goal: sort >= total",
-        "18:7: goal: unknown name 'sort'; did you mean 'sorted'?",
+        "18:7: goal: unknown name 'sort' (did you mean 'sorted'?)",
     ),
-    ("limits: {force: 50 N}", "goal: a = b", "18:7: goal: not an expression: compare with '=='"),
+    ("limits: {force: 50 N}", "goal: a = b", "18:9: goal: not an expression: compare with '=='"),
     (
         "limits: {force: 50 N}",
         "thinking: {image: -60 ms}",
@@ -123,12 +123,12 @@ REPLACED = [
     (
         "box: [4 cm, 4 cm, 4 cm]",
         "box: [1, 1, 1], sphere: {radius: 1}",
-        "10:3: catalogue.block: only one of box, sphere may be given",
+        "10:3: catalogue.block: 'box' and 'sphere' exclude each other (give one of them)",
     ),
     (
         "box: [4 cm, 4 cm, 4 cm], ",
         "",
-        "10:3: catalogue.block: one of box, cylinder, sphere, plate, mesh is missing",
+        "10:3: catalogue.block: 'box', 'cylinder', 'sphere', 'plate' or 'mesh' is missing",
     ),
     (
         "{radius: 20 mm}",
@@ -166,7 +166,7 @@ REPLACED = [
     (
         "wall: 5 mm",
         "wall: 10 cm",
-        "6:42: fixtures.bin_a.wall: walls of 0.1 m leave no room inside ('bin' is the outside)",
+        "6:42: fixtures.bin_a.wall: walls of 10 cm leave no room inside ('bin' is the outside)",
     ),
     (
         "wall: 5 mm, ",
@@ -262,23 +262,33 @@ REPLACED = [
     (
         "colour == 'red'",
         "color == 'red'",
-        "17:13: destinations[0].where: unknown name 'color'; known: colour, form, kind",
+        "17:14: destinations[0].where: unknown name 'color' (did you mean 'colour'?)",
     ),
     (
         "colour == 'red'",
         "colour == 'rde'",
+        "17:24: destinations[0].where: this is never 'rde' (did you mean 'red'?)",
+    ),
+    (
+        "colour == 'red'",
+        "colour == 'red' and colour == 'blue'",
         "17:13: destinations[0].where: "
-        "no item can fulfil this: check the colour, form and kind that it asks for",
+        "no item can fulfil this (check the colour, form and kind that it asks for)",
+    ),
+    (
+        "colour == 'red'",
+        "'red'",
+        "17:14: destinations[0].where: true or false is wanted, not a text",
     ),
     (
         "colour == 'red'",
         "colour == 'red' and",
-        "17:13: destinations[0].where: not an expression: a value is missing after 'and'",
+        "17:30: destinations[0].where: not an expression: a value is missing after 'and'",
     ),
     (
         "colour == 'red'",
         "colour < 3",
-        "17:13: destinations[0].where: '<' does not work on a text and a number",
+        "17:21: destinations[0].where: '<' does not work on a text and a whole number",
     ),
 ]
 

@@ -20,7 +20,7 @@ from .misfits import Wrong, follows, misfit
 from .nearest import nearest
 from .partial import FileModel, Unread, partly
 from .quantities import NotFinite, dimension, in_unit, parse_quantity
-from .wording import describe, meant_number
+from .wording import describe, listed, meant_number
 
 __all__ = [
     "Angle", "Angles", "Checker", "Duration", "FileModel", "Flag", "Force", "Length", "Mass", "Name", "Share",
@@ -132,9 +132,14 @@ class Checker:
         *,
         code: str = "",
         key: bool = False,
+        character: int | None = None,
         severity: Severity = "error",
     ) -> None:
-        self._add(self.document.fault(loc, message, hint, code=code, key=key, severity=severity))
+        """As `Document.fault`, and keep it."""
+        made = self.document.fault(
+            loc, message, hint, code=code, key=key, character=character, severity=severity
+        )
+        self._add(made)
 
     def _add(self, fault: Fault) -> None:
         if fault.mark in self._spoilt or self.full:
@@ -209,10 +214,16 @@ class Checker:
         if len(given) == 1:
             return given[0]
         if given:
-            self.fault(loc, f"only one of {', '.join(given)} may be given", code="P112", key=True)
+            message = f"{listed(given, 'and')} exclude each other"
+            self.fault(loc, message, "give one of them", code="P112", key=True)
         else:
-            self.fault(loc, f"one of {', '.join(keys)} is missing", code="P105", key=True)
+            self.fault(loc, f"{listed(keys, 'or')} is missing", code="P105", key=True)
         return None
+
+    def written(self, loc: Location, number: float, unit: str) -> str:
+        """A quantity as the file gives it."""
+        value = self.document.get(loc)
+        return value if isinstance(value, str) else f"{number:g} {unit}".strip()
 
     def finish(self) -> None:
         """Raises FileError when anything was wrong."""

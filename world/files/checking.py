@@ -108,7 +108,8 @@ class CheckReport:
         if self.left_out:
             text += f"; {_count(len(self.left_out), 'YAML file')} without 'picktree:' left out"
         if found:
-            text += f"; `picktree explain-code {self.faults[0].code}` explains the first"
+            which = "it" if len(self.faults) == 1 else "the first"
+            text += f"; `picktree explain-code {self.faults[0].code}` explains {which}"
         return text
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,6 +57,16 @@ class Document:
             return parent.keys[loc[-1]]
         return self.mark(loc)
 
+    def character_mark(self, loc: Location, character: int) -> Mark:
+        """Where a character (from 0) of a text stands; its start when the text is not written as it reads."""
+        start, value = self.mark(loc), self.get(loc)
+        if start.file != str(self.path) or not isinstance(value, str) or "\n" in value:
+            return start
+        line = re.split(r"\r?\n", self.text)[start.line - 1][start.column - 1 :]
+        quote = line[:1] if line[:1] in ("'", '"') else ""
+        verbatim = line.startswith(f"{quote}{value}{quote}")
+        return Mark(start.file, start.line, start.column + len(quote) + character) if verbatim else start
+
     def get(self, loc: Location) -> Value:
         """The value at that place, None when there is none."""
         node: Node | None = self.root
@@ -71,10 +82,14 @@ class Document:
         *,
         code: str = "",
         key: bool = False,
+        character: int | None = None,
         severity: Severity = "error",
     ) -> Fault:
-        """A fault of the value there, or (`key`) of its key."""
-        mark = self.key_mark(loc) if key else self.mark(loc)
+        """A fault of the value there, or (`key`) of its key, or of one of its characters (from 0)."""
+        if character is not None:
+            mark = self.character_mark(loc, character)
+        else:
+            mark = self.key_mark(loc) if key else self.mark(loc)
         return Fault(mark, where(loc), message, hint, code, severity)
 
 
@@ -171,7 +186,7 @@ def _format_faults(root: Node) -> Iterable[Fault]:
         message, hint = "the format is a whole number", f"this is format {FORMAT}"
         yield Fault(version.mark, "picktree", message, hint, "P102")
     elif version.value > FORMAT:
-        message = f"format {version.value} is newer than this picktree reads ({FORMAT})"
+        message = f"format {version.value} is newer than {FORMAT}, which this picktree reads"
         yield Fault(version.mark, "picktree", message, "upgrade picktree", "P102")
 
 

@@ -306,9 +306,8 @@ class _Reader:
 
     def _refuse_tag(self, tag: str | None, mark: Mark) -> None:
         if tag is not None:
-            self._fault(
-                mark, where(self._loc()), f"the tag {_shown(tag)} is not read", "leave it out", code="P116"
-            )
+            message = f"the tag {_shown(tag.replace('tag:yaml.org,2002:', '!!'))} is not read"
+            self._fault(mark, where(self._loc()), message, "leave it out", code="P116")
 
     def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
         if len(self._faults) == MAX_FAULTS:

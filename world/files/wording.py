@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 
 def describe(value: object) -> str:
@@ -22,6 +23,15 @@ def describe(value: object) -> str:
             return "a list"
         case _:
             return "a mapping"
+
+
+def listed(words: Iterable[str], last: str) -> str:
+    """
+    >>> listed(["at", "node", "time"], "or")
+    "'at', 'node' or 'time'"
+    """
+    quoted = [repr(word) for word in words]
+    return f" {last} ".join(filter(None, (", ".join(quoted[:-1]), *quoted[-1:])))
 
 
 _TRUE, _FALSE = ("yes", "y", "on"), ("no", "n", "off")

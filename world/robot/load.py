@@ -135,15 +135,14 @@ def _check_numbers(check: Checker, robot: RobotFile) -> None:
             with check.readable():
                 joint = robot.joints[name]
                 if joint.lower >= joint.upper:
-                    message = (
-                        f"the upper limit {joint.upper:g} rad is not above the lower, {joint.lower:g} rad"
-                    )
+                    upper = check.written(("joints", name, "upper"), joint.upper, "rad")
+                    lower = check.written(("joints", name, "lower"), joint.lower, "rad")
+                    message = f"the upper limit, {upper}, is not above the lower, {lower}"
                     check.fault(("joints", name, "upper"), message, code="P506")
     with check.readable():
         if "home" not in robot.poses:
-            check.fault(
-                ("poses",), "'home' is missing", "the pose to which the arm returns", code="P507", key=True
-            )
+            hint = "the pose to which the arm returns"
+            check.fault(("poses",), "'home' is missing", hint, code="P507", key=True)
         for name in robot.poses:
             with check.readable():
                 _check_pose(check, name, robot)
@@ -161,10 +160,11 @@ def _check_pose(check: Checker, name: str, robot: RobotFile) -> None:
         with check.readable():
             value, limit = given[n], robot.joints[joint]
             if limit.lower < limit.upper and not limit.lower <= value <= limit.upper:
-                message = f"{value:g} rad is outside the limits of {joint}"
-                check.fault(
-                    ("poses", name, n), message, f"{limit.lower:g} … {limit.upper:g} rad", code="P509"
-                )
+                lower = check.written(("joints", joint, "lower"), limit.lower, "rad")
+                upper = check.written(("joints", joint, "upper"), limit.upper, "rad")
+                loc: Location = ("poses", name, n)
+                message = f"{check.written(loc, value, 'rad')} is outside the limits of {joint}"
+                check.fault(loc, message, f"{lower} … {upper}", code="P509")
 
 
 def _check_against(check: Checker, robot: RobotFile, urdf: Path) -> None:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Protocol
 
-from ..files.expressions import Expression, ExpressionError
+from ..colours import ITEM_COLOURS
+from ..files.expression_types import ValueType
+from ..files.expressions import Expression
 from ..values import ObjectId
 from .description import Destination
-
-NAMES = ("colour", "form", "kind")
-"""What a rule may ask about an item."""
+from .schema import FORMS
 
 
 class Sortable(Protocol):
@@ -36,24 +36,19 @@ def destination_rule(destinations: Iterable[Destination]) -> Callable[[Sortable]
     return destination
 
 
-def can_hold(
-    where: str, colours: Iterable[str], forms: Iterable[str], kinds: Iterable[str], *, most: int
-) -> bool:
-    """Whether a rule holds for any item; True also when `most` trials do not tell.
+def rule_names(kinds: Iterable[str]) -> Mapping[str, ValueType]:
+    """What a rule may ask about an item, and all that may be the answer."""
+    return {
+        "colour": ValueType("word", choices=tuple(ITEM_COLOURS)),
+        "form": ValueType("word", choices=FORMS),
+        "kind": ValueType("word", choices=(*kinds, "unknown")),
+    }
 
-    Raises ExpressionError when the rule cannot be read, or asks for what no item has.
-    """
-    expression = Expression.parse(where)
-    unknown = sorted(expression.names - set(NAMES))
-    if unknown:
-        raise ExpressionError(f"unknown name {unknown[0]!r}; known: {', '.join(NAMES)}")
-    known = (tuple(colours), tuple(forms), tuple(kinds) or ("unknown",))
+
+def can_hold(rule: Expression, names: Mapping[str, ValueType], *, most: int) -> bool:
+    """Whether a rule holds for any item; True also when `most` trials do not tell."""
     # What the rule does not ask for need not be varied.
-    varied = [
-        names if name in expression.names else names[:1] for name, names in zip(NAMES, known, strict=True)
-    ]
+    varied = [known.choices if name in rule.names else known.choices[:1] for name, known in names.items()]
     items = itertools.product(*varied)
-    held = [
-        expression.evaluate(dict(zip(NAMES, item, strict=True))) for item in itertools.islice(items, most)
-    ]
-    return any(held) or not held or next(items, None) is not None
+    trials = (dict(zip(names, item, strict=True)) for item in itertools.islice(items, most))
+    return any(rule.evaluate(item) for item in trials) or next(items, None) is not None

@@ -29,7 +29,8 @@ def check_body(check: Checker, name: str, entry: FixtureFile) -> None:
         check.fault(loc, f"the name {name!r} is taken", hint, code="P403", key=True)
     with check.readable():
         if entry.rpy is not None and entry.yaw is not None:
-            check.fault((*loc, "yaw"), "'rpy' and 'yaw' exclude each other", code="P112", key=True)
+            message = "'rpy' and 'yaw' exclude each other"
+            check.fault((*loc, "yaw"), message, "give one of them", code="P112", key=True)
     with check.readable():
         if which == "bin" and entry.rpy is not None:
             check.fault((*loc, "rpy"), "a bin stands upright: give its 'yaw'", code="P405", key=True)
@@ -47,7 +48,7 @@ def _check_walls(check: Checker, loc: Location, entry: FixtureFile, which: str |
     if which == "bin" and entry.wall is not None and entry.bin is not None:
         x, y, z = entry.bin
         if 2 * entry.wall >= min(x, y) or entry.wall >= z:
-            message = f"walls of {entry.wall:g} m leave no room inside"
+            message = f"walls of {check.written((*loc, 'wall'), entry.wall, 'm')} leave no room inside"
             check.fault((*loc, "wall"), message, "'bin' is the outside", code="P404")
 
 

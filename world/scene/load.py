@@ -8,14 +8,14 @@ from pathlib import Path
 
 import yaml
 
-from ..colours import ITEM_COLOURS
 from ..errors import PicktreeError
 from ..files.checked import Checker
 from ..files.document import Document, Fault, FileError, nearest, open_document, overlaid, read_document
-from ..files.expressions import Expression, ExpressionError
+from ..files.expression_types import INT
 from ..files.shipped import find_file, shipped_names
 from ..values import Bounds
 from .areas import check_spawn
+from .conditions import condition
 from .description import (
     Bin,
     CatalogueEntry,
@@ -26,10 +26,9 @@ from .description import (
     Spawn,
     Thinking,
 )
-from .destinations import can_hold
+from .destinations import can_hold, rule_names
 from .entries import body, camera, check_body, check_camera, kind
 from .schema import (
-    FORMS,
     SECTIONS,
     CameraFile,
     CatalogueFile,
@@ -151,7 +150,8 @@ class _Parts:
         for n, entry in enumerate(self.destinations):
             self._check_destination(n, entry)
         with check.readable():
-            self._check_goal(self.rest.goal)
+            if self.rest.goal is not None:
+                condition(check, ("goal",), self.rest.goal, dict.fromkeys(GOAL_NAMES, INT), code="P419")
         return not any(fault.severity == "error" for fault in check.faults)
 
     def scene(self, own: Document) -> SceneDescription:
@@ -207,33 +207,18 @@ class _Parts:
                 hint = nearest(rule.to, bins)
                 check.fault(("destinations", n, "to"), f"there is no bin {rule.to!r}", hint, code="P416")
         with check.readable():
+            loc, names = ("destinations", n, "where"), rule_names(self.kinds)
+            expression = condition(check, loc, rule.where, names, code="P417")
             # Long rules are tried on fewer items: that takes a bounded time for any file.
             most = max(1, RULE_TRIALS // (len(self.destinations) * max(1, len(rule.where))))
-            try:
-                held = can_hold(rule.where, ITEM_COLOURS, FORMS, self.kinds, most=most)
-            except ExpressionError as error:
-                check.fault(("destinations", n, "where"), str(error), code="P417")
-                return
-            if not held:
-                message = "no item can fulfil this: check the colour, form and kind that it asks for"
-                check.fault(("destinations", n, "where"), message, code="P418")
+            if expression is not None and not can_hold(expression, names, most=most):
+                hint = "check the colour, form and kind that it asks for"
+                check.fault(loc, "no item can fulfil this", hint, code="P418")
 
     def _may_be_bin(self, name: str) -> bool:
         with self.checker.readable():
             return self.bodies[name].bin is not None or self.bodies[name].box is None
         return True
-
-    def _check_goal(self, goal: str | None) -> None:
-        if goal is None:
-            return
-        try:
-            expression = Expression.parse(goal)
-            unknown = sorted(expression.names - set(GOAL_NAMES))
-            if unknown:
-                raise ExpressionError(f"unknown name {unknown[0]!r}; {nearest(unknown[0], GOAL_NAMES)}")
-            expression.evaluate(dict.fromkeys(GOAL_NAMES, 1))
-        except ExpressionError as error:
-            self.checker.fault(("goal",), str(error), code="P419")
 
 
 def _text(own: Document, whole: Document) -> str:
