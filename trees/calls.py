@@ -20,6 +20,18 @@ def called_by(tree: TreeSpec) -> tuple[str, ...]:
     return tuple(dict.fromkeys(node.id for node in tree.root.iterate() if node.node is None))
 
 
+def reachable(trees: Mapping[str, TreeSpec]) -> frozenset[str]:
+    """The trees that a run may come to."""
+    found: set[str] = set()
+    todo = [MAIN]
+    while todo:
+        name = todo.pop()
+        if name in trees and name not in found:
+            found.add(name)
+            todo += called_by(trees[name])
+    return frozenset(found)
+
+
 def bottom_up(trees: Mapping[str, TreeSpec]) -> tuple[str, ...]:
     """The trees, each after those that it uses. Raises CycleError."""
     calls = {name: [c for c in called_by(tree) if c in trees] for name, tree in trees.items()}

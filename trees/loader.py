@@ -48,6 +48,8 @@ class Reading:
 
     mission: Mission
     faults: tuple[Fault, ...]
+    circuit: Circuit | None
+    """What is wired to what; None where sub-trees call each other in a circle."""
 
 
 def load_mission(path: Path, registry: Registry | None = None) -> Mission:
@@ -118,6 +120,7 @@ class _Reader:
             self._keys(document)
         plugins = [plugin for document in documents for plugin in self._plugins(document)]
         trees = self._trees(documents)
+        circuit = self._circuit(trees)
         mission = Mission(
             self._text("name") or self._document.path.stem,
             trees,
@@ -129,7 +132,7 @@ class _Reader:
             library,
             sources=self._registry.plugins_of(_classes(trees)),
         )
-        return Reading(mission, self._faults.all())
+        return Reading(mission, self._faults.all(), circuit)
 
     def _fault(
         self,
@@ -229,21 +232,21 @@ class _Reader:
                     mark = document.key_mark(("trees", name))
                     places = {p.key: document.mark(("trees", name, "ports", p.key)) for p in ports[name]}
                     trees[name] = TreeSpec(name, mark, ports[name], root, places)
-        self._check(trees)
         return trees
 
-    def _check(self, trees: Mapping[str, TreeSpec]) -> None:
-        """What can be wrong between nodes that are right by themselves."""
-        circles = len(self._faults)
-        for fault in check_calls(trees):
+    def _circuit(self, trees: Mapping[str, TreeSpec]) -> Circuit | None:
+        """What is wired to what, checked: what can be wrong between nodes that are right by themselves."""
+        calls = tuple(check_calls(trees))
+        for fault in calls:
             self._faults.add(fault)
-        if len(self._faults) > circles:
-            return
+        if calls:
+            return None
         # Where a node could not be read, a key may be written that nobody sees.
         unfinished = [name for name in trees if self._faults.within(name)]
         circuit = Circuit(trees, self._facts)
         for fault in (*misfits(circuit), *unanswerable(circuit, ATTRIBUTE_TYPES, unfinished)):
             self._faults.add(fault)
+        return circuit
 
     def _bodies(self, document: Document) -> dict[str, Value]:
         """What stands under `trees:` of one file, by name."""
@@ -276,7 +279,7 @@ class _Reader:
         elif name in homes:
             first = homes[name].key_mark(loc)
             message, code = f"the tree {name!r} is given twice", "P247"
-            hint = f"first in {first.file}, line {first.line}"
+            hint = f"first on {first.told(str(document.path))}"
         if message:
             self._fault(loc, message, hint, code=code, key=True, document=document)
         return not message

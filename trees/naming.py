@@ -2,48 +2,108 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import cast
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
+from ..world.facts import ASIDE
 from ..world.files.document import Fault, nearest
-from .mission import Mission, NodeSpec
-from .ports import PortDeclaration
-from .references import Constant
+from ..world.files.expression_types import ValueType, check_types
+from ..world.files.expressions import ExpressionError
+from .calls import reachable
+from .mission import Mission
+from .references import ATTRIBUTE_TYPES, Reference
 from .surroundings import Surroundings
+from .wiring.asking import Asked, expressions_of
+from .wiring.circuit import Arrival, Circuit
+from .wiring.fitting import DEFAULT
+from .wiring.keys import Keys, Placed
+
+_CODE = "P240"
 
 
-def misnamed(mission: Mission, known: Surroundings) -> list[Fault]:
-    """A fault for each literal, and each default that counts, that names nothing of scene or robot."""
-    return [
-        fault
-        for tree in mission.trees.values()
-        for path, spec in _with_paths(tree.root, tree.name)
-        if spec.node is not None
-        for port in spec.node.declaration.inputs
-        for fault in _port(spec, path, port, known)
-    ]
+def misnamed(mission: Mission, circuit: Circuit, known: Surroundings) -> Iterator[Fault]:
+    """A fault for each literal, and each default that counts, that names nothing of scene or robot.
+
+    Trees of other files count only where the mission uses them.
+    """
+    used = reachable(mission.trees)
+    own = str(mission.document.path)
+    attributes = _attributes(known)
+    for arrivals in circuit.arrivals:
+        for arrival in arrivals:
+            tree = arrival.trail.split("/")[0]
+            if tree in used or arrival.mark.file == own:
+                yield from _named(arrival, known)
+    for name, keys in circuit.keys.items():
+        if name in used or keys.tree.mark.file == own:
+            for placed in keys.nodes:
+                for asked in expressions_of(placed):
+                    yield from _asked(asked, keys, attributes)
+                yield from _cases(placed, attributes, known)
 
 
-def _port(spec: NodeSpec, path: str, port: PortDeclaration, known: Surroundings) -> Iterator[Fault]:
-    bound = spec.ports.get(port.key)
-    given = isinstance(bound, Constant)
-    if port.names is None or (bound is not None and not given):
+def _named(arrival: Arrival, known: Surroundings) -> Iterator[Fault]:
+    what, values = arrival.target.names, arrival.source.values or ()
+    if what is None or arrival.problem is not None:
         return
-    value = bound.value if isinstance(bound, Constant) else port.default
-    names = known.names.get(port.names, ())
-    named: list[object] = cast("list[object]", value) if isinstance(value, list) else [value]
-    for name in named:
-        if not isinstance(name, str) or name == "" or name in names:
-            continue
-        owner = f"robot {known.robot!r}" if port.names == "pose" else f"scene {known.scene!r}"
-        message = f"port {port.key!r}: the {owner} has no {port.names} {name!r}"
-        if not given:
+    names = known.names.get(what, ())
+    given = [name for value in values for name in (value if isinstance(value, list) else [value])]
+    wrong = [name for name in given if name not in names]
+    if wrong and (arrival.source.certain or len(wrong) == len(given)):
+        owner = f"robot {known.robot!r}" if what == "pose" else f"scene {known.scene!r}"
+        message = f"port {arrival.key!r}: the {owner} has no {what} {wrong[0]!r}"
+        if arrival.text == DEFAULT:
             message += ", which is the default"
-        yield Fault(spec.places.get(port.key, spec.mark), path, message, nearest(name, names), "P240")
+        hints = [nearest(str(wrong[0]), names)]
+        if arrival.via:
+            hints.append(f"it goes to the port {arrival.target.key!r} of {arrival.via}")
+        if arrival.text.startswith("{"):
+            hints.append(arrival.source.told(arrival.mark.file))
+        yield Fault(arrival.mark, arrival.trail, message, "; ".join(filter(None, hints)), _CODE)
 
 
-def _with_paths(spec: NodeSpec, above: str) -> Iterator[tuple[str, NodeSpec]]:
-    path = f"{above}/{spec.name}"
-    yield path, spec
-    for child in spec.children:
-        yield from _with_paths(child, path)
+def _attributes(known: Surroundings) -> Mapping[str, ValueType]:
+    """The attributes of an object, with the texts that they can be in this scene."""
+    bins = known.names.get("bin", ())
+    choices = {
+        "kind": (*known.names.get("kind", ()), "unknown"),
+        "destination": bins,
+        "place": (*bins, "table", "hand", ASIDE),
+    }
+    return {
+        name: replace(kind, choices=choices.get(name, kind.choices)) for name, kind in ATTRIBUTE_TYPES.items()
+    }
+
+
+def _asked(asked: Asked, keys: Keys, attributes: Mapping[str, ValueType]) -> Iterator[Fault]:
+    """An expression that has a value in general, and not with the names of this scene."""
+    if not asked.expression.paths:
+        return
+    try:
+        check_types(asked.expression, keys, ATTRIBUTE_TYPES)
+    except ExpressionError:
+        return  # reported already
+    try:
+        check_types(asked.expression, keys, attributes)
+    except ExpressionError as error:
+        message = f"{asked.what}: {error.told(asked.expression.text)}"
+        yield Fault(asked.placed.mark(asked.key), asked.placed.path, message, "", _CODE)
+
+
+def _cases(placed: Placed, attributes: Mapping[str, ValueType], known: Surroundings) -> Iterator[Fault]:
+    """Cases for what an attribute never is in this scene."""
+    if placed.spec.node is None:
+        return
+    for slot in placed.spec.node.declaration.slots:
+        bound = placed.spec.ports.get(slot.matches or "")
+        if not isinstance(bound, Reference) or not bound.attributes:
+            continue
+        attribute = attributes[bound.attributes[-1]]
+        if attribute.choices == ATTRIBUTE_TYPES[bound.attributes[-1]].choices:
+            continue
+        valid = (*attribute.choices, "null") if attribute.optional else attribute.choices
+        for label, _ in placed.spec.slots.get(slot.key, ()):
+            if label not in valid:
+                message = f"in the scene {known.scene!r} {bound} is never {label!r}"
+                mark = placed.mark(f"{slot.key}/{label}")
+                yield Fault(mark, placed.path, message, nearest(label, valid), _CODE)

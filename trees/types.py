@@ -69,7 +69,9 @@ class PortType:
 
     def words(self) -> str:
         """As it reads in a sentence: "a list of numbers"."""
-        return f"a list, each {_WORDS[self.name]}" if self.many else _WORDS[self.name]
+        if self.many:
+            return "a list" if self.name == "any" else f"a list, each {_WORDS[self.name]}"
+        return _WORDS[self.name]
 
 
 @dataclass(frozen=True, slots=True)

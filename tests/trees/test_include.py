@@ -67,7 +67,7 @@ def test_faults_of_all_files_come_at_once_each_with_its_place(tmp_path: Path) ->
         "P218 a.yaml:4:23: Look/Take: Take has no port 'objct' (did you mean 'object'?)",
         "P248 b.yaml:4:1: scene: a library has no 'scene': that is for the mission to say",
         "P248 b.yaml:5:9: trees.Main: a library has no tree 'Main': that is the mission's",
-        f"P247 b.yaml:5:9: trees.Main: the tree 'Main' is given twice (first in {tmp_path}/m.yaml, line 4)",
+        f"P247 b.yaml:5:9: trees.Main: the tree 'Main' is given twice (first on line 4 of {tmp_path}/m.yaml)",
         "P207 b.yaml:5:35: Put: unknown node 'Tke' (did you mean 'Take'?)",
         "P207 m.yaml:4:33: Main/Sequence: unknown node 'Lok' (did you mean 'Look'?)",
     ]
@@ -79,7 +79,9 @@ def test_a_tree_that_is_given_twice(tmp_path: Path) -> None:
         m="include: [a.yaml, b.yaml]\ntrees: {Main: Look}",
         a=LOOK,
         b=LOOK,
-    ) == [f"P247 b.yaml:4:9: trees.Look: the tree 'Look' is given twice (first in {tmp_path}/a.yaml, line 4)"]
+    ) == [
+        f"P247 b.yaml:4:9: trees.Look: the tree 'Look' is given twice (first on line 4 of {tmp_path}/a.yaml)"
+    ]
 
 
 @pytest.mark.parametrize(

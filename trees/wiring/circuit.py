@@ -9,10 +9,10 @@ from typing import Final
 from ...world.files.document import Mark
 from ...world.files.expression_types import ValueType
 from ..calls import bottom_up
-from ..mission import MAIN, TreeSpec
+from ..mission import MAIN, NodeSpec, TreeSpec
 from ..ports import PortDeclaration
 from ..references import Constant, Reference
-from .fitting import misfit
+from .fitting import DEFAULT, misfit
 from .keys import Keys, Placed
 from .sources import Source, constant
 
@@ -44,9 +44,13 @@ class _Demand:
     """What an input of a tree is used for: that port gets it, or its elements `depth` lists deep."""
 
     target: PortDeclaration
-    where: str
+    node: NodeSpec
     depth: int
     strict: bool
+
+    def told(self, file: str) -> str:
+        """The node in words, for a reader of that file."""
+        return f"{self.node.id}, {self.node.mark.told(file)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +67,7 @@ class _Place:
             source = source.elements()
         target = demand.target
         problem = misfit(source, target, self.text, strict=demand.strict)
-        via = "" if target is self.port else demand.where
+        via = "" if target is self.port else demand.told(self.mark.file)
         return Arrival(self.mark, self.trail, self.port.key, self.text, source, target, via, problem)
 
 
@@ -99,10 +103,10 @@ class Circuit:
         if bound is None and (port.required or port.default == ""):
             return
         inside = self._demands.get(spec.id, {}).get(port.key, []) if spec.node is None else []
-        own = _Demand(port, f"{spec.id}, line {spec.mark.line}", 0, strict=spec.node is not None)
+        own = _Demand(port, spec, 0, strict=spec.node is not None)
         if not isinstance(bound, Reference):
             value = bound.value if isinstance(bound, Constant) else port.default
-            text = _shown(bound.text) if isinstance(bound, Constant) else "its default"
+            text = _shown(bound.text) if isinstance(bound, Constant) else DEFAULT
             # It was converted to the port's own type; whether it names something is another question.
             wanted = [own, *inside] if port.names is not None else inside
             place = _Place(placed.mark(port.key), placed.path, port, text)
@@ -120,7 +124,7 @@ class Circuit:
         """The default of a parameter of the mission, as far as it goes on to nodes."""
         if port.direction == "in" and not port.required:
             mark = main.places.get(port.key, main.mark)
-            place = _Place(mark, main.name, port, "its default")
+            place = _Place(mark, main.name, port, DEFAULT)
             yield from _literal(place, port.default, self._demands[MAIN].get(port.key, []))
 
     def _add(self, tree: str, source: Source, demand: _Demand) -> None:
@@ -129,7 +133,7 @@ class Circuit:
         depth = demand.depth + source.depth
         known = any(d.target is demand.target and d.depth == depth for d in found)
         if not known and len(found) < MAX_DEMANDS:
-            found.append(_Demand(demand.target, demand.where, depth, demand.strict))
+            found.append(_Demand(demand.target, demand.node, depth, demand.strict))
 
 
 def _literal(place: _Place, value: object, wanted: list[_Demand]) -> Iterator[Arrival]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Final
 
 from ...world.files.expression_types import ValueType
 from ..ports import PortDeclaration
 from ..types import accept
 from .sources import Source
 
+DEFAULT: Final = "its default"
+"""What stands at an input where nothing is written."""
 _TEXTS = ("text", "word", "object", "place")
 _TAKES: Mapping[str, tuple[str, ...]] = {
     "string": _TEXTS,
@@ -32,7 +35,8 @@ def misfit(source: Source, target: PortDeclaration, text: str, *, strict: bool) 
     values = source.values or ()
     wrong = [problem for value in values if (problem := _refused(value, target)) is not None]
     if wrong and (source.certain or len(wrong) == len(values)):
-        return f"{text}: {wrong[0]}" if text.startswith("{") else wrong[0]
+        # A literal stands in the reason already.
+        return f"{text}: {wrong[0]}" if text.startswith("{") or text == DEFAULT else wrong[0]
     return None
 
 

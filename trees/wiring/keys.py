@@ -112,6 +112,10 @@ class Keys(Mapping[str, ValueType]):
         """The tree's own input of that name."""
         return self._inputs.get(key)
 
+    def output(self, key: str) -> PortDeclaration | None:
+        """The tree's own output of that name."""
+        return self._outputs.get(key)
+
     def sources(self, key: str) -> tuple[Source, ...]:
         """All that may write the key; nothing when nobody in the tree does."""
         found = self._sources.get(key)
@@ -142,7 +146,7 @@ class Keys(Mapping[str, ValueType]):
         if own is not None:
             yield replace(declared(own, self.tree.places.get(key, self.tree.mark)), port=key)
         for write in self.writes.get(key, ()):
-            yield from self._written(write)
+            yield from self.written(write)
 
     def _written_by(self, placed: Placed) -> Iterator[Write]:
         spec = placed.spec
@@ -161,7 +165,8 @@ class Keys(Mapping[str, ValueType]):
         called = self._trees.get(spec.id)
         return called.ports if called is not None else ()
 
-    def _written(self, write: Write) -> Iterator[Source]:
+    def written(self, write: Write) -> Iterator[Source]:
+        """What one place of the text writes."""
         mark, path = write.placed.mark(write.place), write.placed.path
         if isinstance(write.what, Assignment):
             yield self._assigned(write.what, mark, path)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...world.files.document import Fault, nearest
+from ...world.files.document import Fault, Mark, nearest
 from ..references import ATTRIBUTE_TYPES, Reference
 from ..slots import SlotDeclaration
 from ..types import show
 from .circuit import Arrival, Circuit
-from .keys import Keys, Placed
+from .fitting import misfit
+from .keys import Keys, Placed, Write
 from .sources import Source
 
 
@@ -116,23 +117,37 @@ def _as_label(value: object) -> str:
 
 
 def _writes(keys: Keys, facts: frozenset[str]) -> Iterator[Fault]:
-    """Writes to inputs of the tree, and keys that hide a fact of the world."""
+    """Writes to inputs of the tree or of another type than its output has; keys that hide a fact."""
     for port in keys.tree.ports:
         if port.key in facts:
-            mark = keys.tree.places.get(port.key, keys.tree.mark)
-            yield Fault(mark, keys.tree.name, *_hidden(port.key), "P253")
+            yield Fault(_declared(keys, port.key), keys.tree.name, *_hidden(port.key), "P253")
     for key, writes in keys.writes.items():
         for write in writes:
-            place = write.place
-            mark, path = write.placed.mark(place), write.placed.path
-            what = place if place.startswith("_") else f"port {place!r}"
-            if keys.input(key) is not None:
-                message = f"{what}: {key!r} is an input of the tree {keys.tree.name!r}; it cannot be written"
-                hint = "declare the port with 'direction: out', or write another key"
-                yield Fault(mark, path, message, hint, "P239")
-            elif key in facts and not any(port.key == key for port in keys.tree.ports):
-                message, hint = _hidden(key)
-                yield Fault(mark, path, f"{what}: {message}", hint, "P253")
+            yield from _write(keys, key, write, facts)
+
+
+def _write(keys: Keys, key: str, write: Write, facts: frozenset[str]) -> Iterator[Fault]:
+    mark, path = write.placed.mark(write.place), write.placed.path
+    what = write.place if write.place.startswith("_") else f"port {write.place!r}"
+    output = keys.output(key)
+    if keys.input(key) is not None:
+        message = f"{what}: {key!r} is an input of the tree {keys.tree.name!r}; it cannot be written"
+        hint = "declare the port with 'direction: out', or write another key"
+        yield Fault(mark, path, message, hint, "P239")
+    elif output is not None:
+        for source in keys.written(write):
+            problem = misfit(source, output, "what it writes", strict=False)
+            if problem is not None:
+                hint = f"the tree's output {key!r}, {_declared(keys, key).told(mark.file)}"
+                yield Fault(mark, path, f"{what}: {problem}", hint, "P237")
+                return
+    elif key in facts:
+        message, hint = _hidden(key)
+        yield Fault(mark, path, f"{what}: {message}", hint, "P253")
+
+
+def _declared(keys: Keys, port: str) -> Mark:
+    return keys.tree.places.get(port, keys.tree.mark)
 
 
 def _hidden(key: str) -> tuple[str, str]:

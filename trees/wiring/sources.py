@@ -48,7 +48,7 @@ class Source:
 
     def told(self, file: str) -> str:
         """Where it comes from, for a reader of that file."""
-        place = f"line {self.mark.line}" + (f" of {self.mark.file}" if self.mark.file != file else "")
+        place = self.mark.told(file)
         if self.writer:
             return f"{self.writer} writes it, {place}"
         return f"the tree's input {self.port!r}, {place}" if self.port else place

@@ -24,6 +24,10 @@ class Mark:
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}"
 
+    def told(self, file: str) -> str:
+        """The line, for a reader of that file: `line 12`, or `line 12 of common.yaml`."""
+        return f"line {self.line}" + (f" of {self.file}" if self.file != file else "")
+
 
 @dataclass(frozen=True, slots=True)
 class Fault:

@@ -1,0 +1,375 @@
+"""What flows over keys and ports: each thing that does not fit is said where it arrives, with its writer."""
+
+from __future__ import annotations
+
+import time
+from textwrap import dedent
+
+import pytest
+
+from picktree.trees.condition import ConditionNode
+from picktree.trees.loader import parse_mission
+from picktree.trees.ports import In, Out, port
+from picktree.trees.registry import Registry
+from picktree.trees.skill import Skill, Steps
+from picktree.world.files.document import FileError
+from picktree.world.values import ObjectId
+from picktree.world.world import World
+
+from .scripted import FILE, NODES
+
+
+class Measure(Skill):
+    """Gives values of all types."""
+
+    count: Out[int] = port("a whole number")
+    width: Out[float] = port("a length", unit="m")
+    sure: Out[bool] = port("a flag")
+    side: Out[str] = port("a side", choices=("left", "right"))
+    word: Out[str] = port("a text")
+    one: Out[ObjectId] = port("an object")
+    all: Out[list[ObjectId]] = port("objects")
+    numbers: Out[list[float]] = port("numbers")
+    thing: Out[object] = port("anything")
+
+    def run(self, world: World) -> Steps:
+        yield
+
+
+class Use(ConditionNode):
+    """Takes values of all types."""
+
+    count: In[int] = port("a whole number", default=1, least=1, most=9)
+    length: In[float] = port("a length", unit="m", default=0.0)
+    force: In[float] = port("a force", unit="N", default=0.0)
+    flag: In[bool] = port("a flag", default=False)
+    side: In[str] = port("a side", default="left", choices=("left", "right"))
+    colour: In[str] = port("a colour", default="", choices=("red", "beige"))
+    text: In[str] = port("a text", default="")
+    one: In[ObjectId] = port("an object", default=ObjectId(""))
+    into: In[ObjectId] = port("a bin", default=ObjectId(""), names="bin")
+    all: In[list[ObjectId]] = port("objects", default=[])
+    maybe: In[str | None] = port("a text or nothing", default=None)
+    thing: In[object] = port("anything", default=None)
+
+    def answer(self, world: World) -> bool:
+        return True
+
+
+MEASURE = (
+    "Measure: {count: '{n}', width: '{w}', sure: '{f}', side: '{s}', word: '{t}', one: '{o}', all: '{os}', "
+    "numbers: '{xs}', thing: '{what}'}"
+)
+
+
+def faults(text: str) -> list[str]:
+    try:
+        parse_mission(
+            "picktree: 1\nkind: mission\n" + dedent(text).lstrip("\n"),
+            FILE,
+            Registry((*NODES, Measure, Use), installed=False),
+        )
+    except FileError as error:
+        return [f"{fault.code} {str(fault).removeprefix('mission.yaml:')}" for fault in error.faults]
+    return []
+
+
+def after_measure(node: str) -> list[str]:
+    """The faults of a node that comes after `Measure`, which stands on line 6."""
+    return faults(f"trees:\n  Main:\n    Sequence:\n      - {MEASURE}\n      - {node}\n")
+
+
+@pytest.mark.parametrize(
+    "wired",
+    [
+        "count: '{n}'", "length: '{n}'", "length: '{w}'", "flag: '{f}'", "side: '{s}'", "text: '{t}'",
+        "text: '{o}'", "one: '{o}'", "into: '{o.destination}'", "into: '{o}'", "all: '{os}'", "maybe: '{t}'",
+        "colour: '{o.colour}'", "text: '{o.kind}'", "length: '{o.sigma_position}'", "flag: '{o.attached}'",
+        "one: '{o.id}'", "count: '{what}'", "all: '{what}'", "one: '{what.id}'", "thing: '{xs}'",
+        "thing: '{f}'", "text: '{nobody}'", "text: '{o.destination}'", "one: '{t2}', _skipIf: 'n > 3'",
+    ],
+)  # fmt: skip
+def test_what_fits_is_quiet(wired: str) -> None:
+    assert after_measure(f"Use: {{{wired}}}") == []
+
+
+@pytest.mark.parametrize(
+    ("wired", "fault"),
+    [
+        ("count: '{w}'", "P237 7:22: Main/Sequence/Use: port 'count': {w} is a number, not a whole number "
+         "(Main/Sequence/Measure writes it, line 6)"),
+        ("length: '{t}'", "P237 7:23: Main/Sequence/Use: port 'length': {t} is a text, not a number "
+         "(Main/Sequence/Measure writes it, line 6)"),
+        ("flag: '{n}'", "P237 7:21: Main/Sequence/Use: port 'flag': {n} is a whole number, not true or false "
+         "(Main/Sequence/Measure writes it, line 6)"),
+        ("text: '{n}'", "P237 7:21: Main/Sequence/Use: port 'text': {n} is a whole number, not a text "
+         "(Main/Sequence/Measure writes it, line 6)"),
+        ("one: '{t}'", "P237 7:20: Main/Sequence/Use: port 'one': {t} is a text, not an object's id "
+         "(Main/Sequence/Measure writes it, line 6)"),
+        ("one: '{os}'", "P237 7:20: Main/Sequence/Use: port 'one': {os} is a list, each an object's id, "
+         "not an object's id (Main/Sequence/Measure writes it, line 6)"),
+        ("one: '{o.colour}'", "P237 7:20: Main/Sequence/Use: port 'one': {o.colour} is a text, "
+         "not an object's id (Main/Sequence/Measure writes it, line 6)"),
+        ("one: '{o.destination}'", "P237 7:20: Main/Sequence/Use: port 'one': {o.destination} is the name of "
+         "a place, not an object's id (Main/Sequence/Measure writes it, line 6)"),
+        ("all: '{o}'", "P237 7:20: Main/Sequence/Use: port 'all': {o} is an object's id, not a list, each an "
+         "object's id (Main/Sequence/Measure writes it, line 6)"),
+        ("all: '{xs}'", "P237 7:20: Main/Sequence/Use: port 'all': {xs} is a list, each a number, "
+         "not a list, each an object's id (Main/Sequence/Measure writes it, line 6)"),
+        ("force: '{w}'", "P237 7:22: Main/Sequence/Use: port 'force': {w} is in m, not in N "
+         "(Main/Sequence/Measure writes it, line 6)"),
+        ("colour: '{s}'", "P237 7:23: Main/Sequence/Use: port 'colour': {s}: 'left' is none of the choices; "
+         "known: red, beige (Main/Sequence/Measure writes it, line 6)"),
+        ("text: '{n.colour}'", "P238 7:21: Main/Sequence/Use: port 'text': {n.colour}: only an object has "
+         "attributes, and 'n' is a whole number (Main/Sequence/Measure writes it, line 6)"),
+        ("text: '{t.colour}'", "P238 7:21: Main/Sequence/Use: port 'text': {t.colour}: only an object has "
+         "attributes, and 't' is a text (Main/Sequence/Measure writes it, line 6)"),
+        ("text: '{o.destination.colour}'", "P238 7:21: Main/Sequence/Use: port 'text': "
+         "{o.destination.colour}: only an object has attributes, and 'destination' is the name of a place"),
+        ("_skipIf: 'n > t'", "P226 7:24: Main/Sequence/Use: _skipIf: '>' does not work on a whole number and "
+         "a text, at character 3 of 'n > t'"),
+        ("_skipIf: 'm > 3'", "P227 7:24: Main/Sequence/Use: _skipIf: unknown name 'm'; known: n, w, f, s, t, "
+         "o, os, xs, what, items_left, items_to_do, holding, held_object, stopped, time, at character 1 of "
+         "'m > 3'"),
+        ("_while: 'item_left'", "P227 7:23: Main/Sequence/Use: _while: unknown name 'item_left'; did you "
+         "mean 'items_left'?, at character 1 of 'item_left'"),
+        ("_post: 'a := 1; b := a + s'", "P226 7:22: Main/Sequence/Use: _post: 'b': '+' does not work on a "
+         "whole number and a text, at character 3 of 'a + s'"),
+        ("_skipIf: \"o.colour == 'rde'\"", "P226 7:24: Main/Sequence/Use: _skipIf: this is never 'rde'; did "
+         "you mean 'red'?, at character 13 of \"o.colour == 'rde'\""),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_said_where_it_arrives(wired: str, fault: str) -> None:
+    assert after_measure(f"Use: {{{wired}}}") == [fault]
+
+
+def test_a_literal_keeps_its_value_on_the_way() -> None:
+    assert faults(
+        """
+        trees:
+          Main:
+            Sequence:
+              - {SetBlackboard: {value: 12, output_key: "{n}"}}
+              - {SetBlackboard: {value: rihgt, output_key: "{side}"}}
+              - {SetBlackboard: {value: "{n}", output_key: "{again}"}}
+              - {SetBlackboard: {value: 30 mm, output_key: "{w}"}}
+              - Use: {count: "{again}", side: "{side}", length: "{w}", one: "{side}", text: "{side}"}
+        """
+    ) == [
+        "P237 10:22: Main/Sequence/Use: port 'count': {again}: 12 is more than 9 "
+        "(Main/Sequence/SetBlackboard#3 writes it, line 8)",
+        "P237 10:39: Main/Sequence/Use: port 'side': {side}: 'rihgt' is none of the choices; did you mean "
+        "'right'? (Main/Sequence/SetBlackboard#2 writes it, line 7)",
+        "P237 10:57: Main/Sequence/Use: port 'length': {w} is a text, not a number "
+        "(Main/Sequence/SetBlackboard#4 writes it, line 9)",
+    ]
+
+
+def test_one_of_several_writers_is_enough() -> None:
+    assert faults(
+        """
+        trees:
+          Main:
+            Sequence:
+              - {SetBlackboard: {value: 1, output_key: "{a}"}}
+              - AlwaysSuccess: {_onSuccess: "a := 'one'"}
+              - Use: {count: "{a}"}
+        """
+    ) == [
+        "P237 8:22: Main/Sequence/Use: port 'count': {a} is a text, not a whole number "
+        "(Main/Sequence/AlwaysSuccess writes it, line 7)"
+    ]
+
+
+def test_for_each_gives_the_elements_of_its_list() -> None:
+    assert faults(
+        f"""
+        trees:
+          Main:
+            Sequence:
+              - {MEASURE}
+              - ForEach: {{in: "{{os}}", out: "{{x}}", do: {{Use: {{one: "{{x}}", text: "{{x.colour}}"}}}}}}
+              - ForEach: {{in: "{{xs}}", out: "{{y}}", do: {{Use: {{one: "{{y}}"}}}}}}
+              - ForEach: {{in: [1, 20], out: "{{z}}", do: {{Use: {{count: "{{z}}"}}}}}}
+              - ForEach: {{in: [[1], [2]], out: "{{l}}", do: {{ForEach: {{in: "{{l}}", out: "{{e}}",
+                  do: {{Use: {{count: "{{e}}", flag: "{{e}}"}}}}}}}}}}
+              - ForEach: {{in: "{{n}}", out: "{{u}}", do: AlwaysSuccess}}
+        """
+    ) == [
+        "P237 8:59: Main/Sequence/ForEach#2/Use: port 'one': {y} is a number, not an object's id "
+        "(Main/Sequence/ForEach#2 writes it, line 8)",
+        "P237 9:62: Main/Sequence/ForEach#3/Use: port 'count': {z}: 20 is more than 9 "
+        "(Main/Sequence/ForEach#3 writes it, line 9)",
+        "P237 11:42: Main/Sequence/ForEach#4/ForEach/Use: port 'flag': {e} is a whole number, not true or "
+        "false (Main/Sequence/ForEach#4/ForEach writes it, line 10)",
+        "P237 12:23: Main/Sequence/ForEach#5: port 'in': {n} is a whole number, not a list "
+        "(Main/Sequence/Measure writes it, line 6)",
+    ]
+
+
+def test_values_flow_through_the_ports_of_sub_trees() -> None:
+    assert faults(
+        """
+        trees:
+          Main:
+            Sequence:
+              - Inner: {side: rihgt, count: 3, made: "{m}", guess: "{g}"}
+              - Inner: {side: left, list: [left, up], made: "{m}"}
+              - Use: {count: "{m}", length: "{g}"}
+          Outer: {ports: {what: any}, Inner: {side: "{what}"}}
+          Again: {Outer: {what: 7}}
+          Inner:
+            ports:
+              side: {type: any}
+              count: {type: int, default: 30, unit: N}
+              list: {type: list of string, default: []}
+              made: {type: string, direction: out}
+              guess: {direction: out}
+            Sequence:
+              - Use: {side: "{side}", count: "{count}"}
+              - ForEach: {in: "{list}", out: "{each}", do: {Use: {side: "{each}"}}}
+              - {SetBlackboard: {value: 1, output_key: "{made}"}}
+              - {SetBlackboard: {value: word, output_key: "{guess}"}}
+        """
+    ) == [
+        "P237 6:23: Main/Sequence/Inner: port 'side': 'rihgt' is none of the choices; did you mean 'right'? "
+        "(it goes to the port 'side' of Use, line 19)",
+        "P237 7:9: Main/Sequence/Inner#2: port 'count': its default: 30 is more than 9 "
+        "(it goes to the port 'count' of Use, line 19)",
+        "P237 7:35: Main/Sequence/Inner#2: port 'list': 'up' is none of the choices; known: left, right "
+        "(it goes to the port 'side' of Use, line 20)",
+        "P237 8:22: Main/Sequence/Use: port 'count': {m} is a text, not a whole number "
+        "(Main/Sequence/Inner writes it, line 6)",
+        "P237 8:37: Main/Sequence/Use: port 'length': {g} is a text, not a number "
+        "(Main/Sequence/Inner writes it, line 6)",
+        "P237 9:10: Outer/Inner: port 'count': its default: 30 is more than 9 "
+        "(it goes to the port 'count' of Use, line 19)",
+        "P237 10:25: Again/Outer: port 'what': 7 is a whole number, not a text "
+        "(it goes to the port 'side' of Use, line 19)",
+        "P237 21:48: Inner/Sequence/SetBlackboard: port 'output_key': what it writes is a whole number, "
+        "not a text (the tree's output 'made', line 16)",
+    ]
+
+
+def test_what_an_output_of_a_sub_tree_is_declared_as_is_what_is_written_to_it() -> None:
+    assert faults(
+        """
+        trees:
+          Main: {Sub: {n: "{x}"}}
+          Sub:
+            ports: {n: {type: int, direction: out}}
+            Measure: {word: "{n}"}
+        """
+    ) == [
+        "P237 7:21: Sub/Measure: port 'word': what it writes is a text, not a whole number "
+        "(the tree's output 'n', line 6)"
+    ]
+
+
+def test_units_are_kept_over_the_ports_of_sub_trees() -> None:
+    assert faults(
+        """
+        trees:
+          Main:
+            ports: {pause: {type: float, unit: s, default: 2 s}}
+            Timeout: {msec: "{pause}", do: AlwaysSuccess}
+        """
+    ) == [
+        "P237 6:21: Main/Timeout: port 'msec': {pause} is in s, not in ms (the tree's input 'pause', line 5)"
+    ]
+
+
+def test_an_input_of_a_tree_is_not_written_inside() -> None:
+    assert faults(
+        """
+        trees:
+          Main: {Sub: {n: 1, item: a}}
+          Sub:
+            ports: {n: int, item: object}
+            ForEach: {in: [1], out: "{item}", do: {AlwaysSuccess: {_post: "n := n + 1"}}}
+        """
+    ) == [
+        "P239 7:29: Sub/ForEach: port 'out': 'item' is an input of the tree 'Sub'; it cannot be written "
+        "(declare the port with 'direction: out', or write another key)",
+        "P239 7:67: Sub/ForEach/AlwaysSuccess: _post: 'n' is an input of the tree 'Sub'; it cannot be "
+        "written (declare the port with 'direction: out', or write another key)",
+    ]
+
+
+def test_a_key_does_not_hide_a_fact() -> None:
+    assert faults(
+        """
+        trees:
+          Main: {Sequence: [{Measure: {count: "{time}"}}, {Sub: {holding: true}}]}
+          Sub: {ports: {holding: bool}, AlwaysSuccess: {_post: "stopped := 1"}}
+        """
+    ) == [
+        "P253 4:39: Main/Sequence/Measure: port 'count': the key 'time' hides the fact of that name in "
+        "expressions (give it another name)",
+        "P253 5:26: Sub: the key 'holding' hides the fact of that name in expressions (give it another name)",
+        "P253 5:56: Sub/AlwaysSuccess: _post: the key 'stopped' hides the fact of that name in expressions "
+        "(give it another name)",
+    ]
+
+
+def test_cases_that_the_value_is_never() -> None:
+    assert faults(
+        f"""
+        trees:
+          Main:
+            Sequence:
+              - {MEASURE}
+              - Switch: {{variable: "{{f}}", cases: {{true: AlwaysSuccess, yes: AlwaysSuccess}}}}
+              - Switch: {{variable: "{{n}}", cases: {{1: Sub, 1.5: Sub, red: Sub}}}}
+              - Switch: {{variable: "{{s}}", cases: {{left: AlwaysSuccess, rihgt: AlwaysSuccess}}}}
+              - Switch: {{variable: "{{o.colour}}", cases: {{red: AlwaysSuccess, rde: AlwaysSuccess}}}}
+              - Switch: {{variable: "{{os}}", cases: {{red: AlwaysSuccess}}}}
+              - Switch: {{variable: "{{what}}", cases: {{red: AlwaysSuccess, 1: AlwaysSuccess}}}}
+          Sub: AlwaysSuccess
+        """
+    ) == [
+        "P252 7:64: Main/Sequence/Switch: {f} is never 'yes': it is true/false "
+        "(Main/Sequence/Measure writes it, line 6)",
+        "P252 8:51: Main/Sequence/Switch#2: {n} is never '1.5': it is a whole number "
+        "(Main/Sequence/Measure writes it, line 6)",
+        "P252 8:61: Main/Sequence/Switch#2: {n} is never 'red': it is a whole number "
+        "(Main/Sequence/Measure writes it, line 6)",
+        "P252 9:64: Main/Sequence/Switch#3: {s} is never 'rihgt' (did you mean 'right'?)",
+        "P252 10:70: Main/Sequence/Switch#4: {o.colour} is never 'rde' (did you mean 'red'?)",
+        "P252 11:44: Main/Sequence/Switch#5: {os} is never 'red': it is a list, each an object's id "
+        "(Main/Sequence/Measure writes it, line 6)",
+    ]
+
+
+def test_keys_that_feed_each_other_are_not_followed_for_ever() -> None:
+    assert faults(
+        """
+        trees:
+          Main:
+            Sequence:
+              - {SetBlackboard: {value: "{b}", output_key: "{a}"}}
+              - {SetBlackboard: {value: "{a}", output_key: "{b}"}}
+              - AlwaysSuccess: {_post: "n := n + 1; m := k; k := m"}
+              - Use: {count: "{a}", text: "{k}", flag: "{n}"}
+        """
+    ) == [
+        "P237 9:48: Main/Sequence/Use: port 'flag': {n} is a number, not true or false "
+        "(Main/Sequence/AlwaysSuccess writes it, line 8)"
+    ]
+
+
+def test_a_name_that_may_be_written_by_what_cannot_be_read_is_not_missed() -> None:
+    assert faults("trees: {Main: {Sequence: [{Mesure: {count: '{n}'}}, {Condition: {if: n > 3}}]}}") == [
+        "P207 3:28: Main/Sequence: unknown node 'Mesure' (did you mean 'Measure'?)"
+    ]
+
+
+def test_long_chains_and_many_writers_cost_little() -> None:
+    def copy(value: object, key: str) -> str:
+        return f"      - {{SetBlackboard: {{value: {value}, output_key: '{{{key}}}'}}}}\n"
+
+    chain = "".join(copy(f"'{{k{n + 1}}}'", f"k{n}") for n in range(1500))
+    many = "".join(f"{copy(n, 'm')}      - {{Log: {{message: a, value: '{{m}}'}}}}\n" for n in range(1500))
+    began = time.process_time()
+    assert faults(f"trees:\n  Main:\n    Sequence:\n{chain}{many}") == []
+    assert time.process_time() - began < 3.0
