@@ -208,7 +208,7 @@ class Grammar:
         return NodeSpec(
             identity,
             name,
-            self._document.mark(site.start),
+            self._document.key_mark(loc) if site.keyed else self._document.mark(loc),
             node,
             bindings,
             slots,

@@ -95,9 +95,9 @@ def test_names_are_followed_over_keys_and_the_ports_of_sub_trees() -> None:
         "P240 9:27: Main/Sequence/Observe: port 'camera': the scene 'three_bins' has no camera 'overhed' "
         "(did you mean 'overhead'?; Main/Sequence/SetBlackboard writes it, line 8)",
         "P240 10:24: Main/Sequence/Look: port 'camera': the scene 'three_bins' has no camera 'side' "
-        "(known: overhead; it goes to the port 'camera' of Observe, line 15)",
+        "(known: overhead; it goes to the port 'camera' of Observe, line 16)",
         "P240 11:9: Main/Sequence/Look#2: port 'camera': the scene 'three_bins' has no camera 'front', "
-        "which is the default (known: overhead; it goes to the port 'camera' of Observe, line 15)",
+        "which is the default (known: overhead; it goes to the port 'camera' of Observe, line 16)",
         "P240 13:88: Main/Sequence/ForEach/Place: port 'into': the scene 'three_bins' has no bin 'bleu_bin' "
         "(did you mean 'blue_bin'?; Main/Sequence/ForEach writes it, line 13)",
     ]

@@ -294,7 +294,7 @@ def test_a_mission_says_what_the_file_says(tmp_path: Path) -> None:
     ]
     (take,) = read.trees["Sub"].root.iterate()
     assert (take.id, take.name, str(take.ports["object"])) == ("Take", "first", "{item}")
-    assert (take.mark.line, take.mark.column) == (12, 5)
+    assert (take.mark.line, take.mark.column) == (13, 5)
 
 
 def test_the_name_of_a_mission_is_the_file_s_unless_given() -> None:

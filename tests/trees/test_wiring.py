@@ -242,7 +242,7 @@ def test_values_flow_through_the_ports_of_sub_trees() -> None:
         "(Main/Sequence/Inner writes it, line 6)",
         "P237 8:37: Main/Sequence/Use: port 'length': {g} is a text, not a number "
         "(Main/Sequence/Inner writes it, line 6)",
-        "P237 9:10: Outer/Inner: port 'count': its default: 30 is more than 9 "
+        "P237 9:31: Outer/Inner: port 'count': its default: 30 is more than 9 "
         "(it goes to the port 'count' of Use, line 19)",
         "P237 10:25: Again/Outer: port 'what': 7 is a whole number, not a text "
         "(it goes to the port 'side' of Use, line 19)",
