@@ -84,6 +84,7 @@ class CheckReport:
                 "where": fault.where,
                 "message": fault.message,
                 "hint": fault.hint,
+                "detail": fault.detail,
             }
             for fault in self.faults
         ]
@@ -139,7 +140,7 @@ class _Round:
         for path in self._written_out(paths):
             given.setdefault(_real(path), path)
         files = tuple(_name(path) for path in given.values())
-        order: dict[str, None] = {}
+        order: dict[str, None] = dict.fromkeys(self._found)  # folders without files
         for path in given.values():
             found = list(dict.fromkeys(self._check(path)))
             for fault in found:

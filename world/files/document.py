@@ -37,6 +37,8 @@ class Document:
     data: dict[str, Value]
     root: Node
     faults: tuple[Fault, ...] = ()
+    layers: tuple[Document, ...] = ()
+    """The documents of which this one was laid together."""
 
     def mark(self, loc: Location) -> Mark:
         """Where the value stands; of a value that is not there, where its nearest parent stands."""
@@ -60,9 +62,10 @@ class Document:
     def character_mark(self, loc: Location, character: int) -> Mark:
         """Where a character (from 0) of a text stands; its start when the text is not written as it reads."""
         start, value = self.mark(loc), self.get(loc)
-        if start.file != str(self.path) or not isinstance(value, str) or "\n" in value:
+        text = next((d.text for d in (*self.layers, self) if str(d.path) == start.file), None)
+        if text is None or not isinstance(value, str) or "\n" in value:
             return start
-        line = re.split(r"\r?\n", self.text)[start.line - 1][start.column - 1 :]
+        line = re.split(r"\r?\n", text)[start.line - 1][start.column - 1 :]
         quote = line[:1] if line[:1] in ("'", '"') else ""
         verbatim = line.startswith(f"{quote}{value}{quote}")
         return Mark(start.file, start.line, start.column + len(quote) + character) if verbatim else start
@@ -100,7 +103,8 @@ def overlaid(base: Document, over: Document) -> Document:
     """
     root = _merged(base.root, over.root)
     data = cast("dict[str, Value]", root.value)
-    return Document(over.path, over.text, over.kind, data, root, (*base.faults, *over.faults))
+    layers = (*(base.layers or (base,)), over)
+    return Document(over.path, over.text, over.kind, data, root, (*base.faults, *over.faults), layers)
 
 
 def _merged(base: Node, over: Node) -> Node:
