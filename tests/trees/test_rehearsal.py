@@ -329,3 +329,13 @@ def test_answers_that_nobody_gave_are_told() -> None:
         """,
     )
     assert [str(mark) for mark in rehearsal.cases[0].unused] == ["cases.yaml:7:28"]
+
+
+def test_a_number_that_cannot_be_is_a_failure_with_a_cause_and_no_fault() -> None:
+    case = play_one(
+        "Main: {Sequence: [{SetBlackboard: {value: 3, output_key: '{n}'}}, "
+        "{Parallel: {success_count: '{n}', do: [Go, {Go: {name: b}}]}}]}",
+        "expect: {status: FAILURE, cause: tree.missing_input, order: []}",
+    )
+    assert case.passed, said(case)
+    assert case.message == "3 of 2 children are wanted"

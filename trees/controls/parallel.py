@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...world.causes import FailureReport
+from ...world.causes import Failure, FailureReport, tree
 from ..flow import Flow, State
 from ..flow.side_by_side import SideBySide
 from ..node import Control
@@ -52,7 +52,8 @@ class Parallel(Control):
         wanted = self._count(self.success_count)
         tolerated = self._count(self.failure_count)
         if wanted > total or tolerated > total:
-            raise ValueError(f"{max(wanted, tolerated)} of {total} children are wanted")
+            message = f"{max(wanted, tolerated)} of {total} children are wanted"
+            raise Failure(tree.MISSING_INPUT, message, wanted=wanted, tolerated=tolerated, children=total)
         skipped = 0
         for index, part in enumerate(self.parts):
             if index in self._ended:

@@ -60,7 +60,7 @@ class _Comparison:
         expect, outcome = self._case.expect, self._outcome
         for sentence in outcome.world.contradictions:
             yield self._at(self._case.loc, f"this cannot be: {sentence}", outcome.ticks)
-        for sentence in self._trace.faults:
+        for sentence in dict.fromkeys(self._trace.faults):
             yield self._at(self._case.loc, f"a fault of the program: {sentence}", outcome.ticks)
         yield from self._end(expect)
         if expect.order is not None:
