@@ -18,7 +18,7 @@ from .codes import pages, title
 from .document import KINDS, Document, decoded, read_document, read_text
 from .marks import SPOILT, Fault, FileError, Mark
 from .rendering import Paint, Sources, as_github, as_text, plain
-from .shipped import is_file
+from .shipped import is_file, is_folder
 
 Check: TypeAlias = Callable[[Document], Iterable[Fault]]
 """All that is wrong with a document of one kind, with the files that it names; never raises for its text."""
@@ -188,7 +188,7 @@ class _Round:
 
     def _written_out(self, paths: Iterable[Path | Given]) -> Iterator[Path | Given]:
         for path in paths:
-            if isinstance(path, Given) or not path.is_dir():
+            if isinstance(path, Given) or not is_folder(path):
                 yield path
                 continue
             ours = [file for file in _yaml_files(path) if self._is_ours(file)]

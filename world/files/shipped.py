@@ -13,7 +13,7 @@ def find_file(name_or_path: str, folder: Path, beside: Path | None, what: str) -
 
     A path counts from `beside` (a file or its folder), else from the working directory. Raises PicktreeError.
     """
-    at = beside.parent if beside is not None and not beside.is_dir() else beside
+    at = beside.parent if beside is not None and not is_folder(beside) else beside
     if "\x00" in name_or_path or not name_or_path:
         raise PicktreeError(f"{name_or_path!r} is no name of a {what}")
     if "/" in name_or_path or name_or_path.endswith((".yaml", ".yml")):
@@ -35,6 +35,14 @@ def is_file(path: Path) -> bool:
     """As `Path.is_file`, and False for what cannot be a path at all (too long, with a null byte)."""
     try:
         return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """As `Path.is_dir`, and False for what cannot be a path at all."""
+    try:
+        return path.is_dir()
     except (OSError, ValueError):
         return False
 
