@@ -31,8 +31,8 @@ def check_mission(document: Document, registry: Registry | None = None) -> Missi
     reading = examine(document, registry)
     known, faults = _surroundings(reading.mission)
     faults = [*reading.faults, *faults]
-    if known is not None and reading.circuit is not None:
-        faults += misnamed(reading.mission, reading.circuit, known)
+    if known is not None:
+        faults += misnamed(reading, known)
     if not any(fault.severity == "error" for fault in faults):
         faults += lint(reading.mission, known)
     ordered = sorted(dict.fromkeys(faults), key=lambda fault: fault.mark)

@@ -17,6 +17,7 @@ from .declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration
 from .faults import Faults
 from .mission import NodeSpec
 from .node import Node
+from .pointer import Pointer
 from .ports import PortDeclaration
 from .references import Binding
 from .registry import Registry
@@ -61,12 +62,13 @@ class Grammar:
         registry: Registry,
         trees: Mapping[str, tuple[PortDeclaration, ...]],
         faults: Faults,
+        pointer: Pointer,
     ) -> None:
         self._document = document
         self._registry = registry
         self._trees = trees
         self._faults = faults
-        self._wires = Wires(document, faults)
+        self._wires = Wires(document, faults, pointer)
 
     def _fault(
         self,

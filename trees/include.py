@@ -48,7 +48,7 @@ class Includes:
         if name in trail:
             circle = " → ".join((*trail[trail.index(name) :], name))
             message = f"the files include each other in a circle: {circle}"
-            self._fault(document, (index,), message, code="P245")
+            self._fault(document, (index,), message, code="P243")
             return
         if name in self._found:
             return
@@ -56,7 +56,7 @@ class Includes:
             if len(self._found) == MAX_FILES:
                 self._found[""] = None
                 message = f"a mission includes at most {MAX_FILES} files"
-                self._fault(document, (index,), message, code="P246")
+                self._fault(document, (index,), message, code="P243")
             return
         included = self._found[name] = self._read(document, index, name)
         if included is not None:
@@ -75,12 +75,12 @@ class Includes:
         self._characters += len(included.text)
         if self._characters > MAX_CHARACTERS:
             message = f"the included files are larger than {MAX_CHARACTERS // 1_000_000} MB together"
-            self._fault(document, (index,), message, code="P246")
+            self._fault(document, (index,), message, code="P243")
             return None
         if included.data.get("library") is not True:
             message = f"{name!r} is not meant for inclusion"
             hint = "a file with sub-trees only says 'library: true' at the top"
-            self._fault(document, (index,), message, hint, code="P244")
+            self._fault(document, (index,), message, hint, code="P243")
             return None
         return included
 

@@ -28,8 +28,8 @@ from .mission import MAIN, Mission, NodeSpec, TreeSpec
 from .mission_files import FilesOnDisk, MissionFiles
 from .node import Node
 from .plugin_import import PluginError
+from .pointer import Pointer
 from .ports import PortDeclaration
-from .references import ATTRIBUTE_TYPES
 from .registry import Registry
 from .tree_ports import TreePorts
 from .wiring.asking import unanswerable
@@ -50,6 +50,7 @@ class Reading:
     faults: tuple[Fault, ...]
     circuit: Circuit | None
     """What is wired to what; None where sub-trees call each other in a circle."""
+    pointer: Pointer
 
 
 def load_mission(path: Path, registry: Registry | None = None) -> Mission:
@@ -109,12 +110,14 @@ class _Reader:
         self._files = files
         self._facts = facts
         self._faults = Faults()
+        self._pointer = Pointer((document,))
 
     def read(self) -> Reading:
         for fault in self._document.faults:
             self._faults.add(fault)
         included = Includes(self._files, self._faults).of(self._document)
         documents = (self._document, *included)
+        self._pointer = Pointer(documents)
         library = self._document.data.get("library") is True
         for document in documents:
             self._keys(document)
@@ -132,7 +135,7 @@ class _Reader:
             library,
             sources=self._registry.plugins_of(_classes(trees)),
         )
-        return Reading(mission, self._faults.all(), circuit)
+        return Reading(mission, self._faults.all(), circuit, self._pointer)
 
     def _fault(
         self,
@@ -178,7 +181,8 @@ class _Reader:
         try:
             goal = Expression.parse(value)
         except ExpressionError as error:
-            self._fault(("goal",), error.told(value), code="P225")
+            mark, message = self._pointer.told(self._document.mark(("goal",)), value, error)
+            self._faults.add(Fault(mark, "goal", message, "", "P225"))
             return None
         for name in sorted(goal.names - set(_GOAL_NAMES)):
             self._fault(("goal",), f"a goal knows no {name!r}", nearest(name, _GOAL_NAMES), code="P203")
@@ -225,7 +229,7 @@ class _Reader:
                     ports[name] = declared.of(name, body)
         trees: dict[str, TreeSpec] = {}
         for document, found in bodies:
-            grammar = Grammar(document, self._registry, ports, self._faults)
+            grammar = Grammar(document, self._registry, ports, self._faults, self._pointer)
             for name, body in found.items():
                 root = self._root(document, grammar, name, body) if homes.get(name) is document else None
                 if root is not None:
@@ -244,7 +248,7 @@ class _Reader:
         # Where a node could not be read, a key may be written that nobody sees.
         unfinished = [name for name in trees if self._faults.within(name)]
         circuit = Circuit(trees, self._facts)
-        for fault in (*misfits(circuit), *unanswerable(circuit, ATTRIBUTE_TYPES, unfinished)):
+        for fault in (*misfits(circuit), *unanswerable(circuit, self._pointer, unfinished)):
             self._faults.add(fault)
         return circuit
 

@@ -10,22 +10,26 @@ from ..world.files.document import Fault, nearest
 from ..world.files.expression_types import ValueType, check_types
 from ..world.files.expressions import ExpressionError
 from .calls import reachable
-from .mission import Mission
+from .loader import Reading
+from .pointer import Pointer
 from .references import ATTRIBUTE_TYPES, Reference
 from .surroundings import Surroundings
 from .wiring.asking import Asked, expressions_of
-from .wiring.circuit import Arrival, Circuit
+from .wiring.circuit import Arrival
 from .wiring.fitting import DEFAULT
 from .wiring.keys import Keys, Placed
 
 _CODE = "P240"
 
 
-def misnamed(mission: Mission, circuit: Circuit, known: Surroundings) -> Iterator[Fault]:
+def misnamed(reading: Reading, known: Surroundings) -> Iterator[Fault]:
     """A fault for each literal, and each default that counts, that names nothing of scene or robot.
 
     Trees of other files count only where the mission uses them.
     """
+    mission, circuit = reading.mission, reading.circuit
+    if circuit is None:
+        return
     used = reachable(mission.trees)
     own = str(mission.document.path)
     attributes = _attributes(known)
@@ -38,7 +42,7 @@ def misnamed(mission: Mission, circuit: Circuit, known: Surroundings) -> Iterato
         if name in used or keys.tree.mark.file == own:
             for placed in keys.nodes:
                 for asked in expressions_of(placed):
-                    yield from _asked(asked, keys, attributes)
+                    yield from _asked(asked, keys, attributes, reading.pointer)
                 yield from _cases(placed, attributes, known)
 
 
@@ -75,7 +79,9 @@ def _attributes(known: Surroundings) -> Mapping[str, ValueType]:
     }
 
 
-def _asked(asked: Asked, keys: Keys, attributes: Mapping[str, ValueType]) -> Iterator[Fault]:
+def _asked(
+    asked: Asked, keys: Keys, attributes: Mapping[str, ValueType], pointer: Pointer
+) -> Iterator[Fault]:
     """An expression that has a value in general, and not with the names of this scene."""
     if not asked.expression.paths:
         return
@@ -86,8 +92,7 @@ def _asked(asked: Asked, keys: Keys, attributes: Mapping[str, ValueType]) -> Ite
     try:
         check_types(asked.expression, keys, attributes)
     except ExpressionError as error:
-        message = f"{asked.what}: {error.told(asked.expression.text)}"
-        yield Fault(asked.placed.mark(asked.key), asked.placed.path, message, "", _CODE)
+        yield asked.fault(error, pointer, _CODE)
 
 
 def _cases(placed: Placed, attributes: Mapping[str, ValueType], known: Surroundings) -> Iterator[Fault]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Literal, cast
 
-from ..world.files.document import Document, Location, Value
+from ..world.files.document import Document, Fault, Location, Value
 from ..world.files.expressions import Expression, ExpressionError
 from ..world.journal import Plain
 from .assignments import parse_assignments
 from .declaration import BREAKPOINT, IDENTIFIER, POSTCONDITIONS, PRECONDITIONS
 from .faults import Faults
 from .mission import Assignment
+from .pointer import Pointer
 from .ports import PortDeclaration
 from .references import ATTRIBUTES, Binding, Constant, Reference
 from .types import convert, show
@@ -20,9 +21,10 @@ from .types import convert, show
 class Wires:
     """Reads the values under the nodes of one document."""
 
-    def __init__(self, document: Document, faults: Faults) -> None:
+    def __init__(self, document: Document, faults: Faults, pointer: Pointer) -> None:
         self._document = document
         self._faults = faults
+        self._pointer = pointer
 
     def binding(self, port: PortDeclaration, value: Value, loc: Location, trail: str) -> Binding | None:
         """What a port is connected to; None when it cannot be."""
@@ -128,8 +130,11 @@ class Wires:
     def _expression_fault(
         self, error: ExpressionError, value: Value, loc: Location, trail: str, what: str
     ) -> None:
-        told = error.told(value) if isinstance(value, str) else str(error)
-        self._fault(loc, trail, f"{what}: {told}", code="P225")
+        if self._faults.full or not isinstance(value, str):
+            self._fault(loc, trail, f"{what}: {error}", code="P225")
+            return
+        mark, message = self._pointer.told(self._document.mark(loc), value, error)
+        self._faults.add(Fault(mark, trail, f"{what}: {message}", "", "P225"))
 
     def _fault(
         self, loc: Location, trail: str, message: str, hint: str = "", *, code: str, key: bool = False

@@ -17,11 +17,12 @@ def check(text: str, folder: Path = Path()) -> MissionCheck:
 
 def faults(text: str, folder: Path = Path()) -> list[str]:
     prefix = f"{folder / 'mission.yaml'}:"
-    return [f"{fault.code} {str(fault).removeprefix(prefix)}" for fault in check(text, folder).faults]
+    found = [fault for fault in check(text, folder).faults if fault.severity == "error"]
+    return [f"{fault.code} {str(fault).removeprefix(prefix)}" for fault in found]
 
 
 def test_a_mission_without_a_fault_is_given_back() -> None:
-    checked = check("scene: three_bins\ntrees: {Main: {GoTo: {pose: home}}}")
+    checked = check("scene: three_bins\ntrees: {Main: AlwaysSuccess}")
     assert checked.mission is not None
     assert checked.faults == ()
     assert checked.mission.scene == "three_bins"
@@ -118,10 +119,9 @@ def test_what_an_attribute_can_be_is_known_from_the_scene() -> None:
               cases: {red_bin: AlwaysSuccess, pink_bin: AlwaysSuccess, "null": AlwaysSuccess}
     """
     assert faults(text) == [
-        "P240 8:25: Main/Sequence/Condition: port 'if': this is never 'blok'; did you mean 'block'?, at "
-        "character 14 of \"item.kind == 'blok' or item.destination in ['red_bin']\"",
-        "P240 9:25: Main/Sequence/Condition#2: port 'if': this is never 'black_bin'; did you mean "
-        "'blue_bin'?, at character 33 of \"item.destination in ['red_bin', 'black_bin']\"",
+        "P240 8:39: Main/Sequence/Condition: port 'if': this is never 'blok'; did you mean 'block'?",
+        "P240 9:58: Main/Sequence/Condition#2: port 'if': this is never 'black_bin'; did you mean "
+        "'blue_bin'?",
         "P240 13:43: Main/Sequence/Switch: in the scene 'three_bins' {item.destination} is never 'pink_bin' "
         "(known: red_bin, green_bin, blue_bin, null)",
     ]

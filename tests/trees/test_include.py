@@ -96,7 +96,7 @@ def test_a_tree_that_is_given_twice(tmp_path: Path) -> None:
          "('common.yaml', or 'library/common' for one of the library)"),
         ("[library/recovry]", "P243 m.yaml:3:11: include[0]: the library has no 'recovry' "
          "(did you mean 'recovery'?)"),
-        ("[library/../m.yaml]", "P245 m.yaml:3:11: include[0]: the files include each other in a circle: "
+        ("[library/../m.yaml]", "P243 m.yaml:3:11: include[0]: the files include each other in a circle: "
          "m.yaml → m.yaml"),
         ("[library/a/b]", "P243 m.yaml:3:11: include[0]: the library has no 'library/a/b'"),
         ("[/etc/passwd]", "P243 m.yaml:3:11: include[0]: '/etc/passwd' is no path below the mission's folder "
@@ -106,9 +106,9 @@ def test_a_tree_that_is_given_twice(tmp_path: Path) -> None:
         ("[../a.yaml]", "P243 m.yaml:3:11: include[0]: '../a.yaml' lies outside of the mission's folder"),
         ("[a/../../a.yaml]", "P243 m.yaml:3:11: include[0]: 'a/../../a.yaml' lies outside of the mission's "
          "folder"),
-        ("[plain.yaml]", "P244 m.yaml:3:11: include[0]: 'plain.yaml' is not meant for inclusion "
+        ("[plain.yaml]", "P243 m.yaml:3:11: include[0]: 'plain.yaml' is not meant for inclusion "
          "(a file with sub-trees only says 'library: true' at the top)"),
-        ("[one.yaml]", "P245 two.yaml:4:11: include[0]: the files include each other in a circle: "
+        ("[one.yaml]", "P243 two.yaml:4:11: include[0]: the files include each other in a circle: "
          "one.yaml → two.yaml → one.yaml"),
         ("[broken.yaml]", "broken.yaml:4:1: "),
     ],
@@ -150,7 +150,7 @@ def test_the_number_of_files_is_bounded(tmp_path: Path) -> None:
         for n in range(MAX_FILES + 1)
     }
     (fault,) = faults(tmp_path, m="include: [n0.yaml]\ntrees: {Main: AlwaysSuccess}", **chain)
-    assert fault == f"P246 n{MAX_FILES - 1}.yaml:4:11: include[0]: a mission includes at most 50 files"
+    assert fault == f"P243 n{MAX_FILES - 1}.yaml:4:11: include[0]: a mission includes at most 50 files"
 
 
 def test_a_library_cannot_be_run_but_looked_at(tmp_path: Path) -> None:

@@ -105,12 +105,11 @@ CASES: dict[str, tuple[str, str]] = {
     ),
     "a wrong expression": (
         "trees: {Main: {Condition: {if: a = 3}}}",
-        "3:32: Main/Condition: port 'if': not an expression: compare with '==', at character 3 of 'a = 3'",
+        "3:34: Main/Condition: port 'if': not an expression: compare with '=='",
     ),
     "a wrong precondition": (
         "trees: {Main: {AlwaysSuccess: {_skipIf: 'f(3)'}}}",
-        "3:41: Main/AlwaysSuccess: _skipIf: there is no function 'f'; known: len, min, max, abs, round, "
-        "at character 1 of 'f(3)'",
+        "3:42: Main/AlwaysSuccess: _skipIf: there is no function 'f'; known: len, min, max, abs, round",
     ),
     "a loop without an end": (
         "trees: {Main: {Repeat: AlwaysSuccess}}",
@@ -220,7 +219,7 @@ CASES: dict[str, tuple[str, str]] = {
     ),
     "a goal that is none": (
         "goal: sorted ==\ntrees: {Main: AlwaysSuccess}",
-        "3:7: goal: not an expression: a value is missing after '==', at character 8 of 'sorted =='",
+        "3:14: goal: not an expression: a value is missing after '=='",
     ),
     "a plug-in that is not there": (
         "plugins: [nowhere.py]\ntrees: {Main: AlwaysSuccess}",
@@ -252,7 +251,7 @@ def test_all_faults_of_a_file_are_reported_at_once() -> None:
         Repeat: {do: Tak}
     """
     assert faults(text) == [
-        "3:7: goal: not an expression: a value is missing after '+', at character 3 of '1 +'",
+        "3:10: goal: not an expression: a value is missing after '+'",
         "4:8: scene: 'scene' is a text",
         "8:9: Main/Sequence: unknown node 'Tkae' (did you mean 'Take'?)",
         "9:9: Main/Sequence/Take: port 'object' is missing: what to take",

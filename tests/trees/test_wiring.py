@@ -126,16 +126,17 @@ def test_what_fits_is_quiet(wired: str) -> None:
          "attributes, and 't' is a text (Main/Sequence/Measure writes it, line 6)"),
         ("text: '{o.destination.colour}'", "P238 7:21: Main/Sequence/Use: port 'text': "
          "{o.destination.colour}: only an object has attributes, and 'destination' is the name of a place"),
-        ("_skipIf: 'n > t'", "P226 7:24: Main/Sequence/Use: _skipIf: '>' does not work on a whole number and "
-         "a text, at character 3 of 'n > t'"),
-        ("_skipIf: 'm > 3'", "P227 7:24: Main/Sequence/Use: _skipIf: unknown name 'm'; known: n, w, f, s, t, "
-         "o, os, xs, what, items_left, items_to_do, holding, held_object, stopped, time, at character 1 of "
-         "'m > 3'"),
-        ("_while: 'item_left'", "P227 7:23: Main/Sequence/Use: _while: unknown name 'item_left'; did you "
-         "mean 'items_left'?, at character 1 of 'item_left'"),
-        ("_post: 'a := 1; b := a + s'", "P226 7:22: Main/Sequence/Use: _post: 'b': '+' does not work on a "
-         "whole number and a text, at character 3 of 'a + s'"),
-        ("_skipIf: \"o.colour == 'rde'\"", "P226 7:24: Main/Sequence/Use: _skipIf: this is never 'rde'; did "
+        ("_skipIf: 'n > t'", "P226 7:27: Main/Sequence/Use: _skipIf: '>' does not work on a whole number and "
+         "a text"),
+        ("_skipIf: 'm > 3'", "P227 7:25: Main/Sequence/Use: _skipIf: unknown name 'm'; known: n, w, f, s, t, "
+         "o, os, xs, what, items_left, items_to_do, holding, held_object, stopped, time"),
+        ("_while: 'item_left'", "P227 7:24: Main/Sequence/Use: _while: unknown name 'item_left'; did you "
+         "mean 'items_left'?"),
+        ("_post: 'a := 1; b := a + s'", "P226 7:38: Main/Sequence/Use: _post: 'b': '+' does not work on a "
+         "whole number and a text"),
+        ("_skipIf: \"o.colour == 'rde'\"", "P226 7:37: Main/Sequence/Use: _skipIf: this is never 'rde'; did "
+         "you mean 'red'?"),
+        ("_skipIf: 'o.colour == ''rde'''", "P226 7:24: Main/Sequence/Use: _skipIf: this is never 'rde'; did "
          "you mean 'red'?, at character 13 of \"o.colour == 'rde'\""),
     ],
 )  # fmt: skip
@@ -304,10 +305,10 @@ def test_a_key_does_not_hide_a_fact() -> None:
           Sub: {ports: {holding: bool}, AlwaysSuccess: {_post: "stopped := 1"}}
         """
     ) == [
-        "P253 4:39: Main/Sequence/Measure: port 'count': the key 'time' hides the fact of that name in "
+        "P259 4:39: Main/Sequence/Measure: port 'count': the key 'time' hides the fact of that name in "
         "expressions (give it another name)",
-        "P253 5:26: Sub: the key 'holding' hides the fact of that name in expressions (give it another name)",
-        "P253 5:56: Sub/AlwaysSuccess: _post: the key 'stopped' hides the fact of that name in expressions "
+        "P259 5:26: Sub: the key 'holding' hides the fact of that name in expressions (give it another name)",
+        "P259 5:56: Sub/AlwaysSuccess: _post: the key 'stopped' hides the fact of that name in expressions "
         "(give it another name)",
     ]
 
@@ -328,15 +329,15 @@ def test_cases_that_the_value_is_never() -> None:
           Sub: AlwaysSuccess
         """
     ) == [
-        "P252 7:64: Main/Sequence/Switch: {f} is never 'yes': it is true/false "
+        "P258 7:64: Main/Sequence/Switch: {f} is never 'yes': it is true/false "
         "(Main/Sequence/Measure writes it, line 6)",
-        "P252 8:51: Main/Sequence/Switch#2: {n} is never '1.5': it is a whole number "
+        "P258 8:51: Main/Sequence/Switch#2: {n} is never '1.5': it is a whole number "
         "(Main/Sequence/Measure writes it, line 6)",
-        "P252 8:61: Main/Sequence/Switch#2: {n} is never 'red': it is a whole number "
+        "P258 8:61: Main/Sequence/Switch#2: {n} is never 'red': it is a whole number "
         "(Main/Sequence/Measure writes it, line 6)",
-        "P252 9:64: Main/Sequence/Switch#3: {s} is never 'rihgt' (did you mean 'right'?)",
-        "P252 10:70: Main/Sequence/Switch#4: {o.colour} is never 'rde' (did you mean 'red'?)",
-        "P252 11:44: Main/Sequence/Switch#5: {os} is never 'red': it is a list, each an object's id "
+        "P258 9:64: Main/Sequence/Switch#3: {s} is never 'rihgt' (did you mean 'right'?)",
+        "P258 10:70: Main/Sequence/Switch#4: {o.colour} is never 'rde' (did you mean 'red'?)",
+        "P258 11:44: Main/Sequence/Switch#5: {os} is never 'red': it is a list, each an object's id "
         "(Main/Sequence/Measure writes it, line 6)",
     ]
 

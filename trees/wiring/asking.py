@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from ...world.files.document import Fault
-from ...world.files.expression_types import UnknownName, ValueType, check_types
+from ...world.files.expression_types import UnknownName, check_types
 from ...world.files.expressions import Expression, ExpressionError
-from ..references import Constant
+from ..pointer import Pointer
+from ..references import ATTRIBUTE_TYPES, Constant
 from .circuit import Circuit
-from .keys import Keys, Placed
+from .keys import Placed
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +22,14 @@ class Asked:
     key: str
     what: str
     expression: Expression
+    before: int = 0
+    """Characters of the text before it."""
+
+    def fault(self, error: ExpressionError, pointer: Pointer, code: str) -> Fault:
+        """What is wrong with it."""
+        start = self.placed.mark(self.key)
+        mark, message = pointer.told(start, self.expression.text, error, self.before)
+        return Fault(mark, self.placed.path, f"{self.what}: {message}", "", code)
 
 
 def expressions_of(placed: Placed) -> Iterator[Asked]:
@@ -32,12 +41,10 @@ def expressions_of(placed: Placed) -> Iterator[Asked]:
             yield Asked(placed, key, f"port {key!r}", bound.value)
     for name, assignments in placed.spec.postconditions.items():
         for assignment in assignments:
-            yield Asked(placed, name, f"{name}: {assignment.key!r}", assignment.value)
+            yield Asked(placed, name, f"{name}: {assignment.key!r}", assignment.value, assignment.at)
 
 
-def unanswerable(
-    circuit: Circuit, attributes: Mapping[str, ValueType], unfinished: Collection[str] = ()
-) -> Iterator[Fault]:
+def unanswerable(circuit: Circuit, pointer: Pointer, unfinished: Collection[str] = ()) -> Iterator[Fault]:
     """A fault for each expression that can have no value.
 
     `unfinished`: trees of which not all could be read, so that a name may be written where nobody sees it.
@@ -45,17 +52,10 @@ def unanswerable(
     for name, keys in circuit.keys.items():
         for placed in keys.nodes:
             for asked in expressions_of(placed):
-                yield from _checked(asked, keys, attributes, quiet=name in unfinished)
-
-
-def _checked(
-    asked: Asked, keys: Keys, attributes: Mapping[str, ValueType], *, quiet: bool
-) -> Iterator[Fault]:
-    try:
-        check_types(asked.expression, keys, attributes)
-    except ExpressionError as error:
-        unknown = isinstance(error, UnknownName)
-        if not (unknown and quiet):
-            message = f"{asked.what}: {error.told(asked.expression.text)}"
-            mark, path = asked.placed.mark(asked.key), asked.placed.path
-            yield Fault(mark, path, message, "", "P227" if unknown else "P226")
+                try:
+                    check_types(asked.expression, keys, ATTRIBUTE_TYPES)
+                except UnknownName as error:
+                    if name not in unfinished:
+                        yield asked.fault(error, pointer, "P227")
+                except ExpressionError as error:
+                    yield asked.fault(error, pointer, "P226")

@@ -75,7 +75,7 @@ def _never(
     values = [_as_label(value) for source in sources for value in source.values or ()]
     hint = nearest(label, values) if values else sources[0].told(mark.file)
     message = f"{text} is never {label!r}" + ("" if values else f": it is {sources[0].type.words()}")
-    return Fault(mark, placed.path, message, hint, "P252")
+    return Fault(mark, placed.path, message, hint, "P258")
 
 
 def _may_be(source: Source, label: str) -> bool:
@@ -120,7 +120,7 @@ def _writes(keys: Keys, facts: frozenset[str]) -> Iterator[Fault]:
     """Writes to inputs of the tree or of another type than its output has; keys that hide a fact."""
     for port in keys.tree.ports:
         if port.key in facts:
-            yield Fault(_declared(keys, port.key), keys.tree.name, *_hidden(port.key), "P253")
+            yield Fault(_declared(keys, port.key), keys.tree.name, *_hidden(port.key), "P259")
     for key, writes in keys.writes.items():
         for write in writes:
             yield from _write(keys, key, write, facts)
@@ -143,7 +143,7 @@ def _write(keys: Keys, key: str, write: Write, facts: frozenset[str]) -> Iterato
                 return
     elif key in facts:
         message, hint = _hidden(key)
-        yield Fault(mark, path, f"{what}: {message}", hint, "P253")
+        yield Fault(mark, path, f"{what}: {message}", hint, "P259")
 
 
 def _declared(keys: Keys, port: str) -> Mark:
