@@ -74,9 +74,10 @@ def _literal(port: PortDeclaration, known: Known) -> Schema:
     """A literal, or a reference where one stands by itself."""
     choices = _choices(port, known)
     if choices is not None:
+        usual: Schema = {"examples": _EXAMPLES[port.names]} if port.names in _EXAMPLES else {}
         alternatives: list[Schema] = [
             {"enum": list(choices)},
-            reference() | {"description": "a reference to the blackboard"},
+            reference() | usual | {"description": "a reference to the blackboard"},
         ]
         return {"anyOf": [*alternatives, {"type": "null"}] if port.type.optional else alternatives}
     match port.type.name:
