@@ -130,7 +130,7 @@ class Checker:
         message: str,
         hint: str = "",
         *,
-        code: str = "",
+        code: str,
         key: bool = False,
         character: int | None = None,
         severity: Severity = "error",

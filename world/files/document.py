@@ -83,7 +83,7 @@ class Document:
         message: str,
         hint: str = "",
         *,
-        code: str = "",
+        code: str,
         key: bool = False,
         character: int | None = None,
         severity: Severity = "error",

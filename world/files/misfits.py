@@ -17,7 +17,7 @@ from .wording import describe, meant_flag, meant_number
 class Wrong(ValueError):
     """Raised by validators: what is wrong, and what would be right."""
 
-    def __init__(self, message: str, hint: str = "", *, code: str = "") -> None:
+    def __init__(self, message: str, hint: str = "", *, code: str) -> None:
         super().__init__(message)
         self.message, self.hint, self.code = message, hint, code
 
