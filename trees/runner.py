@@ -101,11 +101,15 @@ class Tree:
 
     def tick(self) -> TickReport:
         """Tick the root once. After the root has ended, another tick starts the mission anew."""
+        self.step()
+        return TickReport(self._reports(), self.blackboard.take_writes())
+
+    def step(self) -> None:
+        """As `tick`, for who looks at the nodes itself; the writes stay with the blackboard."""
         for node in self._nodes:
             node.ticked = False
             node.seconds = 0.0
         self._root.step()
-        return TickReport(self._reports(), self.blackboard.take_writes())
 
     def halt(self) -> TickReport:
         """Stop whatever runs; every node is IDLE then."""

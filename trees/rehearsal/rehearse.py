@@ -82,8 +82,8 @@ def rehearse_case(staging: Staging, case: Case, document: Document, reached: Rea
     most = min(case.expect.ticks or MOST_TICKS, case.halt_after or MOST_TICKS)
     while True:
         trace.tick = world.clock.ticks + 1
-        report = tree.tick()
-        trace.flush(report.writes)
+        tree.step()
+        trace.flush()
         if tree.status is not NodeStatus.RUNNING or world.contradictions or trace.tick >= most:
             break
         world.clock.ticks += 1
