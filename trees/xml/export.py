@@ -41,6 +41,8 @@ class Exporter:
         self._models: dict[str, Element] = {}
         self._called: set[str] = set()
         """Names of the sub-tree instances of the present tree: each may be used once."""
+        self._types: dict[str, str] = {}
+        """C++ types of the present tree's keys, as BehaviorTree.CPP's own nodes want them."""
 
     def root(self) -> Element:
         """The whole file."""
@@ -59,7 +61,7 @@ class Exporter:
                         "give the tree another name", code="P920")  # fmt: skip
         for port in tree.ports:
             self._check_port(port, tree.mark, f"trees.{tree.name}")
-        self._called = set()
+        self._called, self._types = set(), {}
         return Element("BehaviorTree", {"ID": tree.name}, (self.node(tree.root, tree.name),))
 
     # Models.
@@ -132,6 +134,7 @@ class Exporter:
 
     def _bound(self, bound: Binding, port: PortDeclaration, spec: NodeSpec, trail: str) -> str:
         if isinstance(bound, Reference):
+            self._check_type(bound, port, spec, trail)
             return str(bound)
         text = value_text(bound.value, port.type)
         mark = spec.places.get(port.key, spec.mark)
@@ -243,6 +246,17 @@ class Exporter:
             return Element(names.GUARDED, ours, (element,))
 
     # Faults.
+
+    def _check_type(self, bound: Reference, port: PortDeclaration, spec: NodeSpec, trail: str) -> None:
+        """BehaviorTree.CPP holds a key to the type of the first port of its own that it is wired to."""
+        if spec.id not in (*names.SAME, "Switch") or port.key not in names.PORT_TYPES:
+            return
+        kind = names.PORT_TYPES[port.key]
+        first = self._types.setdefault(str(bound), kind)
+        if first not in (kind, "std::string"):
+            message = f"port {port.key!r}: {bound} is {first} at another node, and {kind} here"
+            hint = "BehaviorTree.CPP wants one type for each key; use two"
+            self._fault(spec.places.get(port.key, spec.mark), trail, message, hint, code="P925")
 
     def _check_port(self, port: PortDeclaration, mark: Mark, trail: str) -> None:
         if port.key == "ID":

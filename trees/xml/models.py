@@ -91,7 +91,9 @@ def head(mission: Mission) -> list[dict[str, str]]:
 def _node_port(port: PortDeclaration) -> Element:
     what = "output_port" if port.direction == "out" else "input_port"
     text = port.doc + (f" [{port.unit}]" if port.unit else "")
-    return _port(what, port.key, port.type, default_text(port), text)
+    # A list of whatever it is takes the type of what flows into it.
+    kind = PortType("any") if port.type.name == "any" else port.type
+    return _port(what, port.key, kind, default_text(port), text)
 
 
 def _port(what: str, key: str, kind: PortType, default: str, text: str) -> Element:

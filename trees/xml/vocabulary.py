@@ -20,6 +20,11 @@ SAME: Final = frozenset(
     )
 )  # fmt: skip
 """Nodes that both have, with the same ports."""
+PORT_TYPES: Final[dict[str, str]] = {
+    "success_count": "int", "failure_count": "int", "num_cycles": "int", "num_attempts": "int",
+    "msec": "unsigned", "delay_msec": "unsigned", "then_skip": "bool", "variable": "std::string",
+}  # fmt: skip
+"""C++ types of the ports of those nodes, and of Switch."""
 TRANSLATED: Final = frozenset(
     (
         "ScriptCondition", "Script", "SetBlackboard", "Sleep", "Precondition", "LoopInt", "LoopBool",
