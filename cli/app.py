@@ -20,6 +20,7 @@ from .explain_code import explain_code
 from .nodes import nodes
 from .output import painter
 from .rehearse import rehearse
+from .render import render
 from .run import run
 from .schema import schema
 from .snapshot import snapshot
@@ -36,6 +37,7 @@ app.command()(convert)
 app.command()(explain_code)
 app.command()(nodes)
 app.command()(rehearse)
+app.command()(render)
 app.command()(run)
 app.command()(schema)
 app.command()(snapshot)

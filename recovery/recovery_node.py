@@ -34,7 +34,9 @@ class RecoveryNode(Recovering):
         - Observe: {camera: overhead}
     """
 
-    parts = children("what is to succeed, and what may cure its failure", least=2, most=2)
+    parts = children(
+        "what is to succeed, and what may cure its failure", least=2, most=2, labels=("", "recovery")
+    )
     number_of_retries: In[int] = port("how often the second child may run", default=1, least=0)
 
     def tried(self) -> Node:

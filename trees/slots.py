@@ -26,7 +26,8 @@ class SlotDeclaration:
     of: Literal["cause", "value"] = "value"
     """Of `table`: whether its keys are patterns of causes."""
     labels: tuple[str, ...] = ()
-    """Of `many`, where places differ in meaning: what each child is, for pictures ("then", "else")."""
+    """Of `many`, where places differ in meaning: what each child is, for pictures ("then", "else"; "recovery"
+    is one that runs after a failure)."""
     matches: str | None = None
     """Of `table`: the input whose value its keys are compared with."""
 

@@ -1,0 +1,40 @@
+"""picktree render"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .output import show
+
+
+def render(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Mission file.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="PICTURE", help="A .svg, .html, .dot or .txt file; without: text, here."
+        ),
+    ] = None,
+    expand: Annotated[
+        bool, typer.Option("--expand", help="Write each sub-tree out wherever it is called.")
+    ] = False,
+) -> None:
+    """Draw a mission: its trees, ports, conditions, and what recovers from which failure."""
+    from ..trees.drawing.charting import chart
+    from ..trees.drawing.formats import drawn, suffix_of
+    from ..trees.drawing.text import WIDTH, text
+    from ..trees.loader import load_mission
+
+    suffix = suffix_of(output.name) if output is not None else ".txt"
+    charted = chart(load_mission(file))
+    if output is None:
+        columns = shutil.get_terminal_size((WIDTH, 0)).columns if sys.stdout.isatty() else WIDTH
+        show(text(charted, columns=columns, expand=expand), None)
+        return
+    show(drawn(charted, suffix, expand=expand), output)
+    print(output)
