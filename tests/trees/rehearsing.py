@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from textwrap import dedent, indent
 
@@ -104,8 +105,9 @@ class Peek(Decorator):
 NODES: tuple[type[Node], ...] = (Look, Pick, Put, Go, Weigh, Ready, Maybe, Peek)
 
 
+@cache
 def nodes() -> Registry:
-    """These leaves and all that is installed."""
+    """These leaves and all that is installed; nobody adds to it."""
     return Registry(NODES)
 
 

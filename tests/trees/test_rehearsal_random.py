@@ -20,7 +20,7 @@ from .random_missions import LEAVES, Author
 from .rehearsing import NODES, nodes
 
 REGISTRY = nodes()
-MISSIONS = 60
+MISSIONS = 30
 """Of each seed."""
 
 
