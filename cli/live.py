@@ -38,6 +38,8 @@ class View(Protocol):
     ) -> None: ...
     def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None: ...
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
+    def told(self, now: float, text: str) -> None: ...
     def finished(self, result: RunResult) -> None: ...
 
 
@@ -58,8 +60,14 @@ class LinesView:
     ) -> None: ...
 
     def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
-        self._leaves = frozenset(node.path for node in structure if not node.children)
+        self.edited(structure)
         self._line(f"recording to {folder}")
+
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None:
+        self._leaves = frozenset(node.path for node in structure if not node.children)
+
+    def told(self, now: float, text: str) -> None:
+        self._say(now, text)
 
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         for node in report.nodes:
@@ -118,6 +126,12 @@ class LiveView:
         for row in rows:
             row.truncate(self._live.console.width, overflow="ellipsis")
         self._live.update(Group(*rows, Text(), Text(footer, style="bold")), refresh=True)
+
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None:
+        self._structure = structure
+
+    def told(self, now: float, text: str) -> None:
+        self._live.console.print(f"{now:8.2f} s  {text}", markup=False, soft_wrap=True)
 
     def finished(self, result: RunResult) -> None:
         self._live.stop()

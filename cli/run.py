@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,6 +12,7 @@ from ..world.errors import PicktreeError
 from .output import keep_stdout, program
 
 if TYPE_CHECKING:
+    from ..trees.debugger import Debugger
     from .live import View
 
 
@@ -33,6 +35,12 @@ def run(
     verify: Annotated[
         bool, typer.Option("--verify", help="Judge every trajectory by a second collision checker.")
     ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Stop at the mission's breakpoints, and before the first node.")
+    ] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Take over an edited mission between two items.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
     """Run a mission in simulation. Exit code 0: the goal is reached; 1: it is missed."""
@@ -50,9 +58,10 @@ def run(
         out=out,
         backend=backend,
         verify=verify,
+        watch=watch,
     )
-    with _view(to_stderr=json) as view:
-        result = Session(request, view).run()
+    with _view(to_stderr=json, lines=debug) as view:
+        result = Session(request, view, _debugger(to_stderr=json) if debug else None).run()
     if answer is None:
         print(result.to_text(program()))
     else:
@@ -82,10 +91,18 @@ def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
     return parameters
 
 
-def _view(*, to_stderr: bool) -> View:
+def _debugger(*, to_stderr: bool) -> Debugger:
+    from ..trees.debugger import Debugger
+    from .debug_input import debug_prompt
+
+    return Debugger(debug_prompt(sys.stderr if to_stderr else sys.stdout))
+
+
+def _view(*, to_stderr: bool, lines: bool) -> View:
+    """`lines`: no live view, whatever the terminal, because somebody types into it."""
     from rich.console import Console
 
     from .live import LinesView, LiveView
 
     console = Console(stderr=to_stderr, highlight=False)
-    return LiveView(console) if console.is_terminal else LinesView(console)
+    return LiveView(console) if console.is_terminal and not lines else LinesView(console)

@@ -147,6 +147,10 @@ class Recorder:
             self._file.metadata("picktree.tree", {"json": data.decode()})
             self._file.checkpoint()  # a run that dies at once still tells what it was
 
+    def edited_tree(self, now: float, tree: Tree) -> None:
+        """The tree of an edited mission: the next tick is the first of it."""
+        self._write(topics.TREE, now, encode(tree))
+
     def robot_model(self, meshes: Iterable[LinkMesh]) -> None:
         """What the links look like, from `robot_meshes.link_meshes`."""
         self._write(topics.ROBOT, 0.0, messages.encode_robot(0, meshes))

@@ -182,7 +182,12 @@ class RunLog:
         )
 
     def tree(self) -> Tree:
+        """As the run began with it; `trees` has those of a mission that was edited under the run, too."""
         return self._only(topics.TREE.name, lambda data: decode(Tree, data))
+
+    def trees(self) -> Iterator[At[Tree]]:
+        """Every tree of the run, with the time of its first tick."""
+        return self._records(topics.TREE.name, lambda data: decode(Tree, data), None, None)
 
     def robot_model(self) -> tuple[LinkMesh, ...]:
         """Empty when the log holds none."""

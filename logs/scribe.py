@@ -8,13 +8,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
 
+from ..trees.mission import Mission
 from ..trees.runner import NodeInfo, TickReport
 from ..world.journal import Entry
 from ..world.shapes import ConvexMesh
 from ..world.simulation.backends import Simulation
 from . import records
 from .checkpoints import RunState
-from .plugin_record import plugin_sources, plugin_versions
+from .mission_record import mission_files, plugin_versions
 from .recorder import Recorder
 from .result import RunResult
 from .robot_meshes import link_meshes
@@ -42,7 +43,7 @@ class Scribe:
     def __init__(self, path: Path, session: Session, structure: tuple[NodeInfo, ...]) -> None:
         self._world = session.world
         self._gripper = session.hardware.gripper
-        self._checkpoints = 0
+        self._checkpoints = self._edits = self._refused = 0
         request = session.request
         info = records.RunInfo(
             mission=session.mission.name,
@@ -63,12 +64,8 @@ class Scribe:
         )
         self._recorder = Recorder(path, info)
         recorder = self._recorder
-        recorder.attach("mission.yaml", session.mission.text, "application/yaml")
-        # Under the names by which the mission includes them, so that the record can serve them again.
-        for name, text in session.mission.files.items():
-            recorder.attach(f"include/{name}", text, "application/yaml")
-        for name, source in plugin_sources(session.mission).items():
-            recorder.attach(name, source, "text/x-python")
+        for file in mission_files(session.mission):
+            recorder.attach(file.name, file.content, file.media_type)
         recorder.attach("scene.yaml", session.scene.text, "application/yaml")
         recorder.attach("robot.yaml", session.robot.text, "application/yaml")
         recorder.attach("robot.urdf", Path(session.robot.urdf).read_bytes(), "application/xml")
@@ -76,21 +73,7 @@ class Scribe:
             recorder.attach(f"mesh/{mesh.name}", mesh.read_bytes(), "model/mesh")
         if request.faults is not None:
             recorder.attach("faults.yaml", request.faults.read_bytes(), "application/yaml")
-        recorder.tree(
-            records.Tree(
-                tuple(
-                    records.TreeNode(
-                        n.path,
-                        n.id,
-                        n.name,
-                        n.parent or "",
-                        n.children,
-                        {k: str(v) for k, v in n.ports.items()},
-                    )
-                    for n in structure
-                )
-            )
-        )
+        recorder.tree(_tree(structure))
         recorder.robot_model(link_meshes(session.robot.urdf))
         recorder.fixed(session.scene.fixtures, session.scene.bins)
 
@@ -127,6 +110,21 @@ class Scribe:
     def timing(self, timing: records.Timing) -> None:
         self._recorder.timing(self._world.clock.now, timing)
 
+    def edited(self, mission: Mission, structure: tuple[NodeInfo, ...]) -> str:
+        """Another version of the mission has taken over: its files and its tree. Answers the folder of its
+        attachments."""
+        self._edits += 1
+        folder = f"edit-{self._edits:04d}"
+        for file in mission_files(mission):
+            self._recorder.attach(f"{folder}/{file.name}", file.content, file.media_type)
+        self._recorder.edited_tree(self._world.clock.now, _tree(structure))
+        return folder
+
+    def refused(self, text: str) -> None:
+        """An edit that was not taken over, and why. It changed nothing, so it is no part of the digest."""
+        self._refused += 1
+        self._recorder.attach(f"refused-{self._refused:04d}.txt", text)
+
     def checkpoint(self, state: RunState) -> None:
         """Keep the state in the log, from which the run can be taken up again."""
         self._checkpoints += 1
@@ -138,6 +136,17 @@ class Scribe:
 
     def finish(self, result: RunResult) -> None:
         self._recorder.finish({"status": result.status, "json": result.to_json_text()})
+
+
+def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:
+    return records.Tree(
+        tuple(
+            records.TreeNode(
+                n.path, n.id, n.name, n.parent or "", n.children, {k: str(v) for k, v in n.ports.items()}
+            )
+            for n in structure
+        )
+    )
 
 
 def _mesh_files(session: Session) -> list[Path]:

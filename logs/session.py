@@ -4,77 +4,41 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from datetime import datetime
 from pathlib import Path
-from typing import Protocol, TypedDict, Unpack
+from typing import Unpack
 
 from ..trees.builder import build
+from ..trees.debugger import Debugger
 from ..trees.loader import load_mission
+from ..trees.mission import Mission
 from ..trees.registry import Registry
-from ..trees.runner import NodeInfo, TickReport
 from ..trees.status import NodeStatus
+from ..trees.surroundings import surroundings
 from ..world.errors import PicktreeError
 from ..world.faults.load import load_faults
-from ..world.journal import Happened
+from ..world.journal import Happened, Plain
 from ..world.robot.load import load_robot
 from ..world.scene.load import load_scene
-from ..world.simulation.backends import Backend, build_hardware
+from ..world.simulation.backends import build_hardware
 from ..world.simulation.faults import Injector
 from ..world.simulation.scorer import score
 from ..world.stopwatch import Stopwatch
 from ..world.values import Vector3
 from .assembly import TICK, assemble
 from .checkpoints import take
+from .edits import Edits, FileEdits
+from .following import Following
 from .records import NodeTime, Timing
+from .request import LIMIT, RunOptions, RunRequest, make_folder
 from .result import FormCount, ItemCount, PickCount, RunResult, RunStatus, WallSeconds
 from .scribe import Scribe
 from .tally import Tally
+from .watcher import Watcher
+
+__all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "Watcher", "run"]
 
 LOG = "log.mcap"
 RESULT = "result.json"
-LIMIT = 3600.0
-"""Simulated seconds after which a run is ended, unless told otherwise."""
-
-
-@dataclass(frozen=True)
-class RunRequest:
-    """What is to be run, and how."""
-
-    mission: Path
-    scene: str | None = None
-    """Instead of the mission's own."""
-    seed: int = 0
-    parameters: Mapping[str, str] = field(default_factory=dict[str, str])
-    faults: Path | None = None
-    out: Path | None = None
-    """Folder in which the run's folder is made; by default `runs`."""
-    backend: Backend = "physics"
-    verify: bool = False
-    """Judge every trajectory by the second, independent collision checker."""
-    limit: float = LIMIT
-    """Simulated seconds."""
-
-
-class RunOptions(TypedDict, total=False):
-    """The fields of `RunRequest` besides the mission, for `run`."""
-
-    scene: str | None
-    seed: int
-    parameters: Mapping[str, str]
-    faults: Path | None
-    out: Path | None
-    backend: Backend
-    verify: bool
-    limit: float
-
-
-class Watcher(Protocol):
-    """Whoever looks on; nothing that it does changes the run."""
-
-    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
-    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None: ...
-    def finished(self, result: RunResult) -> None: ...
 
 
 class Session:
@@ -83,9 +47,17 @@ class Session:
     Raises PicktreeError (FileError with all faults) for bad input.
     """
 
-    def __init__(self, request: RunRequest, watcher: Watcher | None = None) -> None:
+    def __init__(
+        self,
+        request: RunRequest,
+        watcher: Watcher | None = None,
+        debugger: Debugger | None = None,
+        edits: Edits | None = None,
+    ) -> None:
+        """`edits` tells of edited files, by default the disk when the request is to watch them."""
         self.request = request
         self._watcher = watcher
+        self._debugger = debugger
         registry = Registry()
         self.mission = load_mission(request.mission, registry)
         wanted = request.scene or self.mission.scene
@@ -111,22 +83,26 @@ class Session:
         )
         self.tree = build(self.mission, self.world, request.parameters)
         self._injector = Injector(self.faults, self.hardware, self._object_place)
+        if debugger is not None:
+            debugger.attach(self.tree)
         self.tree.on_start.append(self._injector.node_started)
+        if edits is None and request.watch:
+            edits = FileEdits()
+        self._following = self._follow(edits) if edits is not None else None
         self.tally = Tally()
-        self.folder = _make_folder(request)
+        self.folder = make_folder(request)
         self._checkpointed = 0
 
     def run(self) -> RunResult:
         """Run to the end and say what came of it. The log is finished on every way out; an interrupt
         (SIGINT, SIGTERM) ends the run with the status `interrupted`."""
         structure = self.tree.structure()
-        leaves = frozenset(node.path for node in structure if not node.children)
         total = len(self.hardware.truth())
         with Scribe(self.folder / LOG, self, structure) as scribe:
             if self._watcher:
                 self._watcher.started(structure, self.folder)
             try:
-                status = self._loop(scribe, leaves, total)
+                status = self._loop(scribe, total)
             except KeyboardInterrupt:
                 status = "interrupted"
             scribe.last(self.hardware)
@@ -137,20 +113,24 @@ class Session:
             self._watcher.finished(result)
         return result
 
-    def _loop(self, scribe: Scribe, leaves: frozenset[str], total: int) -> RunStatus:
-        world, tree = self.world, self.tree
+    def _loop(self, scribe: Scribe, total: int) -> RunStatus:
+        world = self.world
         while True:
+            self._follow_edits(scribe)
+            tree = self.tree
             before, began = self._stopwatch.seconds(), time.perf_counter()
             with self._stopwatch.measure("tree"):
                 report = tree.tick()
             for happened in self._injector.tick():
                 world.journal.note(happened)
             entries = world.journal.take()
-            self.tally.take(world.clock.now, entries, report.nodes, leaves)
+            self.tally.take(world.clock.now, entries, report.nodes, tree.leaves)
             with self._stopwatch.measure("logging"):
                 scribe.tick(report, entries, self.hardware)
             if self._watcher:
                 self._watcher.ticked(world.clock.now, report, self.tally.done, total)
+            if self._debugger:
+                self._debugger.ticked()
             if tree.status is not NodeStatus.RUNNING:
                 return "success" if tree.status is NodeStatus.SUCCESS else "failure"
             if world.clock.now >= self.request.limit:
@@ -173,12 +153,13 @@ class Session:
 
     def _checkpoint_due(self) -> bool:
         """Whether it is time for one, and nothing moves that could not be taken up again."""
-        return (
-            self.tally.done - self._checkpointed >= self.scene.checkpoint_every
-            and self.tree.quiescent
-            and self.world.control.at_rest
-            and self.world.scene.held is None
-        )
+        return self.tally.done - self._checkpointed >= self.scene.checkpoint_every and self._quiet
+
+    @property
+    def _quiet(self) -> bool:
+        """No skill runs, the arm is at rest, the hand is empty."""
+        world = self.world
+        return self.tree.quiescent and world.control.at_rest and world.scene.held is None
 
     def _checkpoint(self, scribe: Scribe) -> None:
         self._checkpointed = self.tally.done
@@ -189,6 +170,48 @@ class Session:
         self.world.journal.note(
             Happened("checkpoint", f"after {self.tally.done} items", "", {"items_done": self.tally.done})
         )
+
+    def _follow(self, edits: Edits) -> Following:
+        known = surroundings(self.scene, self.robot)
+        return Following(edits, self.scene, known, own_scene=self.request.scene is None)
+
+    def _follow_edits(self, scribe: Scribe) -> None:
+        following = self._following
+        if following is None:
+            return
+        for news in following.look(self.mission):
+            self._tell(news.text)
+            if news.refused:
+                scribe.refused(news.text)
+        if following.pending is not None and self._quiet:
+            self._take_over(following.pending, scribe)
+            following.pending = None
+
+    def _take_over(self, mission: Mission, scribe: Scribe) -> None:
+        """Go on with another version of the mission: belief, blackboard and attempts stay as they are."""
+        tree = build(mission, self.world, self.request.parameters)
+        adoption = tree.adopt(self.tree.save())
+        tree.on_start.extend(self.tree.on_start)
+        tree.on_end.extend(self.tree.on_end)
+        self.mission, self.tree = mission, tree
+        structure = tree.structure()
+        kept, fresh, gone = map(len, (adoption.kept, adoption.fresh, adoption.gone))
+        message = f"the edited mission takes over: {kept} nodes go on, {fresh} begin anew, {gone} are gone"
+        data: dict[str, Plain] = {
+            "files": scribe.edited(mission, structure),
+            "fresh": list(adoption.fresh),
+            "gone": list(adoption.gone),
+        }
+        self.world.journal.note(Happened("mission_edited", message, "", data))
+        if self._debugger:
+            self._debugger.follow(tree)
+        if self._watcher:
+            self._watcher.edited(structure)
+        self._tell(message)
+
+    def _tell(self, text: str) -> None:
+        if self._watcher:
+            self._watcher.told(self.world.clock.now, text)
 
     def _timing(self, before: Mapping[str, float], began: float) -> Timing:
         now = self._stopwatch.seconds()
@@ -245,22 +268,3 @@ class Session:
 def run(mission: Path | str, **options: Unpack[RunOptions]) -> RunResult:
     """Run a mission in one call; the options are those of `RunRequest`."""
     return Session(RunRequest(mission=Path(mission), **options)).run()
-
-
-def _make_folder(request: RunRequest) -> Path:
-    """A new folder for the run. Raises PicktreeError when it cannot be made."""
-    parent = request.out or Path("runs")
-    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    stem = f"{request.mission.stem}-{request.seed}-{stamp}"
-    for number in range(1000):
-        folder = parent / (stem if number == 0 else f"{stem}-{number}")
-        try:
-            folder.mkdir(parents=True)
-        except FileExistsError:
-            if not parent.is_dir():
-                raise PicktreeError(f"{parent} is a file; --out takes a folder for runs") from None
-            continue
-        except OSError as error:
-            raise PicktreeError(f"the folder {folder} cannot be made: {error.strerror}") from None
-        return folder
-    raise PicktreeError(f"{parent} has no room for another run named {stem}")

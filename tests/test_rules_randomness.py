@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import io
 import os
 import subprocess
 import sys
@@ -12,8 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from picktree.cli.debug import DebugPrompt
 from picktree.logs.result import RunResult
 from picktree.logs.session import RunRequest, Session
+from picktree.trees.debugger import Debugger, Stop
 from picktree.trees.runner import NodeInfo, TickReport
 from picktree.world.robot.load import load_robot
 from picktree.world.scene.load import load_scene
@@ -47,15 +50,38 @@ class Onlooker:
     def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
         self.seen.append(f"{now} {[str(node) for node in report.nodes]} {items_done}/{items_total}")
 
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
+
+    def told(self, now: float, text: str) -> None: ...
+
     def finished(self, result: RunResult) -> None:
         self.seen.append(result.to_text())
 
 
+class Inquirer:
+    """Stops at every start and end of a node, and looks at all that the debugger can show."""
+
+    def __init__(self) -> None:
+        self.seen: list[str] = []
+
+    def __call__(self, debugger: Debugger, stop: Stop) -> None:
+        commands = iter(("tree", "where", "node", "blackboard", "belief", "print items_left", "next"))
+        out = io.StringIO()
+        DebugPrompt(lambda _: next(commands), out)(debugger, stop)
+        self.seen.append(out.getvalue())
+
+
 def digest(
-    folder: Path, backend: Backend, seed: int = 3, *, verify: bool = False, watcher: Onlooker | None = None
+    folder: Path,
+    backend: Backend,
+    seed: int = 3,
+    *,
+    verify: bool = False,
+    watcher: Onlooker | None = None,
+    inquirer: Inquirer | None = None,
 ) -> str:
     request = RunRequest(EXAMPLES / "one_pick.yaml", seed=seed, out=folder, backend=backend, verify=verify)
-    return Session(request, watcher).run().digest
+    return Session(request, watcher, Debugger(inquirer) if inquirer else None).run().digest
 
 
 def test_one_seed_one_digest_in_another_process_with_another_hash_seed(tmp_path: Path) -> None:
@@ -73,11 +99,15 @@ def test_one_seed_one_digest_in_another_process_with_another_hash_seed(tmp_path:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_neither_a_second_judge_nor_an_onlooker_changes_the_digest(backend: Backend, tmp_path: Path) -> None:
+def test_neither_a_second_judge_nor_an_onlooker_nor_a_debugger_changes_the_digest(
+    backend: Backend, tmp_path: Path
+) -> None:
     plain = digest(tmp_path, backend)
-    watcher = Onlooker()
-    assert digest(tmp_path, backend, verify=True, watcher=watcher) == plain
+    watcher, inquirer = Onlooker(), Inquirer()
+    assert digest(tmp_path, backend, verify=True, watcher=watcher, inquirer=inquirer) == plain
     assert len(watcher.seen) > 50
+    assert len(inquirer.seen) > 10
+    assert not [text for text in inquirer.seen if "failed:" in text]
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

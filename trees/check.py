@@ -26,10 +26,15 @@ class MissionCheck:
     """In the order of the files; also those of the scene and the robot, with their own places."""
 
 
-def check_mission(document: Document, registry: Registry | None = None) -> MissionCheck:
-    """Everything that can be said of a document of kind `mission`; never raises for what stands in it."""
+def check_mission(
+    document: Document, registry: Registry | None = None, known: Surroundings | None = None
+) -> MissionCheck:
+    """Everything that can be said of a document of kind `mission`; never raises for what stands in it.
+
+    `known` are the names of the scene and the robot that it runs with, by default those that it names.
+    """
     reading = examine(document, registry)
-    known, faults = _surroundings(reading.mission)
+    known, faults = (known, []) if known is not None else _surroundings(reading.mission)
     faults = [*reading.faults, *faults]
     if known is not None:
         faults += misnamed(reading, known)

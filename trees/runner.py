@@ -60,6 +60,7 @@ class Tree:
         self._runtime = runtime
         self._nodes = tuple(_parents_first(root))
         self._by_path = {node.path: node for node in self._nodes}
+        self._leaves = frozenset(node.path for node in self._nodes if not node.children)
 
     @property
     def root(self) -> Node:
@@ -93,6 +94,11 @@ class Tree:
     def failure(self) -> FailureReport | None:
         """Why the mission failed."""
         return self._root.failure
+
+    @property
+    def leaves(self) -> frozenset[str]:
+        """Paths of the nodes without children."""
+        return self._leaves
 
     @property
     def quiescent(self) -> bool:

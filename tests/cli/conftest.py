@@ -40,6 +40,7 @@ class Stage:
     """What the command asked of the session, and what the session does."""
 
     requests: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    debuggers: list[object] = field(default_factory=list[object])
     act: Callable[[], RunResult] = lambda: RESULT
 
 
@@ -49,8 +50,9 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
     stage = Stage()
 
     class Session:
-        def __init__(self, request: dict[str, Any], watcher: object = None) -> None:
+        def __init__(self, request: dict[str, Any], watcher: object = None, debugger: object = None) -> None:
             stage.requests.append(request)
+            stage.debuggers.append(debugger)
 
         def run(self) -> RunResult:
             return stage.act()

@@ -51,7 +51,7 @@ def test_unknown_command_is_bad_input(capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_request_carries_every_option(stage: Any) -> None:
-    line = "run m.yaml --scene dense --seed 5 --set a=1 --set b=x=y --faults f.yaml --out o --verify"
+    line = "run m.yaml --scene dense --seed 5 --set a=1 --set b=x=y --faults f.yaml --out o --verify --watch"
     assert answer([*line.split(), "--backend", "kinematic"]) == 0
     assert stage.requests == [
         {
@@ -63,6 +63,7 @@ def test_request_carries_every_option(stage: Any) -> None:
             "out": Path("o"),
             "backend": "kinematic",
             "verify": True,
+            "watch": True,
         }
     ]
 
@@ -161,7 +162,7 @@ from conftest import RESULT
 from picktree.cli.app import answer
 
 class Session:
-    def __init__(self, request, watcher=None): pass
+    def __init__(self, request, watcher=None, debugger=None): pass
     def run(self):
         print("printed in Python")
         os.write(1, b"printed in C\\n")

@@ -1,0 +1,69 @@
+"""What is to be run, how, and where its record goes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import TypedDict
+
+from ..world.errors import PicktreeError
+from ..world.simulation.backends import Backend
+
+LIMIT = 3600.0
+"""Simulated seconds after which a run is ended, unless told otherwise."""
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """What is to be run, and how."""
+
+    mission: Path
+    scene: str | None = None
+    """Instead of the mission's own."""
+    seed: int = 0
+    parameters: Mapping[str, str] = field(default_factory=dict[str, str])
+    faults: Path | None = None
+    out: Path | None = None
+    """Folder in which the run's folder is made; by default `runs`."""
+    backend: Backend = "physics"
+    verify: bool = False
+    """Judge every trajectory by the second, independent collision checker."""
+    limit: float = LIMIT
+    """Simulated seconds."""
+    watch: bool = False
+    """Take over an edited mission between two items."""
+
+
+class RunOptions(TypedDict, total=False):
+    """The fields of `RunRequest` besides the mission, for `run`."""
+
+    scene: str | None
+    seed: int
+    parameters: Mapping[str, str]
+    faults: Path | None
+    out: Path | None
+    backend: Backend
+    verify: bool
+    limit: float
+    watch: bool
+
+
+def make_folder(request: RunRequest) -> Path:
+    """A new folder for the run. Raises PicktreeError when it cannot be made."""
+    parent = request.out or Path("runs")
+    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+    stem = f"{request.mission.stem}-{request.seed}-{stamp}"
+    for number in range(1000):
+        folder = parent / (stem if number == 0 else f"{stem}-{number}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            if not parent.is_dir():
+                raise PicktreeError(f"{parent} is a file; --out takes a folder for runs") from None
+            continue
+        except OSError as error:
+            raise PicktreeError(f"the folder {folder} cannot be made: {error.strerror}") from None
+        return folder
+    raise PicktreeError(f"{parent} has no room for another run named {stem}")

@@ -1,0 +1,381 @@
+"""The debugger's prompt: what is typed and what is answered, at a terminal and in a script."""
+
+from __future__ import annotations
+
+import errno
+import io
+import json
+import os
+import pty
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from picktree.cli.app import answer
+from picktree.cli.debug import DebugPrompt
+from picktree.logs.session import RunRequest, Session
+from picktree.trees.debugger import Debugger
+from picktree.trees.status import NodeStatus
+
+from ..trees.scripted import FakeWorld, start
+
+MISSION = """
+Main:
+  ports: {speed: {type: float, default: 0.5}}
+  Sequence:
+    - Find: {ids: [red_1, blue_1], found: "{items}"}
+    - ForEach:
+        in: "{items}"
+        out: "{item}"
+        on_failure: continue
+        do: {Part: {item: "{item}"}}
+Part:
+  ports: {item: {type: object}}
+  Fallback:
+    - Scripted: {name: try it, script: grasp.missed, breakpoint: after}
+    - Take: {object: "{item}", colour: "{item.colour}", _skipIf: item == 'none'}
+"""
+PART = "Main/Sequence/ForEach/Part"
+
+
+class Typed:
+    """Lines as somebody types them; the output with what was typed in it, as on a terminal."""
+
+    def __init__(self, *lines: str) -> None:
+        self._lines = list(lines)
+        self.out = io.StringIO()
+        self.prompt = DebugPrompt(self._read, self.out)
+
+    def _read(self, prompt: str) -> str:
+        if not self._lines:
+            raise EOFError
+        line = self._lines.pop(0)
+        print(f"> {line}".rstrip(), file=self.out)
+        return line
+
+    @property
+    def text(self) -> str:
+        return self.out.getvalue()
+
+
+def session(*lines: str) -> str:
+    """What is shown when these lines are typed, from the start of the mission on."""
+    world = FakeWorld()
+    for identity, colour in (("red_1", "red"), ("blue_1", "blue")):
+        world.put(identity, colour)
+    run = start(MISSION, world)
+    typed = Typed(*lines)
+    debugger = Debugger(typed.prompt)
+    debugger.attach(run.tree)
+    try:
+        while True:
+            status = run.tick()
+            debugger.ticked()
+            if status is not NodeStatus.RUNNING:
+                break
+    except KeyboardInterrupt:
+        typed.out.write("(interrupted)\n")
+    return typed.text
+
+
+def test_looking_around() -> None:
+    shown = session(
+        "continue", "where", "tree", "tree Fallback", "node", "node Take", "blackboard", "blackboard items",
+        "belief", "belief blue", "print item.colour", "p speed * 2", "quit",
+    )  # fmt: skip
+    assert (
+        shown
+        == """\
+0.00 s, before Main
+> continue
+0.05 s, after Main/Sequence/ForEach/Part/Fallback/try it: FAILURE, grasp.missed: try it was told to
+> where
+▶ Main is RUNNING
+▶ Main/Sequence is RUNNING
+▶ Main/Sequence/ForEach is RUNNING
+▶ Main/Sequence/ForEach/Part is RUNNING
+▶ Main/Sequence/ForEach/Part/Fallback is RUNNING
+✗ Main/Sequence/ForEach/Part/Fallback/try it is FAILURE: grasp.missed: try it was told to
+> tree
+  ▶ Main
+    ▶ Sequence
+      ✓ Find
+      ▶ ForEach
+        ▶ Part
+          ▶ Fallback
+→           ✗ Scripted try it  grasp.missed: try it was told to
+            · Take
+> tree Fallback
+  ▶ Fallback
+→   ✗ Scripted try it  grasp.missed: try it was told to
+    · Take
+> node
+Main/Sequence/ForEach/Part/Fallback/try it: Scripted, action, FAILURE
+  script = 'grasp.missed'
+  breakpoint 1: after
+  failed in Main/Sequence/ForEach/Part/Fallback/try it: grasp.missed: try it was told to
+    turn: 0
+> node Take
+Main/Sequence/ForEach/Part/Fallback/Take: Take, action, IDLE
+  object = {item} 'red_1'
+  force = 30.0 by default
+  colour = {item.colour} 'red'
+  hand = 'left' by default
+  _skipIf: item == 'none'
+> blackboard
+Main/item = 'red_1'
+Main/items = ['red_1', 'blue_1']
+Main/speed = 0.5
+> blackboard items
+Main/items = ['red_1', 'blue_1']
+> belief
+red_1: red cube, item, table, at (0.000, 0.000, 0.000) m, seen 0.1 s ago, confidence 0.90
+blue_1: blue cube, item, table, at (0.000, 0.000, 0.000) m, seen 0.1 s ago, confidence 0.90
+> belief blue
+blue_1: blue cube, item, table, at (0.000, 0.000, 0.000) m, seen 0.1 s ago, confidence 0.90
+> print item.colour
+'red'
+> p speed * 2
+the expression 'speed * 2': unknown name 'speed'; known: item, time
+> quit
+(interrupted)
+"""
+    )
+
+
+def test_going_on() -> None:
+    shown = session(
+        "n", "", "", "step", "node Find", "s 2", "break Take", "b try it", "b", "delete 1", "c", "d", "c"
+    )  # fmt: skip
+    assert (
+        shown
+        == """\
+0.00 s, before Main
+> n
+0.00 s, before Main/Sequence
+>
+0.00 s, before Main/Sequence/Find
+>
+0.05 s, after Main/Sequence/Find: SUCCESS
+> step
+0.05 s, after Main/Sequence/ForEach/Part/Fallback/try it: FAILURE, grasp.missed: try it was told to
+> node Find
+Main/Sequence/Find: Find, action, SUCCESS
+  ids = ['red_1', 'blue_1']
+  found → {items} ['red_1', 'blue_1']
+> s 2
+0.15 s, end of the tick; Main/Sequence/ForEach is RUNNING
+> break Take
+2: before Main/Sequence/ForEach/Part/Fallback/Take
+> b try it
+3: before Main/Sequence/ForEach/Part/Fallback/try it
+> b
+1: after Main/Sequence/ForEach/Part/Fallback/try it
+2: before Main/Sequence/ForEach/Part/Fallback/Take
+3: before Main/Sequence/ForEach/Part/Fallback/try it
+> delete 1
+> c
+0.15 s, before Main/Sequence/ForEach/Part/Fallback/try it
+> d
+> c
+"""
+    )
+
+
+def test_at_the_end_of_the_input_the_run_goes_on_without_another_stop() -> None:
+    assert session("b Take") == (
+        "0.00 s, before Main\n"
+        "> b Take\n"
+        f"2: before {PART}/Fallback/Take\n"
+        "the input ends here: the run goes on without another stop\n"
+    )
+
+
+ANSWERS = {
+    "foo": "no command 'foo' (`help` lists the commands)",
+    "tre": "",
+    "braek": "no command 'braek' (did you mean 'break'?)",
+    "be": "no object is known yet",
+    "bl": "nothing is written yet",
+    "blackboard zzz": "no key contains 'zzz'",
+    "belief zzz": "no object is called 'zzz'",
+    "node Tkae": "no node fits 'Tkae' (did you mean 'Take'?)",
+    "break 12": "no node fits '12'",
+    "step -1": "'-1' is no number of ticks",
+    "step 1.5": "'1.5' is no number of ticks",
+    "delete 7": "there is no breakpoint 7; `break` lists them",
+    "print": "print what? An expression, as 'items_left and not holding'",
+    "print 1 +": "not an expression",
+    "help next": "next  to the next start or end of a node",
+    "break Take after": f"2: after {PART}/Fallback/Take",
+    "b Take before": f"2: before {PART}/Fallback/Take",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("line", ANSWERS)
+def test_what_is_answered(line: str) -> None:
+    run = start(MISSION)
+    typed = Typed(line)
+    debugger = Debugger(typed.prompt)
+    debugger.attach(run.tree)
+    run.tick()
+    said = typed.text.splitlines()
+    assert said[1] == f"> {line}"
+    assert said[2].startswith(ANSWERS[line])
+
+
+def test_several_nodes_that_fit_are_named() -> None:
+    run = start("Main: {Sequence: [{Scripted: {name: A}}, {Inverter: {Scripted: {name: B}}}]}")
+    typed = Typed("node Scripted", "break Scripted after", "delete", "break")
+    debugger = Debugger(typed.prompt)
+    debugger.attach(run.tree)
+    run.tick()
+    assert typed.text.splitlines()[2:-1] == [
+        "2 nodes fit 'Scripted': Main/Sequence/A, Main/Sequence/Inverter/B",
+        "> break Scripted after",
+        "1: after Main/Sequence/A",
+        "2: after Main/Sequence/Inverter/B",
+        "> delete",
+        "> break",
+        "no breakpoints; `break PATH` sets one",
+    ]
+
+
+def test_a_fault_of_a_view_does_not_reach_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("picktree.cli.debug_views.where_lines", lambda *_: 1 / 0)
+    shown = session("where", "quit")
+    assert "`where` failed: ZeroDivisionError: division by zero" in shown
+
+
+def test_words_are_completed() -> None:
+    run = start(MISSION)
+    typed = Typed("c")
+    debugger = Debugger(typed.prompt)
+    debugger.attach(run.tree)
+    assert typed.prompt.completions("be") == ["belief "]
+    assert typed.prompt.completions("node Main/") == []  # nothing runs yet
+    run.tick()
+    assert typed.prompt.completions("b") == ["blackboard ", "belief ", "break "]
+    assert typed.prompt.completions("node Main/Sequence/Fi") == ["Main/Sequence/Find"]
+    assert typed.prompt.completions("b Main/Sequence/ForEach/Part/Fallback/T") == [f"{PART}/Fallback/Take"]
+    assert typed.prompt.completions("blackboard Main/") == ["Main/speed"]
+    assert typed.prompt.completions("help wh") == ["where"]
+    assert typed.prompt.completions("delete ") == ["1"]
+    assert typed.prompt.completions("zzz a") == []
+    assert "zzz" not in typed.text
+
+
+# The command.
+
+QUICK = """\
+picktree: 1
+kind: mission
+scene: sort_small
+goal: sorted == 0
+trees:
+  Main:
+    Sequence:
+      - GoTo: {pose: home, breakpoint: before}
+      - Log: {message: there}
+"""
+
+
+def test_debug_is_handed_to_the_session(
+    stage: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert answer(["run", "m.yaml"]) == 0
+    assert answer(["run", "m.yaml", "--debug"]) == 0
+    assert [type(debugger).__name__ for debugger in stage.debuggers] == ["NoneType", "Debugger"]
+
+
+def test_a_script_debugs_and_stdout_is_the_answers(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(QUICK)
+    line = ["run", str(tmp_path / "m.yaml"), "--backend", "kinematic", "--out", str(tmp_path)]
+    debugged = subprocess.run(
+        [sys.executable, "-m", "picktree", *line, "--json", "--debug"],
+        input="c\nnode\nstep\nnext\nn\nbelief\ntree\nc\n", capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert debugged.returncode == 0
+    plain = Session(RunRequest(mission=tmp_path / "m.yaml", backend="kinematic", out=tmp_path)).run()
+    assert json.loads(debugged.stdout)["digest"] == plain.digest
+    assert debugged.stderr.splitlines()[1:6] == [
+        "0.00 s, before Main",
+        "(picktree) c",
+        "0.00 s, before Main/Sequence/GoTo",
+        "(picktree) node",
+        "Main/Sequence/GoTo: GoTo, action, RUNNING",
+    ]
+
+
+def typed(folder: Path, monkeypatch: pytest.MonkeyPatch, lines: str, *options: str) -> int:
+    """The exit code of a run into whose stdin somebody types these lines."""
+    (folder / "m.yaml").write_text(QUICK)
+    monkeypatch.setattr("sys.stdin", io.StringIO(lines))
+    return answer(["run", str(folder / "m.yaml"), "--backend", "kinematic", "--out", str(folder), *options])
+
+
+def test_without_debug_breakpoints_do_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed(tmp_path, monkeypatch, "quit\n") == 0
+    assert "(picktree)" not in "".join(capsys.readouterr())
+
+
+def test_quitting_interrupts_the_run_and_leaves_a_whole_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert typed(tmp_path, monkeypatch, "c\nquit\n", "--debug") == 130
+    assert "interrupted: the run was interrupted" in capsys.readouterr().out
+    (log,) = tmp_path.glob("*/log.mcap")
+    (result,) = tmp_path.glob("*/result.json")
+    assert json.loads(result.read_text())["status"] == "interrupted"
+    assert log.read_bytes().endswith(b"\x89MCAP0\r\n")
+
+
+def test_at_a_terminal_tab_completes_and_ctrl_c_interrupts(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(QUICK)
+    master, slave = pty.openpty()
+    line = [sys.executable, "-m", "picktree", "run", str(tmp_path / "m.yaml"), "--backend", "kinematic"]
+    running = subprocess.Popen(
+        [*line, "--out", str(tmp_path), "--debug"],
+        stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
+        preexec_fn=_own_terminal, env={**os.environ, "TERM": "dumb"},
+    )  # fmt: skip
+    os.close(slave)
+    shown = _until(master, "(picktree) ")
+    assert "before Main" in shown
+    os.write(master, b"cont\t\n")
+    assert "continue" in _until(master, "(picktree) ")
+    os.write(master, b"\x03")
+    assert "interrupted: the run was interrupted" in _until(master, None)
+    assert running.wait(timeout=60) == 130
+    os.close(master)
+
+
+def _own_terminal() -> None:
+    """Make the terminal the process's own, so that Ctrl-C reaches it as a signal."""
+    import fcntl
+    import termios
+
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+
+def _until(terminal: int, end: str | None) -> str:
+    """What the terminal shows until it ends so; None: until nobody writes to it any more."""
+    shown, began = "", time.monotonic()
+    while end is None or not shown.endswith(end):
+        assert time.monotonic() - began < 60, shown
+        try:
+            piece = os.read(terminal, 4096)
+        except OSError as error:
+            if error.errno != errno.EIO:
+                raise
+            break
+        if not piece:
+            break
+        shown += piece.decode()
+    return shown

@@ -1,0 +1,132 @@
+"""Stopping a tree where a person wants to look: before a node starts, after it has ended, between ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol, TypeAlias
+
+from .runner import Tree
+
+When: TypeAlias = Literal["before", "after"]
+
+
+@dataclass(frozen=True, slots=True)
+class Breakpoint:
+    """Stops before the node starts, or after it has ended or was halted."""
+
+    path: str
+    when: When
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Where the tree stands still. `path` is empty between two ticks."""
+
+    when: When | Literal["tick"]
+    path: str = ""
+
+
+class Prompt(Protocol):
+    """Whoever is asked what to do at a stop. It looks, tells the debugger how to go on, and returns."""
+
+    def __call__(self, debugger: Debugger, stop: Stop) -> None: ...
+
+
+class Debugger:
+    """Called by the tree and the session; asks its prompt at each stop. Simulated time stands still there.
+
+    It only reads, so that a run is the same with and without it. An exception of the prompt ends the run as
+    one that is raised anywhere else: KeyboardInterrupt interrupts it.
+    """
+
+    def __init__(self, prompt: Prompt, *, at_start: bool = True) -> None:
+        """`at_start`: stop before the first node already, so that there is a moment to set breakpoints."""
+        self._prompt = prompt
+        self._tree: Tree | None = None
+        self._breakpoints: dict[int, Breakpoint] = {}
+        self._of_the_file: set[int] = set()
+        self._number = 0
+        self._ticks: int | None = None
+        self._next = at_start
+        self._off = False
+
+    # The session's side.
+
+    def attach(self, tree: Tree) -> None:
+        """Listen to the tree from its first tick on."""
+        tree.on_start.insert(0, self._starts)
+        tree.on_end.insert(0, self._ended)
+        self.follow(tree)
+
+    def follow(self, tree: Tree) -> None:
+        """Another version of the mission goes on: its breakpoints replace those of the former file."""
+        self._tree = tree
+        for number in self._of_the_file:
+            self._breakpoints.pop(number, None)
+        self._of_the_file.clear()
+        for node in tree.nodes:
+            if node.wiring.breakpoint is not None:
+                self._of_the_file.add(self.add(node.path, node.wiring.breakpoint))
+
+    def ticked(self) -> None:
+        """A tick has ended, and is in the record."""
+        if self._ticks is None:
+            return
+        self._ticks -= 1
+        if self._ticks <= 0:
+            self._stop(Stop("tick"))
+
+    def _starts(self, path: str) -> None:
+        self._pass("before", path)
+
+    def _ended(self, path: str) -> None:
+        self._pass("after", path)
+
+    def _pass(self, when: When, path: str) -> None:
+        if self._next or Breakpoint(path, when) in self._breakpoints.values():
+            self._stop(Stop(when, path))
+
+    def _stop(self, stop: Stop) -> None:
+        if self._off:
+            return
+        self._ticks, self._next = None, False
+        self._prompt(self, stop)
+
+    # The prompt's side.
+
+    @property
+    def tree(self) -> Tree:
+        assert self._tree is not None, "the session attaches the debugger before anything is ticked"
+        return self._tree
+
+    @property
+    def breakpoints(self) -> Mapping[int, Breakpoint]:
+        """By number."""
+        return dict(self._breakpoints)
+
+    def add(self, path: str, when: When = "before") -> int:
+        """Stop there from now on; answers the breakpoint's number."""
+        for number, known in self._breakpoints.items():
+            if known == Breakpoint(path, when):
+                return number
+        self._number += 1
+        self._breakpoints[self._number] = Breakpoint(path, when)
+        return self._number
+
+    def remove(self, number: int) -> bool:
+        """Whether there was one of that number."""
+        self._of_the_file.discard(number)
+        return self._breakpoints.pop(number, None) is not None
+
+    def step(self, ticks: int = 1) -> None:
+        """Go on to the end of a tick: that of the present one, if the stop is inside of it."""
+        self._ticks = ticks
+
+    def next(self) -> None:
+        """Go on to the next start or end of any node."""
+        self._next = True
+
+    def turn_off(self) -> None:
+        """Go on to the end of the run without another stop."""
+        self._off = True
