@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 
 from picktree.cli.kinds import CHECKS
+from picktree.trees.xml.converting import convert_text
 from picktree.world.errors import PicktreeError
 from picktree.world.files.checking import Given, check_files
 from picktree.world.files.codes import Example, index, page, pages
+from picktree.world.files.marks import FileError
 
 ROOT = Path(__file__).parents[2]
 ROOMS = ("cli", "logs", "recovery", "skills", "trees", "world")
@@ -37,6 +39,16 @@ def codes_of(example: Example, folder: Path) -> set[str]:
     return {fault.code for fault in check_files([Given(folder / "example.yaml", raw)], CHECKS).faults}
 
 
+def codes_of_conversion(example: Example, folder: Path) -> set[str]:
+    """The codes of what keeps an example from being converted."""
+    text = f"{MISSION}{example.text}\n" if example.language == "yaml" else example.text
+    try:
+        convert_text(text, folder / f"example.{example.language}")
+    except FileError as error:
+        return {fault.code for fault in error.faults}
+    return set()
+
+
 def write_files(explanation: str, folder: Path) -> None:
     """The files that a page shows before its examples; their first line is their name."""
     shown = r"```(?:python|yaml)\n# (\w+\.(?:py|yaml))\n(.*?)```"
@@ -44,7 +56,7 @@ def write_files(explanation: str, folder: Path) -> None:
         (folder / name).write_text(source)
 
 
-@pytest.mark.parametrize("family", ["P1", "P4", "P5", "P6", "P7"])
+@pytest.mark.parametrize("family", ["P1", "P3", "P4", "P5", "P6", "P7", "P9"])
 def test_every_code_has_a_page_and_every_page_is_used(family: str) -> None:
     written = {each.code for each in pages() if each.code.startswith(family)}
     used = {code for code in codes_in_sources() if code.startswith(family)}
@@ -56,9 +68,11 @@ def test_every_code_has_a_page_and_every_page_is_used(family: str) -> None:
 def test_the_examples_of_a_page(code: str, tmp_path: Path) -> None:
     explained = page(code)
     write_files(explained.explanation, tmp_path)
-    if explained.wrong.language == "xml":
-        pytest.skip("XML is read by picktree convert")
     assert explained.wrong.text != explained.right.text
+    if code.startswith("P9"):
+        assert code in codes_of_conversion(explained.wrong, tmp_path)
+        assert codes_of_conversion(explained.right, tmp_path) == set()
+        return
     assert code in codes_of(explained.wrong, tmp_path)
     assert code not in codes_of(explained.right, tmp_path)
 
