@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 class Recovering(Control, abstract=True):
     """Runs `tried`; after a failure runs its cure, then `tried` again, a tick apart."""
 
+    by_turns = True
+
     causes = (tree.ATTEMPTS,)
     remembers = ("_runs", "_reports", "_handler", "_giving_up")
     positions = ("_handler",)

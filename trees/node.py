@@ -56,6 +56,11 @@ class Node(Behaviour):
     uses: ClassVar[tuple[Resource, ...]] = ()
     hand_after: ClassVar[Hand] = "unchanged"
     """What is in the hand after its success, for the linter."""
+    by_turns: ClassVar[bool] = False
+    """Whether it runs one child at a time and leaves it alone until it ends, for the linter."""
+    steady: ClassVar[bool] = False
+    """Whether it takes no time, touches nothing but the blackboard, and answers alike, its children too, as
+    long as keys and facts do not change; for the linter."""
     lasting: ClassVar[int] = 0
     """How many facts outlast its end, of those that it remembers: its `flow` has a flag for each."""
     example: ClassVar[str] = ""

@@ -20,6 +20,9 @@ class IfThenElse(Control):
     Without a third child a no is FAILURE. SKIPPED when the condition is skipped.
     """
 
+    by_turns = True
+    steady = True
+
     example = """
     IfThenElse:
       - Condition: {if: holding}
@@ -68,6 +71,8 @@ class WhileDoElse(Control):
     It is not a loop: it ends when the ticked child ends. As in BT.CPP the branch that is left is halted
     before the other is ticked. Without a third child a no is FAILURE.
     """
+
+    steady = True
 
     example = """
     WhileDoElse:

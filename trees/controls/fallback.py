@@ -23,6 +23,9 @@ class Fallback(Control):
     (a false condition) does not hide one that has. SKIPPED when all were skipped.
     """
 
+    by_turns = True
+    steady = True
+
     example = """
     Fallback:
       - Place: {object: "{item}", into: red_bin}
@@ -68,6 +71,8 @@ class ReactiveFallback(Control):
     When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
     ticked: both hold the arm for a moment, and the one that acquired it last keeps it.
     """
+
+    steady = True
 
     example = """
     ReactiveFallback:

@@ -25,6 +25,8 @@ class ForEach(Decorator):
     was skipped for every element.
     """
 
+    by_turns = True
+
     example = """
     ForEach:
       in: "{items}"

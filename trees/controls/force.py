@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 class Inverter(Decorator):
     """SUCCESS becomes FAILURE without a report, and FAILURE becomes SUCCESS, unless it is a safety stop."""
 
+    by_turns = True
+    steady = True
+
     example = """
     Inverter:
       Condition: {if: holding}
@@ -44,6 +47,9 @@ class Inverter(Decorator):
 class ForceSuccess(Decorator):
     """SUCCESS however the child ends. It cannot hide a safety stop (safety.*) or a fault of the program."""
 
+    by_turns = True
+    steady = True
+
     example = """
     ForceSuccess:
       GoTo: {pose: observe}
@@ -65,6 +71,9 @@ class ForceSuccess(Decorator):
 
 class ForceFailure(Decorator):
     """FAILURE however the child ends, with the child's failure when it has one."""
+
+    by_turns = True
+    steady = True
 
     example = """
     Fallback:

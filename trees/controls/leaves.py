@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 class AlwaysSuccess(Node):
     """SUCCESS at once."""
 
+    steady = True
+
     example = """
     Fallback:
       - GoTo: {pose: observe}
@@ -40,6 +42,8 @@ class AlwaysSuccess(Node):
 
 class AlwaysFailure(Node):
     """FAILURE at once, without a report, as a false condition."""
+
+    steady = True
 
     example = """
     Fallback:
@@ -64,6 +68,8 @@ class AlwaysFailure(Node):
 class Condition(ConditionNode):
     """Whether an expression holds. It sees the blackboard's keys and the facts of the world."""
 
+    steady = True
+
     example = """
     Condition: {if: "item.colour == 'red' and not holding"}
     """
@@ -87,6 +93,8 @@ class Condition(ConditionNode):
 class SetBlackboard(Node):
     """Writes a value to the blackboard."""
 
+    steady = True
+
     example = """
     SetBlackboard: {value: 3, output_key: "{tries}"}
     """
@@ -106,6 +114,8 @@ class SetBlackboard(Node):
 
 class Log(Node):
     """Writes a sentence, and a value if given, into the record."""
+
+    steady = True
 
     example = """
     Log: {message: now comes, value: "{item.kind}"}

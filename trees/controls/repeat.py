@@ -21,6 +21,8 @@ class Repeat(Decorator):
     `while` is asked before each cycle. The tick ends between two cycles. A skipped child skips the loop.
     """
 
+    by_turns = True
+
     example = """
     Repeat:
       num_cycles: 3
@@ -93,6 +95,8 @@ class Repeat(Decorator):
 
 class KeepRunningUntilFailure(Decorator):
     """Runs its child again and again, one tick apart, until it fails; then it fails with its failure."""
+
+    by_turns = True
 
     example = """
     KeepRunningUntilFailure:

@@ -23,6 +23,8 @@ class RetryUntilSuccessful(Decorator):
     tree.attempts when the child gave no reason. A fault of the program is not tried again.
     """
 
+    by_turns = True
+
     example = """
     RetryUntilSuccessful:
       num_attempts: 3

@@ -27,6 +27,8 @@ class RoundRobin(Control):
     tries another cure at each failure.
     """
 
+    by_turns = True
+
     example = """
     Recover:
       attempts: 5

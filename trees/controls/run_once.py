@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 class RunOnce(Decorator):
     """Runs its child until it has ended once; after that it is SKIPPED, or answers as the child did then."""
 
+    by_turns = True
+
     example = """
     RunOnce:
       Observe: {camera: overhead, objects: "{items}"}

@@ -21,6 +21,9 @@ class Sequence(Control):
     failure of its failing child.
     """
 
+    by_turns = True
+    steady = True
+
     example = """
     Sequence:
       - Grasp: {object: "{item}"}
@@ -64,6 +67,8 @@ class ReactiveSequence(Control):
 
     When an earlier child runs or fails, a later one that was RUNNING is halted, after the earlier was ticked.
     """
+
+    steady = True
 
     example = """
     ReactiveSequence:

@@ -25,6 +25,8 @@ class Switch(Control):
     ticked, as in BT.CPP. Without a case and a default it fails with tree.no_case.
     """
 
+    steady = True
+
     example = """
     Switch:
       variable: "{item.form}"

@@ -21,6 +21,8 @@ _ROUNDING = 1e-9
 class Timeout(Decorator):
     """Halts its child and fails with tree.timeout when it still runs after that time. 0 is without limit."""
 
+    by_turns = True
+
     example = """
     Timeout:
       msec: 20 s
@@ -59,6 +61,8 @@ class Timeout(Decorator):
 
 class Delay(Decorator):
     """Waits that time, RUNNING, and then ticks its child."""
+
+    by_turns = True
 
     example = """
     Delay:

@@ -1,0 +1,55 @@
+"""What is in the hand when the mission ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ...world.files.document import Fault
+from ..flow import State
+from ..flow.state import FIRST_FILLER
+from ..mission import NodeSpec
+from .survey import Survey
+
+
+def left_in_hand(survey: Survey) -> Iterator[Fault]:
+    """P330: an object that is still held at the end, with nobody having seen to it."""
+    if survey.main is None:
+        return
+    for index, filler in enumerate(survey.walk.fillers):
+        bit = FIRST_FILLER << index
+        success = any(_held(state, bit) for state in survey.main.success | survey.main.skipped)
+        failures = [why for state, why in survey.main.failure.items() if _held(state, bit)]
+        if not success and not failures:
+            continue
+        names = dict.fromkeys(
+            source.at.name for why in failures for source in why.sources(survey.file) if source.causes
+        )
+        shown = " or ".join(list(names)[:3]) + (" or another node" if len(names) > 3 else "")
+        when = "when it succeeds" if success else f"when {shown} fails" if shown else "when it fails"
+        at = _in_own_file(survey, filler)
+        if at is None:
+            continue
+        message = f"the mission may end with what {filler.name} took still in the hand, {when}"
+        hint = "on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it"
+        yield survey.fault(at, message, hint, code="P330")
+
+
+def _held(state: State, bit: int) -> bool:
+    return bool(state.hand & bit) and not state.doubtful
+
+
+def _in_own_file(survey: Survey, filler: NodeSpec) -> NodeSpec | None:
+    """The node, or where the mission's own file uses the sub-tree in which it stands."""
+    if survey.own(filler.mark):
+        return filler
+    for place in survey.places():
+        if place.spec.node is None and _contains(survey, place.spec.id, filler):
+            return place.spec
+    return None
+
+
+def _contains(survey: Survey, tree: str, wanted: NodeSpec) -> bool:
+    return any(
+        spec is wanted or (spec.node is None and _contains(survey, spec.id, wanted))
+        for spec in survey.mission.trees[tree].root.iterate()
+    )
