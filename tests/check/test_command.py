@@ -69,6 +69,10 @@ def test_a_file_that_another_names_comes_behind_it_or_at_its_own_place(
 
     assert heads("a.yaml") == [own, other]
     assert heads("base.yaml", "a.yaml") == [other, own]
+    (folder / "c.yaml").write_text(WRONG)
+    third = other.replace("base", "c")
+    assert heads("a.yaml", "c.yaml") == [own, other, third]
+    assert heads("a.yaml", "c.yaml", "base.yaml") == [own, third, other]
 
 
 def test_warnings_fail_only_when_strict(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

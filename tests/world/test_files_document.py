@@ -82,7 +82,10 @@ def test_places() -> None:
     assert document.mark(("a", "b", 2, "absent", "deeper")) == Mark("m.yaml", 4, 14)
     assert document.get(("a", "b", 1)) == "é"
     assert document.get(("a", "x")) is None
-    assert str(document.fault(("a", "b", 0), "is ten", "try nine")) == "m.yaml:4:7: a.b[0]: is ten (try nine)"
+    assert (
+        str(document.fault(("a", "b", 0), "is ten", "try nine", code="P107"))
+        == "m.yaml:4:7: a.b[0]: is ten (try nine)"
+    )
 
 
 def test_aliases_repeat_a_value() -> None:
