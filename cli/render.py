@@ -25,13 +25,12 @@ def render(
     ] = False,
 ) -> None:
     """Draw a mission: its trees, ports, conditions, and what recovers from which failure."""
-    from ..trees.drawing.charting import chart
+    from ..trees.drawing.charting import chart_of_file
     from ..trees.drawing.formats import drawn, suffix_of
     from ..trees.drawing.text import WIDTH, text
-    from ..trees.loader import load_mission
 
     suffix = suffix_of(output.name) if output is not None else ".txt"
-    charted = chart(load_mission(file))
+    charted = chart_of_file(file)
     if output is None:
         columns = shutil.get_terminal_size((WIDTH, 0)).columns if sys.stdout.isatty() else WIDTH
         show(text(charted, columns=columns, expand=expand), None)

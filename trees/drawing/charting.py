@@ -7,8 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import cast
 
-from ...world.files.marks import Mark
+from ...world.files.document import open_document
+from ...world.files.marks import FileError, Mark
 from ...world.journal import Plain
+from ..loader import examine
 from ..mission import MAIN, Mission, NodeSpec, TreeSpec
 from ..mission_files import name_of
 from ..ports import PortDeclaration
@@ -16,6 +18,14 @@ from ..references import Binding, Reference
 from ..slots import SlotDeclaration
 from .chart import Branch, BranchRole, Chart, ChartNode, ChartPort, ChartTree, PortRole, Rule
 from .symbols import RECOVERY, symbol_of
+
+
+def chart_of_file(path: Path) -> Chart:
+    """Of a mission file, or of one with sub-trees for others. Raises FileError with all its faults."""
+    reading = examine(open_document(path, "mission"))
+    if reading.faults:
+        raise FileError(reading.faults)
+    return chart(reading.mission)
 
 
 def chart(mission: Mission) -> Chart:
