@@ -160,8 +160,10 @@ class Author:
         name = self._random.choice(_AROUND)
         match name:
             case "Parallel":
-                counts = {"success_count": self._whole(), "failure_count": self._whole()}
-                return {name: {"do": children(), **self._some(**counts)}}
+                parts = children()
+                counts = [-1, 1, len(parts), "{number}"]  # of the last it is not known how many it is
+                wanted, tolerated = self._random.choice(counts), self._random.choice(counts)
+                return {name: {"do": parts, **self._some(success_count=wanted, failure_count=tolerated)}}
             case "IfThenElse" | "WhileDoElse":
                 return {name: {"do": children(2)}}
             case "Switch":
