@@ -12,14 +12,25 @@ _GIVEN: Schema = {"not": {"type": "null"}}
 def exactly_one(keys: Sequence[str]) -> list[Schema]:
     """One of the keys is given, and of several the later ones are too much."""
     named = ", ".join(keys)
-    none: Schema = {"not": {"anyOf": [{"required": [key]} for key in keys]}}
-    missing: Schema = {"required": [keys[0]], "errorMessage": f"one of {named} is missing"}
     too_much: Schema = {"type": "null", "errorMessage": f"only one of {named} may be given"}
-    found: list[Schema] = [{"if": none, "then": missing}]
+    found = [one_needed(keys, f"one of {named} is missing")]
     for n, key in enumerate(keys[:-1]):
         given: Schema = {"required": [key], "properties": {key: _GIVEN}}
         found.append({"if": given, "then": {"properties": dict.fromkeys(keys[n + 1 :], too_much)}})
     return found
+
+
+def one_needed(keys: Sequence[str], sentence: str) -> Schema:
+    """At least one of the keys is given, or that sentence is true."""
+    none: Schema = {"not": {"anyOf": [{"required": [key]} for key in keys]}}
+    return {"if": none, "then": {"required": [keys[0]], "errorMessage": sentence}}
+
+
+def belonging(keys: Sequence[str], owner: str, other: str) -> list[Schema]:
+    """The keys belong to `owner` and may not stand beside `other`."""
+    given: Schema = {"required": [other], "properties": {other: _GIVEN}}
+    wrong: Schema = {key: {"type": "null", "errorMessage": f"'{key}' belongs to '{owner}'"} for key in keys}
+    return [{"if": given, "then": {"properties": wrong}}]
 
 
 def by_value(key: str, needs: Mapping[str, Sequence[str]], may: Mapping[str, Sequence[str]]) -> list[Schema]:

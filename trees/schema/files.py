@@ -8,7 +8,7 @@ from ...world.faults.schema import MAY, NEEDS, FaultsFile
 from ...world.robot.schema import RobotFile
 from ...world.scene.schema import SceneFile
 from ..rehearsal.schema import CasesFile
-from .conditions import by_value
+from .conditions import belonging, by_value
 from .drafts import schema, schemas
 from .models import model_schema
 from .parts import Schema
@@ -25,13 +25,22 @@ def file_schema(kind: FileKind) -> Schema:
         case "robot":
             return model_schema(kind, RobotFile)
         case "faults":
-            found = model_schema(kind, FaultsFile)
-            entry = schema(schema(found["definitions"])["FaultEntry"])
-            entry["allOf"] = [*schemas(entry.get("allOf")), *by_value("fault", NEEDS, MAY)]
-            found["definitions"] = schema(found["definitions"]) | {"FaultEntry": entry}
-            return found
+            return _faults()
         case "cases":
             return model_schema(kind, CasesFile)
+
+
+def _faults() -> Schema:
+    found = model_schema("faults", FaultsFile)
+    definitions = schema(found["definitions"])
+    rules = {
+        "FaultEntry": by_value("fault", NEEDS, MAY),
+        "When": belonging(("start", "delay"), "node", "at"),
+    }
+    for name, more in rules.items():
+        definition = schema(definitions[name])
+        definitions[name] = definition | {"allOf": [*schemas(definition.get("allOf")), *more]}
+    return found | {"definitions": definitions}
 
 
 def _scene() -> Schema:

@@ -20,6 +20,7 @@ from .nodes import (
     tree_schema,
 )
 from .parts import DRAFT, ID_PATTERN, Schema, header, if_bare, ref
+from .together import one_needed_of
 from .values import Known
 
 _TYPES = (*NAMES_IN_FILES, *(f"list of {name}" for name in NAMES_IN_FILES))
@@ -44,7 +45,9 @@ class Particular:
 def mission_schema(registry: Registry, particular: Particular) -> Schema:
     """JSON Schema of a mission that may use the registry's nodes."""
     declared = registry.declarations()
-    needing = [node.id for node in declared if needs_body(node)]
+    classes = {name: node for name in registry.ids() if (node := registry.find(name)) is not None}
+    together = {name: one_needed_of(node) for name, node in classes.items()}
+    needing = [node.id for node in declared if needs_body(node, together[node.id])]
     needing += [name for name, ports in particular.trees.items() if any(p.required for p in ports)]
     ids = Ids(tuple(node.id for node in declared), tuple(particular.trees), tuple(needing), particular.closed)
     single = ids.single()
@@ -53,11 +56,16 @@ def mission_schema(registry: Registry, particular: Particular) -> Schema:
         "treePort": _tree_port(),
         "node": single,
         "child": single | {"type": ["object", "array", "string"], "items": ref("node"), "minItems": 1},
-        "bare": {"title": "node"} | ids.bare() | bare_docs(node for node in declared if not needs_body(node)),
+        "bare": {"title": "node"}
+        | ids.bare()
+        | bare_docs(node for node in declared if node.id not in needing),
         "unknown": {"properties": common_properties()},
         "causes": causes_schema(registry.causes, registry.patterns, closed=ids.closed),
         **common_definitions(),
-        **{f"node.{node.id}": node_schema(node, ids, particular.known) for node in declared},
+        **{
+            f"node.{node.id}": node_schema(node, together[node.id], ids, particular.known)
+            for node in declared
+        },
         **{
             f"tree.{name}": tree_schema(name, ports, particular.known)
             for name, ports in particular.trees.items()
@@ -144,8 +152,8 @@ def _tree(ids: Ids) -> Schema:
         "type": ["object", "null"],
         "description": "What is handed to the tree, by name: type, default, unit, documentation.",
         "propertyNames": {
-            "pattern": r"^(?!name(?![\s\S]))[A-Za-z][A-Za-z0-9_]*(?![\s\S])",
-            "patternErrorMessage": "a port's name is a letter, then letters, digits and '_', and not 'name'",
+            "pattern": r"^(?!(?:name|breakpoint)(?![\s\S]))[A-Za-z][A-Za-z0-9_]*(?![\s\S])",
+            "patternErrorMessage": "a port's name is a letter, then letters, digits and '_'",
         },
         "additionalProperties": ref("treePort"),
     }

@@ -9,8 +9,11 @@ from ..declaration import BREAKPOINT, COMMON_KEYS, POSTCONDITIONS, PRECONDITIONS
 from ..ports import PortDeclaration
 from ..slots import SlotDeclaration
 from ..wording import COMMON_DOCS, flowing, hand_words, uses_words
+from .conditions import one_needed
+from .drafts import schemas
 from .ids import Ids
 from .parts import NAME_PATTERN, Schema, if_bare, ref
+from .together import OneNeeded
 from .values import Known, port_schema
 
 
@@ -36,7 +39,7 @@ def common_properties() -> dict[str, Schema]:
     return {key: ref(f"key.{key}") for key in COMMON_KEYS}
 
 
-def node_schema(node: NodeDeclaration, ids: Ids, known: Known) -> Schema:
+def node_schema(node: NodeDeclaration, needed: OneNeeded | None, ids: Ids, known: Known) -> Schema:
     """What may stand under the node's ID."""
     main = node.slot("do")
     properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in node.ports}
@@ -50,18 +53,17 @@ def node_schema(node: NodeDeclaration, ids: Ids, known: Known) -> Schema:
         "title": node.id,
         "description": flowing(node.doc),
         "markdownDescription": node_markdown(node),
-        "type": ["object"],
         "properties": properties,
     }
-    if main is None:
-        found["additionalProperties"] = False
+    ported = bool(required) or needed is not None
+    if main is not None:
+        found |= _with_main(node, main, ids, ported=ported)
     else:
-        found |= _with_main(node, main, required, ids)
-    if required:
-        found["required"] = required
-    elif main is None:
-        found["type"] = ["object", "null"]
-    return found
+        found |= {"additionalProperties": False, "type": ["object"] if ported else ["object", "null"]}
+    if needed is not None:
+        also = one_needed(needed.keys, f"{node.id}: {needed.sentence}")
+        found |= {"allOf": [*schemas(found.get("allOf")), also]}
+    return found | ({"required": required} if required else {})
 
 
 def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: Known) -> Schema:
@@ -78,9 +80,10 @@ def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: Known) -> 
     }
 
 
-def needs_body(node: NodeDeclaration) -> bool:
+def needs_body(node: NodeDeclaration, needed: OneNeeded | None) -> bool:
     """Whether a bare ID is not enough."""
-    return any(p.required for p in node.ports) or any(s.required for s in node.slots)
+    keys = (*node.ports, *node.slots)
+    return needed is not None or any(key.required for key in keys)
 
 
 def slot_schema(slot: SlotDeclaration) -> Schema:
@@ -121,11 +124,14 @@ def _cause(name: str, cause: object) -> str:
     return f"`{name}`" if isinstance(cause, Cause) else f"`{name}.*`"
 
 
-def _with_main(node: NodeDeclaration, main: SlotDeclaration, required: list[str], ids: Ids) -> Schema:
-    """The forms in which the children may stand: under `do`, as a list, or as the one key that is a node."""
+def _with_main(node: NodeDeclaration, main: SlotDeclaration, ids: Ids, *, ported: bool) -> Schema:
+    """The forms in which the children may stand: under `do`, as a list, or as the one key that is a node.
+
+    ported: some port must be given, so that the children cannot stand by themselves.
+    """
     types = ["object"]
     found: Schema = {"type": types}
-    if not required:
+    if not ported:
         # A list or a bare ID is the value of `do`; then there is no place for ports.
         types.append("array")
         found |= {"items": ref("node"), "minItems": max(main.least, 1)}
