@@ -210,7 +210,8 @@ NODES = tuple(node.id for node in known().declarations())
 VALUES: tuple[Value, ...] = (
     None, True, 0, 1, -1, 2.5, 1e9, "", "x", "{item}", "{item.colour}", "{item.foo}", "{a b}", "30 mm",
     "5 deg", "20 N", "-3 s", "2", "home", "before", "any", "holding", "a := 1", [], {},
-    [1, 2, 3], ["x"], {"x": 1}, "Grasp", "GoTo", {"GoTo": {}}, {"GoTo": None}, ["GoTo"], [{"Grasp": {"object": "{x}"}}], {"GoTo": []},
+    [1, 2, 3], ["x"], {"x": 1}, "Grasp", "GoTo", {"GoTo": {}}, {"GoTo": None}, ["GoTo"],
+    [{"Grasp": {"object": "{x}"}}], {"GoTo": []},
 )  # fmt: skip
 
 
