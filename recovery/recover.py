@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..trees.given import Given
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.slots import child, optional_child, table
@@ -44,8 +45,8 @@ class Recover(Recovering):
     last_resort = optional_child("what is done before failing for good", key="give_up")
 
     @classmethod
-    def check_ports(cls, given: frozenset[str]) -> tuple[str, ...]:
-        if not given & {"when", "otherwise"}:
+    def check_ports(cls, given: Given) -> tuple[str, ...]:
+        if not given.any_of("when", "otherwise"):
             return ("without `when` or `otherwise` nothing is recovered; use RetryUntilSuccessful to retry",)
         return ()
 

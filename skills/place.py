@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
+from ..trees.given import Given, Misfit
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, place, planning, safety
@@ -59,6 +60,15 @@ class Place(Skill):
     )
     uses = (ARM, GRIPPER)
     hand_after = "empty"
+
+    @classmethod
+    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+        if given.any_of("into") == given.any_of("at"):
+            return ("one of 'into' and 'at' must be given, and not both",)
+        at = given.constants.get("at")
+        if isinstance(at, list) and len(cast("list[object]", at)) != 3:
+            return (Misfit("at", f"three numbers x, y, z are wanted, not {len(cast('list[object]', at))}"),)
+        return ()
 
     def run(self, world: World) -> Steps:
         held = yield from self._held(world)

@@ -15,13 +15,15 @@ from ..world.files.document import Document, Location, Mark, Value
 from .controls import Sequence
 from .declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration
 from .faults import Faults
+from .given import Given
 from .mission import NodeSpec
 from .node import Node
 from .pointer import Pointer
 from .ports import PortDeclaration
-from .references import Binding
+from .references import Binding, Constant
 from .registry import Registry
 from .slots import SlotDeclaration
+from .types import show
 from .wires import Wires
 
 _NAME = re.compile(r"[^/#\x00-\x1f]{1,60}")
@@ -37,6 +39,13 @@ class Names:
     def take(self, name: str) -> str:
         count = self._counts[name] = self._counts.get(name, 0) + 1
         return name if count == 1 else f"{name}#{count}"
+
+
+def _labels(slot: SlotDeclaration, value: Value) -> tuple[str, ...]:
+    """One entry for each child under a slot: its name in a table, else empty."""
+    if slot.arity == "table":
+        return tuple(value) if isinstance(value, dict) else ()
+    return ("",) * len(value) if isinstance(value, list) else ("",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +72,11 @@ class Grammar:
         trees: Mapping[str, tuple[PortDeclaration, ...]],
         faults: Faults,
         pointer: Pointer,
+        *,
+        lacking: bool = False,
     ) -> None:
+        """lacking: a file with more trees could not be read, so that no name is missed."""
+        self._lacking = lacking
         self._document = document
         self._registry = registry
         self._trees = trees
@@ -93,9 +106,9 @@ class Grammar:
                 return self._known(identity, body, (*loc, identity), loc, above, names)
             case dict() if value:
                 keys = list(value)
-                shown = ", ".join(map(repr, keys[:4])) + (", …" if len(keys) > 4 else "")
+                shown = ", ".join(map(show, keys[:4])) + (", …" if len(keys) > 4 else "")
                 message = f"a node is a mapping with one key, its ID; here are {len(keys)}: {shown}"
-                hint = f"what belongs to {keys[0]!r} is indented under it"
+                hint = f"what belongs to {show(keys[0])} is indented under it"
                 self._fault(loc, above, message, hint, code="P215")
             case _:
                 hint = "as 'Grasp: {object: \"{item}\"}' or a bare ID"
@@ -107,7 +120,7 @@ class Grammar:
     ) -> NodeSpec | None:
         given = body.get("name") if isinstance(body, dict) else None
         named = isinstance(given, str) and _NAME.fullmatch(given) is not None
-        name = names.take(given if named and isinstance(given, str) else identity)
+        name = names.take(given if named and isinstance(given, str) else identity[:60])
         site = _Site(loc, start, f"{above}/{name}")
         if given is not None and not named:
             message = "a name is a text without '/' and '#', 60 characters at most"
@@ -125,15 +138,19 @@ class Grammar:
         key = bool(loc) and loc[-1] == identity
         if IDENTIFIER.fullmatch(identity):
             hint = self._faults.nearest(identity, (*self._trees, *self._registry.ids()))
-            detail = ""
-            if not hint.startswith("did you mean") and self._registry.problems:
+            detail, near = "", hint.startswith("did you mean")
+            if not near:
+                hint = "`picktree nodes` lists those that there are"
+            if not near and self._registry.problems:
                 # The name may be right, and its plug-in installed but broken.
                 hint = "; ".join(problem.message for problem in self._registry.problems)
                 detail = "\n".join(filter(None, (problem.traceback for problem in self._registry.problems)))
-            self._fault(loc, above, f"unknown node {identity!r}", hint, code="P207", key=key, detail=detail)
+            if near or not self._lacking:
+                message = f"unknown node {show(identity)}"
+                self._fault(loc, above, message, hint, code="P207", key=key, detail=detail)
         else:
             hint = "a letter or '_', then letters, digits and '_'"
-            self._fault(loc, above, f"{identity!r} is not an ID", hint, code="P208", key=key)
+            self._fault(loc, above, f"{show(identity)} is not an ID", hint, code="P208", key=key)
         # What stands below is still looked at: all faults are reported at once.
         inner, at = (body.get("do"), (*loc, "do")) if isinstance(body, dict) else (body, loc)
         if isinstance(inner, list):
@@ -189,10 +206,32 @@ class Grammar:
                 what = what if slot.key == "do" else f"{slot.key!r} is"
                 message = f"{what} missing: {slot.doc}"
                 self._fault(site.loc, site.trail, message, code="P228", key=site.keyed)
-        for sentence in node.check_ports(frozenset(given)):
-            self._fault(site.loc, site.trail, sentence, code="P234", key=site.keyed)
+        self._rules(node, given, bindings, locations, site)
         ordered = {slot.key: slots[slot.key] for slot in declaration.slots if slot.key in slots}
         return self._spec(declaration.id, name, node, site, given, bindings, ordered, places)
+
+    def _rules(
+        self,
+        node: type[Node],
+        given: Mapping[str, Value],
+        bindings: Mapping[str, Binding],
+        locations: Mapping[str, Location],
+        site: _Site,
+    ) -> None:
+        """What the class itself finds wrong."""
+        constants = {key: bound.value for key, bound in bindings.items() if isinstance(bound, Constant)}
+        slots = [slot for slot in node.declaration.slots if slot.key in given]
+        labels = {slot.key: _labels(slot, given[slot.key]) for slot in slots}
+        for wrong in node.check_ports(Given(frozenset(given), constants, labels)):
+            if isinstance(wrong, str):
+                self._fault(site.loc, site.trail, wrong, code="P234", key=site.keyed)
+                continue
+            key, _, label = wrong.key.partition("/")
+            at = locations.get(key, site.loc)
+            message = f"port {key!r}: {wrong.message}" if not label else wrong.message
+            self._fault(
+                (*at, label) if label else at, site.trail, message, wrong.hint, code="P234", key=bool(label)
+            )
 
     def _spec(
         self,
@@ -319,7 +358,7 @@ class Grammar:
             if slot.of == "cause":
                 self._check_pattern(key, (*loc, key), trail)
             elif not _NAME.fullmatch(key):
-                self._fault((*loc, key), trail, f"{key!r} cannot name a case", code="P232", key=True)
+                self._fault((*loc, key), trail, f"{show(key)} cannot name a case", code="P232", key=True)
             node = self._one(body, (*loc, key), trail, names, key)
             if node is not None:
                 found.append((key, node))
@@ -329,10 +368,10 @@ class Grammar:
         patterns = self._registry.patterns
         if pattern not in patterns:
             hint = self._faults.nearest(pattern, patterns)
-            self._fault(loc, trail, f"no cause is called {pattern!r}", hint, code="P233", key=True)
+            self._fault(loc, trail, f"no cause is called {show(pattern)}", hint, code="P233", key=True)
 
     def _unknown_key(self, identity: str, key: str, known: Iterable[str], loc: Location, trail: str) -> None:
         # Conditions are known to those who want them; in a hint they would only be noise.
         names = [name for name in known if not name.startswith("_") or key.startswith("_")]
         hint = self._faults.nearest(key, names)
-        self._fault(loc, trail, f"{identity} has no port {key!r}", hint, code="P218", key=True)
+        self._fault(loc, trail, f"{identity} has no port {show(key)}", hint, code="P218", key=True)

@@ -32,6 +32,7 @@ from .pointer import Pointer
 from .ports import PortDeclaration
 from .registry import Registry
 from .tree_ports import TreePorts
+from .types import show
 from .wiring.asking import unanswerable
 from .wiring.circuit import Circuit
 from .wiring.keys import FACT_TYPES
@@ -111,11 +112,14 @@ class _Reader:
         self._facts = facts
         self._faults = Faults()
         self._pointer = Pointer((document,))
+        self._lacking = False
 
     def read(self) -> Reading:
         for fault in self._document.faults:
             self._faults.add(fault)
+        before = len(self._faults)
         included = Includes(self._files, self._faults).of(self._document)
+        self._lacking = len(self._faults) > before
         documents = (self._document, *included)
         self._pointer = Pointer(documents)
         library = self._document.data.get("library") is True
@@ -158,7 +162,7 @@ class _Reader:
         for key in document.data:
             if key not in _KEYS:
                 hint = self._faults.nearest(key, _KEYS)
-                message = f"a mission has no key {key!r}"
+                message = f"a mission has no key {show(key)}"
                 self._fault((key,), message, hint, code="P201", key=True, document=document)
             elif key in _NOT_IN_LIBRARY and library is True:
                 message = f"a library has no {key!r}: that is for the mission to say"
@@ -229,7 +233,9 @@ class _Reader:
                     ports[name] = declared.of(name, body)
         trees: dict[str, TreeSpec] = {}
         for document, found in bodies:
-            grammar = Grammar(document, self._registry, ports, self._faults, self._pointer)
+            grammar = Grammar(
+                document, self._registry, ports, self._faults, self._pointer, lacking=self._lacking
+            )
             for name, body in found.items():
                 root = self._root(document, grammar, name, body) if homes.get(name) is document else None
                 if root is not None:
@@ -276,7 +282,7 @@ class _Reader:
         loc: Location = ("trees", name)
         message, hint, code = "", "", "P209"
         if not IDENTIFIER.fullmatch(name):
-            message, code = f"{name!r} is not an ID", "P208"
+            message, code = f"{show(name)} is not an ID", "P208"
             hint = "a letter or '_', then letters, digits and '_'"
         elif self._registry.find(name) is not None:
             message = f"{name!r} is a node already; a tree needs another name"

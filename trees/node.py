@@ -16,6 +16,7 @@ from ..world.journal import Happened, Plain
 from .conditions import assign_after, settled_before
 from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
 from .flow.plainly import any_way
+from .given import Given, Misfit
 from .plain import plain_copy
 from .ports import PortDeclaration
 from .references import Binding, Constant, Reference
@@ -118,8 +119,9 @@ class Node(Behaviour):
         """Called when the node goes on under an edited mission that says something else for these ports."""
 
     @classmethod
-    def check_ports(cls, given: frozenset[str]) -> tuple[str, ...]:
-        """What is wrong with the set of keys that a file gives, as sentences: rules about several keys."""
+    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+        """What is wrong with what a file gives: rules about several keys, and about values that no bound of
+        a port can say. A sentence concerns the node, a Misfit one of its keys."""
         return ()
 
     # What a sub-class may say of itself for the linter, where the declaration is not the whole truth.

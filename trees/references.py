@@ -16,6 +16,7 @@ from ..world.journal import Plain
 from ..world.scene.description import Form
 from ..world.scene.planning_scene import BeliefObject, PlanningScene
 from ..world.values import ObjectId
+from .types import show
 
 _REFERENCE = re.compile(r"\{([A-Za-z_]\w*)((?:\.[A-Za-z_]\w*)*)\}", re.ASCII)
 _BRACES = re.compile(r"\{.*\}", re.DOTALL)
@@ -64,7 +65,7 @@ class Reference:
         match = _REFERENCE.fullmatch(text)
         if match is None:
             if _BRACES.fullmatch(text):
-                raise ValueError(f"{text!r} is not a reference")
+                raise ValueError(f"{show(text)} is not a reference")
             return None
         return cls(match[1], tuple(match[2].split(".")[1:]))
 

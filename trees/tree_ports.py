@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, cast
 
-from ..world.files.document import Document, Location, Value
-from .declaration import IDENTIFIER
+from ..world.files.document import Document, Location, Value, nearest
+from ..world.files.quantities import UNITS
+from ..world.journal import Plain
+from .declaration import COMMON_KEYS, IDENTIFIER
 from .faults import Faults
-from .ports import REQUIRED, PortDeclaration
+from .ports import PortDeclaration
 from .types import NAMES_IN_FILES, PortType, convert, show
 
 _KEYS = ("type", "default", "doc", "unit", "choices", "direction")
+
+
+@dataclass(frozen=True, slots=True)
+class _Given:
+    """The declaration of one port, and where it stands."""
+
+    entry: Mapping[str, Value]
+    loc: Location
+
+    def at(self, key: str) -> Location:
+        return (*self.loc, key)
 
 
 class TreePorts:
@@ -35,53 +48,97 @@ class TreePorts:
         return tuple(port for port in found if port is not None)
 
     def _port(self, name: str, value: Value, loc: Location) -> PortDeclaration | None:
-        if not IDENTIFIER.fullmatch(name) or name.startswith("_") or name == "name":
+        """The port; where its declaration is faulty, one that takes anything."""
+        if not IDENTIFIER.fullmatch(name) or name.startswith("_") or name in COMMON_KEYS:
             self._fault(loc, f"{name!r} cannot be the name of a port", code="P214", key=True)
             return None
         entry = {"type": value} if isinstance(value, str) else value
         if not isinstance(entry, dict):
             self._fault(loc, "a port is a mapping", "as '{type: object}'", code="P211")
-            return None
+            return PortDeclaration(name, name, "in", PortType("any"), "", default="")
         for key in entry:
             if key not in _KEYS:
                 hint = self._faults.nearest(key, _KEYS)
                 self._fault((*loc, key), f"a port has no key {key!r}", hint, code="P211", key=True)
-        given = entry.get("type", "any")
-        try:
-            kind = PortType.parse(str(given))
-        except ValueError as error:
-            known = (*NAMES_IN_FILES, *(f"list of {known}" for known in NAMES_IN_FILES))
-            hint = self._faults.nearest(str(given), known)
-            self._fault((*loc, "type"), str(error), hint, code="P212")
-            return None
-        direction = entry.get("direction", "in")
-        if direction not in ("in", "out"):
-            message = f"the direction is 'in' or 'out', not {show(direction)}"
-            self._fault((*loc, "direction"), message, code="P211")
-        side: Literal["in", "out"] = "out" if direction == "out" else "in"
-        unit, choices = entry.get("unit"), entry.get("choices")
+        kind, given = self._type(entry, loc), _Given(entry, loc)
         port = PortDeclaration(
             name,
             name,
-            side,
-            kind,
-            str(entry.get("doc", "")),
-            unit if isinstance(unit, str) else None,
-            REQUIRED,
-            tuple(choices) if isinstance(choices, list) else None,
+            self._direction(given),
+            kind or PortType("any"),
+            self._text(given, "doc"),
+            self._unit(given, kind),
         )
-        return self._with_default(port, entry, loc)
+        if kind is None:
+            return replace(port, default="")
+        return self._with_default(given, replace(port, choices=self._choices(given, port)))
 
-    def _with_default(
-        self, port: PortDeclaration, entry: Mapping[str, Value], loc: Location
-    ) -> PortDeclaration:
-        if "default" not in entry:
+    def _type(self, entry: Mapping[str, Value], loc: Location) -> PortType | None:
+        given = entry.get("type", "any")
+        try:
+            return PortType.parse(given if isinstance(given, str) else show(given))
+        except ValueError as error:
+            known = (*NAMES_IN_FILES, *(f"list of {known}" for known in NAMES_IN_FILES))
+            self._fault((*loc, "type"), str(error), self._faults.nearest(str(given), known), code="P212")
+            return None
+
+    def _direction(self, given: _Given) -> Literal["in", "out"]:
+        match given.entry.get("direction", "in"):
+            case "in" | "out" as direction:
+                return direction
+            case other:
+                message = f"the direction is 'in' or 'out', not {show(other)}"
+                self._fault(given.at("direction"), message, code="P211")
+                return "in"
+
+    def _text(self, given: _Given, key: str) -> str:
+        value = given.entry.get(key, "")
+        if isinstance(value, str):
+            return value
+        self._fault(given.at(key), f"{key!r} is a text, not {show(value)}", code="P211")
+        return ""
+
+    def _unit(self, given: _Given, kind: PortType | None) -> str | None:
+        unit = self._text(given, "unit")
+        if not unit:
+            return None
+        if unit not in UNITS:
+            self._fault(given.at("unit"), f"unknown unit {show(unit)}", nearest(unit, UNITS), code="P211")
+            return None
+        if kind is not None and kind.name not in ("float", "any"):
+            hint = "it is for 'float'"
+            self._fault(given.at("unit"), f"{show(str(kind))} has no unit", hint, code="P211")
+            return None
+        return unit
+
+    def _choices(self, given: _Given, port: PortDeclaration) -> tuple[Plain, ...] | None:
+        value = given.entry.get("choices")
+        if value is None:
+            return None
+        if not isinstance(value, list) or not value:
+            self._fault(given.at("choices"), "'choices' is a list", "as '[left, right]'", code="P211")
+            return None
+        found: list[Plain] = []
+        for index, choice in enumerate(value):
+            try:
+                one = PortType(port.type.name)
+                found.append(cast("Plain", convert(choice, one, port.unit)))
+            except ValueError as error:
+                self._fault((*given.at("choices"), index), f"the choice: {error}", code="P211")
+        return tuple(found) or None
+
+    def _with_default(self, given: _Given, port: PortDeclaration) -> PortDeclaration:
+        if "default" not in given.entry:
+            return port
+        if port.direction == "out":
+            message = "an output has no default: the nodes inside write it"
+            self._fault(given.at("default"), message, code="P211", key=True)
             return port
         try:
-            default = convert(entry["default"], port.type, port.unit, port.choices)
+            default = convert(given.entry["default"], port.type, port.unit, port.choices)
         except ValueError as error:
-            self._fault((*loc, "default"), f"the default: {error}", code="P213")
-            return port
+            self._fault(given.at("default"), f"the default: {error}", code="P213")
+            return replace(port, default="")
         return replace(port, default=default)
 
     def _fault(self, loc: Location, message: str, hint: str = "", *, code: str, key: bool = False) -> None:

@@ -147,8 +147,12 @@ def show(value: object) -> str:
         return "null"
     if isinstance(value, bool):
         return str(value).lower()
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    # No more is written out than is shown: a value may be as large as a file.
+    text = repr(cast("list[object] | str", value)[:_SHOWN] if isinstance(value, str | list) else value)
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+
+
+_SHOWN = 60
 
 
 def _string(value: object, _: str | None) -> str:

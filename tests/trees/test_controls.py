@@ -92,7 +92,6 @@ CASES = [
     ("num_attempts: 3 RetryUntilSuccessful", ("FFS",), "RRS", "A:F A:F A:S"),
     ("num_attempts: 2 RetryUntilSuccessful", ("F",), "RF", "A:F A:F"),
     ("num_attempts: 2 RetryUntilSuccessful", ("K",), "K", "A:K"),
-    ("num_attempts: 0 RetryUntilSuccessful", ("S",), "F", ""),
     ("msec: 100 Timeout", ("RRRR",), "RRF", "A:R A:R halt A"),
     ("msec: 0.1 s Timeout", ("RS",), "RS", "A:R A:S"),
     ("msec: 0 Timeout", ("RRRRRS",), "RRRRRS", "A:R A:R A:R A:R A:R A:S"),

@@ -260,7 +260,7 @@ def test_all_faults_of_a_file_are_reported_at_once() -> None:
         "10:9: Main/Sequence: unknown node 'Nowhere' (did you mean 'Answer'?)",
         "10:20: Main/Sequence/Nowhere/Take: port 'object' is missing: what to take",
         "10:43: Main/Sequence/Nowhere/Inverter: unknown node 'Alwaysfailure' (did you mean 'AlwaysFailure'?)",
-        "11:15: Main/Sequence/Sub: Sub has no port 'x' (known: name, breakpoint)",
+        "11:15: Main/Sequence/Sub: Sub has no port 'x' (known: y, name, breakpoint)",
         "13:23: trees.Sub.ports.y.type: unknown type 'nothing' (did you mean 'string'?)",
         "14:5: Sub/Repeat: one of 'num_cycles' and 'while' must be given, or it would never end",
         "14:18: Sub/Repeat: unknown node 'Tak' (did you mean 'Take'?)",

@@ -222,7 +222,7 @@ def test_values_flow_through_the_ports_of_sub_trees() -> None:
           Inner:
             ports:
               side: {type: any}
-              count: {type: int, default: 30, unit: N}
+              count: {type: int, default: 30}
               list: {type: list of string, default: []}
               made: {type: string, direction: out}
               guess: {direction: out}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, cast
 
 from ..flow import Ends, Flow, State, States, tidy
+from ..given import Given, Misfit
 from ..node import Node
 from ..ports import In, Out, port
 from ..reports import cannot_be_hidden
@@ -47,6 +48,12 @@ class ForEach(Decorator):
     _items: list[object] = []  # noqa: RUF012 - replaced when the loop starts, never changed
     _index: int = 0
     _skipped: int = 0
+
+    @classmethod
+    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+        if given.number("most") != 0:
+            return ()
+        return (Misfit("most", "of 0 elements the child never runs", "at least 1, or -1 for all"),)
 
     def on_start(self) -> None:
         self._items = list(self.items) if self.most < 0 else self.items[: self.most]

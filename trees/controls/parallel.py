@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from ...world.causes import Failure, FailureReport, tree
 from ..flow import Flow, State
 from ..flow.side_by_side import SideBySide
+from ..given import Given, Misfit
 from ..node import Control
 from ..ports import In, port
 from ..reports import with_attached
@@ -42,6 +43,18 @@ class Parallel(Control):
     _succeeded: int = 0
     _failed: int = 0
     _reports: tuple[FailureReport, ...] = ()
+
+    @classmethod
+    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+        total = len(given.labels.get("do", ()))
+        wrong = [
+            Misfit(
+                key, f"{count:g} of {total} children cannot be counted", f"1 to {total}, or -1 to -{total}"
+            )
+            for key in ("success_count", "failure_count")
+            if (count := given.number(key)) is not None and not 1 <= abs(count) <= total
+        ]
+        return tuple(wrong) if total else ()
 
     def on_start(self) -> None:
         self._ended, self._reports = (), ()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ...world.files.expressions import Expression
 from ..flow import Ends, Flow, State, States, tidy
+from ..given import Given
 from ..ports import In, port
 from ..status import NodeStatus
 from .decorator import Decorator
@@ -38,8 +39,8 @@ class Repeat(Decorator):
     _cycles: int = 0
 
     @classmethod
-    def check_ports(cls, given: frozenset[str]) -> tuple[str, ...]:
-        if given & {"num_cycles", "while"}:
+    def check_ports(cls, given: Given) -> tuple[str, ...]:
+        if given.any_of("num_cycles", "while"):
             return ()
         return ("one of 'num_cycles' and 'while' must be given, or it would never end",)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ...world.causes import FailureReport, internal, matches, tree
 from ..flow import UNREPORTED, Ends, Flow, Reasons, State, States, joined, tidy
+from ..given import Given, Misfit
 from ..ports import In, port
 from ..reports import with_attached
 from ..status import NodeStatus
@@ -36,6 +37,12 @@ class RetryUntilSuccessful(Decorator):
     remembers = ("_attempts", "_reports")
     _attempts: int = 0
     _reports: tuple[FailureReport, ...] = ()
+
+    @classmethod
+    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+        if given.number("num_attempts") != 0:
+            return ()
+        return (Misfit("num_attempts", "with 0 attempts the child never runs", "at least 1, or -1"),)
 
     def on_start(self) -> None:
         self._attempts, self._reports = 0, ()

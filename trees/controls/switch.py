@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ...world.causes import Failure, tree
 from ..flow import Ends, Flow, State, States, tidy
+from ..given import Given, Misfit
 from ..node import Control, Node
 from ..ports import In, port
 from ..references import Reference
@@ -41,6 +42,19 @@ class Switch(Control):
     default = optional_child("what is done for all other values", key="default")
     causes = (tree.NO_CASE,)
 
+    @classmethod
+    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+        seen: dict[object, str] = {}
+        wrong: list[Misfit] = []
+        for name in given.labels.get("cases", ()):
+            value = _value_of(name)
+            if value in seen:
+                wrong.append(
+                    Misfit(f"cases/{name}", f"the cases {seen[value]!r} and {name!r} are the same value")
+                )
+            seen.setdefault(value, name)
+        return tuple(wrong)
+
     def on_tick(self) -> NodeStatus:
         self.read_inputs()
         chosen = next((node for name, node in self.cases.items() if _same(self.variable, name)), self.default)
@@ -61,7 +75,7 @@ class Switch(Control):
         chosen = _chosen(spec, walk)
         for part in spec.children:
             if not any(part is one for one in chosen):
-                walk.unreached(part, "the value is written here, and it is another")
+                walk.unreached(part, f"the value is always {show(walk.literal(spec, 'variable'))}")
         default = "default" in spec.slots
         if not chosen or (not default and walk.literal(spec, "variable") is None):
             ends.fail_at(entry, walk.fails(spec, walk.causes.of(cls.causes)))
@@ -82,6 +96,14 @@ class Switch(Control):
         for node in self.below:
             if node is not chosen:
                 node.halt()
+
+
+def _value_of(name: str) -> object:
+    """What two names of cases have in common that are chosen by the same values."""
+    try:
+        return float(name)
+    except ValueError:
+        return name
 
 
 def _same(value: object, name: str) -> bool:

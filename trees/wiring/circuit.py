@@ -122,7 +122,7 @@ class Circuit:
 
     def _parameter(self, main: TreeSpec, port: PortDeclaration) -> Iterator[Arrival]:
         """The default of a parameter of the mission, as far as it goes on to nodes."""
-        if port.direction == "in" and not port.required:
+        if port.direction == "in" and not port.required and port.default != "":
             mark = main.places.get(port.key, main.mark)
             place = _Place(mark, main.name, port, DEFAULT)
             yield from _literal(place, port.default, self._demands[MAIN].get(port.key, []))

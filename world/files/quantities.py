@@ -57,6 +57,8 @@ _UNITS: Mapping[str, _Unit] = {
     "": _Unit("a number without a unit"),
     "%": _Unit("a number without a unit", over=1e2),
 }
+UNITS = tuple(unit for unit in _UNITS if unit)
+"""All units that may be written."""
 _ALIASES = {"°": "deg", "µm": "um", "μm": "um", "µs": "us", "μs": "us", "m/s²": "m/s2", "rad/s²": "rad/s2"}
 _EXAMPLE = {
     "a length": "30 mm",

@@ -1,0 +1,153 @@
+"""Rules about several keys and about values, held when a mission is read; declarations of a tree's ports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from textwrap import dedent, indent
+
+import pytest
+
+from picktree.trees.loader import parse_mission
+from picktree.trees.registry import Registry
+from picktree.world.files.document import FileError
+
+
+def faults(trees: str) -> list[str]:
+    text = f"picktree: 1\nkind: mission\ntrees:\n{indent(dedent(trees).strip(), '  ')}\n"
+    try:
+        parse_mission(text, Path("m.yaml"), Registry())
+    except FileError as error:
+        return [f"{fault.code} {str(fault).removeprefix('m.yaml:')}" for fault in error.faults]
+    return []
+
+
+def doc_of(node: str, key: str) -> str:
+    found = Registry().find(node)
+    port = found.declaration.port(key) if found is not None else None
+    assert port is not None
+    return port.doc
+
+
+@pytest.mark.parametrize(
+    ("node", "fault"),
+    [
+        ("Parallel: {success_count: 3, do: [AlwaysSuccess, AlwaysFailure]}",
+         "P234 4:36: Main/Parallel: port 'success_count': 3 of 2 children cannot be counted "
+         "(1 to 2, or -1 to -2)"),
+        ("Parallel: {failure_count: 0, do: [AlwaysSuccess, AlwaysFailure]}",
+         "P234 4:36: Main/Parallel: port 'failure_count': 0 of 2 children cannot be counted "
+         "(1 to 2, or -1 to -2)"),
+        ("Parallel: {success_count: -3, do: [AlwaysSuccess, AlwaysFailure]}",
+         "P234 4:36: Main/Parallel: port 'success_count': -3 of 2 children cannot be counted "
+         "(1 to 2, or -1 to -2)"),
+        ("RetryUntilSuccessful: {num_attempts: 0, do: AlwaysFailure}",
+         "P234 4:47: Main/RetryUntilSuccessful: port 'num_attempts': with 0 attempts the child never runs "
+         "(at least 1, or -1)"),
+        ("RetryUntilSuccessful: {num_attempts: -2, do: AlwaysFailure}",
+         "P220 4:47: Main/RetryUntilSuccessful: port 'num_attempts': -2 is less than -1 "
+         f"({doc_of('RetryUntilSuccessful', 'num_attempts')})"),
+        ("Recover: {attempts: 0, do: AlwaysSuccess, otherwise: SafeRetreat}",
+         "P220 4:30: Main/Recover: port 'attempts': 0 is less than 1 (how often `do` may run)"),
+        ("ForEach: {in: [a], out: '{x}', most: 0, do: AlwaysSuccess}",
+         "P234 4:47: Main/ForEach: port 'most': of 0 elements the child never runs "
+         "(at least 1, or -1 for all)"),
+        ("Timeout: {msec: -5 s, do: AlwaysSuccess}",
+         f"P220 4:26: Main/Timeout: port 'msec': -5000 is less than 0 ({doc_of('Timeout', 'msec')})"),
+        ("Place: {object: a}",
+         "P234 4:10: Main/Place: one of 'into' and 'at' must be given, and not both"),
+        ("Place: {object: a, into: red_bin, at: [0.5, 0, 0]}",
+         "P234 4:10: Main/Place: one of 'into' and 'at' must be given, and not both"),
+        ("Place: {object: a, at: [0.5, 0]}",
+         "P234 4:33: Main/Place: port 'at': three numbers x, y, z are wanted, not 2"),
+        ("Repeat: {do: AlwaysSuccess}",
+         "P234 4:10: Main/Repeat: one of 'num_cycles' and 'while' must be given, or it would never end"),
+        ("Recover: {do: AlwaysSuccess}",
+         "P234 4:10: Main/Recover: without `when` or `otherwise` nothing is recovered; use "
+         "RetryUntilSuccessful to retry"),
+    ],
+)  # fmt: skip
+def test_values_that_make_no_sense(node: str, fault: str) -> None:
+    assert faults(f"Main: {{{node}}}") == [fault]
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        "Parallel: {success_count: 1, failure_count: -2, do: [AlwaysSuccess, AlwaysFailure]}",
+        "RetryUntilSuccessful: {num_attempts: -1, do: AlwaysFailure}",
+        "Repeat: {num_cycles: 0, do: AlwaysSuccess}",
+        "Timeout: {msec: 0, do: AlwaysSuccess}",
+        "Place: {object: a, at: [0.5, 0, 0.1]}",
+    ],
+)
+def test_values_that_make_sense(node: str) -> None:
+    assert faults(f"Main: {{{node}}}") == []
+
+
+def test_cases_for_the_same_value() -> None:
+    assert faults(
+        """
+          Main:
+            ports: {n: {type: int, default: 1}}
+            Switch: {variable: "{n}", cases: {1: Sub, 01: Sub, 1.0: Sub, 2: Sub}}
+          Sub: AlwaysSuccess
+        """
+    ) == [
+        "P234 6:47: Main/Switch: the cases '1' and '01' are the same value",
+        "P234 6:56: Main/Switch: the cases '1' and '1.0' are the same value",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("declared", "faults_of_it"),
+    [
+        ("{type: float, unit: m, default: 30 mm}", []),
+        ("{type: string, choices: [left, right], default: left}", []),
+        ("{type: list of float, unit: N, default: [3, 20 N]}", []),
+        ("3", ["P211 6:16: trees.Sub.ports.p: a port is a mapping (as '{type: object}')"]),
+        ("{typ: int}", ["P211 6:17: trees.Sub.ports.p.typ: a port has no key 'typ' (did you mean 'type'?)"]),
+        ("{type: [int]}", ["P212 6:23: trees.Sub.ports.p.type: unknown type \"['int']\" "
+                           "(did you mean 'int'?)"]),
+        ("{type: float, unit: feet}", [
+         "P211 6:36: trees.Sub.ports.p.unit: unknown unit 'feet' (known: m, cm, mm, um, "
+         "rad, mrad, deg, s, ms, us, min, h, kg, g, N, mN, kN, Nm, mNm, Ns, m/s, cm/s, mm/s, rad/s, "
+         "deg/s, …)"]),
+        ("{type: int, unit: m}", ["P211 6:34: trees.Sub.ports.p.unit: 'int' has no unit "
+                                  "(it is for 'float')"]),
+        ("{type: string, doc: 3}", ["P211 6:36: trees.Sub.ports.p.doc: 'doc' is a text, not 3"]),
+        ("{type: int, choices: 3}", ["P211 6:37: trees.Sub.ports.p.choices: 'choices' is a list "
+                                     "(as '[left, right]')"]),
+        ("{type: int, choices: [1, two]}", ["P211 6:41: trees.Sub.ports.p.choices[1]: the choice: 'two' is "
+                                            "not a whole number"]),
+        ("{type: string, choices: [a, b], default: c}", ["P213 6:57: trees.Sub.ports.p.default: the default: "
+                                                         "'c' is none of the choices; known: a, b"]),
+        ("{direction: up}", ["P211 6:28: trees.Sub.ports.p.direction: the direction is 'in' or 'out', not "
+                             "'up'"]),
+        ("{type: int, direction: out, default: 3}", ["P211 6:44: trees.Sub.ports.p.default: an output has no "
+                                                     "default: the nodes inside write it"]),
+    ],
+)  # fmt: skip
+def test_what_a_tree_s_port_may_be(declared: str, faults_of_it: list[str]) -> None:
+    trees = f"Main: AlwaysSuccess\nSub:\n  ports: {{p: {declared}}}\n  AlwaysSuccess: {{}}"
+    assert faults(trees) == faults_of_it
+
+
+def test_a_port_that_is_declared_badly_is_one_fault_wherever_it_is_used() -> None:
+    assert faults(
+        """
+        Main: {Sequence: [{Sub: {a: 1, b: x}}, {Sub: {a: word, c: 3}}]}
+        Sub:
+          ports: {a: {type: nothing}, b: 7, c: {type: int, default: one}}
+          Log: {message: said, value: "{b}"}
+        """
+    ) == [
+        "P212 6:23: trees.Sub.ports.a.type: unknown type 'nothing' (did you mean 'string'?)",
+        "P211 6:36: trees.Sub.ports.b: a port is a mapping (as '{type: object}')",
+        "P213 6:63: trees.Sub.ports.c.default: the default: 'one' is not a whole number",
+    ]
+
+
+@pytest.mark.parametrize("name", ["name", "breakpoint", "_skipIf", "two words", "é"])
+def test_names_that_no_port_can_have(name: str) -> None:
+    (fault,) = faults(f"Main: AlwaysSuccess\nSub: {{ports: {{{name}: int}}, AlwaysSuccess: {{}}}}")
+    assert fault == f"P214 5:17: trees.Sub.ports.{name}: {name!r} cannot be the name of a port"
