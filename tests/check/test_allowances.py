@@ -58,6 +58,11 @@ def test_what_errors_kept_from_being_found_is_not_missed() -> None:
     assert left(text, fault("P207", 3, "error"), complete=False) == ["3:5 error P207 a sentence ()"]
 
 
+def test_of_a_text_that_cannot_be_read_no_comment_is_known() -> None:
+    text = "a: 'b # picktree: allow P304\nc: d # picktree: nonsense\n"
+    assert left(text, fault("P101", 1, "error"), complete=False) == ["1:5 error P101 a sentence ()"]
+
+
 @pytest.mark.parametrize(
     ("comment", "said"),
     [

@@ -72,11 +72,14 @@ def _read(text: str, file: str, known: tuple[str, ...]) -> tuple[list[Allowance]
 
 
 def _comments(text: str) -> Iterator[re.Match[str]]:
-    """The comments to picktree: what only looks like one inside of a text is left out."""
+    """The comments to picktree, none of what only looks like one in a text; an unreadable file has none."""
     found = list(_COMMENT.finditer(text))
     if not found:
         return
-    starts, ends = _scalars(text)
+    try:
+        starts, ends = _scalars(text)
+    except yaml.YAMLError:
+        return
     for comment in found:
         before = bisect_right(starts, comment.start()) - 1
         if before < 0 or comment.start() >= ends[before]:
