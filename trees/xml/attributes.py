@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from ...world.files.expression_nodes import Literally
 from ...world.files.marks import Fault, Mark
 from ...world.files.nearest import nearest
 from ..declaration import POSTCONDITIONS, PRECONDITIONS
@@ -86,7 +87,7 @@ class Attributes:
             draft.put("name", name, element.place("name"))
         for key in PRECONDITIONS:
             if key in element.attributes:
-                draft.put(key, self.condition_text(element, key, trail), element.place(key))
+                draft.put(key, self.condition(element, key, trail), element.place(key))
         for key in POSTCONDITIONS:
             if key in element.attributes:
                 draft.put(key, self.assignments(element, key, trail), element.place(key))
@@ -94,12 +95,16 @@ class Attributes:
             draft.put("breakpoint", element.get(names.BREAKPOINT), element.place(names.BREAKPOINT))
         draft.body.entries += own
 
-    def condition_text(self, element: Element, attribute: str, trail: str) -> str:
+    def condition(self, element: Element, attribute: str, trail: str) -> str | bool:
+        """The script as an expression."""
         try:
-            return expression_text(read_expression(element.get(attribute)))
+            part = read_expression(element.get(attribute))
         except ScriptError as error:
             self.script_fault(element, attribute, error, trail)
-            return "true"
+            return True
+        if isinstance(part, Literally) and isinstance(part.value, bool):
+            return part.value
+        return expression_text(part)
 
     def assignments(self, element: Element, attribute: str, trail: str) -> str:
         try:

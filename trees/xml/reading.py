@@ -7,7 +7,6 @@ DOCTYPE that would declare it.
 from __future__ import annotations
 
 import re
-from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, NoReturn
@@ -19,8 +18,11 @@ from .element import Element
 MAX_CHARACTERS: Final = 4_000_000
 MAX_DEPTH: Final = 100
 MAX_ELEMENTS: Final = 20_000
+MAX_ATTRIBUTES: Final = 1000
+"""Of one element."""
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
 _NAME = re.compile(rb"<[^\s/>]+")
+_BREAK = re.compile(r"\r\n|\r|\n")
 
 
 def read_xml(text: str, file: str) -> Element:
@@ -52,7 +54,7 @@ class _Reader:
         self._raw = text.encode("utf-8", "surrogatepass")
         self._file = file
         self._too_large = len(text) > MAX_CHARACTERS
-        self._lines = [0, *(match.end() for match in re.finditer(rb"\r\n|\r|\n", self._raw))]
+        self._at, self._line, self._column = 0, 1, 1
         self._open: list[_Open] = []
         self._comments: list[str] = []
         self._count = 0
@@ -85,6 +87,8 @@ class _Reader:
             self._refuse(at, f"the file has more than {MAX_ELEMENTS} elements", code="P903")
         if len(self._open) >= MAX_DEPTH:
             self._refuse(at, f"the elements are nested more than {MAX_DEPTH} deep", code="P903")
+        if len(attributes) > MAX_ATTRIBUTES:
+            self._refuse(at, f"an element has more than {MAX_ATTRIBUTES} attributes", code="P903")
         comments, self._comments = tuple(self._comments), []
         self._open.append(_Open(name, attributes, self._places(at), self._mark(at), comments))
 
@@ -111,9 +115,15 @@ class _Reader:
     # Places.
 
     def _mark(self, at: int) -> Mark:
-        line = bisect_right(self._lines, at) - 1
-        before = self._raw[self._lines[line] : at].decode("utf-8", "replace")
-        return Mark(self._file, line + 1, len(before) + 1)
+        """The place of a byte. Nearly always it lies behind the last one, from which one looks on."""
+        if at < self._at:
+            self._at, self._line, self._column = 0, 1, 1
+        between = self._raw[self._at : at].decode("utf-8", "replace")
+        lines = _BREAK.split(between)
+        self._line += len(lines) - 1
+        self._column = len(lines[-1]) + (1 if len(lines) > 1 else self._column)
+        self._at = at
+        return Mark(self._file, self._line, self._column)
 
     def _places(self, at: int) -> dict[str, Mark]:
         """Where the values of the attributes of the start tag stand, which expat does not tell."""

@@ -54,7 +54,7 @@ class Translations:
         self._reader.count(element, element.name, 0, 0, trail)
         draft = Draft.of("Condition", element.mark)
         if self._reader.needed(element, "code", trail):
-            draft.put("if", self._reader.condition_text(element, "code", trail), element.place("code"))
+            draft.put("if", self._reader.condition(element, "code", trail), element.place("code"))
         return draft
 
     def _script(self, element: Element, trail: str) -> Draft:
