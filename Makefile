@@ -41,7 +41,8 @@ check: $(READY)
 docs: $(READY)
 	@set -e; for kind in mission scene robot faults cases; do \
 		"$(BIN)/picktree" schema $$kind --shipped --output schemas/$$kind.json; done; \
-	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md
+	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
+	"$(BIN)/picktree" explain-code --index > docs/codes.md
 
 bench: $(READY)
 	@set -e; for program in benchmarks/*.py; do \
