@@ -339,3 +339,14 @@ def test_a_number_that_cannot_be_is_a_failure_with_a_cause_and_no_fault() -> Non
     )
     assert case.passed, said(case)
     assert case.message == "3 of 2 children are wanted"
+
+
+def test_a_bin_that_the_scene_does_not_have_is_not_placed_into() -> None:
+    trees = "Main: {Sequence: [{Pick: {object: a}}, {Put: {object: a, into: lost_bin}}]}"
+    text = "{objects: {a: {}}, expect: {status: FAILURE, cause: world.unknown_object}}"
+    case = play_one(trees, text, head="scene: three_bins\n")
+    assert case.passed, said(case)
+    assert case.message == "there is no bin 'lost_bin'"
+    # Of a mission without a scene nobody knows the bins.
+    case = play_one(trees, "{objects: {a: {}}, expect: {status: SUCCESS, objects: {a: {place: lost_bin}}}}")
+    assert case.passed, said(case)

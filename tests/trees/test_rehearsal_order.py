@@ -68,6 +68,7 @@ def test_it_holds(order: str) -> None:
         ("Look Pick=grasp.slipped ...",
          "1 grasp.slipped is expected of Main/One/Pick, which is grasp.missed (1)"),
         ("... Pick Pick ...", "2 Pick is expected, but Main/One/when/Look starts (4)"),
+        ("... Drop Go ...", "1 Drop is expected, but does not come (None)"),
         ("... Drop ...", "1 Drop is expected, but does not come (None)"),
         ("Look Pick ... Drop ...", "3 Drop is expected after Main/One/Pick, but does not come (1)"),
         ("... Look Pick=SUCCESS Look ...", "3 Look is expected, but Main/Go starts (8)"),
