@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import fcl
 import numpy as np
-import trimesh
 
 from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, corners
 from ..values import Array, Pose, Vector3
@@ -47,6 +46,9 @@ def solid(shape: Shape) -> Solid:
 
 def hull(points: Array) -> Solid:
     """The convex hull of points (m, 3)."""
+    # Imported here: it takes 0.3 s, and who only checks a mission needs no hulls.
+    import trimesh
+
     mesh = trimesh.Trimesh(points, process=False).convex_hull
     vertices: Array = np.array(mesh.vertices, dtype=np.float64)
     faces = np.array(mesh.faces, dtype=np.int64)
