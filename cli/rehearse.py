@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from .output import keep_stdout
+from .output import keep_stdout, painter
 
 
 def rehearse(
@@ -34,8 +35,11 @@ def rehearse(
     from ..trees.rehearsal.rehearse import rehearse_files
     from ..trees.rehearsal.text import to_text
     from ..trees.rehearsal.to_json import to_json_text
+    from ..world.files.rendering import fault_lines
 
     result = rehearse_files(mission, cases, case or ())
+    if result.warnings:
+        print(fault_lines(result.warnings, painter(sys.stderr)), file=sys.stderr)
     if answer is None:
         print(to_text(result, quiet=quiet, causes=causes))
     else:

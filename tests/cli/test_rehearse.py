@@ -173,3 +173,18 @@ def test_all_faults_of_the_cases_come_at_once(files: Path, capsys: pytest.Captur
     err = capsys.readouterr().err
     assert err.count("P703") == 4
     assert "c.yaml:6:14" in err and "c.yaml:10:39" in err
+
+
+def test_what_may_be_meant_otherwise_is_told_unless_it_is_allowed(
+    files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = "cases:\n  it:\n    leaves: {GoTo: {then: {hand: ball}}}\n    expect: {ticks: 9}\n"
+    (files / "c.yaml").write_text("picktree: 1\nkind: cases\n" + case)
+    assert answer(["rehearse", "m.yaml", "--cases", "c.yaml", "-q"]) == 1
+    out, err = capsys.readouterr()
+    assert "this cannot be: Main/Recover/Sequence/GoTo: the hand is to hold 'ball'" in out
+    assert err.startswith("c.yaml:5:34: warning P717: cases.it.leaves.GoTo.then.hand: no object 'ball'")
+    allowed = case.replace("ball}}}", "ball}}}   # picktree: allow P717")
+    (files / "c.yaml").write_text("picktree: 1\nkind: cases\n" + allowed)
+    assert answer(["rehearse", "m.yaml", "--cases", "c.yaml", "-q"]) == 1
+    assert capsys.readouterr().err == ""

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from ...world.errors import PicktreeError
-from ...world.files.document import Document, nearest
+from ...world.files.allowances import silenced
+from ...world.files.codes import pages
+from ...world.files.document import Document, FileError, load_document, nearest
 from ...world.journal import Plain
 from ..builder import build
 from ..loader import load_mission
 from ..mission import Mission
 from ..status import NodeStatus
 from .case import Case, CaseFile
-from .checks import load_cases
+from .checks import examine_cases
 from .coverage import Reached, coverage
 from .prompter import Prompter
 from .result import CaseResult, Rehearsal
@@ -41,7 +44,13 @@ def rehearse_files(mission: Path, cases: Path | None = None, names: Collection[s
         if mission.is_file() and not cases.is_file():
             raise PicktreeError(f"there are no cases {cases}; name the file with --cases")
     loaded = load_mission(mission)
-    return rehearse(loaded, load_cases(cases, loaded), names)
+    found = examine_cases(load_document(cases, "cases"), loaded)
+    if found.errors:
+        raise FileError(found.errors)
+    document = found.cases.document
+    codes = [page.code for page in pages()]
+    warnings = silenced(found.faults, document.text, str(document.path), codes, complete=False)
+    return replace(rehearse(loaded, found.cases, names), warnings=warnings)
 
 
 def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> Rehearsal:
@@ -67,6 +76,7 @@ def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> 
         results,
         coverage(staging, reached),
         complete=len(results) == len(cases.cases),
+        warnings=(),
         names=short,
     )
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...world.files.document import Mark
+from ...world.files.document import Fault, Mark
 from .coverage import Coverage
 from .events import Event, Handled, LeafRun
 from .verdict import Difference
@@ -49,6 +49,8 @@ class Rehearsal:
     coverage: Coverage
     complete: bool
     """Whether all cases of the file were rehearsed."""
+    warnings: tuple[Fault, ...]
+    """Of the cases file: what may be meant otherwise."""
     names: Mapping[str, str]
     """Short names of the nodes by their paths, for people."""
 

@@ -18,6 +18,10 @@ def to_json(rehearsal: Rehearsal) -> dict[str, Plain]:
         "file": str(rehearsal.file),
         "passed": rehearsal.passed,
         "complete": rehearsal.complete,
+        "warnings": [
+            {"place": _place(w.mark), "code": w.code, "where": w.where, "message": w.message, "hint": w.hint}
+            for w in rehearsal.warnings
+        ],
         "cases": [_case(case) for case in rehearsal.cases],
         "coverage": _coverage(rehearsal.coverage),
     }
