@@ -35,8 +35,10 @@ def test_each_has_one_fault_and_together_they_are_of_all_kinds_and_many_codes() 
     report = check_files([FOLDER / f"{name}.yaml" for name in single], CHECKS)
     assert sorted({fault.mark.file for fault in report.faults}) == [str(FOLDER / f"{n}.yaml") for n in single]
     assert len(report.faults) == len(single)
-    assert len({fault.code for fault in report.faults}) >= 45
-    assert {name.partition("_")[0] for name in single} == {"form", "scene", "robot", "faults"}
+    assert len({fault.code for fault in report.faults}) >= 75
+    assert {name.partition("_")[0] for name in single} == {
+        "form", "mission", "scene", "robot", "faults", "cases",
+    }  # fmt: skip
 
 
 def test_twelve_faults_of_one_file_come_at_once() -> None:

@@ -15,7 +15,7 @@ Role: TypeAlias = Literal["place", "error", "warning", "hint", "margin", "caret"
 Paint: TypeAlias = Callable[[str, Role], str]
 """Gives a piece of text the colour of its role."""
 
-WIDTH = 100
+WIDTH = 120
 """Columns of the line at fault that are shown."""
 LONGEST = 600
 """Characters of a sentence: a name of a million letters is cut."""
