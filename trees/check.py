@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from ..world.errors import PicktreeError
 from ..world.files.document import Document, Fault, FileError
-from ..world.robot.load import load_robot
-from ..world.scene.load import load_scene
 from .lint import lint
 from .loader import examine
 from .mission import Mission
 from .naming import misnamed
 from .registry import Registry
-from .surroundings import Surroundings, surroundings
+from .surroundings import Surroundings, load_surroundings
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +46,8 @@ def _surroundings(mission: Mission) -> tuple[Surroundings | None, list[Fault]]:
     if mission.scene is None:
         return None, []
     try:
-        scene = load_scene(mission.scene, mission.document.path.parent)
-        robot = load_robot(scene.robot, Path(scene.source).parent)
+        return load_surroundings(mission.scene, mission.document.path.parent), []
     except FileError as error:
         return None, list(error.faults)
     except PicktreeError as error:
         return None, [mission.document.fault(("scene",), str(error), code="P241")]
-    return surroundings(scene, robot), []

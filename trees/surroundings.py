@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from ..world.robot.description import RobotDescription
+from ..world.robot.load import load_robot
 from ..world.scene.description import SceneDescription
+from ..world.scene.load import load_scene
 from .ports import NameKind
 
 
@@ -17,6 +20,15 @@ class Surroundings:
     scene: str
     robot: str
     names: Mapping[NameKind, tuple[str, ...]]
+
+
+def load_surroundings(name: str, beside: Path | None = None) -> Surroundings:
+    """Of the shipped scene of that name, or of a file whose path counts from `beside`; with its robot.
+
+    Raises FileError for a faulty file, PicktreeError when there is none.
+    """
+    scene = load_scene(name, beside)
+    return surroundings(scene, load_robot(scene.robot, Path(scene.source).parent))
 
 
 def surroundings(scene: SceneDescription, robot: RobotDescription) -> Surroundings:

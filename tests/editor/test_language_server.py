@@ -244,7 +244,7 @@ def test_a_schema_of_one_mission_knows_its_sub_trees_and_bins(server: LanguageSe
     ]
     assert "SortOne" in editor.proposals(f"{MISSION}      - |\n")
     assert set(editor.proposals(f"{MISSION}      - Place: {{into: |}}\n")) == {
-        "red_bin", "green_bin", "blue_bin", '""', '"{item.destination}"'
+        "red_bin", "green_bin", "blue_bin", '"{item.destination}"'
     }  # fmt: skip
 
 
@@ -267,3 +267,11 @@ def test_a_scene_on_a_base_says_only_what_is_different(scene: Editor) -> None:
     assert scene.squiggles(text.replace("error", "eror")) == [
         Diagnostic(4, 22, "Property eror is not allowed.")
     ]
+
+
+def test_cases_offer_causes(server: LanguageServer, tmp_path: Path) -> None:
+    cases = Editor(server, tmp_path, ROOT / "schemas/cases.json")
+    text = "picktree: 1\nkind: cases\nmission: m.yaml\ncases:\n  a:\n    leaves: {Grasp: {cause: |}}\n"
+    offered = cases.proposals(text)
+    assert {"grasp.missed", "planning.no_path"} <= set(offered)
+    assert offered["grasp.missed"].text == "grasp.missed"

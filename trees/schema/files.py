@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Literal, TypeAlias
 
+from ...world.causes import OUR_PREFIXES, Cause, all_causes
 from ...world.faults.schema import MAY, NEEDS, FaultsFile
+from ...world.robot.load import robot_names
 from ...world.robot.schema import RobotFile
+from ...world.scene.load import scene_names
 from ...world.scene.schema import SceneFile
 from ..rehearsal.schema import CasesFile
 from .conditions import belonging, by_value
@@ -27,7 +30,7 @@ def file_schema(kind: FileKind) -> Schema:
         case "faults":
             return _faults()
         case "cases":
-            return model_schema(kind, CasesFile)
+            return _cases()
 
 
 def _faults() -> Schema:
@@ -40,12 +43,41 @@ def _faults() -> Schema:
     for name, more in rules.items():
         definition = schema(definitions[name])
         definitions[name] = definition | {"allOf": [*schemas(definition.get("allOf")), *more]}
+    _propose(found, "scene", scene_names())
     return found | {"definitions": definitions}
+
+
+def _propose(found: Schema, key: str, names: tuple[str, ...]) -> None:
+    """Names that may stand at a key among others."""
+    properties = schema(found["properties"])
+    properties[key] = schema(properties[key]) | {"examples": list(names)}
+    found["properties"] = properties
+
+
+def _cases() -> Schema:
+    found = model_schema("cases", CasesFile)
+    definitions = schema(found["definitions"])
+    for name in definitions:
+        definition = schema(definitions[name])
+        properties = schema(definition.get("properties"))
+        if "cause" in properties:
+            # As snippets and not as examples: those would all be shown where somebody hovers over the key.
+            snippets = [{"label": cause.name, "body": cause.name} for cause in _our_causes()]
+            properties["cause"] = schema(properties["cause"]) | {"defaultSnippets": snippets}
+            definitions[name] = definition | {"properties": properties}
+    return found | {"definitions": definitions}
+
+
+def _our_causes() -> list[Cause]:
+    """Without those of plug-ins, of which any may have been imported."""
+    return [cause for cause in all_causes() if cause.name.split(".")[0] in OUR_PREFIXES]
 
 
 def _scene() -> Schema:
     """With a base, a scene says only what is different."""
     full = model_schema("scene", SceneFile)
+    _propose(full, "robot", robot_names())
+    _propose(full, "base", scene_names())
     definitions = schema(full.pop("definitions"))
     root = {key: full.pop(key) for key in ("$schema", "title", "description", "type")}
     partial = patch({key: value for key, value in full.items() if key != "allOf"})

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from ...world.errors import PicktreeError
 from ...world.files.document import Document
-from ...world.robot.load import load_robot
-from ...world.scene.load import load_scene, scene_names
+from ...world.scene.load import scene_names
 from ..faults import Faults
 from ..loader import examine
 from ..mission import Mission
 from ..ports import NameKind, PortDeclaration
 from ..registry import Registry
-from ..surroundings import Surroundings, surroundings
+from ..surroundings import Surroundings, load_surroundings
 from ..tree_ports import TreePorts
 from .mission import Particular
 from .values import Known
@@ -23,7 +20,7 @@ def any_mission() -> Particular:
     """The names of the shipped scenes are proposed; others are as good."""
     names: dict[NameKind, dict[str, None]] = {}
     for scene in scene_names():
-        for kind, found in _of_scene(scene, None).names.items():
+        for kind, found in load_surroundings(scene).names.items():
             names.setdefault(kind, {}).update(dict.fromkeys(found))
     return Particular(
         scenes=scene_names(), known=Known({kind: tuple(found) for kind, found in names.items()})
@@ -58,11 +55,6 @@ def _known(mission: Mission) -> Surroundings | None:
     if mission.scene is None:
         return None
     try:
-        return _of_scene(mission.scene, mission.document.path.parent)
+        return load_surroundings(mission.scene, mission.document.path.parent)
     except PicktreeError:
         return None
-
-
-def _of_scene(name: str, beside: Path | None) -> Surroundings:
-    scene = load_scene(name, beside)
-    return surroundings(scene, load_robot(scene.robot, Path(scene.source).parent))

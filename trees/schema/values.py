@@ -79,6 +79,8 @@ def _literal(port: PortDeclaration, known: Known) -> Schema:
             {"enum": list(choices)},
             reference() | usual | {"description": "a reference to the blackboard"},
         ]
+        if port.default == "":
+            alternatives.append({"type": "string", "maxLength": 0})
         return {"anyOf": [*alternatives, {"type": "null"}] if port.type.optional else alternatives}
     match port.type.name:
         case "string" | "object":
@@ -136,6 +138,5 @@ def _choices(port: PortDeclaration, known: Known) -> Sequence[Plain] | None:
     if port.choices is not None:
         return port.choices
     if port.names is not None and known.all and port.names in known.names:
-        empty = ("",) if port.default == "" else ()
-        return (*known.names[port.names], *empty)
+        return known.names[port.names]
     return None
