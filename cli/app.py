@@ -17,6 +17,7 @@ from ..world.files.marks import FileError
 from .check import check
 from .convert import convert
 from .explain_code import explain_code
+from .new import new
 from .nodes import nodes
 from .output import painter
 from .rehearse import rehearse
@@ -35,6 +36,7 @@ app = typer.Typer(
 app.command()(check)
 app.command()(convert)
 app.command()(explain_code)
+app.command()(new)
 app.command()(nodes)
 app.command()(rehearse)
 app.command()(render)
