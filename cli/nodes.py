@@ -46,7 +46,7 @@ def nodes(
     causes = known.causes
     if name is not None:
         declared = (_named(name, declared),)
-    entries = tuple(node_entry(node, causes) for node in declared)
+    entries = tuple(node_entry(node, causes, known.find(node.id)) for node in declared)
     if json:
         listed = {"nodes": [asdict(entry) for entry in entries]}
         text = orjson.dumps(listed, option=orjson.OPT_INDENT_2).decode() + "\n"

@@ -97,7 +97,7 @@ def hand_words(node: NodeDeclaration) -> str:
         case "empty":
             return "After success the hand is empty."
         case "kept":
-            return "After success the hand holds what it held, in a safe place."
+            return "What the hand holds after success is in a safe place."
         case "unchanged":
             return ""
 

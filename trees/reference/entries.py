@@ -10,8 +10,10 @@ from typing import Final
 from ...world.causes import Cause
 from ...world.journal import Plain
 from ..declaration import Kind, NodeDeclaration
+from ..node import Node
 from ..ports import PortDeclaration, Required
 from ..slots import SlotDeclaration
+from ..together import one_needed_of
 from ..wording import default_words, expression_words, flowing, hand_words, type_words
 
 TITLES: Final[Mapping[Kind, str]] = {
@@ -80,6 +82,8 @@ class NodeEntry:
     uses: tuple[str, ...]
     hand_after: str
     """A sentence, empty when the hand stays as it is."""
+    rule: str
+    """What its keys have to do with one another; empty when nothing."""
     example: str
 
     @property
@@ -91,8 +95,9 @@ class NodeEntry:
         return tuple(port for port in self.ports if port.direction == "out")
 
 
-def node_entry(node: NodeDeclaration, causes: Iterable[Cause]) -> NodeEntry:
-    """`causes`: all that there are, to tell what a family means."""
+def node_entry(node: NodeDeclaration, causes: Iterable[Cause], of: type[Node] | None = None) -> NodeEntry:
+    """`causes`: all that there are, to tell what a family means. `of`: its class; None for a sub-tree."""
+    needed = one_needed_of(of) if of is not None else None
     known = tuple(causes)
     doc = flowing(node.doc)
     return NodeEntry(
@@ -105,6 +110,7 @@ def node_entry(node: NodeDeclaration, causes: Iterable[Cause]) -> NodeEntry:
         tuple(_cause(cause, known) for cause in node.causes),
         tuple(str(resource.value) for resource in node.uses),
         hand_words(node),
+        f"{needed.sentence[0].upper()}{needed.sentence[1:]}." if needed else "",
         node.example,
     )
 

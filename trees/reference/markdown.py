@@ -61,6 +61,9 @@ def _node(node: NodeEntry) -> Iterator[str]:
         yield "| children | are | what they do |"
         yield "|---|---|---|"
         yield from (_slot(slot) for slot in node.slots)
+    if node.rule:
+        yield ""
+        yield node.rule
     if node.causes:
         yield ""
         yield "Fails with " + listed([_linked(cause) for cause in node.causes]) + "."

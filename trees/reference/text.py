@@ -34,6 +34,8 @@ def page(node: NodeEntry) -> str:
     if node.slots:
         lines = (line for slot in node.slots for line in _slot(slot))
         parts.append("\n".join(("Children", *lines)))
+    if node.rule:
+        parts.append(_wrapped(node.rule))
     if node.causes:
         lines = (line for cause in node.causes for line in _cause(cause, 2))
         parts.append("\n".join(("Fails with", *lines)))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from ..mission import MAIN
 from ..ports import PortDeclaration
 from ..registry import Registry
+from ..together import one_needed_of
 from ..types import NAMES_IN_FILES
 from .causes import causes_schema
 from .ids import Ids
@@ -20,7 +21,6 @@ from .nodes import (
     tree_schema,
 )
 from .parts import DRAFT, ID_PATTERN, Schema, header, if_bare, ref
-from .together import one_needed_of
 from .values import Known
 
 _TYPES = (*NAMES_IN_FILES, *(f"list of {name}" for name in NAMES_IN_FILES))

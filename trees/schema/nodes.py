@@ -8,12 +8,12 @@ from ...world.causes import Cause
 from ..declaration import BREAKPOINT, COMMON_KEYS, POSTCONDITIONS, PRECONDITIONS, NodeDeclaration
 from ..ports import PortDeclaration
 from ..slots import SlotDeclaration
+from ..together import OneNeeded
 from ..wording import COMMON_DOCS, flowing, hand_words, uses_words
 from .conditions import one_needed
 from .drafts import schemas
 from .ids import Ids
 from .parts import NAME_PATTERN, Schema, if_bare, ref
-from .together import OneNeeded
 from .values import Known, port_schema
 
 

@@ -1,4 +1,4 @@
-"""What a node says of its keys together (`check_ports`), as far as a schema can say it."""
+"""What a node says of its keys together (`check_ports`), asked of it: for editors and the reference."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from itertools import chain, combinations
 
-from ..given import Given
-from ..node import Node
+from .given import Given
+from .node import Node
 
 _MOST = 10
 """Optional keys of a node of which all combinations are tried."""
