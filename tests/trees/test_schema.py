@@ -5,10 +5,9 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, cast
 
 import jsonschema
 import pytest
@@ -26,6 +25,8 @@ from picktree.trees.schema.parts import Schema, to_text
 from picktree.world.files.codes import pages
 from picktree.world.files.document import Document, FileError, open_document, read_document
 from picktree.world.scene.schema import SECTIONS, RestFile, SceneFile
+
+from .mistakes import CHANGES, Change, Value, changed, paths
 
 ROOT = Path(__file__).parents[2]
 PATTERNS = ("examples/**/*.yaml", "trees/library/*.yaml", "world/scenes/*.yaml", "world/robots/*.yaml")
@@ -67,8 +68,6 @@ trees:
   sub_one: {ports: {x: any}, GoTo: {}}
   Sub: GoTo
 """
-Value: TypeAlias = Any
-"""What JSON can hold."""
 
 
 @cache
@@ -206,78 +205,6 @@ def test_wrong_examples_are_refused_where_a_schema_can_see_it() -> None:
 
 # What the schema refuses, the checker refuses.
 
-NODES = tuple(node.id for node in known().declarations())
-VALUES: tuple[Value, ...] = (
-    None, True, 0, 1, -1, 2.5, 1e9, "", "x", "{item}", "{item.colour}", "{item.foo}", "{a b}", "30 mm",
-    "5 deg", "20 N", "-3 s", "2", "home", "before", "any", "holding", "a := 1", [], {},
-    [1, 2, 3], ["x"], {"x": 1}, "Grasp", "GoTo", {"GoTo": {}}, {"GoTo": None}, ["GoTo"],
-    [{"Grasp": {"object": "{x}"}}], {"GoTo": []},
-)  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Change:
-    """One mistake: `at` picks the place, `pick` the word or value."""
-
-    what: Literal["replace", "drop", "rename", "add", "wrap"]
-    at: int
-    pick: int
-    raw: bool
-
-
-CHANGES = st.builds(
-    Change,
-    st.sampled_from(["replace", "drop", "rename", "add", "wrap"]),
-    st.integers(0, 10_000),
-    st.integers(0, 10_000),
-    st.booleans(),
-)
-
-
-def changed(data: Value, change: Change, words: tuple[str, ...]) -> None:
-    """Make the mistake in the data."""
-    places = [path for path in _paths(data) if path and path[0] not in ("picktree", "kind")]
-    if not places:
-        return
-    path = places[change.at % len(places)]
-    parent = _get(data, path[:-1])
-    key = path[-1]
-    words = (*words, *NODES, f"{key}x", f"_{key}", str(key).lower())
-    word = words[change.pick % len(words)]
-    value = copy.deepcopy(VALUES[change.pick % len(VALUES)]) if change.raw else word
-    match change.what:
-        case "replace":
-            parent[key] = value
-        case "drop":
-            parent.pop(key)
-        case "rename" if isinstance(parent, dict):
-            mapping = cast("dict[str, Value]", parent)
-            renamed = {word if name == key else name: below for name, below in mapping.items()}
-            mapping.clear()
-            mapping.update(renamed)
-        case "add" if isinstance(parent, dict):
-            parent[word] = value
-        case "add":
-            parent.insert(0, value)
-        case _:
-            parent[key] = [parent[key]] if change.raw else {word: parent[key]}
-
-
-def _paths(data: Value, above: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
-    yield above
-    if isinstance(data, dict):
-        for key, below in cast("dict[str, Value]", data).items():
-            yield from _paths(below, (*above, key))
-    elif isinstance(data, list):
-        for number, below in enumerate(cast("list[Value]", data)):
-            yield from _paths(below, (*above, number))
-
-
-def _get(data: Value, path: tuple[str | int, ...]) -> Value:
-    for part in path:
-        data = data[part]
-    return data
-
 
 @cache
 def sources() -> tuple[Document, ...]:
@@ -287,8 +214,8 @@ def sources() -> tuple[Document, ...]:
 
 @cache
 def vocabulary() -> tuple[str, ...]:
-    found = dict.fromkeys(str(path[-1]) for document in sources() for path in _paths(document.data) if path)
-    return tuple(word for word in found if not word.isdigit())
+    found = dict.fromkeys(str(path[-1]) for document in sources() for path in paths(document.data) if path)
+    return (*(word for word in found if not word.isdigit()), *known().ids())
 
 
 @settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
