@@ -15,8 +15,8 @@ from .mission import Assignment
 MAX_ASSIGNMENTS: Final = 20
 MAX_LENGTH: Final = 4000
 _PIECE = re.compile(r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|;|[^;'"]+|['"]""", re.DOTALL)
-_ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w*)\s*(:?=)(?!=)", re.ASCII)
-_CHANGE = re.compile(r"\s*([A-Za-z_]\w*)\s*([-+*/])=", re.ASCII)
+_ASSIGNMENT = re.compile(r"\s*([A-Za-z_]\w{0,59})\s*(:?=)(?!=)", re.ASCII)
+_CHANGE = re.compile(r"\s*([A-Za-z_]\w{0,59})\s*([-+*/])=", re.ASCII)
 
 
 def parse_assignments(text: str) -> tuple[Assignment, ...]:

@@ -7,10 +7,9 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Final
 
 from ..world.files.document import Fault
+from .faults import MAX_NODES
 from .mission import MAIN, NodeSpec, TreeSpec
 
-MAX_NODES: Final = 10_000
-"""Of a mission with all sub-trees written out."""
 MAX_DEPTH: Final = 120
 """Nodes above one another, sub-trees written out."""
 
@@ -46,7 +45,8 @@ def check_calls(trees: Mapping[str, TreeSpec]) -> Iterable[Fault]:
         circle: list[str] = list(reversed(error.args[1]))
         name, called = circle[0], circle[1]
         mark = next(n.mark for n in trees[name].root.iterate() if n.node is None and n.id == called)
-        message = f"the sub-trees call each other in a circle: {' → '.join(circle)}"
+        shown = circle if len(circle) <= 12 else [*circle[:6], "…", *circle[-5:]]
+        message = f"the sub-trees call each other in a circle: {' → '.join(shown)}"
         yield Fault(mark, f"trees.{name}", message, "a loop is Repeat or ForEach", "P235")
         return
     sizes: dict[str, tuple[int, int]] = {}

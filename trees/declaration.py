@@ -28,7 +28,7 @@ Kind: TypeAlias = Literal["action", "condition", "control", "decorator", "subtre
 Hand: TypeAlias = Literal["unchanged", "full", "empty", "kept"]
 """What is in the hand after success; `kept`: what was held still is, on purpose and in a safe place."""
 
-IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+IDENTIFIER = re.compile(r"[A-Za-z_]\w{0,59}", re.ASCII)
 PRECONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
 """In the order in which BT.CPP tries them."""
 POSTCONDITIONS = ("_onHalted", "_onFailure", "_onSuccess", "_post")

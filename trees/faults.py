@@ -7,6 +7,8 @@ from typing import Final
 
 from ..world.files.document import Document, Fault, Location, nearest
 
+MAX_NODES: Final = 10_000
+"""Of a mission with all sub-trees written out."""
 MAX_FAULTS: Final = 200
 """More are counted, not kept."""
 
@@ -17,6 +19,15 @@ class Faults:
     def __init__(self) -> None:
         self._kept: list[Fault] = []
         self._more = 0
+        self._nodes = 0
+
+    def has_room(self, document: Document, loc: Location) -> bool:
+        """Count a node of the text; false when there are too many for the mission to be built."""
+        self._nodes += 1
+        if self._nodes == MAX_NODES + 1:
+            message = f"here is node number {self._nodes} of the mission"
+            self.at(document, loc, "", message, f"at most {MAX_NODES} nodes", code="P236")
+        return self._nodes <= MAX_NODES
 
     @property
     def full(self) -> bool:

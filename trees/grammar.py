@@ -98,6 +98,8 @@ class Grammar:
 
     def node(self, value: Value, loc: Location, above: str, names: Names) -> NodeSpec | None:
         """One node and all below it; None when it cannot be read at all."""
+        if not self._faults.has_room(self._document, loc):
+            return None
         match value:
             case str():
                 return self._known(value, None, loc, loc, above, names)

@@ -11,7 +11,7 @@ from .faults import Faults
 from .mission_files import IN_LIBRARY, MissionFiles
 
 MAX_FILES: Final = 50
-MAX_CHARACTERS: Final = 4_000_000
+MAX_CHARACTERS: Final = 1_000_000
 """Of all included files together."""
 _SUFFIXES = (".yaml", ".yml")
 

@@ -55,9 +55,11 @@ class NodeSpec:
 
     def iterate(self) -> Iterator[NodeSpec]:
         """This node and all below it in the same tree, parents first."""
-        yield self
-        for node in self.children:
-            yield from node.iterate()
+        todo: list[NodeSpec] = [self]
+        while todo:
+            node = todo.pop()
+            yield node
+            todo += reversed(node.children)
 
 
 @dataclass(frozen=True, slots=True)

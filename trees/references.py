@@ -18,7 +18,7 @@ from ..world.scene.planning_scene import BeliefObject, PlanningScene
 from ..world.values import ObjectId
 from .types import show
 
-_REFERENCE = re.compile(r"\{([A-Za-z_]\w*)((?:\.[A-Za-z_]\w*)*)\}", re.ASCII)
+_REFERENCE = re.compile(r"\{([A-Za-z_]\w{0,59})((?:\.[A-Za-z_]\w{0,59}){0,9})\}", re.ASCII)
 _BRACES = re.compile(r"\{.*\}", re.DOTALL)
 
 

@@ -82,8 +82,10 @@ class Circuit:
         self.facts = facts
         self._demands: dict[str, dict[str, list[_Demand]]] = {}
         for name in bottom_up(trees):
-            self.keys[name] = Keys(trees[name], trees, self.keys, facts)
+            keys = self.keys[name] = Keys(trees[name], trees, self.keys, facts)
             self._demands[name] = {}
+            for port in trees[name].ports:
+                keys.sources(port.key)  # now, so that callers need not look through many trees at once
         self.arrivals = tuple(self._all(trees.get(MAIN)))
         """By input; what stands first at an input came first in the text."""
 

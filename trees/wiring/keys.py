@@ -76,7 +76,8 @@ class Keys(Mapping[str, ValueType]):
         self._outputs = {port.key: port for port in tree.ports if port.direction == "out"}
         self._sources: dict[str, tuple[Source, ...]] = {}
         self._types: dict[str, ValueType] = {}
-        self._chain = 0
+        self._open: set[str] = set()
+        """Keys that are being looked up; a value that depends on itself is not known."""
         for placed in self.nodes:
             for write in self._written_by(placed):
                 self.writes.setdefault(_key_of(write), []).append(write)
@@ -88,8 +89,8 @@ class Keys(Mapping[str, ValueType]):
             if not self.known(name):
                 return self._facts[name]
             found = join(source.type for source in self.sources(name))
-            if self._chain:
-                return found  # perhaps of a key that is being looked up just now
+            if name in self._open:
+                return found  # not known yet: it depends on itself
             self._types[name] = found
         return self._types[name]
 
@@ -119,16 +120,12 @@ class Keys(Mapping[str, ValueType]):
     def sources(self, key: str) -> tuple[Source, ...]:
         """All that may write the key; nothing when nobody in the tree does."""
         found = self._sources.get(key)
-        if found is not None:
-            return found
-        if self._chain >= MAX_CHAIN:
-            return (unknown(self.tree.mark),)
-        # While this key is looked up, a value that depends on itself is not known.
-        self._sources[key] = (unknown(self.tree.mark),)
-        self._chain += 1
-        found = distinct(self._find(key))
-        self._chain -= 1
-        self._sources[key] = found
+        if found is None:
+            if key in self._open or len(self._open) >= MAX_CHAIN:
+                return (unknown(self.tree.mark),)
+            self._open.add(key)
+            found = self._sources[key] = distinct(self._find(key))
+            self._open.discard(key)
         return found
 
     def reference(self, reference: Reference) -> tuple[Source, ...]:

@@ -10,6 +10,7 @@ import math
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Never, TypeAlias, cast
 
 from .expression_nodes import (
@@ -53,11 +54,7 @@ class Expression:
     @classmethod
     def parse(cls, text: str) -> Expression:
         """Raises ExpressionError (a ValueError) with a sentence and the offset."""
-        root = parse(text)
-        parts = tuple(walk(root))
-        names = frozenset(part.name for part in parts if isinstance(part, Name))
-        paths = frozenset(path for part in parts if isinstance(part, Attribute) and (path := _dotted(part)))
-        return cls(text, names, paths, root)
+        return _parsed(text)
 
     def evaluate(self, names: Mapping[str, object], attributes: Attributes | None = None) -> object:
         """The value with these names. Raises ExpressionError; never runs anything but the operators."""
@@ -65,6 +62,16 @@ class Expression:
 
     def __str__(self) -> str:
         return self.text
+
+
+@lru_cache(maxsize=2000)
+def _parsed(text: str) -> Expression:
+    # A mission asks the same few questions in many places.
+    root = parse(text)
+    parts = tuple(walk(root))
+    names = frozenset(part.name for part in parts if isinstance(part, Name))
+    paths = frozenset(path for part in parts if isinstance(part, Attribute) and (path := _dotted(part)))
+    return Expression(text, names, paths, root)
 
 
 def _dotted(part: Part) -> str:
