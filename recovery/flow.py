@@ -65,7 +65,8 @@ class _Rounds:
     def _why_not(self, cure: Cure) -> str:
         if self._recovery.runs == 1:
             return f"{self._recovery.tried.name} may run once only, so there is no run after it"
-        return f"{self._recovery.tried.name} never fails with what it is for"
+        fails = "never fails" if cure is self._recovery.cures[0] else "never fails with another cause"
+        return f"{self._recovery.tried.name} {fails}"
 
     def _run(self, states: States, run: int) -> None:
         ends, recovery, runs = self._ends, self._recovery, self._recovery.runs

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 from picktree.recovery.recover import Recover
 from picktree.trees.builder import build
-from picktree.trees.controls.run_once import RunOnce
+from picktree.trees.controls import RoundRobin, RunOnce
 from picktree.trees.flow import State
 from picktree.trees.flow.layout import Layout
 from picktree.trees.flow.reasons import UNREPORTED
@@ -72,7 +72,7 @@ class _Watch:
         self._watched, self._walk, self._tree, self._world = watched, watched.walk, tree, world
         self._places: dict[str, _Place] = {}
         self._callers: dict[str, _Place] = {}
-        self._succeeded: set[str] = set()
+        self._wrong: list[Unsound] = []
         main = cast("SubTree", tree.root)
         self._locate(main.body, _Place(watched.mission.main.root, main, "Main"))
 
@@ -88,6 +88,8 @@ class _Watch:
 
     def after_tick(self) -> None:
         """No node that is never reached, no handler that is never used."""
+        if self._wrong:
+            raise self._wrong[0]
         for entry in self._world.journal.take():
             if isinstance(entry, Happened) and entry.kind == "recovery":
                 spec = self._places[entry.node].spec
@@ -98,24 +100,37 @@ class _Watch:
             place = self._places.get(node.path)
             if place is not None and node.ticked and id(place.spec) not in self._walk.reached:
                 raise Unsound(f"{node.path} is ticked: {self._walk.blocked.get(id(place.spec))}")
+            if place is not None and node.state is NodeStatus.RUNNING:
+                self._check(place, node)
 
     def ended(self, path: str) -> None:
+        """Called in the midst of a tick, where no exception comes through."""
+        try:
+            self._ended(path)
+        except Unsound as error:
+            self._wrong.append(error)
+
+    def _ended(self, path: str) -> None:
         place, node = self._places.get(path), self._tree.find(path)
         if place is None or node.state is NodeStatus.IDLE:
             return
         if node.failure is not None and node.failure.cause.name == "internal.error":
             raise Unsound(f"{path}: {node.failure.message}: {node.failure.evidence.get('traceback')}")
         if node.state is NodeStatus.SUCCESS:
-            self._succeeded.add(path)
             self._no_read_fails_surely(place, path)
-        bits = self._bits(place.instance, place.tree)
-        hand = self._hand()
-        status, cause = node.state, self._cause(node)
-        if not any(self._allows(end, bits, hand) for end in self._ends(place, status, cause)):
-            known = sorted(map(str, self._ends(place, status, cause)))
-            raise Unsound(f"{path} ends {status} {cause} with {bits:b}, hand {hand}; it was to be {known}")
+        cause = self._check(place, node)
         if cause == "tree.missing_input" and node.failure is not None and node.failure.node == path:
             self._announced(place, node.failure.message, path)
+
+    def _check(self, place: _Place, node: Node) -> str:
+        """Hold the node's status, the keys and the hand against what the analysis allows; its cause."""
+        bits, hand = self._bits(place.instance, place.tree), self._hand()
+        status, cause = node.state, self._cause(node)
+        if not any(self._allows(end, place.tree, bits, hand) for end in self._ends(place, status, cause)):
+            known = sorted(map(str, self._ends(place, status, cause)))
+            message = f"{node.path} is {status} {cause} with {bits:b}, hand {hand}; it was to be {known}"
+            raise Unsound(message)
+        return cause
 
     def _ends(self, place: _Place, status: NodeStatus, cause: str) -> Iterator[State]:
         """The states in which the node may end so, as far as the analysis has come by."""
@@ -129,11 +144,25 @@ class _Watch:
                         yield from flow.success
                     case NodeStatus.SKIPPED:
                         yield from flow.skipped
+                    case NodeStatus.RUNNING:
+                        yield from flow.running
                     case _:
                         yield from (s for s, reasons in flow.failure.items() if reasons.any & wanted)
 
-    def _allows(self, end: State, bits: int, hand: int) -> bool:
-        return end.sure & ~bits == 0 and bits & ~end.maybe == 0 and hand & end.hand != 0
+    def _allows(self, end: State, tree: str, bits: int, hand: int) -> bool:
+        sure = end.sure & ~self._unseen(tree)
+        return sure & ~bits == 0 and bits & ~end.maybe == 0 and hand & end.hand != 0
+
+    def _unseen(self, tree: str) -> int:
+        """Flags that cannot be read off the nodes: whether a RoundRobin has had a success."""
+        layout, bits = self._walk.layout_of(tree), 0
+        for spec in self._watched.mission.trees[tree].root.iterate():
+            if spec.node is None:
+                shift, _ = layout.calls[id(spec)]
+                bits |= self._unseen(spec.id) << shift
+            elif spec.node is RoundRobin:
+                bits |= sum(layout.flags[id(spec)])
+        return bits
 
     def _cause(self, node: Node) -> str:
         return node.failure.cause.name if node.state is NodeStatus.FAILURE and node.failure else ""
@@ -159,12 +188,10 @@ class _Watch:
                 if bound is not None or port_.direction == "in":
                     inside &= ~inner.keys[port_.key]  # wired, or written anew at each start
             return inside << shift
-        if id(spec) in layout.flags:
-            bits |= sum(
-                flag
-                for flag, fact in zip(layout.flags[id(spec)], _facts(node, self._succeeded), strict=True)
-                if fact
-            )
+        if isinstance(node, RunOnce):
+            ended, failed = layout.flags[id(spec)]
+            answer = getattr(node, "_first_answer")  # noqa: B009
+            bits |= (ended if answer else 0) | (failed if answer == NodeStatus.FAILURE else 0)
         for below, child in zip(node.below, spec.children, strict=True):
             bits |= self._below(instance, below, child, layout)
         return bits
@@ -194,16 +221,6 @@ class _Watch:
             if read.spec is place.spec and read.key == key and read.missing:
                 return
         raise Unsound(f"{path}: {message}: nobody has said that {key!r} may be unwritten")
-
-
-def _facts(node: Node, succeeded: Collection[str]) -> tuple[bool, ...]:
-    """What outlasts the end of a node, as its flow has flags for it."""
-    match node:
-        case RunOnce():
-            answer = getattr(node, "_first_answer")  # noqa: B009
-            return bool(answer), answer == NodeStatus.FAILURE
-        case _:
-            return (node.path in succeeded,)
 
 
 def _unwritten(message: str) -> str:

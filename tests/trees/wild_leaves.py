@@ -44,7 +44,8 @@ class WildWorld(FakeWorld):
 
     def facts(self) -> Mapping[str, object]:
         drawn: dict[type, object] = {bool: self.chance.random() < 0.5, int: self.chance.randrange(3), str: ""}
-        return {name: drawn.get(kind, self.clock.now) for name, kind in FACTS.items()}
+        facts = {name: drawn.get(kind, self.clock.now) for name, kind in FACTS.items()}
+        return {**facts, "holding": bool(self.holds)}
 
 
 class Do(Skill):

@@ -86,7 +86,7 @@ class Writer:
                     "SetBlackboard": {"value": [1, 2], "output_key": _reference(self._chance.choice(LISTS))}
                 }
             case 10:
-                return self._chance.choice(("Hold", "Drop"))
+                return self._chance.choice(("Hold", "Drop", {"AlwaysSuccess": {"_skipIf": "true"}}))
             case _:
                 return "Whim"
 

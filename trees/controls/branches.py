@@ -129,7 +129,7 @@ def _branch(spec: NodeSpec, starts: States, walk: Walk, ends: Ends, *, asked_ane
     chosen = (asked.success, tidy(asked.failure))
     for branch, states, never in zip(branches, chosen, ("succeeds", "fails"), strict=False):
         if not states:
-            walk.unreached(branch, f"its condition {condition.name} never {never}")
+            walk.unreached(branch, f"{condition.name} before it never {never}")
             continue
         flow = walk.child(branch, states, meanwhile)
         ends.take(flow)

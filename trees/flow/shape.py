@@ -32,6 +32,10 @@ class Shape:
     constant: bool | None
     fails: bool
     """It has no value at all: `1 / 0`."""
+    if_yes: bool | None
+    """What it says of the fact `holding` where it holds; None: nothing."""
+    if_no: bool | None
+    """The same where it does not hold."""
 
 
 def shape(expression: Expression) -> Shape:
@@ -44,6 +48,8 @@ def shape(expression: Expression) -> Shape:
         is_total(expression.root),
         constant,
         fails,
+        says_of_hand(expression.root, answer=True),
+        says_of_hand(expression.root, answer=False),
     )
 
 
@@ -73,6 +79,21 @@ def is_total(part: Part) -> bool:
             return all(map(is_total, parts_of(part)))
         case _:
             return False
+
+
+def says_of_hand(part: Part, *, answer: bool) -> bool | None:
+    """Whether something is held when that is the answer; None: it does not tell."""
+    match part:
+        case Name(name="holding"):
+            return answer
+        case Not(operand=operand):
+            return says_of_hand(operand, answer=not answer)
+        case Logic(symbol=symbol, parts=parts) if (symbol == "and") is answer:
+            # All parts of an `and` that holds do, and no part of an `or` that does not.
+            known = (says_of_hand(one, answer=answer) for one in parts)
+            return next((said for said in known if said is not None), None)
+        case _:
+            return None
 
 
 def _constant(expression: Expression) -> tuple[bool | None, bool]:

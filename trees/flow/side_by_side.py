@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from .ends import NEVER, Ends, Flow
@@ -17,11 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """One child: where it starts, and how it may end. `begins`: whether it is ticked at all."""
+    """One child: where it starts, and how it may end. `begins`: whether it is ticked at all; `brings`: what
+    the hand may hold because of it."""
 
     start: State
     flow: Flow
     begins: bool
+    brings: int = 0
 
     @property
     def may_pass(self) -> bool:
@@ -30,11 +32,11 @@ class _Part:
     @property
     def moves(self) -> bool:
         """Whether it may change what the hand holds."""
-        return any(state.hand != self.start.hand for state in self.flow.everywhere)
+        return self.brings != 0 or any(state.hand != self.start.hand for state in self.flow.everywhere)
 
-    def anywhere(self) -> frozenset[State]:
-        """Not begun yet, still running, or ended."""
-        return self.flow.everywhere | {self.start}
+    def anywhere(self, entry: State) -> frozenset[State]:
+        """Not begun yet, where nothing before it need have come to its end; still running; or ended."""
+        return self.flow.everywhere | {self.start._replace(sure=entry.sure)}
 
 
 class SideBySide:
@@ -63,6 +65,7 @@ class SideBySide:
             parts = self._started(effects)
             more = [e.with_(p.flow.effect(p.start)) for e, p in zip(effects, parts, strict=True)]
             if more == effects:
+                parts = [replace(p, brings=e.hand) for p, e in zip(parts, effects, strict=True)]
                 return self._ends(parts)
             effects = more
 
@@ -119,7 +122,7 @@ class SideBySide:
             ends.skip(self._together(parts, [part.flow.skipped for part in parts]))
         waits = any(flow.running or flow.skipped for flow in flows)
         if waits or not (self._tolerated == 1 and self._wanted == self._total):
-            ends.run(self._together(parts, [part.anywhere() for part in parts]))
+            ends.run(self._together(parts, [part.anywhere(self._entry) for part in parts]))
         return ends.flow()
 
     def _needed_failures(self) -> int:
@@ -132,7 +135,7 @@ class SideBySide:
         everything = joined(r for index in failing for r in parts[index].flow.failure.values())
         for index in failing:
             for state, reasons in parts[index].flow.failure.items():
-                ways = [part.anywhere() for part in parts]
+                ways = [part.anywhere(self._entry) for part in parts]
                 ways[index] = frozenset((state,))
                 for end in self._together(parts, ways):
                     ends.fail_at(end, reasons if needed == 1 else everything)
@@ -141,7 +144,7 @@ class SideBySide:
         if self._wanted == self._total and all(part.may_pass for part in parts):
             ways = [part.flow.success | part.flow.skipped for part in parts]
         else:
-            ways = [part.anywhere() for part in parts]
+            ways = [part.anywhere(self._entry) for part in parts]
         ends.succeed(self._together(parts, ways))
 
     def _together(self, parts: list[_Part], ways: list[frozenset[State]]) -> Iterable[State]:

@@ -219,12 +219,21 @@ class Walk:
             if found.fails:
                 continue
             if found.constant is not False:
-                yes.append(after)
+                yes.append(self._told(after, holding=found.if_yes))
             if found.constant is not True:
-                no.append(after)
+                no.append(self._told(after, holding=found.if_no))
         return Asked(tidy(yes), tidy(no), failed.flow().failure)
 
     # Private.
+
+    def _told(self, state: State, *, holding: bool | None) -> State:
+        """After the fact `holding` was heard, unless a key hides it."""
+        assert self._frame is not None
+        if holding is None or state.maybe & self._frame.layout.keys.get("holding", 0):
+            return state
+        # What a node holds that does not say so of itself is not known here.
+        held = state.hand & ~EMPTY
+        return state.holding((held or state.hand) if holding else EMPTY)
 
     def _node(self, spec: NodeSpec, state: State) -> Flow:
         assert self._frame is not None
@@ -262,8 +271,7 @@ class Walk:
                 case _:
                     ends.skip(settled)
             if not states:
-                for part in (spec, *spec.children):
-                    self.unreached(part, f"{name} of {spec.name} never lets it start")
+                self.unreached(spec, f"its {name} {'never' if name == '_while' else 'always'} holds")
                 break
         for start in states:
             flow = self._run(spec, start)

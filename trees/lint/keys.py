@@ -20,7 +20,7 @@ def read_before_written(survey: Survey) -> Iterator[Fault]:
         writers = [touch for touch in usage.writes.get(read.key, ()) if touch.spec is not read.spec]
         if read.ever:
             message = f"{what}: perhaps nothing has written {read.key!r} yet"
-            hint = f"{_writer(survey, writers)} may fail or be passed by before" if writers else ""
+            hint = _writer(read, writers) if writers else ""
             yield survey.fault(read.spec, message, hint, code="P302", at=read.place)
         else:
             message = f"{what}: nothing has written {read.key!r} when it is read"
@@ -28,21 +28,19 @@ def read_before_written(survey: Survey) -> Iterator[Fault]:
             yield survey.fault(read.spec, message, hint, code="P301", at=read.place, error=True)
 
 
+def _writer(read: Read, writers: Iterable[Touch]) -> str:
+    spec = next(iter(writers)).spec
+    where = f"{spec.name}, line {spec.mark.line}, writes it"
+    before = spec.mark < read.spec.places.get(read.place, read.spec.mark)
+    return f"{where}, but may fail or be passed by" if before else f"{where}, further down"
+
+
 def _remedy(survey: Survey, read: Read, usage: Usage, writers: list[Touch]) -> str:
     if writers:
-        return f"{_writer(survey, writers)} comes later"
+        return _writer(read, writers)
     inputs = (port.key for port in survey.mission.trees[read.tree].ports)
-    known = dict.fromkeys((*inputs, *usage.writes))
-    return (
-        nearest(read.key, (key for key in known if key != read.key))
-        if known
-        else "nothing writes any key here"
-    )
-
-
-def _writer(survey: Survey, writers: Iterable[Touch]) -> str:
-    spec = next(iter(writers)).spec
-    return f"{spec.name}, line {spec.mark.line},"
+    known = [key for key in dict.fromkeys((*inputs, *usage.writes)) if key != read.key]
+    return nearest(read.key, known) if known else f"nothing in {read.tree} writes any key"
 
 
 def never_read(survey: Survey) -> Iterator[Fault]:

@@ -1,0 +1,142 @@
+"""Objects that are left in the hand, and two users of the arm at once."""
+
+from __future__ import annotations
+
+import pytest
+
+from .linting import lint
+
+PICK = "{Grasp: {object: a}}, {Place: {object: a, into: red_bin}}"
+HINT = "(on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it)"
+
+
+def main(*nodes: str) -> str:
+    return "trees:\n  Main:\n    Sequence:\n" + "".join(f"      - {node}\n" for node in nodes)
+
+
+def held(*nodes: str, rest: str = "") -> list[str]:
+    found = lint(main(*nodes) + rest, "P330")
+    return [finding.split("P330 ")[1].replace("Main/Sequence/", "") for finding in found]
+
+
+SAYS = "the mission may end with what Grasp took still in the hand"
+
+
+def test_a_mission_that_succeeds_with_something_in_the_hand() -> None:
+    assert held("Grasp: {object: a}", "GoTo: {pose: home}") == [f"4:9 Grasp: {SAYS}, when it succeeds {HINT}"]
+
+
+def test_a_place_that_fails_leaves_it_in_the_hand() -> None:
+    assert held(f"Sequence: [{PICK}]") == [f"4:21 Sequence/Grasp: {SAYS}, when Grasp or Place fails {HINT}"]
+    assert held(f"Recover: {{do: [{PICK}], otherwise: {{Observe: {{camera: overhead}}}}}}") == [
+        f"4:25 Recover/Sequence/Grasp: {SAYS}, when Grasp or Place fails {HINT}"
+    ]
+    assert held(f"ForceSuccess: {{Sequence: [{PICK}]}}") == [
+        f"4:36 ForceSuccess/Sequence/Grasp: {SAYS}, when it succeeds {HINT}"
+    ]
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        f"Recover: {{do: [{PICK}], otherwise: {{Observe: {{camera: overhead}}}}, give_up: SafeRetreat}}",
+        f"Recover: {{do: [{PICK}], otherwise: SafeRetreat, give_up: {{SafeRetreat: {{hand: open}}}}}}",
+        f"Fallback: [{{Sequence: [{PICK}]}}, {{SafeRetreat: {{hand: open}}}}]",
+        f"Fallback: [{{Sequence: [{PICK}]}}, SafeRetreat]",  # kept, but in a safe place
+        f"Parallel: [{{Fallback: [{{Sequence: [{PICK}]}}, SafeRetreat]}}, {{Observe: {{camera: overhead}}}}]",
+    ],
+)
+def test_a_retreat_sees_to_it(node: str) -> None:
+    assert held(node) == []
+
+
+def test_a_hand_that_is_asked_first() -> None:
+    pick = f"ForceSuccess: {{Sequence: [{PICK}]}}"
+    retreat = "{SafeRetreat: {hand: open}}"
+    # Grasp or Place may still end the mission, by a safety stop.
+    ends_by_itself = [finding for finding in held(pick) if "when it succeeds" in finding]
+    assert len(ends_by_itself) == 1
+    for guarded in (
+        f"IfThenElse: [{{Condition: {{if: holding}}}}, {retreat}, AlwaysSuccess]",
+        "SafeRetreat: {hand: open, _skipIf: not holding}",
+        f"Fallback: [{{Condition: {{if: not holding and not stopped}}}}, {retreat}]",
+    ):
+        assert [finding for finding in held(pick, guarded) if "when it succeeds" in finding] == []
+    for useless in (
+        f"IfThenElse: [{{Condition: {{if: not holding}}}}, {retreat}, AlwaysSuccess]",
+        "SafeRetreat: {hand: open, _skipIf: stopped}",
+    ):
+        assert [finding for finding in held(pick, useless) if "when it succeeds" in finding] != []
+
+
+def test_what_a_handler_opens_is_empty_and_what_another_round_takes_is_not() -> None:
+    assert held(f"Recover: {{do: [{PICK}], otherwise: {{SafeRetreat: {{hand: open}}}}}}") == [
+        f"4:25 Recover/Sequence/Grasp: {SAYS}, when Grasp or Place fails {HINT}"
+    ]
+
+
+def test_trees_of_other_files_are_judged_where_they_are_used() -> None:
+    text = "include: [library/sorting]\ntrees: {Main: {PickAndPlace: {item: a}}}"
+    assert lint(text, "P330") == []
+    sub = "  Take: {Grasp: {object: a}}\n"
+    assert held("Take", "GoTo: {pose: home}", rest=sub) == [
+        f"6:10 Take/Grasp: {SAYS}, when it succeeds {HINT}"
+    ]
+
+
+def users(*nodes: str, rest: str = "") -> list[str]:
+    found = lint(main(*nodes) + rest, "P331", "P332")
+    return [finding.replace("Main/Sequence/", "") for finding in found]
+
+
+def test_two_users_of_the_arm_in_a_parallel_are_an_error() -> None:
+    text = """
+    trees:
+      Main:
+        Parallel:
+          - GoTo: {pose: home}
+          - Sequence: [{Observe: {camera: overhead}}, Retreat]
+          - Delay: {delay_msec: 1 s, do: {Grasp: {object: a}}}
+      Retreat: SafeRetreat
+    """
+    assert lint(text, "P331") == [
+        "P331 5:9 Main/Parallel/Sequence: Retreat and GoTo use the arm at the same time "
+        "(one after the other, in a Sequence)",
+        "P331 6:9 Main/Parallel/Delay: Grasp and GoTo use the arm at the same time "
+        "(one after the other, in a Sequence)",
+    ]
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        "Parallel: [{GoTo: {pose: home}}, {Observe: {camera: overhead}}, OpenGripper]",
+        "Parallel: [{GoTo: {pose: home}}, {Sequence: [AlwaysFailure, SafeRetreat]}]",
+        "Parallel: [{Sequence: [{GoTo: {pose: home}}, SafeRetreat]}, {Log: {message: a}}]",
+        "ReactiveFallback: [{Sequence: [{Condition: {if: stopped}}, SafeRetreat]}, {GoTo: {pose: home}}]",
+        "ReactiveSequence: [{Log: {message: a}}, {Condition: {if: not stopped}}, {GoTo: {pose: home}}]",
+        "ReactiveSequence: [{Observe: {camera: overhead}}, {GoTo: {pose: home}}]",
+        "ReactiveSequence: [{GoTo: {pose: home, _skipIf: holding}}, {Grasp: {object: a}}]",
+        "ReactiveSequence: [{RunOnce: {GoTo: {pose: home}}}, {Grasp: {object: a}}]",
+        "ReactiveSequence: [{Fallback: [{Condition: {if: holding}}, {Grasp: {object: a}}]}, "
+        "{Place: {object: a, into: red_bin}}]",
+        "Sequence: [{GoTo: {pose: home}}, SafeRetreat]",
+    ],
+)
+def test_users_that_do_not_meet(node: str) -> None:
+    assert users(node) == []
+
+
+@pytest.mark.parametrize(
+    ("node", "finding"),
+    [
+        ("ReactiveSequence: [{GoTo: {pose: home}}, {Grasp: {object: a}}]",
+         "P332 4:29 ReactiveSequence/GoTo: GoTo is started anew at each tick and takes the arm from Grasp "
+         "(a condition before it, or Sequence in place of ReactiveSequence)"),
+        ("ReactiveFallback: [{Sequence: [{Log: {message: a}}, Go]}, {Recover: {do: Go, otherwise: Go}}]",
+         "P332 4:29 ReactiveFallback/Sequence: GoTo is started anew at each tick and takes the arm from Go "
+         "(a condition before it, or Fallback in place of ReactiveFallback)"),
+    ],
+)  # fmt: skip
+def test_a_skill_that_a_reactive_node_starts_at_each_tick(node: str, finding: str) -> None:
+    assert users(node, rest="  Go: {GoTo: {pose: home}}\n" if "Go}" in node else "") == [finding]

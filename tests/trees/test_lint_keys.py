@@ -1,0 +1,230 @@
+"""Keys that are read before they are written, on some way or on all, and keys that nothing reads."""
+
+from __future__ import annotations
+
+import pytest
+
+from .linting import lint
+
+WRITE = 'SetBlackboard: {value: 1, output_key: "{x}"}'
+READ = 'Log: {message: a, value: "{x}"}'
+
+
+def sequence(*nodes: str) -> str:
+    return "trees:\n  Main:\n    Sequence:\n" + "".join(f"      - {node}\n" for node in nodes)
+
+
+def test_a_key_that_nothing_writes_is_an_error_with_the_nearest_name() -> None:
+    text = sequence(
+        'Observe: {camera: overhead, objects: "{items}"}',
+        'ForEach: {in: "{itmes}", out: "{item}", do: {Log: {message: a, value: "{item}"}}}',
+    )
+    assert lint(text, "P301") == [
+        "P301 5:23 Main/Sequence/ForEach: port 'in': nothing has written 'itmes' when it is read "
+        "(did you mean 'items'?)"
+    ]
+    assert lint(sequence(READ)) == [
+        "P301 4:34 Main/Sequence/Log: port 'value': nothing has written 'x' when it is read "
+        "(nothing in Main writes any key)"
+    ]
+
+
+def test_a_key_that_is_written_further_down_is_an_error_and_said_once() -> None:
+    assert lint(sequence(READ, WRITE, READ)) == [
+        "P301 4:34 Main/Sequence/Log: port 'value': nothing has written 'x' when it is read "
+        "(SetBlackboard, line 7, writes it, further down)"
+    ]
+
+
+def test_a_loop_may_have_written_it_the_time_before() -> None:
+    text = sequence(f"Repeat: {{num_cycles: 3, do: {{Fallback: [{{{READ}}}, {{{WRITE}}}]}}}}")
+    assert lint(text) == [
+        "P302 4:75 Main/Sequence/Repeat/Fallback/Log: port 'value': perhaps nothing has written 'x' yet "
+        "(SetBlackboard, line 6, writes it, further down)"
+    ]
+
+
+@pytest.mark.parametrize(
+    "writer",
+    [
+        "ForceSuccess: {Observe: {camera: overhead, expect: red, objects: '{x}'}}",
+        "Fallback: [{Observe: {camera: overhead, expect: red, objects: '{x}'}}, AlwaysSuccess]",
+        "IfThenElse: [{Condition: {if: holding}}, {Observe: {objects: '{x}'}}, AlwaysSuccess]",
+        "Observe: {objects: '{x}', _skipIf: holding}",
+        "ForEach: {in: [1, 2], do: {Observe: {objects: '{x}', _while: holding}}}",
+        "Parallel: {success_count: 1, do: [{Delay: {delay_msec: 1 s, do: AlwaysSuccess}}, "
+        "{Observe: {objects: '{x}'}}]}",
+        "Repeat: {while: holding, do: {Observe: {objects: '{x}'}}}",
+    ],
+)
+def test_a_way_that_passes_the_writer_by(writer: str) -> None:
+    (only,) = lint(sequence(writer, READ), "P301", "P302")
+    assert only.startswith("P302 5:34 Main/Sequence/Log: port 'value': perhaps nothing has written 'x' yet (")
+
+
+@pytest.mark.parametrize(
+    "writer",
+    [
+        WRITE,
+        "Log: {message: a, _onSuccess: 'x := 1'}",
+        "RunOnce: {SetBlackboard: {value: 1, output_key: '{x}'}}",
+        "Fallback: [{Observe: {expect: a, objects: '{x}'}}, {SetBlackboard: {value: 1, output_key: '{x}'}}]",
+        "RetryUntilSuccessful: {num_attempts: 3, do: {Observe: {expect: red, objects: '{x}'}}}",
+        "Recover: {do: {Observe: {expect: red, objects: '{x}'}}, otherwise: AlwaysSuccess}",
+        "ForEach: {in: [1, 2], out: '{x}', do: {ForceSuccess: {GoTo: {pose: home}}}}",
+        "Repeat: {num_cycles: 2, do: {Observe: {objects: '{x}'}}}",
+        "Parallel: [{Observe: {objects: '{x}'}}, {Delay: {delay_msec: 1 s, do: AlwaysSuccess}}]",
+        "ReactiveSequence: [{Condition: {if: not stopped}}, {Observe: {objects: '{x}'}}]",
+        "Switch: {variable: a, cases: {a: {SetBlackboard: {value: 1, output_key: '{x}'}}}}",
+        "IfThenElse: [{Condition: {if: holding}}, {Observe: {objects: '{x}'}}, "
+        "{SetBlackboard: {value: [], output_key: '{x}'}}]",
+        "Sequence: {_onFailure: 'x := 1', _onSuccess: 'x := 2', do: [{GoTo: {pose: home}}]}",
+        "KeepRunningUntilFailure: {GoTo: {pose: home}}",
+    ],
+)
+def test_every_way_leads_over_a_writer(writer: str) -> None:
+    assert lint(sequence(writer, READ), "P301", "P302") == []
+
+
+def test_what_runs_once_has_run_in_every_later_round() -> None:
+    text = """
+    trees:
+      Main:
+        Repeat:
+          num_cycles: 5
+          do:
+            - RunOnce: {SetBlackboard: {value: 1, output_key: "{x}"}}
+            - Log: {message: a, value: "{x}"}
+    """
+    assert lint(text) == []
+
+
+def test_beside_the_writer_in_a_parallel() -> None:
+    text = "trees:\n  Main:\n    Parallel:\n      - %s\n      - Log: {message: a, value: '{x}'}"
+    (finding,) = lint(text % "Observe: {objects: '{x}'}", "P302")
+    assert finding.startswith(
+        "P302 5:34 Main/Parallel/Log: port 'value': perhaps nothing has written 'x' yet"
+    )
+    # What ends at once has ended before the next child is ticked.
+    assert lint(text % "SetBlackboard: {value: 1, output_key: '{x}'}", "P302") == []
+
+
+def test_an_expression_reads_its_names_and_facts_are_always_there() -> None:
+    late = "SetBlackboard: {value: 1, output_key: '{n}'}"
+    assert lint(sequence("Condition: {if: holding and n > 3}", late)) == [
+        "P301 4:25 Main/Sequence/Condition: port 'if': nothing has written 'n' when it is read "
+        "(SetBlackboard, line 7, writes it, further down)"
+    ]
+    found = lint(sequence("Log: {message: a, _skipIf: n > 3, _onSuccess: 'n = 1'}", late), "P301")
+    assert [finding.split(": nothing")[0] for finding in found] == ["P301 4:36 Main/Sequence/Log: _skipIf"]
+    assert lint(sequence("Condition: {if: items_left and not holding or time > 3}")) == []
+
+
+def test_the_ports_of_a_sub_tree_are_for_its_user_to_see_to() -> None:
+    text = """
+    trees:
+      Main:
+        Sequence:
+          - Show: {what: "{thing}"}
+          - Show: {what: 3}
+          - SetBlackboard: {value: 1, output_key: "{thing}"}
+          - Show: {what: "{thing}"}
+      Show:
+        ports: {what: any}
+        Inner: {what: "{what}"}
+      Inner:
+        ports: {what: any}
+        Log: {message: a, value: "{what}"}
+    """
+    assert lint(text) == [
+        "P301 4:22 Main/Sequence/Show: port 'what': nothing has written 'thing' when it is read "
+        "(SetBlackboard, line 8, writes it, further down)"
+    ]
+
+
+def test_what_a_sub_tree_writes_reaches_its_user_as_far_as_it_is_written() -> None:
+    text = """
+    trees:
+      Main:
+        Sequence:
+          - Look: {found: "{items}"}
+          - ForEach: {in: "{items}", out: "{item}", do: {Log: {message: a, value: "{item}"}}}
+      Look:
+        ports: {found: {type: list of object, direction: out}}
+        Fallback:
+          - Observe: {camera: overhead, expect: red, objects: "{found}"}
+          - %s
+    """
+    assert lint(text % "Log: {message: not seen}", "P301", "P302") == [
+        "P302 5:23 Main/Sequence/ForEach: port 'in': perhaps nothing has written 'items' yet "
+        "(Look, line 6, writes it, but may fail or be passed by)"
+    ]
+    assert lint(text % 'SetBlackboard: {value: [], output_key: "{found}"}', "P301", "P302") == []
+
+
+def test_a_sub_tree_keeps_its_own_keys_from_one_use_to_the_next() -> None:
+    text = """
+    trees:
+      Main:
+        Repeat: {num_cycles: 3, do: Count}
+      Count:
+        Sequence:
+          - RunOnce: {SetBlackboard: {value: 1, output_key: "{n}"}}
+          - Log: {message: a, value: "{n}"}
+    """
+    assert lint(text, "P301", "P302") == []
+    text = """
+    trees:
+      Main:
+        Repeat: {num_cycles: 3, do: Count}
+      Count:
+        Sequence:
+          - Fallback:
+              - Log: {message: a, value: "{n}"}
+              - SetBlackboard: {value: 1, output_key: "{n}"}
+    """
+    (finding,) = lint(text, "P301", "P302")
+    assert finding.startswith("P302 7:38 Count/Sequence/Fallback/Log: port 'value': perhaps")
+
+
+def test_an_output_that_nothing_reads() -> None:
+    assert lint(sequence("Observe: {objects: '{items}'}")) == [
+        "P303 4:28 Main/Sequence/Observe: objects: 'items' is written, and nothing in Main reads it "
+        "(an output that nobody needs is left out)"
+    ]
+    assert lint(sequence("Log: {message: a, _onSuccess: 'n := 1'}")) == [
+        "P303 4:39 Main/Sequence/Log: _onSuccess: 'n' is written, and nothing in Main reads it "
+        "(an output that nobody needs is left out)"
+    ]
+
+
+@pytest.mark.parametrize(
+    "reader",
+    [
+        "ForEach: {in: '{x}', do: AlwaysSuccess}",
+        "Condition: {if: len(x) > 3}",
+        "AlwaysSuccess: {_skipIf: len(x) > 3}",
+        "Log: {message: a, _onSuccess: 'x := x'}",
+        "Show: {what: '{x}'}",
+    ],
+)
+def test_an_output_that_something_reads(reader: str) -> None:
+    show = '  Show:\n    ports: {what: any}\n    Log: {message: a, value: "{what}"}'
+    show = show if "Show" in reader else ""
+    assert lint(sequence("Observe: {objects: '{x}'}", reader) + show, "P303") == []
+
+
+def test_an_output_of_the_tree_is_read_outside() -> None:
+    text = """
+    trees:
+      Main:
+        Sequence: [{Look: {found: "{x}"}}, {Log: {message: a, value: "{x}"}}]
+      Look:
+        ports: {found: {type: list of object, direction: out}}
+        Observe: {objects: "{found}"}
+    """
+    assert lint(text) == []
+    assert lint(text.replace(', {Log: {message: a, value: "{x}"}}', "")) == [
+        "P303 3:31 Main/Sequence/Look: found: 'x' is written, and nothing in Main reads it "
+        "(an output that nobody needs is left out)"
+    ]

@@ -1,0 +1,65 @@
+"""What comes with picktree passes its own linter, and a large mission passes it quickly."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from picktree.cli.kinds import CHECKS
+from picktree.trees.lint import lint
+from picktree.trees.loader import parse_mission
+from picktree.trees.mission_files import LIBRARY
+from picktree.world.files.checking import check_files
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = sorted([*(ROOT / "examples").glob("*.yaml"), *LIBRARY.glob("*.yaml")])
+
+
+@pytest.mark.parametrize("file", SHIPPED, ids=lambda file: file.stem)
+def test_a_shipped_mission_or_library_has_no_finding(file: Path) -> None:
+    assert [str(fault) for fault in check_files([file], CHECKS).faults] == []
+
+
+def station(number: int) -> str:
+    """Fourteen nodes with recovery, and what calls them."""
+    return f"""
+  Station{number}:
+    ports: {{item: object}}
+    Recover:
+      do:
+        - Fallback: [{{Condition: {{if: holding}}}}, {{Grasp: {{object: "{{item}}"}}}}]
+        - Place: {{object: "{{item}}", into: "{{item.destination}}"}}
+      when:
+        grasp.missed: [SafeRetreat, {{Observe: {{camera: overhead}}}}]
+        control.*: SafeRetreat
+      otherwise: [SafeRetreat]
+      give_up: {{SafeRetreat: {{hand: open}}}}
+"""
+
+
+def test_a_thousand_nodes_and_a_sub_tree_used_a_hundred_times() -> None:
+    names = [f"Station{n % 70}" for n in range(100)]
+    loop = (
+        '      - ForEach: {in: "{items}", out: "{item}", on_failure: continue, do: {%s: {item: "{item}"}}}\n'
+    )
+    calls = "".join(loop % name for name in names)
+    text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n    Sequence:\n"
+    text += '      - Observe: {camera: overhead, objects: "{items}"}\n' + calls
+    text += "".join(station(number) for number in range(70))
+    mission = parse_mission(text, Path("large.yaml"))
+    assert sum(1 for tree in mission.trees.values() for _ in tree.root.iterate()) > 1000
+    began = time.process_time()
+    assert lint(mission) == ()
+    assert time.process_time() - began < 1.0  # 0.2 s by itself; the rest is for busy machines
+
+
+def test_sub_trees_in_sub_trees_do_not_multiply() -> None:
+    """Each uses the next ten times: a thousand uses of the last, of which each is looked at once."""
+    levels = "".join(f"  Level{n}: {{Sequence: [{', '.join([f'Level{n + 1}'] * 10)}]}}\n" for n in range(3))
+    text = f"picktree: 1\nkind: mission\ntrees:\n  Main: Level0\n{levels}  Level3: {{OpenGripper: {{}}}}\n"
+    mission = parse_mission(text, Path("deep.yaml"))
+    began = time.process_time()
+    assert lint(mission) == ()
+    assert time.process_time() - began < 1.0
