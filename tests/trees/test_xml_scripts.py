@@ -135,7 +135,8 @@ REFUSED = {
     "a.b": "'.' has no meaning in a script",
     "(" * 60 + "a" + ")" * 60: "the script is nested more than 40 deep",
     "a" * 5000: "the script is longer than 4000 characters",
-    "3 = a": "only a key can be assigned to",
+    "3 = a": "only a key of the tree can be assigned to",
+    "@a := 3": "only a key of the tree can be assigned to",
     "a = b = c": "only one key can be assigned to",
 }
 
@@ -152,6 +153,7 @@ def test_assignments() -> None:
     theirs = assignments_script(ours)
     assert theirs == "a := 1; b = a + 1; c := 'x;y'"
     assert [s.text() for s in read_statements(theirs)] == ["a := 1", "b = a + 1", "c := 'x;y'"]
+    assert [s.text() for s in read_statements("in := 4")] == ["in := 4"]
     assert [s.text() for s in read_statements("n += 1; m *= 2 + k")] == ["n = n + 1", "m = m * (2 + k)"]
 
 

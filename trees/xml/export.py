@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from typing import cast
 
 from ...world.files.expressions import Expression
@@ -15,6 +16,7 @@ from ..references import Binding, Constant, Reference
 from ..types import PortType
 from . import models
 from . import vocabulary as names
+from .comments import Comments
 from .element import Element
 from .expression_text import expression_text
 from .scripts import Unsayable, assignments_script, constant_script, script
@@ -38,6 +40,7 @@ class Exporter:
     def __init__(self, mission: Mission) -> None:
         self.faults: list[Fault] = []
         self._mission = mission
+        self._comments = Comments(mission.text)
         self._models: dict[str, Element] = {}
         self._called: set[str] = set()
         """Names of the sub-tree instances of the present tree: each may be used once."""
@@ -46,12 +49,13 @@ class Exporter:
 
     def root(self) -> Element:
         """The whole file."""
+        comments = self._comments.at_the_top()
         trees = tuple(self.tree(tree) for tree in self._mission.trees.values())
         parts = (*trees, Element("TreeNodesModel", {}, (*self._tree_models(), *self._node_models())))
         attributes = {"BTCPP_format": names.FORMAT}
         if MAIN in self._mission.trees:
             attributes["main_tree_to_execute"] = MAIN
-        root = Element("root", attributes, parts)
+        root = Element("root", attributes, parts, comments=comments)
         self._check_characters(root)
         return root
 
@@ -62,7 +66,9 @@ class Exporter:
         for port in tree.ports:
             self._check_port(port, tree.mark, f"trees.{tree.name}")
         self._called, self._types = set(), {}
-        return Element("BehaviorTree", {"ID": tree.name}, (self.node(tree.root, tree.name),))
+        comments = self._above(tree.mark)
+        root = self.node(tree.root, tree.name)
+        return Element("BehaviorTree", {"ID": tree.name}, (root,), comments=comments)
 
     # Models.
 
@@ -88,10 +94,11 @@ class Exporter:
 
     def node(self, spec: NodeSpec, above: str) -> Element:
         trail = f"{above}/{spec.name}"
+        comments = self._above(spec.mark)
         element = self._of_class(spec, spec.node, trail) if spec.node else self._call(spec, trail)
         if spec.breakpoint is not None:
             element = _with(element, {names.BREAKPOINT: spec.breakpoint})
-        return self._conditioned(spec, element)
+        return replace(self._conditioned(spec, element), comments=comments)
 
     def _of_class(self, spec: NodeSpec, node: type[Node], trail: str) -> Element:
         match spec.id:
@@ -195,6 +202,11 @@ class Exporter:
         else:
             last = Element("AlwaysFailure", {names.NO_CASE: "true"})
         return Element(identity, attributes, (*(self.node(child, trail) for _, child in cases), last))
+
+    def _above(self, mark: Mark) -> tuple[str, ...]:
+        """The comments above a line of the mission's own file."""
+        own = mark.file == str(self._mission.document.path)
+        return self._comments.above(mark.line) if own else ()
 
     # Sub-trees.
 

@@ -20,7 +20,7 @@ _IN_QUOTES = re.compile(r"[ !#-\[\]-~\u00a1-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00
 
 def mission_text(document: Marked) -> str:
     """The whole file: the head, then each tree after an empty line."""
-    lines: list[str] = []
+    lines = [f"# {comment}" for comment in document.comments]
     for entry in document.entries or ():
         if entry.key != "trees":
             lines += _entry(entry, "")

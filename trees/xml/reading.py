@@ -13,6 +13,7 @@ from typing import Final, NoReturn
 from xml.parsers import expat
 
 from ...world.files.marks import Fault, FileError, Mark
+from .comments import one_line
 from .element import Element
 
 MAX_CHARACTERS: Final = 4_000_000
@@ -105,7 +106,8 @@ class _Reader:
             self._open[-1].text.append(text)
 
     def _comment(self, text: str) -> None:
-        self._comments.append(" ".join(text.split()))
+        if comment := one_line(text):
+            self._comments.append(comment)
 
     def _doctype(self, *_: object) -> None:
         at = self._raw.rfind(b"<!DOCTYPE", 0, self._parser.CurrentByteIndex + 1)

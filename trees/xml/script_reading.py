@@ -38,6 +38,7 @@ _NO_COUNTERPART = {
     "..": "joining of texts",
 }  # fmt: skip
 _OUR_WORDS = ("and", "or", "not", "in", "if", "else", "null", "is", "for", "lambda", "True", "False", "None")
+_ASSIGNMENTS = (":=", "=", "+=", "-=", "*=", "/=")
 _LOGIC: dict[str, Literal["and", "or"]] = {"&&": "and", "||": "or"}
 
 
@@ -169,14 +170,16 @@ class _Parser:
 
     def _statement(self) -> Statement:
         target = self._token
-        left = self._choice()
-        if not self._is(":=", "=", "+=", "-=", "*=", "/="):
+        assigned = target.kind == "name" and self._tokens[self._next + 1].text in (":=", "=")
+        # Any word may be written to, though expressions cannot name each.
+        left = Name(target.at, self._take().text) if assigned else self._choice()
+        if not self._is(*_ASSIGNMENTS):
             return Statement("", False, left)
         operator = self._take()
-        if not isinstance(left, Name):
-            raise ScriptError("only a key can be assigned to", target.at)
+        if not isinstance(left, Name) or left.name.startswith("@"):
+            raise ScriptError("only a key of the tree can be assigned to", target.at)
         value = self._choice()
-        if self._is(":=", "="):
+        if self._is(*_ASSIGNMENTS):
             self._unexpected("only one key can be assigned to")
         if operator.text in (":=", "="):
             return Statement(left.name, operator.text == ":=", value)

@@ -26,6 +26,8 @@ _NAMES: Final = {
     "BT::AnyTypeAllowed": "any", "AnyTypeAllowed": "any", "unsigned int": "int", "float": "float",
     "BT::SimpleString": "string", "long": "int", "unsigned": "int",
 }  # fmt: skip
+_LONG: Final = 1e15
+"""Numbers from here on are written with an exponent."""
 _VECTOR = re.compile(r"std::vector<\s*(?P<of>[\w: ]+?)\s*(?:,.*)?>")
 _TRUTH = {"true": True, "True": True, "TRUE": True, "1": True,
           "false": False, "False": False, "FALSE": False, "0": False}  # fmt: skip
@@ -69,6 +71,8 @@ def read_value(text: str, kind: PortType) -> Value:
     match kind.name:
         case "int" | "float":
             number = _resolved(text)
+            if isinstance(number, float) and number.is_integer() and abs(number) < _LONG:
+                return int(number)
             return number if type(number) in (int, float) else text
         case "bool":
             return _TRUTH.get(text, text)
@@ -102,7 +106,7 @@ def _scalar_text(value: str | int | float | bool) -> str:
     match value:
         case bool():
             return "true" if value else "false"
-        case float() if value.is_integer() and abs(value) < 1e15:
+        case float() if value.is_integer() and abs(value) < _LONG:
             return str(int(value))
         case float():
             return repr(value)

@@ -27,7 +27,7 @@ def to_text(root: Element) -> str:
 
 def _lines(element: Element, indent: str) -> Iterator[str]:
     for comment in element.comments:
-        yield f"{indent}<!-- {comment} -->"
+        yield f"{indent}<!-- {_in_comment(comment)} -->"
     words = [f'{key}="{_escaped(value, _IN_ATTRIBUTES)}"' for key, value in element.attributes.items()]
     start = " ".join([f"{indent}<{element.name}", *words])
     if len(start) > WIDTH and len(words) > 1:
@@ -41,6 +41,11 @@ def _lines(element: Element, indent: str) -> Iterator[str]:
         for child in element.children:
             yield from _lines(child, indent + "  ")
         yield f"{indent}</{element.name}>"
+
+
+def _in_comment(text: str) -> str:
+    """Two hyphens would end it."""
+    return re.sub(r"-(?=-|$)", "- ", text).rstrip()
 
 
 def _escaped(text: str, escapes: dict[str, str]) -> str:
