@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..motion.fcl_queries import SceneQueries
 from ..scene.description import Bin
 from ..scene.planning_scene import BeliefObject
 from ..shapes import Shape, extents, top
 from ..values import Array, Pose
+
+if TYPE_CHECKING:
+    from ..motion.fcl_queries import SceneQueries
 
 CELLS = 3
 """A bin is divided into 3 × 3 cells."""

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from ..robot.model import RobotModel
 from ..values import Array
+
+if TYPE_CHECKING:
+    from ..robot.model import RobotModel
 
 NEAR_LIMIT = 0.5
 """Distance to a joint's limit below which a configuration becomes uncomfortable, rad."""
