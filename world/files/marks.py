@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from textwrap import indent
-from typing import Literal, TypeAlias
+from typing import Literal, NoReturn, TypeAlias
 
 from ..errors import PicktreeError
 
@@ -29,6 +29,10 @@ class Mark:
         return f"line {self.line}" + (f" of {self.file}" if self.file != file else "")
 
 
+def _no_code() -> NoReturn:
+    raise TypeError("every fault has a code, and every code a page in world/files/pages")
+
+
 @dataclass(frozen=True, slots=True)
 class Fault:
     """One thing that is wrong in a file. `where` is the value's dotted path or the node's path in the tree,
@@ -38,7 +42,7 @@ class Fault:
     where: str
     message: str
     hint: str = ""
-    code: str = ""
+    code: str = field(default_factory=_no_code)
     severity: Severity = "error"
     detail: str = ""
     """Lines that stand below the fault, as the traceback of a plug-in that cannot be imported."""
