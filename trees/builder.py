@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from ..world.errors import PicktreeError
 from ..world.files.nearest import nearest
@@ -15,15 +14,12 @@ from .node import Node
 from .ports import PortDeclaration
 from .references import Binding, Constant, Reference
 from .runner import Tree
-from .runtime import Runtime, Wiring
+from .runtime import Runtime, TreeWorld, Wiring
 from .subtree import SubTree
 from .types import convert
 
-if TYPE_CHECKING:
-    from ..world.world import World
 
-
-def build(mission: Mission, world: World, parameters: Mapping[str, Plain] | None = None) -> Tree:
+def build(mission: Mission, world: TreeWorld, parameters: Mapping[str, Plain] | None = None) -> Tree:
     """The mission as a tree. `parameters` are values for the ports of `Main`; texts are read as in a file.
 
     Raises PicktreeError for an unknown, missing or unfitting parameter.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from .flow.plainly import leaf
 from .node import Node
@@ -27,7 +27,7 @@ class ConditionNode(Node, abstract=True):
         ...
 
     def on_tick(self) -> NodeStatus:
-        return NodeStatus.SUCCESS if self.answer(self.world) else NodeStatus.FAILURE
+        return NodeStatus.SUCCESS if self.answer(cast("World", self.world)) else NodeStatus.FAILURE
 
     @classmethod
     def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:

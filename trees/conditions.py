@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 from ..world.causes import Failure, FailureReport, tree
 from .declaration import PRECONDITIONS
-from .runtime import Wiring, evaluate
+from .runtime import TreeWorld, Wiring, evaluate
 from .status import NodeStatus
 
 if TYPE_CHECKING:
-    from ..world.world import World
     from .mission import Assignment
 
 ON_HALTED = "_onHalted"
@@ -31,7 +30,7 @@ _SETTLED: Mapping[str, NodeStatus] = {
 }
 
 
-def settled_before(wiring: Wiring, world: World, *, running: bool) -> NodeStatus | None:
+def settled_before(wiring: Wiring, world: TreeWorld, *, running: bool) -> NodeStatus | None:
     """The status that a precondition gives the node in place of a tick; None: it is ticked.
 
     Raises Failure when a precondition has no value.
@@ -48,7 +47,7 @@ def settled_before(wiring: Wiring, world: World, *, running: bool) -> NodeStatus
     return None
 
 
-def assign_after(wiring: Wiring, world: World, state: NodeStatus) -> tuple[FailureReport, ...]:
+def assign_after(wiring: Wiring, world: TreeWorld, state: NodeStatus) -> tuple[FailureReport, ...]:
     """Carry out what belongs to that end; IDLE: to having been halted. What could not be, as reports."""
     names = (ON_HALTED,) if state is NodeStatus.IDLE else _AFTER.get(state, ())
     problems: list[FailureReport] = []
@@ -61,7 +60,7 @@ def assign_after(wiring: Wiring, world: World, state: NodeStatus) -> tuple[Failu
     return tuple(problems)
 
 
-def _assign(assignment: Assignment, wiring: Wiring, world: World) -> None:
+def _assign(assignment: Assignment, wiring: Wiring, world: TreeWorld) -> None:
     value = evaluate(assignment.value, wiring.namespace, world)
     if not assignment.new and not wiring.namespace.has(assignment.key):
         message = f"nothing has written {assignment.key!r} yet; ':=' writes it anew"

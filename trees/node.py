@@ -21,12 +21,11 @@ from .plain import plain_copy
 from .ports import PortDeclaration
 from .references import Binding, Constant, Reference
 from .reports import pack, plain_evidence, report_from_plain, report_to_plain, unpack, with_attached
-from .runtime import Runtime, Wiring, evaluate
+from .runtime import Runtime, TreeWorld, Wiring, evaluate
 from .status import NodeStatus
 from .types import accept
 
 if TYPE_CHECKING:
-    from ..world.world import World
     from .flow import Flow, State
     from .flow.walk import Walk
     from .mission import NodeSpec
@@ -149,7 +148,7 @@ class Node(Behaviour):
         return self._state
 
     @property
-    def world(self) -> World:
+    def world(self) -> TreeWorld:
         return self._runtime.world
 
     @property

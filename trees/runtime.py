@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from ..world.causes import Failure, tree
 from ..world.files.expressions import Expression, ExpressionError
@@ -12,15 +12,29 @@ from .blackboard import Blackboard, Namespace
 from .references import Binding, Reference, attribute
 
 if TYPE_CHECKING:
-    from ..world.world import World
+    from ..world.journal import Journal
+    from ..world.protocols import Clock
+    from ..world.scene.planning_scene import PlanningScene
     from .mission import Assignment
+
+
+class TreeWorld(Protocol):
+    """What the language itself asks of the world, for its own nodes; skills are given the whole `World`."""
+
+    @property
+    def clock(self) -> Clock: ...
+    @property
+    def scene(self) -> PlanningScene: ...
+    @property
+    def journal(self) -> Journal: ...
+    def facts(self) -> Mapping[str, bool | int | float | str]: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Runtime:
     """Shared by all nodes of a tree."""
 
-    world: World
+    world: TreeWorld
     blackboard: Blackboard = field(default_factory=Blackboard)
     start_hooks: list[Callable[[str], None]] = field(default_factory=list[Callable[[str], None]])
     """Called with a node's path when it starts, before it reads its inputs."""
@@ -47,7 +61,7 @@ class Wiring:
 class Scope(Mapping[str, object]):
     """The names of an expression: the keys of the namespace, then the facts of the world."""
 
-    def __init__(self, namespace: Namespace, world: World) -> None:
+    def __init__(self, namespace: Namespace, world: TreeWorld) -> None:
         self._namespace, self._world = namespace, world
         self._facts: Mapping[str, object] | None = None
 
@@ -71,7 +85,7 @@ class Scope(Mapping[str, object]):
         return self._facts
 
 
-def evaluate(expression: Expression, namespace: Namespace, world: World) -> object:
+def evaluate(expression: Expression, namespace: Namespace, world: TreeWorld) -> object:
     """The expression's value now. Raises Failure(tree.missing_input) when it has none."""
 
     def attribute_of(owner: object, name: str) -> object:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Generator
-from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar, cast
 
 from ..world.causes import internal
 from .declaration import Resource
@@ -61,7 +61,7 @@ class Skill(Node, abstract=True):
 
     def on_tick(self) -> NodeStatus:
         if self._steps is None:
-            self._steps = self.run(self.world)
+            self._steps = self.run(cast("World", self.world))
         try:
             next(self._steps)
         except StopIteration:

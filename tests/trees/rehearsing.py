@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 from textwrap import dedent, indent
+from typing import cast
 
 from picktree.trees.condition import ConditionNode
 from picktree.trees.controls.decorator import Decorator
@@ -99,7 +100,8 @@ class Peek(Decorator):
     """A node of somebody's own that asks the robot itself."""
 
     def on_tick(self) -> NodeStatus:
-        return NodeStatus.SUCCESS if self.world.control.at_rest else NodeStatus.FAILURE
+        at_rest = cast("World", self.world).control.at_rest
+        return NodeStatus.SUCCESS if at_rest else NodeStatus.FAILURE
 
 
 NODES: tuple[type[Node], ...] = (Look, Pick, Put, Go, Weigh, Ready, Maybe, Peek)

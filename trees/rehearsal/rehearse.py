@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from ...world.errors import PicktreeError
 from ...world.files.allowances import silenced
@@ -26,9 +26,6 @@ from .staging import Staging, scene_of, stage_mission
 from .trace import Trace
 from .trace_text import short_names
 from .verdict import Outcome, differences
-
-if TYPE_CHECKING:
-    from ...world.world import World
 
 MOST_TICKS = 10_000
 """Of a case that does not say how many it may take."""
@@ -85,7 +82,7 @@ def rehearse_case(staging: Staging, case: Case, document: Document, reached: Rea
     """Rehearse one case, and add what it reaches."""
     world = _world(staging, case)
     parameters = cast("Mapping[str, Plain]", case.parameters)
-    tree = build(staging.mission, cast("World", world), parameters)
+    tree = build(staging.mission, world, parameters)
     trace = world.trace
     tree.on_start.append(trace.begun)
     trace.writes = tree.blackboard.take_writes
