@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,9 @@ STRUCTURE = (
 )
 
 
-def report(*statuses: str, cause: str | None = None, ticked: bool = True) -> TickReport:
+def report_of(
+    structure: tuple[NodeInfo, ...], *statuses: str, cause: str | None = None, ticked: bool = True
+) -> TickReport:
     """`cause` is that of the nodes in FAILURE."""
     nodes = (
         NodeReport(
@@ -36,9 +39,13 @@ def report(*statuses: str, cause: str | None = None, ticked: bool = True) -> Tic
             cause if status == "FAILURE" else None,
             None,
         )
-        for info, status in zip(STRUCTURE, statuses, strict=True)
+        for info, status in zip(structure, statuses, strict=True)
     )
     return TickReport(tuple(nodes), ())
+
+
+def report(*statuses: str, cause: str | None = None, ticked: bool = True) -> TickReport:
+    return report_of(STRUCTURE, *statuses, cause=cause, ticked=ticked)
 
 
 RETREATING = report(
@@ -102,6 +109,38 @@ def test_lines_tell_a_failure_once() -> None:
         kept = report(*[n.status for n in RETREATING.nodes], cause="grasp.missed", ticked=False)
         view.ticked(3.05, kept, 0, 4)
     assert file.getvalue().count("grasp.missed") == 1
+
+
+def test_lines_tell_of_edits_and_follow_the_edited_tree() -> None:
+    file = io.StringIO()
+    with LinesView(Console(file=file, width=40)) as view:
+        view.started(STRUCTURE, Path("runs/1"))
+        view.told(1.0, "the edit is not taken over:\nm.yaml:3:1: error P207: [no markup]")
+        other = (*STRUCTURE[:2], replace(STRUCTURE[2], children=()))  # Main/2 is a leaf now
+        view.edited(other)
+        view.ticked(3.0, report_of(other, "RUNNING", "SUCCESS", "FAILURE", cause="grasp.missed"), 0, 4)
+    assert (
+        file.getvalue()
+        == """\
+recording to runs/1
+    1.00 s  the edit is not taken over:
+m.yaml:3:1: error P207: [no markup]
+    3.00 s  Main/2: grasp.missed: the fingers hold nothing
+"""
+    )
+
+
+def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("picktree.cli.live._PERIOD", -1.0)
+    file = io.StringIO()
+    console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
+    with LiveView(console) as view:
+        view.started(STRUCTURE, Path("runs/1"))
+        view.told(1.0, "the edit is good")
+        view.edited(STRUCTURE[:2])
+        view.ticked(2.0, report_of(STRUCTURE[:2], "RUNNING", "RUNNING"), 0, 4)
+    assert "    1.00 s  the edit is good\n" in file.getvalue()
+    assert "  ▶ Observe" in file.getvalue()
 
 
 def test_live_view_draws_the_tree_and_leaves_nothing_behind(

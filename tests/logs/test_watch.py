@@ -293,6 +293,7 @@ def test_a_plug_in_may_be_edited_and_a_broken_one_is_told(tmp_path: Path) -> Non
     ]  # fmt: skip
     assert 'pause.py", line 8, in <module>' in witness.said[0][1]
     with RunLog(result.log) as log:
+        assert log.attachment("plugin/pause.py").decode() == PLUGIN
         assert log.attachment("edit-0001/plugin/pause.py").decode() == longer
         nodes = [
             n for t in log.ticks() for n in t.record.nodes if n.path == "Main/ForEach/Part/Sequence/Pause"

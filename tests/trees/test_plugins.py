@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from picktree.logs.mission_record import mission_files, plugin_versions
 from picktree.trees.check import check_mission
 from picktree.trees.loader import load_mission, parse_mission
 from picktree.trees.registry import Registry
@@ -123,6 +124,26 @@ def test_a_plug_in_in_a_folder_below_the_mission(tmp_path: Path) -> None:
     assert mission(tmp_path, plugin="plugins/wave.py").main.root.id == "Wave"
 
 
+def test_the_plug_in_of_an_included_file_lies_beside_that_file(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "wave.py").write_text(WAVE)
+    (tmp_path / "parts" / "greet.yaml").write_text(
+        "picktree: 1\nkind: mission\nlibrary: true\nplugins: [wave.py]\ntrees: {Greet: Wave}\n"
+    )
+    head = "picktree: 1\nkind: mission\ninclude: [parts/greet.yaml]\n"
+    read = parse_mission(f"{head}trees: {{Main: Greet}}\n", tmp_path / "m.yaml", Registry())
+    assert read.trees["Greet"].root.id == "Wave"
+    assert [file.name for file in mission_files(read)] == [
+        "mission.yaml", "include/parts/greet.yaml", "plugin/parts/wave.py"
+    ]  # fmt: skip
+    (tmp_path / "parts" / "wave.py").write_text("1/0")
+    with pytest.raises(FileError) as caught:
+        parse_mission(f"{head}trees: {{Main: Greet}}\n", tmp_path / "m.yaml", Registry())
+    assert str(caught.value).startswith(
+        f"{tmp_path}/parts/greet.yaml:4:11: plugins[0]: the plug-in 'wave.py' cannot be imported: Zero"
+    )
+
+
 def test_a_ctrl_c_while_a_plug_in_is_imported_is_the_users(tmp_path: Path) -> None:
     (tmp_path / "wave.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
     before = signal.getsignal(signal.SIGINT)
@@ -171,6 +192,9 @@ def test_an_installed_plug_in_needs_no_word_in_the_mission(site: Path, value: st
         "picktree: 1\nkind: mission\ntrees: {Main: AlwaysSuccess}\n", Path("m.yaml"), Registry()
     )
     assert other.sources == ()
+    assert plugin_versions(read) == {"my-cell": "1.2"}
+    module = list(mission_files(read))[-1]
+    assert (module.name, module.content) == ("module/cell_skills.py", WAVE.encode())
 
 
 def test_an_installed_plug_in_that_fails_is_named_only_where_a_node_is_missed(site: Path) -> None:
