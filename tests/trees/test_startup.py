@@ -1,4 +1,4 @@
-"""Reading and checking a mission needs no planner, no collision checker and no simulator."""
+"""Reading and checking a mission needs no planner, no collision checker of the arm and no simulator."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-HEAVY = ("pinocchio", "coal", "fcl", "ompl", "pybullet", "scipy", "trimesh", "toppra", "cv2", "mcap")
+HEAVY = ("pinocchio", "coal", "ompl", "pybullet", "toppra", "cv2", "mcap")
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "sort_by_colour.yaml"
 PROGRAM = f"""
 import sys
