@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from .reasons import Reasons, joined
-from .state import LIMIT, NONE, Effect, State, States, merged, tidy
+from .state import BETWEEN, LIMIT, NONE, Effect, State, States, merged, tidy
 
 Failures: TypeAlias = Mapping[State, Reasons]
 """States in which a node may have failed, and for which reasons."""
@@ -87,7 +87,7 @@ class Ends:
             tidy(frozenset(self._success)),
             tidy_failures(self._failure),
             tidy(frozenset(self._skipped)),
-            tidy(frozenset(self._running)),
+            tidy(frozenset(self._running), BETWEEN),
         )
 
 

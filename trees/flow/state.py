@@ -14,6 +14,8 @@ FIRST_FILLER = 4
 
 LIMIT = 12
 """States that are told apart at one point; more are merged."""
+BETWEEN = 4
+"""The same between two ticks, where less depends on it."""
 
 
 class State(NamedTuple):
@@ -88,20 +90,23 @@ def merged(states: Iterable[State]) -> State:
     return State(sure, maybe, hand, doubtful)
 
 
-def tidy(states: Iterable[State]) -> States:
+def tidy(states: Iterable[State], limit: int = LIMIT) -> States:
     """The same with what others cover left out, and merged where there are too many."""
-    found = uncovered(states if isinstance(states, frozenset) else frozenset(states))
-    if len(found) > LIMIT:
+    found = states if isinstance(states, frozenset) else frozenset(states)
+    if len(found) < 2:
+        return found
+    if len(found) > 3 * limit:  # to compare each with each would cost too much
+        found = _merged_by(found, with_hand=True)
+    found = uncovered(found)
+    if len(found) > limit:
         found = uncovered(_merged_by(found, with_hand=True))
-    if len(found) > LIMIT:
+    if len(found) > limit:
         found = uncovered(_merged_by(found, with_hand=False))
     return found
 
 
 def uncovered(states: States) -> States:
     """Those that no other covers."""
-    if len(states) < 2:
-        return states
     left: list[State] = []
     for state in states:
         sure, maybe, hand, doubtful = state
