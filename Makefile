@@ -42,7 +42,8 @@ docs: $(READY)
 	@set -e; for kind in mission scene robot faults cases; do \
 		"$(BIN)/picktree" schema $$kind --shipped --output schemas/$$kind.json; done; \
 	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
-	"$(BIN)/picktree" explain-code --index > docs/codes.md
+	"$(BIN)/picktree" explain-code --index > docs/codes.md; \
+	"$(BIN)/picktree" render examples/sort_by_colour.yaml -o docs/tree.svg
 
 bench: $(READY)
 	@set -e; for program in benchmarks/*.py; do \

@@ -229,3 +229,10 @@ print(svg(chart_of_file(Path({str(SHIFT)!r}))), end="")
     )
     assert (ran.returncode, ran.stderr) == (0, "")
     assert ran.stdout == svg(shift())
+
+
+def test_the_picture_of_the_readme_is_of_the_example_as_it_is() -> None:
+    root = Path(__file__).parents[2]
+    drawn = svg(chart_of_file(root / "examples" / "sort_by_colour.yaml"))
+    shown = (root / "docs" / "tree.svg").read_text(encoding="utf-8")
+    assert shown == drawn, "picktree render examples/sort_by_colour.yaml -o docs/tree.svg"
