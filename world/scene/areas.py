@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -13,9 +13,8 @@ from ..files.nearest import nearest
 from ..files.wording import describe
 from ..shapes import Box, Cylinder, Shape, Sphere, corners
 from ..values import Bounds
-from .description import Bin, CatalogueEntry, Fixture
-from .entries import body
-from .schema import AreaFile, FixtureFile, SpawnFile
+from .description import CatalogueEntry, Fixture
+from .schema import AreaFile, SpawnFile
 
 CROWDED = 0.8
 """Share of an area that items and their gaps may cover."""
@@ -28,7 +27,7 @@ def check_spawn(
     n: int,
     entry: SpawnFile,
     catalogue: Mapping[str, CatalogueEntry | None],
-    bodies: Mapping[str, FixtureFile],
+    fixtures: Sequence[Fixture] | None,
     workspace: Bounds | None,
 ) -> None:
     """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read."""
@@ -45,12 +44,16 @@ def check_spawn(
             message = "the area is empty: 'max' must be greater than 'min' along x and y"
             check.fault((*loc, "area"), message, code="P411")
             return
-        _check_place(check, loc, entry.area, bodies, workspace)
+        _check_place(check, loc, entry.area, fixtures, workspace)
         _check_crowding(check, loc, entry, catalogue)
 
 
 def _check_place(
-    check: Checker, loc: Location, area: AreaFile, bodies: Mapping[str, FixtureFile], workspace: Bounds | None
+    check: Checker,
+    loc: Location,
+    area: AreaFile,
+    fixtures: Sequence[Fixture] | None,
+    workspace: Bounds | None,
 ) -> None:
     (x0, y0), (x1, y1) = area.min, area.max
     points = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)]
@@ -59,11 +62,10 @@ def _check_place(
         if any(not (wx0 <= x <= wx1 and wy0 <= y <= wy1) for x, y in points):
             hint = f"which is x {wx0:g} … {wx1:g} m, y {wy0:g} … {wy1:g} m"
             check.fault((*loc, "area"), "the area is outside the workspace", hint, code="P412")
-    with check.readable():  # a table that could not be read is not missed a second time
-        fixtures = [body(name, entry) for name, entry in bodies.items() if entry.box is not None]
-        if any(not _covered(fixtures, x, y) for x, y in points):
-            message = "the area is not over a level fixture"
-            check.fault((*loc, "area"), message, "items stand on a table", code="P413")
+    # A table that could not be read is not missed a second time.
+    if fixtures is not None and any(not _covered(fixtures, x, y) for x, y in points):
+        message = "the area is not over a level fixture"
+        check.fault((*loc, "area"), message, "items stand on a table", code="P413")
 
 
 def _check_crowding(
@@ -90,11 +92,9 @@ def _check_crowding(
         check.fault((*loc, "area"), message, hint, code="P414")
 
 
-def _covered(fixtures: Iterable[Fixture | Bin], x: float, y: float) -> bool:
+def _covered(fixtures: Iterable[Fixture], x: float, y: float) -> bool:
     for fixture in fixtures:
         rotation = fixture.pose.rotation()
-        if isinstance(fixture, Bin):
-            continue
         if abs(rotation[2, 2]) < 0.999 or not isinstance(fixture.shape, Box):
             continue
         away = rotation.T @ (np.array([x, y, fixture.pose.position[2]]) - fixture.pose.position)

@@ -20,6 +20,7 @@ from .description import (
     Bin,
     CatalogueEntry,
     Destination,
+    Fixture,
     Limits,
     SceneDescription,
     SensorNoise,
@@ -145,8 +146,11 @@ class _Parts:
         for name, entry in self.cameras.items():
             check_camera(check, name, entry)
         self.catalogue = {name: kind(check, name, entry) for name, entry in self.kinds.items()}
+        fixtures = self._fixtures()
         for n, entry in enumerate(self.spawn):
-            check_spawn(check, n, entry, self.catalogue, self.bodies, workspace)
+            if check.full:
+                break
+            check_spawn(check, n, entry, self.catalogue, fixtures, workspace)
         for n, entry in enumerate(self.destinations):
             self._check_destination(n, entry)
         with check.readable():
@@ -187,6 +191,13 @@ class _Parts:
         except PicktreeError as error:
             self.checker.fault(("robot",), str(error), code="P401")
             return None
+
+    def _fixtures(self) -> list[Fixture] | None:
+        """None when one of them cannot be read."""
+        with self.checker.readable():
+            bodies = [body(name, entry) for name, entry in self.bodies.items() if entry.box is not None]
+            return [fixture for fixture in bodies if isinstance(fixture, Fixture)]
+        return None
 
     def _workspace(self) -> Bounds | None:
         """None when it is faulty."""
