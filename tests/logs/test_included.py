@@ -49,3 +49,35 @@ def test_a_log_serves_the_files_that_its_mission_includes(tmp_path: Path) -> Non
     again = parse_mission(text, elsewhere, None, RecordedFiles(texts, elsewhere.parent))
     assert list(again.trees) == list(session.mission.trees)
     assert texts["parts/look.yaml"] == LOOK
+
+
+RECOVERY = """
+picktree: 1
+kind: mission
+scene: sort_small
+goal: misplaced == 0
+include: [library/recovery]
+trees:
+  Main:
+    Sequence:
+      - LookAgain
+      - RetreatAndLook: {pose: observe}
+      - WaitAndLook: {pause: 1 s}
+      - LetGoAndRetreat
+"""
+
+
+def test_the_trees_of_recovery_do_what_they_say(tmp_path: Path) -> None:
+    (tmp_path / "cure.yaml").write_text(RECOVERY)
+    result = Session(RunRequest(tmp_path / "cure.yaml", out=tmp_path / "runs", backend="kinematic")).run()
+    assert result.status == "success"
+    with RunLog(result.log) as log:
+        started = [
+            node.path for tick in log.ticks() for node in tick.record.nodes if node.status == "RUNNING"
+        ]
+    assert list(dict.fromkeys(path for path in started if path.count("/") == 3)) == [
+        "Main/Sequence/LookAgain/Observe",
+        "Main/Sequence/RetreatAndLook/Sequence",
+        "Main/Sequence/WaitAndLook/Delay",
+        "Main/Sequence/LetGoAndRetreat/SafeRetreat",
+    ]

@@ -1,0 +1,50 @@
+"""docs/language.md: every file in it is right, and what it lists is what there is."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from picktree.trees.check import check_mission
+from picktree.trees.declaration import COMMON_KEYS
+from picktree.trees.faults import MAX_NODES
+from picktree.trees.include import MAX_FILES
+from picktree.trees.loader import load_mission
+from picktree.trees.mission_files import library_names
+from picktree.trees.references import ATTRIBUTES
+from picktree.world.facts import FACTS
+from picktree.world.files.document import parse_document
+from picktree.world.files.expression_parser import FUNCTIONS
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "language.md").read_text("utf-8")
+FILES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+
+
+@pytest.mark.parametrize("text", FILES, ids=range(len(FILES)))
+def test_its_files_have_no_errors(text: str) -> None:
+    whole = text if text.startswith("picktree:") else f"picktree: 1\nkind: mission\nscene: three_bins\n{text}"
+    faults = check_mission(parse_document(whole, Path("mission.yaml"), "mission")).faults
+    assert [str(fault) for fault in faults if fault.severity == "error"] == []
+
+
+@pytest.mark.parametrize(
+    "names", [COMMON_KEYS, ATTRIBUTES, FACTS, [f"library/{name}" for name in library_names()]]
+)
+def test_it_names_all_that_there_is(names: list[str]) -> None:
+    assert [name for name in names if f"`{name}`" not in PAGE] == []
+
+
+def test_it_names_all_functions_and_bounds() -> None:
+    assert [name for name in FUNCTIONS if f"`{name}(" not in PAGE] == []
+    assert f"{MAX_FILES} included files" in PAGE
+    assert f"{MAX_NODES:,} nodes" in PAGE
+
+
+def test_it_names_the_trees_of_the_library(tmp_path: Path) -> None:
+    mission = tmp_path / "m.yaml"
+    included = ", ".join(f"library/{name}" for name in library_names())
+    mission.write_text(f"picktree: 1\nkind: mission\ninclude: [{included}]\ntrees: {{Main: AlwaysSuccess}}\n")
+    trees = set(load_mission(mission).trees) - {"Main"}
+    assert {name for name in trees if f"`{name}`" not in PAGE} == set()
