@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 Data: TypeAlias = dict[str, Any]
 
-LEAVES = ("Look", "Pick", "Put", "Go", "Weigh", "Ready", "Maybe")
+LEAVES = ("Look", "Pick", "Put", "Go", "Retreat", "Weigh", "Ready", "Maybe")
 """Those of `rehearsing`, for which cases answer."""
 _OBJECTS = ("o1", "o2")
 _EXPRESSIONS = (
@@ -36,10 +36,11 @@ _CONDITIONS: dict[str, Sequence[str]] = {
     "_post": ("any := false",),
 }
 _ANSWERS: dict[str, Sequence[str]] = {
-    "Look": ("SUCCESS", "RUNNING", "perception.not_found"),
+    "Look": ("SUCCESS", "RUNNING", "world.unknown_object"),
     "Pick": ("SUCCESS", "RUNNING", "grasp.missed", "grasp.slipped", "safety.force_limit"),
     "Put": ("SUCCESS", "RUNNING", "place.full", "grasp.slipped"),
     "Go": ("SUCCESS", "RUNNING", "safety.stop", "world.unknown_object"),
+    "Retreat": ("SUCCESS", "RUNNING", "planning.no_path"),
     "Weigh": ("RUNNING", "perception.stale"),
     "Ready": ("SUCCESS", "FAILURE", "perception.stale"),
     "Maybe": ("SUCCESS", "FAILURE", "SKIPPED", "RUNNING"),
@@ -132,6 +133,7 @@ class Author:
             {"Pick": {"object": one}},
             {"Put": {"object": one, **self._some(into="{object.destination}")}},
             {"Go": {}},
+            {"Retreat": self._some(drop=True)},
             {"Weigh": self._some(weight="{force}", sort="{text}")},
             {"Ready": {}},
             {"Maybe": {}},

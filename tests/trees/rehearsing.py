@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from textwrap import dedent, indent
@@ -9,10 +10,12 @@ from typing import cast
 
 from picktree.trees.condition import ConditionNode
 from picktree.trees.controls.decorator import Decorator
+from picktree.trees.declaration import Hand
 from picktree.trees.loader import parse_mission
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
+from picktree.trees.references import Binding, Constant
 from picktree.trees.registry import Registry
 from picktree.trees.rehearsal.case import CaseFile
 from picktree.trees.rehearsal.checks import examine_cases
@@ -20,7 +23,7 @@ from picktree.trees.rehearsal.rehearse import rehearse
 from picktree.trees.rehearsal.result import CaseResult, Rehearsal
 from picktree.trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
 from picktree.trees.status import NodeStatus
-from picktree.world.causes import grasp, perception, place, safety
+from picktree.world.causes import Cause, Family, grasp, perception, place, planning, safety
 from picktree.world.files.document import Document, parse_document
 from picktree.world.values import ObjectId
 from picktree.world.world import World
@@ -40,8 +43,13 @@ class Look(_Never):
     """Looks."""
 
     objects: Out[list[ObjectId]] = port("what is to be done")
+    expect: In[ObjectId] = port("what must be seen", default=ObjectId(""))
     causes = (perception.NOT_FOUND,)
     uses = (CAMERA,)
+
+    @classmethod
+    def causes_with(cls, ports: Mapping[str, Binding]) -> tuple[Cause | Family, ...]:
+        return cls.causes if "expect" in ports else ()
 
 
 class Pick(_Never):
@@ -66,8 +74,23 @@ class Put(_Never):
 class Go(_Never):
     """Moves."""
 
-    causes = (safety.ANY,)
+    causes = (planning.NO_PATH, safety.ANY)
     uses = (ARM,)
+
+
+class Retreat(_Never):
+    """Gets clear, and acknowledges a safety stop."""
+
+    drop: In[bool] = port("whether to open the hand", default=False)
+    causes = (planning.NO_PATH, safety.ANY)
+    uses = (ARM,)
+    hand_after = "kept"
+
+    @classmethod
+    def hand_with(cls, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
+        drop = ports.get("drop")
+        dropped = isinstance(drop, Constant) and drop.value is True
+        return ("empty" if dropped else "kept"), ("kept", "empty")
 
 
 class Weigh(_Never):
@@ -104,7 +127,7 @@ class Peek(Decorator):
         return NodeStatus.SUCCESS if at_rest else NodeStatus.FAILURE
 
 
-NODES: tuple[type[Node], ...] = (Look, Pick, Put, Go, Weigh, Ready, Maybe, Peek)
+NODES: tuple[type[Node], ...] = (Look, Pick, Put, Go, Retreat, Weigh, Ready, Maybe, Peek)
 
 
 @cache

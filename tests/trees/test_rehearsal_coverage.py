@@ -78,8 +78,8 @@ def test_cases_together_reach_everything() -> None:
           missed: {leaves: {Pick: [grasp.missed, SUCCESS]}, expect: {cause: tree.missing_input}}
           nothing: {facts: {items_left: false}, expect: {status: FAILURE}}
           held: {facts: {holding: true}, expect: {status: SUCCESS}}
-          ready: {leaves: {Pick: [safety.stop, SUCCESS]}, expect: {status: FAILURE}}
-          busy: {leaves: {Pick: safety.stop, Ready: FAILURE}, expect: {status: FAILURE, cause: safety.stop}}
+          ready: {leaves: {Pick: [grasp.slipped, SUCCESS]}, expect: {status: FAILURE}}
+          busy: {leaves: {Pick: grasp.slipped, Ready: FAILURE}, expect: {cause: grasp.slipped}}
         """,
     )
     assert [case.name for case in rehearsal.failed] == []

@@ -58,7 +58,7 @@ def test_pick_and_place_of_the_library(tmp_path: Path) -> None:
           held_up: {leaves: {Place: [control.timeout, SUCCESS]}, expect: {status: SUCCESS}}
           stopped: {leaves: {Place: [safety.stop, SUCCESS]}, expect: {status: SUCCESS}}
           in_vain:
-            leaves: {Place: place.full, LetGoAndRetreat/SafeRetreat: {then: {hand: empty}}}
+            leaves: {Place: place.full}
             expect:
               status: SUCCESS
               handled: [{cause: place.full, by: PickAndPlaceAll/ForEach, times: 2}]

@@ -84,6 +84,8 @@ def faults(case: str) -> list[str]:
          "place.full (it declares grasp.missed, grasp.slipped, safety.*)"),
         ("Pick: internal.error", "P706 6:13: cases.it.leaves.Pick.cause: Pick does not fail with "
          "internal.error (it declares grasp.missed, grasp.slipped, safety.*)"),
+        ("Look: perception.not_found", "P706 6:13: cases.it.leaves.Look.cause: Look does not fail with "
+         "perception.not_found (it declares none)"),
         # Outputs.
         ("Look: {outputs: {object: [a]}}", "P707 6:24: cases.it.leaves.Look.outputs.object: Look has no "
          "output 'object' (did you mean 'objects'?)"),

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ...world.causes import Cause, Failure, matches, world
+from ...world.causes import Cause, Failure, matches, safety, world
 from ...world.causes import grasp as grasp_causes
 from ...world.facts import facts, to_do
 from ...world.scene.description import CatalogueEntry, SceneDescription
@@ -18,7 +18,7 @@ from ...world.scene.destinations import destination_rule
 from ...world.scene.planning_scene import BeliefObject, PlanningScene
 from ...world.shapes import Box
 from ...world.values import ObjectId, Pose
-from ..declaration import NodeDeclaration, Resource
+from ..declaration import Hand, NodeDeclaration, Resource
 from .case import EMPTY_HAND, Effects, Objects
 from .schema import ObjectFile
 
@@ -92,16 +92,20 @@ class Belief:
 
     # What follows from a leaf's answer.
 
-    def succeeded(self, leaf: NodeDeclaration, inputs: Mapping[str, Any], *, of_itself: bool) -> None:
-        """A leaf succeeded; `of_itself`: no case told it to. Raises Failure when it must have failed instead,
-        Contradiction when it cannot have succeeded."""
+    def succeeded(
+        self, leaf: NodeDeclaration, hand: Hand, inputs: Mapping[str, Any], *, of_itself: bool
+    ) -> None:
+        """A leaf succeeded, after which `hand` is said of the hand; `of_itself`: no case told it to.
+
+        Raises Failure when it must have failed instead, Contradiction when it cannot have succeeded.
+        """
+        if Resource.ARM in leaf.uses and self._set.get("stopped", self._stopped):
+            self._move(leaf, of_itself=of_itself)
         if Resource.CAMERA in leaf.uses:
             self._looked = True
-        if Resource.ARM in leaf.uses:
-            self._stopped = False  # a latched stop refuses every motion, so it was acknowledged
-        if leaf.hand_after == "full":
+        if hand == "full":
             self._fill(leaf, inputs, of_itself=of_itself)
-        elif leaf.hand_after == "empty":
+        elif hand == "empty":
             self._empty(leaf, inputs)
 
     def failed(self, cause: Cause) -> None:
@@ -110,6 +114,16 @@ class Belief:
             self.let_go()
         if matches("safety.*", cause):
             self._stopped = True
+
+    def _move(self, leaf: NodeDeclaration, *, of_itself: bool) -> None:
+        """A stop is latched: it refuses every motion but that of a leaf that brings the arm to safety."""
+        if leaf.hand_after == "kept":
+            self._stopped = False
+            self._set.pop("stopped", None)
+        elif of_itself:
+            raise Failure(safety.STOP, "a safety stop is not acknowledged")
+        else:
+            raise Contradiction(f"{leaf.id} moves the arm, which a safety stop holds")
 
     def _fill(self, leaf: NodeDeclaration, inputs: Mapping[str, Any], *, of_itself: bool) -> None:
         wanted = _object_of(leaf, inputs)

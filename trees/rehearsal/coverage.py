@@ -106,8 +106,7 @@ def _points(staging: Staging, reached: Reached, role: Role) -> Iterator[Point]:
 
 
 def _causes(reached: Reached, role: Role) -> Iterator[CauseRaised]:
-    assert role.spec.node is not None
-    declared = [str(cause) for cause in role.spec.node.declaration.causes]
+    declared = [str(cause) for cause in role.causes]
     for cause in all_causes():
         if any(matches(pattern, cause) for pattern in declared):
             raised = (role.text, cause.name) in reached.raised

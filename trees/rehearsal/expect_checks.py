@@ -108,8 +108,7 @@ def _handlers(role: Role) -> Iterator[str]:
 
 
 def _causes(role: Role) -> Iterator[str]:
-    if role.spec.node is not None:
-        yield from map(str, role.spec.node.declaration.causes)
+    return map(str, role.causes)
 
 
 def _may_fail(role: Role, causes: tuple[Cause, ...]) -> bool:

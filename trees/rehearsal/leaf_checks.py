@@ -71,7 +71,7 @@ class LeafChecks:
         if skill and answer.status == "SKIPPED":
             hint = "it is skipped by its '_skipIf' or '_while', which is asked in a rehearsal, too"
             impossible("status", f"{identity} is a skill, which does not skip itself", hint)
-        declared = node.declaration.causes
+        declared = role.causes
         if skill and answer.status == "FAILURE" and not answer.cause:
             names = ", ".join(map(str, declared))
             hint = f"one of {names}" if names else "it declares none: it cannot fail"

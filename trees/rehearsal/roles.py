@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from ...world.causes import Cause, Family
 from ...world.files.node_pattern import node_matches
 from ..controls import NODES
 from ..mission import Mission, NodeSpec
@@ -27,6 +28,11 @@ class Role:
     def played(self) -> bool:
         """Whether a case answers for it; the language's own nodes do their own work."""
         return self.spec.node is not None and is_played(self.spec.node)
+
+    @property
+    def causes(self) -> tuple[Cause | Family, ...]:
+        """What it may fail with by itself, as its ports are wired."""
+        return () if self.spec.node is None else self.spec.node.causes_with(self.spec.ports)
 
 
 def is_played(node: type[Node]) -> bool:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import types
 from functools import cache
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 from ...world.causes import Failure, cause_named
 from ..declaration import Resource
 from ..node import Node
 from ..ports import PortDeclaration
+from ..references import Constant
 from ..status import NodeStatus
 from ..types import convert
 from .belief import Contradiction
@@ -23,6 +24,7 @@ class StandIn(Node, abstract=True):
     Nothing of the leaf's own code runs, so that neither a robot nor a scene of flesh is needed.
     """
 
+    stands_for: ClassVar[type[Node]]
     _answer: Answer | None = None
     _ticks_left: int = 0
 
@@ -80,7 +82,9 @@ class StandIn(Node, abstract=True):
         # Who says what the hand holds, says it instead of the leaf's declaration.
         if answer is None or answer.then.hand is None:
             inputs = {port.key: self.input(port.key) for port in self.declaration.inputs}
-            self._stage.belief.succeeded(self.declaration, inputs, of_itself=answer is None)
+            given = {key: Constant(value, None) for key, value in inputs.items()}
+            hand, _ = self.stands_for.hand_with({**self.wiring.ports, **given})
+            self._stage.belief.succeeded(self.declaration, hand, inputs, of_itself=answer is None)
         self._write(answer)
         for port in self.declaration.outputs:
             if port.key in self.wiring.ports and (answer is None or port.key not in answer.outputs):
@@ -91,7 +95,7 @@ class StandIn(Node, abstract=True):
         for key, value in answer.outputs.items() if answer else ():
             port = self.declaration.port(key)
             if port is not None and key in self.wiring.ports:
-                self.output(key, convert(value, port.type, port.unit, port.choices))
+                self.output(key, convert(value, port.type, port.unit, port.choices, port.within))
 
     def _believed(self, port: PortDeclaration) -> object:
         if not follows_from_belief(port, self.declaration.uses):
@@ -130,7 +134,7 @@ def follows_from_belief(port: PortDeclaration, uses: tuple[Resource, ...]) -> bo
 def stand_in(node: type[Node]) -> type[Node]:
     """The class that takes the leaf's place."""
     kept = {name: getattr(node, name) for name in ("declaration", "kind", "causes", "uses", "hand_after")}
-    return _made(node.__name__, (StandIn,), kept)
+    return _made(node.__name__, (StandIn,), {**kept, "stands_for": node})
 
 
 @cache
