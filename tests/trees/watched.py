@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 from picktree.recovery.recover import Recover
+from picktree.recovery.recovering import Recovering
 from picktree.trees.builder import build
-from picktree.trees.controls import RoundRobin, RunOnce
+from picktree.trees.controls import Fallback, ReactiveFallback, RetryUntilSuccessful, RoundRobin, RunOnce
 from picktree.trees.flow import State
 from picktree.trees.flow.layout import Layout
 from picktree.trees.flow.reasons import UNREPORTED
@@ -29,6 +30,10 @@ from .wild_leaves import WildWorld, registry
 
 if TYPE_CHECKING:
     from picktree.world.world import World
+
+
+TRIES = (Fallback, ReactiveFallback, RoundRobin, RetryUntilSuccessful, Recovering)
+"""Nodes that try something against a failure below them."""
 
 
 class Unsound(AssertionError):
@@ -54,6 +59,7 @@ class Watched:
             watch.after_tick()
             world.clock.now += TICK
             if tree.status is not NodeStatus.RUNNING:
+                watch.finished()
                 break
         return tree.status
 
@@ -102,6 +108,24 @@ class _Watch:
                 raise Unsound(f"{node.path} is ticked: {self._walk.blocked.get(id(place.spec))}")
             if place is not None and node.state is NodeStatus.RUNNING:
                 self._check(place, node)
+
+    def finished(self) -> None:
+        """A cause that ended the mission, with nothing on its way that tries twice, was announced."""
+        report = self._tree.failure
+        node = self._tree.find(report.node) if report is not None else None
+        if report is None or node is None or report.cause.name == "tree.missing_input":
+            return
+        above = node
+        while isinstance(above, Node):
+            if isinstance(above, TRIES):
+                return
+            above = above.parent
+        spec, cause = self._places[node.path].spec, self._walk.causes.matching(report.cause.name)
+        for reasons in self._watched.ends.failure.values():
+            for source in reasons.sources(str(FILE)):
+                if source.node is spec and source.causes & cause and not source.met:
+                    return
+        raise Unsound(f"{report.cause} from {report.node} ends the mission, and was not announced")
 
     def ended(self, path: str) -> None:
         """Called in the midst of a tick, where no exception comes through."""
