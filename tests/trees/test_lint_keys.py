@@ -36,6 +36,14 @@ def test_a_key_that_is_written_further_down_is_an_error_and_said_once() -> None:
     ]
 
 
+def test_a_loop_does_not_make_a_read_succeed() -> None:
+    text = sequence(f"Repeat: {{while: items_left, num_cycles: 3, do: {{{READ}}}}}")
+    assert lint(text, "P301", "P302") == [
+        "P301 4:82 Main/Sequence/Repeat/Log: port 'value': nothing has written 'x' when it is read "
+        "(nothing in Main writes any key)"
+    ]
+
+
 def test_a_loop_may_have_written_it_the_time_before() -> None:
     text = sequence(f"Repeat: {{num_cycles: 3, do: {{Fallback: [{{{READ}}}, {{{WRITE}}}]}}}}")
     assert lint(text) == [

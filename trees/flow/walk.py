@@ -445,7 +445,12 @@ class Walk:
         """After a key was read: then it was written. Also the cause if it may not have been."""
         unwritten = not state.sure & bits
         self._note_read(spec, place, key, state, missing=unwritten)
-        return (state.written(bits), self._missing_input) if unwritten else (state, 0)
+        if not unwritten:
+            return state, 0
+        after = state.written(bits)
+        # Of what comes behind a read that cannot succeed nothing is told; a loop does not make it succeed.
+        inputs = self._frame.layout.inputs if self._frame is not None else 0
+        return after if state.maybe & bits or inputs & bits else after.in_doubt(), self._missing_input
 
     def _note_read(self, spec: NodeSpec, place: str, key: str, state: State, *, missing: bool) -> None:
         assert self._frame is not None
@@ -459,7 +464,7 @@ class Walk:
         if read is None:
             read = self.reads[where] = Read(spec, place, key, layout.tree.name)
         read.missing = read.missing or (missing and not state.doubtful)
-        read.ever = read.ever or bool(state.maybe & bits)
+        read.ever = read.ever or (bool(state.maybe & bits) and not state.doubtful)
 
 
 def _flow_of(node: type[Node]) -> Callable[[NodeSpec, State, Walk], Flow]:

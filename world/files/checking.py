@@ -110,7 +110,8 @@ class CheckReport:
             text += f"; {_count(len(self.left_out), 'YAML file')} without 'picktree:' left out"
         if found:
             which = "it" if len(self.faults) == 1 else "the first"
-            text += f"; `picktree explain-code {self.faults[0].code}` explains {which}"
+            first = min(self.faults, key=lambda fault: fault.severity != "error")
+            text += f"; `picktree explain-code {first.code}` explains {which}"
         return text
 
 
