@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from .attempts import Attempts
-from .control.grip import Grip
-from .control.loop import ControlLoop
-from .control.motion import Motions
-from .eyes import Eyes
 from .facts import facts, to_do
 from .handling import Handling
-from .journal import Journal
-from .motion.fcl_queries import SceneQueries
-from .motion.service import PlanService
-from .protocols import Clock
-from .robot.model import RobotModel
-from .scene.description import SceneDescription
-from .scene.planning_scene import BeliefObject, PlanningScene
-from .streams import Streams
-from .thinking import ThinkingAccount
+
+if TYPE_CHECKING:  # so that who only names the type, as a plug-in does, does not wait for planner and robot
+    from .attempts import Attempts
+    from .control.grip import Grip
+    from .control.loop import ControlLoop
+    from .control.motion import Motions
+    from .eyes import Eyes
+    from .journal import Journal
+    from .motion.fcl_queries import SceneQueries
+    from .motion.service import PlanService
+    from .protocols import Clock
+    from .robot.model import RobotModel
+    from .scene.description import SceneDescription
+    from .scene.planning_scene import BeliefObject, PlanningScene
+    from .streams import Streams
+    from .thinking import ThinkingAccount
 
 
 @dataclass(frozen=True)
