@@ -186,6 +186,10 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
     [
         ("{}", "P714 5:5: cases.it.expect: nothing is expected: this case cannot fail "
          "(as 'expect: {status: SUCCESS}')"),
+        ("{never: [], handled: [], facts: {}}", "P714 5:5: cases.it.expect: nothing is expected: this case "
+         "cannot fail (as 'expect: {status: SUCCESS}')"),
+        ("{facts: {time: true}}",
+         "P711 5:28: cases.it.expect.facts.time: the fact 'time' is a number, not true"),
         ("{status: DONE}", "P108 5:22: cases.it.expect.status: 'DONE' is not known here "
          "(known: SUCCESS, FAILURE, SKIPPED, RUNNING, IDLE)"),
         ("{status: SUCCESS, cause: grasp.missed}",

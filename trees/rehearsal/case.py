@@ -98,13 +98,6 @@ class Expectation:
     objects: Objects = field(default_factory=dict[str, "ObjectFile | None"])
     blackboard: Mapping[str, object] = field(default_factory=dict[str, object])
 
-    @property
-    def empty(self) -> bool:
-        """Whether anything at all would do."""
-        given = (self.status, self.cause, self.ticks, self.order)
-        more = (self.handled, self.never, self.facts, self.objects, self.blackboard)
-        return all(one is None for one in given) and not any(more)
-
 
 @dataclass(frozen=True, slots=True)
 class Case:

@@ -34,7 +34,8 @@ class ExpectationReader:
             entries(or_else(lambda: expect.objects, {})),
             or_else(lambda: expect.blackboard, {}),
         )
-        if self._document.get(loc) == {}:
+        given = self._document.get(loc)
+        if isinstance(given, dict) and all(v in (None, [], {}) and k != "order" for k, v in given.items()):
             message = "nothing is expected: this case cannot fail"
             self._check.fault(loc, message, "as 'expect: {status: SUCCESS}'", code="P714", key=True)
         self._sense(found, or_else(lambda: entry.halt_after, None))
