@@ -58,11 +58,11 @@ class Attributes:
         """Refuse the attributes that a node of BehaviorTree.CPP does not have."""
         for key in element.attributes:
             if key not in (*COMMON, *known, "ID"):
-                self.no_port(element, key, element.name, (*known, "name"), trail)
+                self.no_port(element, key, element.identity, (*known, "name"), trail)
 
     def needed(self, element: Element, attribute: str, trail: str) -> str:
         if attribute not in element.attributes:
-            message = f"{element.name} needs the port {attribute!r}"
+            message = f"{element.identity} needs the port {attribute!r}"
             self.fault(element.mark, trail, message, code="P908")
         return element.get(attribute)
 
@@ -82,7 +82,7 @@ class Attributes:
         entries = draft.body.entries
         assert entries is not None
         own, draft.body.entries = entries, []
-        default = (draft.id, "" if element.name in names.ELEMENTS else element.name)
+        default = (draft.id, "" if element.name == "SubTree" else element.identity)
         if (name and name not in default) or names.OWN_NAME in element.attributes:
             draft.put("name", name, element.place("name"))
         for key in PRECONDITIONS:

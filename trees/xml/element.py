@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from ...world.files.marks import Mark
+from .vocabulary import ELEMENTS
 
 NOWHERE: Final = Mark("", 1, 1)
 
@@ -29,6 +30,11 @@ class Element:
 
     def get(self, attribute: str, default: str = "") -> str:
         return self.attributes.get(attribute, default)
+
+    @property
+    def identity(self) -> str:
+        """The ID of the node that the element stands for: its name, or in the explicit form its ID."""
+        return self.get("ID") if self.name in ELEMENTS else self.name
 
     def place(self, attribute: str) -> Mark:
         """Where the attribute's value stands; of one that is not there, the element's place."""

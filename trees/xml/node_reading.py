@@ -32,7 +32,7 @@ class NodeReader(Attributes):
 
     def node(self, element: Element, above: str) -> Draft:
         """One element and all below it."""
-        identity = element.get("ID") if element.name in names.ELEMENTS else element.name
+        identity = element.identity
         if not identity:
             message = f"<{element.name}> needs the attribute 'ID'"
             hint = 'as <ScriptCondition code="…"/>' if element.name == "Condition" else ""

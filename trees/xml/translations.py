@@ -51,7 +51,7 @@ class Translations:
 
     def _script_condition(self, element: Element, trail: str) -> Draft:
         self._reader.only(element, ("code",), trail)
-        self._reader.count(element, element.name, 0, 0, trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
         draft = Draft.of("Condition", element.mark)
         if self._reader.needed(element, "code", trail):
             draft.put("if", self._reader.condition(element, "code", trail), element.place("code"))
@@ -60,7 +60,7 @@ class Translations:
     def _script(self, element: Element, trail: str) -> Draft:
         """One constant or copy is a SetBlackboard; anything else is done after an AlwaysSuccess."""
         self._reader.only(element, ("code",), trail)
-        self._reader.count(element, element.name, 0, 0, trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
         code, mark = self._reader.needed(element, "code", trail), element.place("code")
         try:
             statements = read_statements(code) if code else ()
@@ -84,7 +84,7 @@ class Translations:
 
     def _set_blackboard(self, element: Element, trail: str) -> Draft:
         self._reader.only(element, ("value", "output_key"), trail)
-        self._reader.count(element, element.name, 0, 0, trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
         draft = Draft.of("SetBlackboard", element.mark)
         self._reader.needed(element, "value", trail)
         self._reader.port(draft, "value", _ANY, element, "value", trail)
@@ -94,7 +94,7 @@ class Translations:
 
     def _sleep(self, element: Element, trail: str) -> Draft:
         self._reader.only(element, ("msec",), trail)
-        self._reader.count(element, element.name, 0, 0, trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
         draft = Draft.of("Delay", element.mark)
         self._reader.needed(element, "msec", trail)
         self._reader.port(draft, "delay_msec", _NUMBER, element, "msec", trail)
@@ -126,7 +126,7 @@ class Translations:
         return expression_text(part.operand if isinstance(part, Not) else Not(part.at, part))
 
     def _child(self, element: Element, trail: str) -> Draft | None:
-        self._reader.count(element, element.name, 1, 1, trail)
+        self._reader.count(element, element.identity, 1, 1, trail)
         return self._reader.node(element.children[0], trail) if element.children else None
 
     def _apart(self, element: Element, child: Draft) -> Draft:
@@ -148,7 +148,7 @@ class Translations:
         draft = Draft.of("ForEach", element.mark)
         self._reader.needed(element, "queue", trail)
         self._reader.needed(element, "value", trail)
-        self._reader.port(draft, "in", _LOOPS[element.name], element, "queue", trail)
+        self._reader.port(draft, "in", _LOOPS[element.identity], element, "queue", trail)
         self._reader.port(draft, "out", _ANY, element, "value", trail)
         child = self._child(element, trail)
         if child is not None:
@@ -156,13 +156,13 @@ class Translations:
         return draft
 
     def _switch(self, element: Element, trail: str) -> Draft:
-        count = int(element.name.removeprefix("Switch")[:4])
+        count = int(element.identity.removeprefix("Switch")[:4])
         cases = tuple(f"case_{index}" for index in range(1, count + 1))
         self._reader.only(element, ("variable", *cases), trail)
         self._reader.needed(element, "variable", trail)
         draft = Draft.of("Switch", element.mark)
         self._reader.port(draft, "variable", _ANY, element, "variable", trail)
-        self._reader.count(element, element.name, count + 1, count + 1, trail)
+        self._reader.count(element, element.identity, count + 1, count + 1, trail)
         table = Marked.mapping(element.mark)
         for case, child in zip(cases, element.children, strict=False):
             label = self._reader.needed(element, case, trail)
@@ -180,7 +180,7 @@ class Translations:
 
     def _check(self, element: Element, trail: str) -> Draft:
         self._reader.only(element, ("if",), trail)
-        self._reader.count(element, element.name, 0, 0, trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
         draft = Draft.of("Condition", element.mark)
         draft.put("if", self._reader.needed(element, "if", trail), element.place("if"))
         return draft

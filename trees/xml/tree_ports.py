@@ -161,12 +161,12 @@ class PortsOfTrees:
         return found
 
     def _uses(self, element: Element, found: _Used) -> None:
-        node = self._registry.find(element.get("ID") or element.name) if element.name != "SubTree" else None
+        node = self._registry.find(element.identity) if element.name != "SubTree" else None
         for key, text in element.attributes.items():
-            condition = key in (*_CONDITIONS, "code", "if") and element.name != names.CHECK
+            condition = key in (*_CONDITIONS, "code", "if") and element.identity != names.CHECK
             if condition or key in _ASSIGNMENTS:
                 found.script(text)
-            elif element.name == "SetBlackboard" and key == "output_key":
+            elif element.identity == "SetBlackboard" and key == "output_key":
                 found.written.append(text.strip("{} "))
             elif is_pointer(text):
                 found.pointer(key if text == "{=}" else text, _writes(node, key))
