@@ -38,7 +38,8 @@ def check_mission(
     if not any(fault.severity == "error" for fault in faults):
         faults += lint(reading.mission, known)
     ordered = sorted(dict.fromkeys(faults), key=lambda fault: fault.mark)
-    return MissionCheck(None if reading.faults else reading.mission, tuple(ordered))
+    wrong = any(fault.severity == "error" for fault in reading.faults)
+    return MissionCheck(None if wrong else reading.mission, tuple(ordered))
 
 
 def _surroundings(mission: Mission) -> tuple[Surroundings | None, list[Fault]]:

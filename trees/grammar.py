@@ -7,12 +7,11 @@ Sequence.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from ..world.files.document import Document, Location, Mark, Value
-from .controls import Sequence
+from .children import NAME, Children, Filled, Names, labels_of
 from .declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration
 from .faults import Faults
 from .given import Given
@@ -22,30 +21,8 @@ from .pointer import Pointer
 from .ports import PortDeclaration
 from .references import Binding, Constant
 from .registry import Registry
-from .slots import SlotDeclaration
 from .types import show
 from .wires import Wires
-
-_NAME = re.compile(r"[^/#\x00-\x1f]{1,60}")
-_Filled = tuple[tuple[str, NodeSpec], ...]
-
-
-@dataclass(slots=True)
-class Names:
-    """Gives each child of a node a name of its own: the second `Observe` is `Observe#2`."""
-
-    _counts: dict[str, int] = field(default_factory=dict[str, int])
-
-    def take(self, name: str) -> str:
-        count = self._counts[name] = self._counts.get(name, 0) + 1
-        return name if count == 1 else f"{name}#{count}"
-
-
-def _labels(slot: SlotDeclaration, value: Value) -> tuple[str, ...]:
-    """One entry for each child under a slot: its name in a table, else empty."""
-    if slot.arity == "table":
-        return tuple(value) if isinstance(value, dict) else ()
-    return ("",) * len(value) if isinstance(value, list) else ("",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +59,7 @@ class Grammar:
         self._trees = trees
         self._faults = faults
         self._wires = Wires(document, faults, pointer)
+        self._children = Children(document, registry, faults, self.node)
 
     def _fault(
         self,
@@ -121,7 +99,7 @@ class Grammar:
         self, identity: str, body: Value, loc: Location, start: Location, above: str, names: Names
     ) -> NodeSpec | None:
         given = body.get("name") if isinstance(body, dict) else None
-        named = isinstance(given, str) and _NAME.fullmatch(given) is not None
+        named = isinstance(given, str) and NAME.fullmatch(given) is not None
         name = names.take(given if named and isinstance(given, str) else identity[:60])
         site = _Site(loc, start, f"{above}/{name}")
         if given is not None and not named:
@@ -156,7 +134,7 @@ class Grammar:
         # What stands below is still looked at: all faults are reported at once.
         inner, at = (body.get("do"), (*loc, "do")) if isinstance(body, dict) else (body, loc)
         if isinstance(inner, list):
-            self._list(inner, at, site.trail, Names())
+            self._children.listed(inner, at, site.trail, Names())
         elif inner is not None and at != loc:
             self.node(inner, at, site.trail, Names())
 
@@ -184,7 +162,7 @@ class Grammar:
         declaration = node.declaration
         given, locations = self._body(declaration, body, site)
         bindings: dict[str, Binding] = {}
-        slots: dict[str, _Filled] = {}
+        slots: dict[str, Filled] = {}
         places: dict[str, Mark] = {}
         names = Names()
         for key, value in given.items():
@@ -195,7 +173,7 @@ class Grammar:
                 if bound is not None:
                     bindings[key] = bound
             elif slot is not None:
-                slots[key] = self._slot(declaration, slot, value, at, site.trail, names)
+                slots[key] = self._children.read(declaration, slot, value, at, site.trail, names)
                 for label, _ in slots[key]:
                     if label:
                         places[f"{key}/{label}"] = self._document.key_mark((*at, label))
@@ -223,7 +201,7 @@ class Grammar:
         """What the class itself finds wrong."""
         constants = {key: bound.value for key, bound in bindings.items() if isinstance(bound, Constant)}
         slots = [slot for slot in node.declaration.slots if slot.key in given]
-        labels = {slot.key: _labels(slot, given[slot.key]) for slot in slots}
+        labels = {slot.key: labels_of(slot, given[slot.key]) for slot in slots}
         for wrong in node.check_ports(Given(frozenset(given), constants, labels)):
             if isinstance(wrong, str):
                 self._fault(site.loc, site.trail, wrong, code="P234", key=site.keyed)
@@ -243,7 +221,7 @@ class Grammar:
         site: _Site,
         given: Mapping[str, Value],
         bindings: Mapping[str, Binding],
-        slots: Mapping[str, _Filled],
+        slots: Mapping[str, Filled],
         places: Mapping[str, Mark],
     ) -> NodeSpec:
         """The node with what may stand under every node."""
@@ -293,84 +271,6 @@ class Grammar:
                 message = f"the ports of {identity} are a mapping"
                 self._fault(site.loc, site.trail, message, "as '{port: value}'", code="P230")
         return {}
-
-    def _slot(
-        self,
-        declaration: NodeDeclaration,
-        slot: SlotDeclaration,
-        value: Value,
-        loc: Location,
-        trail: str,
-        names: Names,
-    ) -> _Filled:
-        match slot.arity:
-            case "one":
-                label = "" if slot.key == "do" else slot.key
-                found = self._one(value, loc, trail, names, label)
-                return (("", found),) if found else ()
-            case "many":
-                return self._many(declaration, slot, value, loc, trail, names)
-            case "table":
-                return self._table(slot, value, loc, trail, names)
-
-    def _one(self, value: Value, loc: Location, trail: str, names: Names, label: str) -> NodeSpec | None:
-        """One node; a list is a Sequence, which under `do` is called so and elsewhere as its slot."""
-        if not isinstance(value, list):
-            return self.node(value, loc, trail, names)
-        if not value:
-            message = "the list is empty; at least one node must stand here"
-            self._fault(loc, trail, message, code="P231")
-            return None
-        name = names.take(label or Sequence.declaration.id)
-        parts = self._list(value, loc, f"{trail}/{name}", Names())
-        mark = self._document.mark(loc)
-        slots = {"do": parts}
-        return NodeSpec(Sequence.declaration.id, name, mark, Sequence, slots=slots, places={"do": mark})
-
-    def _many(
-        self,
-        declaration: NodeDeclaration,
-        slot: SlotDeclaration,
-        value: Value,
-        loc: Location,
-        trail: str,
-        names: Names,
-    ) -> _Filled:
-        if not isinstance(value, list):
-            found = self.node(value, loc, trail, names)
-            count, parts = 1, (("", found),) if found else ()
-        else:
-            count, parts = len(value), self._list(value, loc, trail, names)
-        if count < slot.least or (slot.most is not None and count > slot.most):
-            limit = f"at least {slot.least}" if slot.most is None else f"{slot.least} to {slot.most}"
-            message = f"{declaration.id} has {count} children; it takes {limit}"
-            self._fault(loc, trail, message, code="P229")
-        return parts
-
-    def _list(self, value: list[Value], loc: Location, trail: str, names: Names) -> _Filled:
-        found = (self.node(item, (*loc, index), trail, names) for index, item in enumerate(value))
-        return tuple(("", node) for node in found if node is not None)
-
-    def _table(self, slot: SlotDeclaration, value: Value, loc: Location, trail: str, names: Names) -> _Filled:
-        if not isinstance(value, dict) or not value:
-            self._fault(loc, trail, f"{slot.key!r} is a mapping: {slot.doc}", code="P232")
-            return ()
-        found: list[tuple[str, NodeSpec]] = []
-        for key, body in value.items():
-            if slot.of == "cause":
-                self._check_pattern(key, (*loc, key), trail)
-            elif not _NAME.fullmatch(key):
-                self._fault((*loc, key), trail, f"{show(key)} cannot name a case", code="P232", key=True)
-            node = self._one(body, (*loc, key), trail, names, key)
-            if node is not None:
-                found.append((key, node))
-        return tuple(found)
-
-    def _check_pattern(self, pattern: str, loc: Location, trail: str) -> None:
-        patterns = self._registry.patterns
-        if pattern not in patterns:
-            hint = self._faults.nearest(pattern, patterns)
-            self._fault(loc, trail, f"no cause is called {show(pattern)}", hint, code="P233", key=True)
 
     def _unknown_key(self, identity: str, key: str, known: Iterable[str], loc: Location, trail: str) -> None:
         # Conditions are known to those who want them; in a hint they would only be noise.

@@ -72,6 +72,8 @@ class Includes:
         except PicktreeError as error:
             self._fault(document, (index,), str(error), code="P243")
             return None
+        for fault in included.faults:
+            self._faults.add(fault)
         self._characters += len(included.text)
         if self._characters > MAX_CHARACTERS:
             message = f"the included files are larger than {MAX_CHARACTERS // 1_000_000} MB together"

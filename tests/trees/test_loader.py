@@ -221,6 +221,10 @@ CASES: dict[str, tuple[str, str]] = {
         "goal: sorted ==\ntrees: {Main: AlwaysSuccess}",
         "3:14: goal: not an expression: a value is missing after '=='",
     ),
+    "a goal that never has a value": (
+        "goal: sorted == total and left == 'none'\ntrees: {Main: AlwaysSuccess}",
+        "3:32: goal: a whole number and a text are never equal",
+    ),
     "a plug-in that is not there": (
         "plugins: [nowhere.py]\ntrees: {Main: AlwaysSuccess}",
         "3:11: plugins[0]: there is no plug-in 'nowhere.py' beside the mission",

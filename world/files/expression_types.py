@@ -21,7 +21,7 @@ from .expression_nodes import (
     Related,
     Sign,
 )
-from .expression_parser import ExpressionError
+from .expression_tokens import ExpressionError
 from .expressions import Expression
 from .nearest import nearest
 

@@ -30,7 +30,8 @@ from .expression_nodes import (
     Symbol,
     walk,
 )
-from .expression_parser import FUNCTIONS, LARGEST, ExpressionError, parse
+from .expression_parser import FUNCTIONS, parse
+from .expression_tokens import LARGEST, ExpressionError
 from .nearest import nearest
 
 __all__ = ["FUNCTIONS", "Attributes", "Expression", "ExpressionError"]

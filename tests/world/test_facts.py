@@ -1,0 +1,15 @@
+"""The facts of the world: what is declared of them is what they are."""
+
+from __future__ import annotations
+
+import pytest
+
+from picktree.world.facts import FACTS, facts
+from picktree.world.scene.planning_scene import PlanningScene
+
+
+@pytest.mark.parametrize("looked", [True, False])
+def test_names_and_types_are_as_declared(looked: bool) -> None:
+    found = facts(PlanningScene((), ()), looked=looked, stopped=False, now=1.5)
+    assert {name: type(value) for name, value in found.items()} == FACTS
+    assert found["items_left"] is not looked
