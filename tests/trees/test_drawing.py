@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -143,11 +144,17 @@ def test_a_library_has_a_picture_too() -> None:
         assert chart_of_file(file).size > 0
 
 
-@pytest.mark.parametrize("columns", [40, 60, 100])
+@pytest.mark.parametrize("columns", [70, 80, 100])
 def test_no_line_is_wider_than_the_terminal(columns: int) -> None:
-    lines = text(chart_of_file(SHIFT), columns=columns, expand=True).splitlines()
+    lines = text(chart_of_file(SHIFT), columns=columns).splitlines()
     assert max(map(len, lines)) <= columns
     assert any("…" in line for line in lines)
+
+
+def test_deep_nodes_can_still_be_read() -> None:
+    body = "Main: " + "{Inverter: " * 60 + "AlwaysSuccess" + "}" * 60
+    lines = text(charted(body), columns=80).splitlines()
+    assert [line.strip() for line in lines[-2:]] == ["└── ¬ Inverter", "└── □ AlwaysSuccess"]
 
 
 def test_long_values_are_shortened_before_short_ones() -> None:
@@ -227,3 +234,12 @@ def test_suffix_of_a_picture() -> None:
         suffix_of("tree.pdf")
     assert str(refused.value) == "tree.pdf: a picture is a file that ends in .svg, .html, .dot or .txt"
     assert drawn(charted(), ".txt") == text(charted())
+
+
+def test_the_page_on_pictures_tells_how_to_draw_one() -> None:
+    root = Path(__file__).parents[2]
+    page = (root / "docs" / "pictures.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    names: dict[str, object] = {"Path": (root / "examples").joinpath}
+    exec(program, names)
+    assert 'class="node decorator running" data-path="Main/Repeat"' in str(names["picture"])

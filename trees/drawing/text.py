@@ -11,6 +11,8 @@ from .symbols import CHARACTERS
 
 WIDTH: Final = 100
 """Columns, unless a terminal says otherwise."""
+_READABLE: Final = 40
+"""Columns that a node has at least, however deep it stands."""
 _LEAST: Final = 8
 """Columns that are left of a value when it is shortened."""
 
@@ -70,8 +72,9 @@ def _port(port: ChartPort) -> str:
 
 
 def _row(indent: str, title: str, words: Sequence[str], columns: int) -> str:
-    """One line, the longest words shortened until it fits."""
+    """One line, the longest words shortened until it fits; of a deep node it may be longer than asked for."""
     words = list(words)
+    columns = max(columns, _cells(indent) + _READABLE)
     room = columns - _cells(indent) - _cells(title) - 2 * len(words)
     while words and sum(map(_cells, words)) > room:
         longest = max(range(len(words)), key=lambda index: _cells(words[index]))
