@@ -24,8 +24,11 @@ MEASURING = {
     "logs/session.py",
     "logs/recorder.py",
     "logs/mcap_file.py",
+    "logs/request.py",
+    "logs/edits.py",
 }
-"""Who may look at a clock of this machine, to put what it says into the record or a folder's name."""
+"""Who may look at a clock of this machine, to put what it says into the record or a folder's name; and, of a
+run that is watched, not to look at the mission's files at every tick."""
 CLOCKS = {"time", "datetime", "sched", "timeit", "asyncio"}
 
 
