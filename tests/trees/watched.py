@@ -46,7 +46,8 @@ class Watched:
     def __init__(self, text: str) -> None:
         self.mission: Mission = parse_mission(text, FILE, registry())
         self.walk = Walk(self.mission)
-        self.ends = self.walk.enter(self.mission.main)
+        self.walk.enter(self.mission.main)
+        self.ends = self.walk.ends["Main"]
 
     def run(self, seed: int, ticks: int = 30) -> NodeStatus:
         """Run it, all chances drawn from the seed. Raises Unsound."""

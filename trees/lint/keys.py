@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from ...world.files.document import Fault, nearest
-from ..flow.walk import Read
+from ..flow.reading import Read
 from .survey import Survey
 from .usage import Touch, Usage
 

@@ -48,9 +48,8 @@ class Survey:
         self.known = known
         self.file = mission.document.root.mark.file
         self.walk = Walk(mission)
-        self.main: Flow | None = None
         if MAIN in mission.trees and not mission.library:
-            self.main = self.walk.enter(mission.main)
+            self.walk.enter(mission.main)
         # The remaining trees are judged by themselves, callers first: from those the others are entered.
         for name in reversed(bottom_up(mission.trees)):
             if name not in self.walk.entered and self.own(mission.trees[name].mark):
@@ -88,7 +87,12 @@ class Survey:
         path = self._places[id(spec)].path
         return Fault(mark, path, message, hint, code, "error" if error else "warning")
 
-    # How nodes may go.
+    # How the mission and its nodes may go.
+
+    @property
+    def main(self) -> Flow | None:
+        """How the mission ends; None for a library."""
+        return None if self.mission.library else self.walk.ends.get(MAIN)
 
     def reached(self, spec: NodeSpec) -> bool:
         """Whether the node is ticked in any way that the mission may go."""
