@@ -25,7 +25,8 @@ def test_a_mission_and_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 def test_without_out_it_goes_to_stdout(capsys: pytest.CaptureFixture[str]) -> None:
     assert answer(["convert", str(EXAMPLE)]) == 0
     out, err = capsys.readouterr()
-    assert out.startswith('<?xml version="1.0" encoding="UTF-8"?>\n<root BTCPP_format="4" main_tree')
+    assert out.startswith('<?xml version="1.0" encoding="UTF-8"?>\n')
+    assert '\n<root BTCPP_format="4" main_tree_to_execute="Main">\n' in out
     assert (out[-8:], err) == ("</root>\n", "")
 
 

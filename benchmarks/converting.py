@@ -1,0 +1,193 @@
+"""A campaign of mistakes in XML: mutated missions through `convert`, and what it passes out and in again.
+
+Counted against us: an exception other than a list of faults, a fault without code or line, a file that takes
+more than a second of CPU, and a mission that the way out to XML and in again changes.
+
+python benchmarks/converting.py --runs 10000
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import re
+import time
+import traceback
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import cast
+
+from _campaign import ROOT, Row, campaign
+from _mutants import mutant
+
+from picktree.trees.registry import Registry
+from picktree.trees.xml.converting import convert_text
+from picktree.world.files.marks import FileError
+
+CHUNK = 250
+"""Mutants of one job."""
+LIMIT = 1.0
+"""CPU seconds that one file may take, all three ways."""
+KEPT = ROOT / "runs" / "converting"
+FOLDER = ROOT / "examples"
+"""Where the missions seem to be, for their plug-ins."""
+WORDS = (
+    "Sequence", "Fallback", "Switch2", "Switch99", "Recover", "RecoveryNode", "Guarded", "Precondition",
+    "Script", "SubTree", "RepeatWhile", "LoopInt", "CheckExpression", "ForceFailure", "BehaviorTree",
+    "TreeNodesModel", "Metadata", "include", "root", "_skipIf", "_while", "_onHalted", "_autoremap",
+    "_left_out", "_name", "_no_case", "name", "ID", "path", "code", "case_1", "when", "otherwise", "in", "do",
+    "{", "}", "{=}", "{@a}", "{a.b}", "json:", "json:[", "=", "1=1", "grasp.*=1", "&lt;", "&#10;", "&#13;",
+    "&#0;", "&a;", "0", "-1", "1e9", "1e400", "true", "a&amp;&amp;b", "!a", "a := 1", "x;y", "'", "''", "/",
+    "#", "../x", "library/recovery", "Main", "ü", "\u2028", "\x85", "<!-- c -->", "<![CDATA[a]]>", "<?a b?>",
+    "null", "",
+)  # fmt: skip
+_VALUE = re.compile(r'"[^"]*"')
+_NAME = re.compile(r"(?<= )\w+(?==\")")
+_TAG = re.compile(r"(?<=<)\w+")
+
+
+@dataclass(frozen=True)
+class Job:
+    seed: int
+
+
+@cache
+def corpus() -> tuple[str, ...]:
+    """All examples and the library, as XML."""
+    registry = Registry()
+    missions = (
+        (file, file.read_text(encoding="utf-8"))
+        for folder in (FOLDER, ROOT / "trees" / "library")
+        for file in sorted(folder.glob("*.yaml"))
+    )
+    return tuple(convert_text(text, file, registry) for file, text in missions if "kind: mission" in text)
+
+
+def one(job: Job) -> Row:
+    rng = random.Random(job.seed)
+    counts: Counter[str] = Counter()
+    worst, problems = 0.0, list[str]()
+    registry = Registry()
+    corpus()
+    for number in range(CHUNK):
+        text = _mutant(rng)
+        began = time.process_time()
+        outcome, problem = _outcome(text, registry)
+        seconds = time.process_time() - began
+        counts[outcome] += 1
+        worst = max(worst, seconds)
+        if seconds > LIMIT:
+            problem = problem or f"{seconds:.2f} s"
+        if problem:
+            KEPT.mkdir(parents=True, exist_ok=True)
+            kept = KEPT / f"{job.seed}_{number}.xml"
+            kept.write_text(text, encoding="utf-8", errors="surrogatepass")
+            problems.append(f"{kept.name}: {problem}")
+    return {"seed": job.seed, "counts": counts, "worst": worst, "problems": problems}
+
+
+def _mutant(rng: random.Random) -> str:
+    text = rng.choice(corpus())
+    if rng.random() < 0.2:
+        return mutant(text, corpus(), rng).decode("utf-8", "replace")
+    for _ in range(rng.choice((1, 1, 2, 4))):
+        text = _mistake(text, rng)
+    return text
+
+
+def _mistake(text: str, rng: random.Random) -> str:
+    word = rng.choice(WORDS)
+    match rng.randrange(6):
+        case 0 | 1:
+            return _replaced(text, list(_VALUE.finditer(text)), f'"{word}"', rng)
+        case 2:
+            return _replaced(text, list(_NAME.finditer(text)), word, rng)
+        case 3:
+            tags = list(_TAG.finditer(text))
+            if not tags:
+                return text
+            found = rng.choice(tags)
+            changed = text[: found.start()] + word + text[found.end() :]
+            return changed.replace(f"</{found[0]}>", f"</{word}>", 1) if rng.random() < 0.7 else changed
+        case 4:
+            return _lines(text, rng)
+        case _:
+            at = rng.randrange(len(text) + 1)
+            return text[:at] + word + text[at + rng.randrange(4) :]
+
+
+def _replaced(text: str, places: Sequence[re.Match[str]], new: str, rng: random.Random) -> str:
+    if not places:
+        return text
+    found = rng.choice(places)
+    return text[: found.start()] + new + text[found.end() :]
+
+
+def _lines(text: str, rng: random.Random) -> str:
+    lines = text.split("\n")
+    at, other = rng.randrange(len(lines)), rng.randrange(len(lines))
+    match rng.randrange(3):
+        case 0:
+            del lines[at]
+        case 1:
+            lines.insert(at, lines[other])
+        case _:
+            lines[at], lines[other] = lines[other], lines[at]
+    return "\n".join(lines)
+
+
+def _outcome(text: str, registry: Registry) -> tuple[str, str]:
+    """What became of one file, and what is wrong with that, if anything."""
+    try:
+        mission = convert_text(text, FOLDER / "mutant.xml", registry)
+    except FileError as error:
+        return "refused", _wrong_fault(error)
+    except Exception:  # noqa: BLE001 - what the campaign looks for
+        return "exception", traceback.format_exc(limit=-4)
+    try:
+        out = convert_text(mission, FOLDER / "mutant.yaml", registry)
+    except FileError as error:
+        said = all(fault.code.startswith("P92") for fault in error.faults)
+        return "has no XML", "" if said else f"read, and then not a mission: {error}"
+    except Exception:  # noqa: BLE001 - what the campaign looks for
+        return "exception", "on the way out: " + traceback.format_exc(limit=-4)
+    try:
+        again = convert_text(out, FOLDER / "mutant.xml", registry)
+        same = convert_text(again, FOLDER / "mutant.yaml", registry) == out
+    except Exception:  # noqa: BLE001 - what the campaign looks for
+        return "passed", "on the way in again: " + traceback.format_exc(limit=-4)
+    return "passed", "" if same else "another mission after out and in"
+
+
+def _wrong_fault(error: FileError) -> str:
+    without = [str(fault) for fault in error.faults if not fault.code or fault.mark.line < 1]
+    return f"no code or no line: {without}" if without or not error.faults else ""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--runs", type=int, default=10_000, help="files")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first job of 250 files")
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args()
+    jobs = [Job(options.first + n) for n in range(-(-options.runs // CHUNK))]
+    rows = campaign(
+        KEPT.parent / "converting.jsonl", jobs, one, cost=CHUNK * 0.02, workers=options.workers,
+        short=lambda row: f"{dict(row['counts'])}, {row['worst']:.2f} s; {len(row['problems'])} problems",
+    )  # fmt: skip
+    total: Counter[str] = Counter()
+    for row in rows:
+        total.update(cast("dict[str, int]", row["counts"]))
+    problems = [problem for row in rows for problem in row["problems"]]
+    print(f"{sum(total.values())} files: {dict(total)}")
+    print(f"slowest {max(row['worst'] for row in rows):.2f} CPU s; {len(problems)} problems; files in {KEPT}")
+    for problem in problems[:40]:
+        print(problem)
+
+
+if __name__ == "__main__":
+    main()
