@@ -38,7 +38,7 @@ STATION = """\
               - Grasp: {{object: "{{item}}"}}
           - Timeout: {{msec: 60 s, do: {{Place: {{object: "{{item}}", into: "{{item.destination}}"}}}}}}
       when:
-        perception.*: [{{Observe: {{camera: overhead}}}}]
+        planning.*: [{{Observe: {{camera: overhead}}}}]
         grasp.missed: [SafeRetreat, {{Observe: {{camera: overhead}}}}]
         grasp.slipped: [SafeRetreat, {{Observe: {{camera: overhead}}}}]
         control.*: [SafeRetreat]
