@@ -252,8 +252,12 @@ class PicktreeDrawing {
     this.svg.addEventListener("click", (event) => {
       const item = this.itemAt(event.target);
       if (!item) return;
-      if (event.target.closest(".knob")) this.toggle(item);
-      this.select(item.path, { focus: true });
+      if (event.target.closest(".knob")) {
+        this.selected = item.path;
+        this.toggle(item);
+      } else {
+        this.select(item.path, { focus: true });
+      }
     });
     this.svg.addEventListener("dblclick", (event) => {
       const item = this.itemAt(event.target);
