@@ -5,13 +5,15 @@ from __future__ import annotations
 import io
 import json
 import os
+import sys
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 
 from picktree.cli.app import answer
+from picktree.world.scene.load import load_scene
 
 SCENE = "picktree: 1\nkind: scene\nrobot: panda\n"
 WRONG = SCENE + "goal: sorted = total\n"
@@ -251,6 +253,28 @@ def test_of_a_long_line_the_part_at_the_fault_is_shown(
     assert line[:9] == "    4 | …"
     assert len(line) < 132
     assert line[len(caret) - 1] == "="
+
+
+def test_a_run_shows_the_faults_of_its_files_in_the_same_way(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "a.yaml").write_text(WRONG)
+
+    class Session:
+        def __init__(self, request: dict[str, Any], *watchers: object) -> None:
+            load_scene(request["scene"])
+
+    module = ModuleType("picktree.logs.session")
+    module.RunRequest, module.Session = dict, Session  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "picktree.logs.session", module)
+    assert answer(["run", "m.yaml", "--scene", "a.yaml"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == (
+        "a.yaml:4:14: error P419: goal: not an expression: compare with '=='\n"
+        "    4 | goal: sorted = total\n"
+        "      |              ^\n"
+    )
 
 
 # Bad arguments.
