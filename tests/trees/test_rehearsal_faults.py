@@ -295,6 +295,22 @@ def test_a_file_without_cases(cases: str) -> None:
     assert found[0].endswith("the file has no cases ('cases:' holds them by name)")
 
 
+def test_what_may_go_wrong_depends_on_the_wiring() -> None:
+    mission = mission_of("Main: {Sequence: [{Look: {expect: a}}, {Look: {name: around}}]}")
+    case = "cases:\n  it:\n    leaves: {PATTERN: perception.not_found}\n    expect: {status: FAILURE}\n"
+    assert faults_of(case.replace("PATTERN", "Look"), mission) == []
+    assert faults_of(case.replace("PATTERN", "'*'"), mission) == [
+        "P706 5:19: cases.it.leaves.*.cause: Look does not fail with perception.not_found (it declares none)"
+    ]
+
+
+def test_more_cases_than_anybody_reads() -> None:
+    text = "cases:\n" + "".join(f"  c{n}: {{expect: {{ticks: 1}}}}\n" for n in range(501))
+    assert faults_of(text, mission_of("Main: {Go: {}}")) == [
+        "P110 3:1: cases: at most 500 cases are wanted in a file, not 501"
+    ]
+
+
 def test_without_a_mission_only_what_every_mission_knows_is_checked() -> None:
     text = """\
     cases:

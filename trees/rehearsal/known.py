@@ -26,6 +26,9 @@ class Known:
     def __init__(self, check: Checker, mission: Mission | None, scene: SceneDescription | None) -> None:
         self._check, self.mission, self.scene = check, mission, scene
         self.roles = roles_of(mission) if mission else None
+        played = (role for role in (self.roles.all if self.roles else ()) if role.played)
+        self.in_need = tuple(role for role in played if role.needed)
+        """Leaves with outputs that a case must give."""
         self._fitting: dict[str, tuple[Role, ...]] = {}
 
     def fault(

@@ -11,7 +11,6 @@ from ..types import convert
 from .case import Answer, Case
 from .known import Known
 from .roles import Role
-from .stand_in import follows_from_belief
 from .world_checks import WorldChecks
 
 _ALWAYS = (tree.MISSING_INPUT, world.UNKNOWN_OBJECT)
@@ -25,10 +24,10 @@ class LeafChecks:
         self._known, self._case, self._worlds = known, case, worlds
 
     def run(self) -> None:
-        unanswered = {r.path: r for r in (self._known.roles.all if self._known.roles else ()) if r.played}
+        answered: set[str] = set()
         for script in self._case.scripts:
             played = self._known.leaves(script.pattern, script.loc, key=True)
-            left = [role for role in played if role.path in unanswered]
+            left = [role for role in played if role.path not in answered]
             own = script.loc[:1] == ("cases",)
             if played and not left and own:
                 message = f"{script.pattern!r} is never used: patterns before it fit all that it fits"
@@ -37,24 +36,26 @@ class LeafChecks:
                 )
             for answer in script.everything:
                 self._answer(answer, left)
-            for role in left:
-                if script.answers:
-                    del unanswered[role.path]
-        for role in unanswered.values():
-            self._outputs(Answer(self._case.loc), role, of_itself=True)
+            if script.answers:
+                answered.update(role.path for role in left)
+        for role in self._known.in_need:
+            if role.path not in answered:
+                self._outputs(Answer(self._case.loc), role, of_itself=True)
 
     def _answer(self, answer: Answer, roles: list[Role]) -> None:
         self._worlds.effects(answer.then, (*answer.loc, "then"))
         causes = self._known.cause(answer.cause, _at(answer, "cause")) if answer.cause else ()
-        said: set[str] = set()
+        said: set[tuple[object, ...]] = set()
         for role in roles:
-            if role.spec.id in said:
+            alike = (role.spec.node, role.causes)  # which may differ with the wiring
+            if alike in said:
                 continue
-            said.add(role.spec.id)
+            said.add(alike)
             self._possible(answer, role, causes)
             self._given_outputs(answer, role)
-        for role in roles:
-            if answer.status == "SUCCESS" and self._outputs(answer, role, of_itself=False):
+        needing = [role for role in roles if role.needed] if answer.status == "SUCCESS" else []
+        for role in needing:
+            if self._outputs(answer, role, of_itself=False):
                 break
 
     def _possible(self, answer: Answer, role: Role, causes: tuple[Cause, ...]) -> None:
@@ -111,10 +112,8 @@ class LeafChecks:
         """A fault for an output that somebody may read and nobody gives; whether there was one."""
         assert role.spec.node is not None
         declaration = role.spec.node.declaration
-        for port in declaration.outputs:
-            if port.key not in role.spec.ports or port.key in answer.outputs:
-                continue
-            if follows_from_belief(port, declaration.uses):
+        for port in role.needed:
+            if port.key in answer.outputs:
                 continue
             if of_itself:
                 message = f"{role.path} has no answer, but an output {port.key!r} that the mission uses"

@@ -13,6 +13,9 @@ from .expecting import ExpectationReader
 from .parts import entries, or_else
 from .schema import CaseEntry, CasesFile
 
+MOST_CASES = 500
+"""In one file: what is beyond is no longer read by people, nor checked in a second."""
+
 
 def read_cases(check: Checker) -> CaseFile:
     """What could be read of the checker's document; what is wrong with its form is with the checker."""
@@ -47,6 +50,11 @@ class _Reader:
             or_else(lambda: top.facts, {}),
             self._answers.scripts(()),
         )
+        many = self._document.data.get("cases")
+        if isinstance(many, dict) and len(many) > MOST_CASES:
+            message = f"at most {MOST_CASES} cases are wanted in a file, not {len(many)}"
+            check.fault(("cases",), message, code="P110", key=True)
+            return CaseFile(self._document, None, ())
         given = check.each(CaseEntry, "cases")
         cases = tuple(self._case(name, entry, common) for name, entry in given.items())
         mission = or_else(lambda: top.mission, None)

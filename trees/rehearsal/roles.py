@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from ...world.causes import Cause, Family
 from ...world.files.node_pattern import node_matches
 from ..controls import NODES
+from ..declaration import Resource
 from ..mission import Mission, NodeSpec
 from ..node import Node
+from ..ports import PortDeclaration
 
 _OWN = frozenset(NODES)
 
@@ -24,20 +26,22 @@ class Role:
     branch: str = ""
     """The slot and label under which it stands where they say something: `when grasp.missed`, `otherwise`."""
 
-    @property
-    def played(self) -> bool:
-        """Whether a case answers for it; the language's own nodes do their own work."""
-        return self.spec.node is not None and is_played(self.spec.node)
-
-    @property
-    def causes(self) -> tuple[Cause | Family, ...]:
-        """What it may fail with by itself, as its ports are wired."""
-        return () if self.spec.node is None else self.spec.node.causes_with(self.spec.ports)
+    played: bool = False
+    """Whether a case answers for it; the language's own nodes do their own work."""
+    causes: tuple[Cause | Family, ...] = ()
+    """What it may fail with by itself, as its ports are wired."""
+    needed: tuple[PortDeclaration, ...] = ()
+    """Outputs that the mission reads and that only a case can say."""
 
 
 def is_played(node: type[Node]) -> bool:
     """Whether a stand-in takes the node's place: a leaf that is not of the language itself."""
     return node not in _OWN and not node.declaration.slots
+
+
+def follows_from_belief(port: PortDeclaration, uses: tuple[Resource, ...]) -> bool:
+    """Whether an output needs no answer: what a camera lists are the items that the belief has to do."""
+    return Resource.CAMERA in uses and port.type.name == "object" and port.type.many
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +60,13 @@ def roles_of(mission: Mission) -> Roles:
 
 
 def _walk(mission: Mission, spec: NodeSpec, above: str, text: str, branch: str) -> Iterator[Role]:
-    role = Role(f"{above}/{spec.name}", f"{text}/{spec.name}", spec, branch)
+    path, text, node = f"{above}/{spec.name}", f"{text}/{spec.name}", spec.node
+    role = Role(path, text, spec, branch)
+    if node is not None:
+        uses = node.declaration.uses
+        wired = [port for port in node.declaration.outputs if port.key in spec.ports]
+        needed = tuple(port for port in wired if not follows_from_belief(port, uses))
+        role = Role(path, text, spec, branch, is_played(node), node.causes_with(spec.ports), needed)
     yield role
     if spec.node is None:
         called = mission.trees[spec.id]

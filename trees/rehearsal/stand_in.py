@@ -7,7 +7,6 @@ from functools import cache
 from typing import Any, ClassVar, cast
 
 from ...world.causes import Failure, cause_named
-from ..declaration import Resource
 from ..node import Node
 from ..ports import PortDeclaration
 from ..references import Constant
@@ -15,6 +14,7 @@ from ..status import NodeStatus
 from ..types import convert
 from .belief import Contradiction
 from .case import Answer
+from .roles import follows_from_belief
 from .stage import RehearsalWorld
 
 
@@ -123,11 +123,6 @@ class Witness(Node, abstract=True):
             if node.ticked and node.state is NodeStatus.FAILURE and node.failure is not None:
                 trace.took_up(self.path, node.failure, by_handlers=by_handlers)
         return state
-
-
-def follows_from_belief(port: PortDeclaration, uses: tuple[Resource, ...]) -> bool:
-    """Whether an output needs no answer: what a camera lists are the items that the belief has to do."""
-    return Resource.CAMERA in uses and port.type.name == "object" and port.type.many
 
 
 @cache
