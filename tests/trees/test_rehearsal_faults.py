@@ -295,6 +295,17 @@ def test_a_file_without_cases(cases: str) -> None:
     assert found[0].endswith("the file has no cases ('cases:' holds them by name)")
 
 
+def test_an_object_that_appears_on_the_way_is_known() -> None:
+    case = """
+    leaves:
+      Go: {then: {objects: {b: {}, a: null}, hand: HELD}}
+      Weigh: perception.stale
+    expect: {ticks: 9}
+    """
+    assert faults(case.replace("HELD", "b")) == []
+    assert [fault[:4] for fault in faults(case.replace("HELD", "a"))] == ["P717"]
+
+
 def test_what_may_go_wrong_depends_on_the_wiring() -> None:
     mission = mission_of("Main: {Sequence: [{Look: {expect: a}}, {Look: {name: around}}]}")
     case = "cases:\n  it:\n    leaves: {PATTERN: perception.not_found}\n    expect: {status: FAILURE}\n"
