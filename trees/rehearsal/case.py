@@ -14,7 +14,7 @@ AnswerStatus: TypeAlias = Literal["SUCCESS", "FAILURE", "SKIPPED", "RUNNING"]
 EndStatus: TypeAlias = Literal["SUCCESS", "FAILURE", "SKIPPED", "RUNNING", "IDLE"]
 
 STATUSES: tuple[AnswerStatus, ...] = ("SUCCESS", "FAILURE", "SKIPPED", "RUNNING")
-OUTCOMES = ("SUCCESS", "FAILURE", "HALTED", "RUNNING")
+OUTCOMES = ("SUCCESS", "FAILURE", "SKIPPED", "HALTED", "RUNNING")
 """How a leaf's run may have ended, besides the causes."""
 ANY_LEAVES = "..."
 """In `order`: any leaves, also none."""

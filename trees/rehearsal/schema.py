@@ -128,7 +128,7 @@ class ExpectFile(FileModel):
     ) = Field(
         None,
         description="The leaves that start, in this order: patterns, or {pattern: outcome} with SUCCESS, "
-        "FAILURE, HALTED, RUNNING or a cause. '...' stands for any leaves, also none.",
+        "FAILURE, SKIPPED, HALTED, RUNNING or a cause. '...' stands for any leaves, also none.",
     )
     handled: list[
         Annotated[object, PlainValidator(lambda v: v, json_schema_input_type=HandledFile | Text)]
