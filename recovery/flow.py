@@ -121,7 +121,11 @@ class _Rounds:
 
 def _narrowed(failures: Failures, mask: int) -> Failures:
     """The failures as far as their causes are in the mask."""
-    found = Ends()
+    found: dict[State, Reasons] = {}
     for state, reasons in failures.items():
-        found.fail_at(state, reasons.only(mask))
-    return found.flow().failure
+        if not reasons.any & mask:
+            continue
+        left = reasons.only(mask)
+        at = state if left.loud else state.in_doubt()
+        found[at] = joined((found[at], left)) if at in found else left
+    return found

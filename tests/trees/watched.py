@@ -14,7 +14,7 @@ from picktree.trees.controls import Fallback, ReactiveFallback, RetryUntilSucces
 from picktree.trees.flow import State
 from picktree.trees.flow.layout import Layout
 from picktree.trees.flow.reasons import UNREPORTED
-from picktree.trees.flow.state import EMPTY
+from picktree.trees.flow.state import EMPTY, OUTER
 from picktree.trees.flow.walk import Walk
 from picktree.trees.loader import parse_mission
 from picktree.trees.mission import Mission, NodeSpec
@@ -149,7 +149,7 @@ class _Watch:
 
     def _check(self, place: _Place, node: Node) -> str:
         """Hold the node's status, the keys and the hand against what the analysis allows; its cause."""
-        bits, hand = self._bits(place.instance, place.tree), self._hand()
+        bits, hand = self._bits(place.instance, place.tree), self._hand(place.tree)
         status, cause = node.state, self._cause(node)
         if not any(self._allows(end, place.tree, bits, hand) for end in self._ends(place, status, cause)):
             known = sorted(map(str, self._ends(place, status, cause)))
@@ -192,10 +192,11 @@ class _Watch:
     def _cause(self, node: Node) -> str:
         return node.failure.cause.name if node.state is NodeStatus.FAILURE and node.failure else ""
 
-    def _hand(self) -> int:
+    def _hand(self, tree: str) -> int:
         if not self._world.holds:
             return EMPTY
-        return self._walk.filler(self._places[self._world.holds].spec)
+        filler = self._walk.filler(self._places[self._world.holds].spec)
+        return filler if tree == "Main" else filler | OUTER
 
     def _bits(self, instance: SubTree, tree: str) -> int:
         """Which keys are written now, as the analysis numbers them."""

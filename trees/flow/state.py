@@ -9,10 +9,12 @@ EMPTY = 1
 """Of `State.hand`: nothing is held."""
 KEPT = 2
 """Of `State.hand`: what is held was seen to by a retreat, or was held before the analysis began."""
-FIRST_FILLER = 4
+OUTER = 4
+"""Of `State.hand`, in a sub-tree: what its users' nodes took is held still, whichever they were."""
+FIRST_FILLER = 8
 """Of `State.hand`, and each bit above: what one node of the text took is held still."""
 
-LIMIT = 12
+LIMIT = 6
 """States that are told apart at one point; more are merged."""
 BETWEEN = 4
 """The same between two ticks, where less depends on it."""

@@ -15,7 +15,7 @@ from .layout import Layout, lay_out
 from .plainly import Leaf, any_way
 from .reading import Frame, Reading
 from .reasons import Reasons, joined
-from .state import EMPTY, FIRST_FILLER, NOTHING, Effect, State, tidy
+from .state import EMPTY, FIRST_FILLER, KEPT, NOTHING, OUTER, Effect, State, tidy
 
 
 class Walk(Reading):
@@ -172,7 +172,10 @@ class Walk(Reading):
             elif bound is not None or port.direction == "in":
                 sure, maybe, constant = sure | bit, maybe | bit, constant | bit
         twice = tuple(pair for pair in wired.items() if list(wired.values()).count(pair[1]) > 1)
-        inside = State(sure, maybe, state.hand, state.doubtful)
+        # Who took what is held is the same to a sub-tree: else each use of it would be another.
+        held = state.hand & ~(EMPTY | KEPT)
+        hand = state.hand & ~held | (OUTER if held else 0)
+        inside = State(sure, maybe, hand, state.doubtful)
         flow = self._in_frame(layout.tree, twice, owned, inside)
         for port in layout.tree.ports:
             bound = spec.ports.get(port.key)
@@ -188,7 +191,8 @@ class Walk(Reading):
             for bit, outer in ways:
                 sure |= outer if inner.sure & bit else 0
                 maybe |= outer if inner.maybe & bit else 0
-            return State(state.sure | sure, state.maybe | maybe, inner.hand, inner.doubtful)
+            after = inner.hand & ~OUTER | held if inner.hand & OUTER else inner.hand
+            return State(state.sure | sure, state.maybe | maybe, after, inner.doubtful)
 
         ends = Ends()
         ends.succeed(map(outside, flow.success))

@@ -13,25 +13,31 @@ from .survey import Survey
 
 def left_in_hand(survey: Survey) -> Iterator[Fault]:
     """P330: an object that is still held at the end, with nobody having seen to it."""
-    if survey.main is None:
+    main = survey.main
+    if main is None:
         return
+    failed: list[tuple[State, tuple[str, ...]]] = []
+    for state, why in main.failure.items():
+        if not state.doubtful and state.hand >= FIRST_FILLER:
+            names = (source.at.name for source in why.sources(survey.file) if source.causes)
+            failed.append((state, tuple(dict.fromkeys(names))))
     for index, filler in enumerate(survey.walk.fillers):
         bit = FIRST_FILLER << index
-        success = any(_held(state, bit) for state in survey.main.success | survey.main.skipped)
-        failures = [why for state, why in survey.main.failure.items() if _held(state, bit)]
-        if not success and not failures:
-            continue
-        names = dict.fromkeys(
-            source.at.name for why in failures for source in why.sources(survey.file) if source.causes
-        )
-        shown = " or ".join(list(names)[:3]) + (" or another node" if len(names) > 3 else "")
-        when = "when it succeeds" if success else f"when {shown} fails" if shown else "when it fails"
-        at = _in_own_file(survey, filler)
-        if at is None:
-            continue
-        message = f"the mission may end with what {filler.name} took still in the hand, {when}"
-        hint = "on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it"
-        yield survey.fault(at, message, hint, code="P330")
+        success = any(_held(state, bit) for state in main.success | main.skipped)
+        failures = [names for state, names in failed if _held(state, bit)]
+        at = _in_own_file(survey, filler) if success or failures else None
+        if at is not None:
+            when = "it succeeds" if success else _fails(failures)
+            message = f"the mission may end with what {filler.name} took still in the hand, when {when}"
+            hint = "on the way out, place it, or let 'SafeRetreat: {hand: open}' see to it"
+            yield survey.fault(at, message, hint, code="P330")
+
+
+def _fails(failures: list[tuple[str, ...]]) -> str:
+    names = list(dict.fromkeys(name for names in failures for name in names))
+    if not names:
+        return "it fails"
+    return " or ".join(names[:3]) + (" or another node" if len(names) > 3 else "") + " fails"
 
 
 def _held(state: State, bit: int) -> bool:
