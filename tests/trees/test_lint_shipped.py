@@ -63,3 +63,17 @@ def test_sub_trees_in_sub_trees_do_not_multiply() -> None:
     began = time.process_time()
     assert lint(mission) == ()
     assert time.process_time() - began < 1.0
+
+
+def test_many_nodes_that_fill_the_hand_do_not_multiply() -> None:
+    """What each of them took may be held at the end, so that every set of them would be a state."""
+    pick = """
+      - Recover:
+          do: [{Grasp: {object: a}}, {Place: {object: a, into: red_bin}}]
+          when: {planning.*: [{Observe: {camera: overhead}}]}
+          otherwise: [SafeRetreat]"""
+    text = f"picktree: 1\nkind: mission\ntrees:\n  Main:\n    Sequence:{pick * 60}\n"
+    mission = parse_mission(text, Path("grasps.yaml"))
+    began = time.process_time()
+    assert [fault.code for fault in lint(mission)] == ["P330"] * 60
+    assert time.process_time() - began < 1.0
