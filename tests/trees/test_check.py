@@ -139,3 +139,14 @@ def test_a_tree_of_the_library_is_held_to_the_scene_where_it_is_used(tmp_path: P
         f"is the default (known: eye; it goes to the port 'camera' of Observe, line {line} "
         f"of {recovery})"
     ]
+
+
+def test_a_tree_of_an_included_file_counts_where_the_mission_uses_it(tmp_path: Path) -> None:
+    eyes = "picktree: 1\nkind: mission\nlibrary: true\ntrees: {Glance: {Observe: {camera: side}}}\n"
+    (tmp_path / "eyes.yaml").write_text(eyes)
+    text = "scene: three_bins\ninclude: [eyes.yaml]\ntrees: {Main: %s}"
+    assert faults(text % "AlwaysSuccess", tmp_path) == []
+    assert faults(text % "Glance", tmp_path) == [
+        f"P240 {tmp_path}/eyes.yaml:4:36: Glance/Observe: port 'camera': the scene 'three_bins' has no "
+        "camera 'side' (known: overhead)"
+    ]

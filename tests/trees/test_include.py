@@ -184,3 +184,10 @@ def test_included_files_can_come_from_a_record(tmp_path: Path) -> None:
         "the record holds no file 'parts/look.yaml'",
         "the record holds no file 'library/recovery'",
     ]
+
+
+def test_trees_of_a_file_that_is_not_there_are_not_missed_one_by_one(tmp_path: Path) -> None:
+    assert faults(tmp_path, m="include: [looks.yaml]\ntrees: {Main: {Sequence: [Glance, Peer, Tke]}}") == [
+        "P243 m.yaml:3:11: include[0]: there is no file 'looks.yaml' beside the mission",
+        "P207 m.yaml:4:41: Main/Sequence: unknown node 'Tke' (did you mean 'Take'?)",
+    ]

@@ -267,6 +267,19 @@ def test_what_an_output_of_a_sub_tree_is_declared_as_is_what_is_written_to_it() 
     ]
 
 
+def test_what_is_wrong_inside_a_sub_tree_is_said_there_only() -> None:
+    assert faults(
+        """
+        trees:
+          Main: {Sequence: [{Sub: {p: x}}, {Sub: {p: y}}, {Outer: {q: z}}]}
+          Outer: {ports: {q: string}, Sub: {p: "{q}"}}
+          Sub: {ports: {p: string}, Timeout: {msec: "{p}", do: AlwaysSuccess}}
+        """
+    ) == [
+        "P237 6:45: Sub/Timeout: port 'msec': {p} is a text, not a number (the tree's input 'p', line 6)",
+    ]
+
+
 def test_units_are_kept_over_the_ports_of_sub_trees() -> None:
     assert faults(
         """
@@ -352,10 +365,12 @@ def test_keys_that_feed_each_other_are_not_followed_for_ever() -> None:
               - {SetBlackboard: {value: "{a}", output_key: "{b}"}}
               - AlwaysSuccess: {_post: "n := n + 1; m := k; k := m"}
               - Use: {count: "{a}", text: "{k}", flag: "{n}"}
+              - Condition: {if: n == 'one'}
         """
     ) == [
         "P237 9:48: Main/Sequence/Use: port 'flag': {n} is a number, not true or false "
-        "(Main/Sequence/AlwaysSuccess writes it, line 8)"
+        "(Main/Sequence/AlwaysSuccess writes it, line 8)",
+        "P226 10:27: Main/Sequence/Condition: port 'if': a number and a text are never equal",
     ]
 
 
