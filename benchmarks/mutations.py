@@ -1,8 +1,8 @@
 """A campaign of mistakes: mutated files of all kinds through the checker, and what it passes through loading.
 
 Counted against us: an exception, a file that takes more than a second of CPU, and an "ok" that then fails in
-loading or, of a mission, at the first tick of a rehearsal. A file of which the checker warns that it may fail in
-just this way (P302) was not called ok.
+loading or, of a mission, at the first tick of a rehearsal. A file of which the checker warns that it may fail
+in just this way (P302) was not called ok.
 
 python benchmarks/mutations.py --runs 20000
 """
