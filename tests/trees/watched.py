@@ -235,17 +235,16 @@ class _Watch:
         key = _unwritten(message)
         if not key:
             return
+        name = key
         while True:
-            ports = {p.key for p in self._watched.mission.trees[place.tree].ports if p.direction == "in"}
-            if key not in ports:
+            for read in self._walk.reads.values():
+                if read.spec is place.spec and read.key == name and read.missing:
+                    return
+            caller = self._callers.get(place.instance.path)
+            bound = caller.spec.ports.get(name) if caller is not None else None
+            if caller is None or not isinstance(bound, Reference):
                 break
-            caller = self._callers[place.instance.path]
-            bound = caller.spec.ports[key]
-            assert isinstance(bound, Reference)
-            place, key = caller, bound.key
-        for read in self._walk.reads.values():
-            if read.spec is place.spec and read.key == key and read.missing:
-                return
+            place, name = caller, bound.key
         raise Unsound(f"{path}: {message}: nobody has said that {key!r} may be unwritten")
 
 

@@ -40,7 +40,10 @@ def conditioned(spec: NodeSpec, state: State, walk: Walk, run: Callable[[State],
         flow = run(start)
         ends.take(flow)
         if "_while" in spec.preconditions:
-            asked = walk.ask(spec, "_while", spec.preconditions["_while"], flow.running)
+            # Where it no longer holds, the node is halted first.
+            halted = _assigned_keys(spec, ("_onHalted",), walk)
+            running = frozenset(state.perhaps(halted) for state in flow.running)
+            asked = walk.ask(spec, "_while", spec.preconditions["_while"], running)
             ends.fail(asked.failed)
             ends.skip(asked.no)
     return _concluded(spec, ends.flow(), walk) if spec.postconditions else ends.flow()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from .reasons import Reasons, joined
-from .state import BETWEEN, LIMIT, NONE, Effect, State, States, merged, tidy
+from .state import BETWEEN, LIMIT, NONE, SHARED, Effect, State, States, merged, tidy
 
 Failures: TypeAlias = Mapping[State, Reasons]
 """States in which a node may have failed, and for which reasons."""
@@ -35,7 +35,18 @@ class Flow:
         for state in self.everywhere:
             maybe |= state.maybe
             hand |= state.hand
-        return Effect(maybe & ~entry.maybe, hand & ~entry.hand)
+        return Effect(maybe & ~entry.maybe, hand & ~entry.hand & ~SHARED)
+
+    def alone(self) -> Flow:
+        """The same after what went on beside it has ended."""
+        failed = Ends()
+        for state, reasons in self.failure.items():
+            failed.fail_at(state.alone(), reasons)
+        success, skipped, running = (
+            frozenset(state.alone() for state in states)
+            for states in (self.success, self.skipped, self.running)
+        )
+        return Flow(success, failed.flow().failure, skipped, running, self.missing)
 
 
 NEVER = Flow(NONE, {}, NONE, NONE)

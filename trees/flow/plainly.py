@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from .ends import Ends, Flow
 from .reasons import NO_REPORT, Reasons, joined
-from .state import EMPTY, KEPT, NONE, State, tidy, uncovered
+from .state import EMPTY, KEPT, NONE, SHARED, State, tidy, uncovered
 
 if TYPE_CHECKING:
     from ..declaration import Hand
@@ -66,6 +66,11 @@ def _leaf(node: type[Node], spec: NodeSpec, walk: Walk, *, says_no: bool) -> Lea
 
 def hand_after(how: Hand, hand: int, filler: int) -> int:
     """What may be in the hand after a node that held these possibilities before."""
+    before = hand if hand & SHARED else 0
+    return before | _hand_after(how, hand, filler)
+
+
+def _hand_after(how: Hand, hand: int, filler: int) -> int:
     match how:
         case "unchanged":
             return hand
@@ -74,7 +79,7 @@ def hand_after(how: Hand, hand: int, filler: int) -> int:
         case "empty":
             return EMPTY
         case "kept":
-            return hand & EMPTY | (KEPT if hand & ~EMPTY else 0)
+            return hand & EMPTY | (KEPT if hand & ~(EMPTY | SHARED) else 0)
 
 
 def any_way(node: type[Node], spec: NodeSpec, entry: State, walk: Walk) -> Flow:

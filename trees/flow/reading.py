@@ -16,7 +16,7 @@ from .ends import Ends, Failures, Flow
 from .layout import Layout
 from .reasons import CauseBits, Reasons
 from .shape import Shape, shape
-from .state import EMPTY, State, States, tidy
+from .state import EMPTY, SHARED, State, States, tidy
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,8 @@ class Reading:
 
     def _told(self, state: State, *, holding: bool | None) -> State:
         """After the fact `holding` was heard, unless a key hides it."""
-        if holding is None or state.maybe & self._frame.layout.keys.get("holding", 0):
+        hidden = state.maybe & self._frame.layout.keys.get("holding", 0)
+        if holding is None or hidden or state.hand & SHARED:
             return state
         # What a node holds that does not say so of itself is not known here.
         held = state.hand & ~EMPTY

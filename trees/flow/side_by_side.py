@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from .ends import NEVER, Ends, Flow
 from .reasons import joined
-from .state import NOTHING, Effect, State
+from .state import NOTHING, SHARED, Effect, State
 
 if TYPE_CHECKING:
     from ..mission import NodeSpec
@@ -83,6 +83,8 @@ class SideBySide:
             for other, effect in enumerate(effects):
                 start = effect.on(start) if other != index else start
             flow = self._walk.child(child, (start,))
+            if not self._entry.hand & SHARED:
+                start, flow = start.alone(), flow.alone()
             part = _Part(start, flow, begins=True)
             parts.append(part)
             if not flow.running:

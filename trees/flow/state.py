@@ -11,7 +11,9 @@ KEPT = 2
 """Of `State.hand`: what is held was seen to by a retreat, or was held before the analysis began."""
 OUTER = 4
 """Of `State.hand`, in a sub-tree: what its users' nodes took is held still, whichever they were."""
-FIRST_FILLER = 8
+SHARED = 8
+"""Of `State.hand`: something beside this may change what is held at any time, so that no change is final."""
+FIRST_FILLER = 16
 """Of `State.hand`, and each bit above: what one node of the text took is held still."""
 
 LIMIT = 6
@@ -47,6 +49,10 @@ class State(NamedTuple):
     def holding(self, hand: int) -> State:
         return self if hand == self.hand else State(self.sure, self.maybe, hand, self.doubtful)
 
+    def alone(self) -> State:
+        """After what went on beside has ended."""
+        return self.holding(self.hand & ~SHARED)
+
     def in_doubt(self) -> State:
         return self if self.doubtful else State(self.sure, self.maybe, self.hand, True)
 
@@ -68,9 +74,8 @@ class Effect(NamedTuple):
 
     def on(self, state: State) -> State:
         """What must be reckoned with from that state on."""
-        if not (self.maybe & ~state.maybe or self.hand & ~state.hand):
-            return state
-        return State(state.sure, state.maybe | self.maybe, state.hand | self.hand, state.doubtful)
+        hand = state.hand | self.hand | (SHARED if self.hand else 0)
+        return State(state.sure, state.maybe | self.maybe, hand, state.doubtful)
 
     def with_(self, other: Effect) -> Effect:
         return Effect(self.maybe | other.maybe, self.hand | other.hand)

@@ -15,7 +15,7 @@ from .layout import Layout, lay_out
 from .plainly import Leaf, any_way
 from .reading import Frame, Reading
 from .reasons import Reasons, joined
-from .state import EMPTY, FIRST_FILLER, KEPT, NOTHING, OUTER, Effect, State, tidy
+from .state import EMPTY, FIRST_FILLER, KEPT, NOTHING, OUTER, SHARED, Effect, State, tidy
 
 
 class Walk(Reading):
@@ -73,7 +73,9 @@ class Walk(Reading):
         """The ends of a child that starts in any of these states; `meanwhile`: what others may do between
         its ticks."""
         if meanwhile != NOTHING and any(self._node(spec, state).running for state in states):
-            states = tidy(meanwhile.on(state) for state in states)
+            flow = self.child(spec, tidy(meanwhile.on(state) for state in states))
+            shared = any(state.hand & SHARED for state in states)
+            return flow if shared or not meanwhile.hand else flow.alone()
         flows = [self._node(spec, state) for state in states]
         if len(flows) < 2:
             return flows[0] if flows else NEVER
@@ -173,7 +175,7 @@ class Walk(Reading):
                 sure, maybe, constant = sure | bit, maybe | bit, constant | bit
         twice = tuple(pair for pair in wired.items() if list(wired.values()).count(pair[1]) > 1)
         # Who took what is held is the same to a sub-tree: else each use of it would be another.
-        held = state.hand & ~(EMPTY | KEPT)
+        held = state.hand & ~(EMPTY | KEPT | SHARED)
         hand = state.hand & ~held | (OUTER if held else 0)
         inside = State(sure, maybe, hand, state.doubtful)
         flow = self._in_frame(layout.tree, twice, owned, inside)
