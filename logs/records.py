@@ -13,7 +13,7 @@ from typing import TypeAlias
 from ..world.shapes import Shape
 from ..world.values import Pose
 
-FORMAT = 1
+FORMAT = 2
 """Of the log as a whole. Raised when an older reader could no longer make sense of it."""
 
 Values: TypeAlias = Mapping[str, object]
@@ -96,6 +96,23 @@ class Write:
 
 
 @dataclass(frozen=True)
+class Transition:
+    """A node begins (RUNNING) or has ended (SUCCESS, FAILURE, SKIPPED; IDLE: it was halted)."""
+
+    path: str
+    status: str
+    inputs: Values = field(default_factory=_no_values)
+    """Of a node that begins: what it read through references, by port."""
+    subject: str = ""
+    """Of a node that begins: the object that its first port of type `object` names, if any."""
+    cause: str = ""
+    origin: str = ""
+    """Of a failure: path of the node that it came from."""
+    message: str = ""
+    evidence: Values = field(default_factory=_no_values)
+
+
+@dataclass(frozen=True)
 class Tick:
     """The whole tree after one tick. `tip` is the path of the deepest running node."""
 
@@ -103,6 +120,8 @@ class Tick:
     tip: str
     nodes: tuple[NodeStatus, ...]
     writes: tuple[Write, ...] = ()
+    transitions: tuple[Transition, ...] = ()
+    """Which nodes began and ended in this tick, in order. Empty in logs of format 1."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from ..world.errors import PicktreeError
 from ..world.journal import Plain
 
 RunStatus: TypeAlias = Literal["success", "incomplete", "failure", "timeout", "interrupted"]
@@ -159,6 +160,25 @@ class RunResult:
         """One object, with a line's end."""
         return json.dumps(self.to_json(), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
 
+    @classmethod
+    def from_json_text(cls, text: str, source: Path) -> RunResult:
+        """What `to_json_text` wrote into the log `source`. Raises PicktreeError when it is something else."""
+        try:
+            said = json.loads(text)
+            wall = said["wall_seconds"]
+            items = dict(said["items"])
+            forms = {form: FormCount(**count) for form, count in items.pop("by_form").items()}
+            return cls(
+                items=ItemCount(**items, by_form=forms),
+                picks=PickCount(**said["picks"]),
+                wall_seconds=WallSeconds(**wall),
+                log=Path(said["log"]),
+                folder=Path(said["folder"]),
+                **{name: said[name] for name in _PLAIN_FIELDS},
+            )
+        except (ValueError, KeyError, TypeError) as error:
+            raise PicktreeError(f"{source}: the result in the log is unreadable: {error!r}") from None
+
     def to_text(self, program: str = "picktree") -> str:
         """The summary for a terminal, without a line's end; `program` as in `explain`."""
         items, picks, wall = self.items, self.picks, self.wall_seconds
@@ -197,6 +217,12 @@ class RunResult:
 
     def _thinking(self) -> str:
         return "" if self.thinking_charged else " (planning and perception took no simulated time)"
+
+
+_PLAIN_FIELDS = (
+    "status", "seed", "digest", "sim_seconds", "cpu_seconds", "failures", "recoveries", "message",
+    "thinking_charged", "disagreements",
+)  # fmt: skip
 
 
 def _counts(counts: Mapping[str, int]) -> str:

@@ -167,6 +167,19 @@ def _tick(report: TickReport) -> records.Tick:
             for n in report.nodes
         ),
         writes=tuple(records.Write(w.key, w.value, w.node) for w in report.writes),
+        transitions=tuple(
+            records.Transition(
+                t.path,
+                str(t.status),
+                dict(t.inputs),
+                t.subject,
+                t.cause,
+                t.origin,
+                t.message,
+                dict(t.evidence),
+            )
+            for t in report.transitions
+        ),
     )
 
 

@@ -23,6 +23,7 @@ from .references import Binding, Constant, Reference
 from .reports import pack, plain_evidence, report_from_plain, report_to_plain, unpack, with_attached
 from .runtime import Runtime, TreeWorld, Wiring, evaluate
 from .status import NodeStatus
+from .transitions import Transition
 from .types import accept
 
 if TYPE_CHECKING:
@@ -318,8 +319,22 @@ class Node(Behaviour):
     def _note_end(self) -> None:
         if self._begun and self._state is not NodeStatus.RUNNING:
             self._begun = False
+            self._runtime.transitions.note(self._ending())
             for hook in self._runtime.end_hooks:
                 hook(self.path)
+
+    def _ending(self) -> Transition:
+        if self.failure is None:
+            return Transition(self.path, self._state, message=self.feedback_message)
+        report = self.failure
+        return Transition(
+            self.path,
+            self._state,
+            cause=report.cause.name,
+            origin=report.node,
+            message=report.message,
+            evidence=report.evidence,
+        )
 
     def _start(self) -> None:
         for node in self.below:
@@ -331,8 +346,20 @@ class Node(Behaviour):
         self._begun = True
         for hook in self._runtime.start_hooks:
             hook(self.path)
-        self.read_inputs()
+        try:
+            self.read_inputs()
+        finally:
+            self._runtime.transitions.note(self._beginning())
         self.on_start()
+
+    def _beginning(self) -> Transition:
+        wired = self._wiring.ports
+        read = {
+            key: plain_copy(v) for key, v in self._inputs.items() if isinstance(wired.get(key), Reference)
+        }
+        of_objects = (port.key for port in self.declaration.inputs if port.type.name == "object")
+        subject = next((str(self._inputs[key]) for key in of_objects if self._inputs.get(key)), "")
+        return Transition(self.path, self._state, read, subject)
 
     def _precondition(self) -> NodeStatus | None:
         """The status that a precondition gives in place of a tick. Raises Failure when one has no value."""

@@ -15,6 +15,7 @@ from .node import Node
 from .references import Constant
 from .runtime import Runtime
 from .status import NodeStatus
+from .transitions import Transition
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +33,12 @@ class NodeReport:
 
 @dataclass(frozen=True, slots=True)
 class TickReport:
-    """One tick: every node, parents first, and the writes to the blackboard in their order."""
+    """One tick: every node, parents first; the writes to the blackboard, and which nodes began and ended, in
+    their order."""
 
     nodes: tuple[NodeReport, ...]
     writes: tuple[Write, ...]
+    transitions: tuple[Transition, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +111,7 @@ class Tree:
     def tick(self) -> TickReport:
         """Tick the root once. After the root has ended, another tick starts the mission anew."""
         self.step()
-        return TickReport(self._reports(), self.blackboard.take_writes())
+        return self._report()
 
     def step(self) -> None:
         """As `tick`, for who looks at the nodes itself; the writes stay with the blackboard."""
@@ -122,7 +125,7 @@ class Tree:
         for node in self._nodes:
             node.ticked = False
         self._root.halt()
-        return TickReport(self._reports(), self.blackboard.take_writes())
+        return self._report()
 
     def find(self, path: str) -> Node:
         """Raises PicktreeError for an unknown path."""
@@ -180,8 +183,9 @@ class Tree:
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
         return adopt(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
 
-    def _reports(self) -> tuple[NodeReport, ...]:
-        return tuple(_report(node) for node in self._nodes)
+    def _report(self) -> TickReport:
+        nodes = tuple(_report(node) for node in self._nodes)
+        return TickReport(nodes, self.blackboard.take_writes(), self._runtime.transitions.take())
 
 
 def _report(node: Node) -> NodeReport:

@@ -10,6 +10,7 @@ from ..world.causes import Failure, tree
 from ..world.files.expressions import Expression, ExpressionError
 from .blackboard import Blackboard, Namespace
 from .references import Binding, Reference, attribute
+from .transitions import Transitions
 
 if TYPE_CHECKING:
     from ..world.journal import Journal
@@ -40,6 +41,7 @@ class Runtime:
     """Called with a node's path when it starts, before it reads its inputs."""
     end_hooks: list[Callable[[str], None]] = field(default_factory=list[Callable[[str], None]])
     """Called with a node's path when it has ended or was halted; its status and failure are set by then."""
+    transitions: Transitions = field(default_factory=Transitions)
 
 
 @dataclass(frozen=True, slots=True)

@@ -162,11 +162,11 @@ def test_a_log_is_found_by_file_folder_and_last(
 def test_a_newer_format_is_refused_with_a_sentence(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.logs.recorder.FORMAT", 2)
+    monkeypatch.setattr("picktree.logs.recorder.FORMAT", 3)
     path = tmp_path / "log.mcap"
     sample.record(path, ticks=2)
     with pytest.raises(PicktreeError) as raised:
         RunLog(path)
     assert str(raised.value) == (
-        f"{path}: the log has format 2, and this picktree reads up to 1; upgrade picktree to read it"
+        f"{path}: the log has format 3, and this picktree reads up to 2; upgrade picktree to read it"
     )

@@ -1,0 +1,1 @@
+"""A layout of Foxglove and Lichtblick for one log."""

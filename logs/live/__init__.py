@@ -1,0 +1,1 @@
+"""A running mission as a feed for viewers."""

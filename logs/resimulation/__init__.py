@@ -1,0 +1,1 @@
+"""Running again from what a log holds."""

@@ -1,0 +1,1 @@
+"""A run tick by tick, for a terminal."""

@@ -1,0 +1,182 @@
+"""Visits: a run as what its nodes did, from their beginnings to their ends, instead of tick by tick."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Final, TypeAlias
+
+from .records import Tick, Transition, Tree, Values, Write
+from .run_log import RunLog
+
+HALTED: Final = "HALTED"
+
+Key: TypeAlias = tuple[str, str, int]
+"""(item, node path, attempt): what names the same visit in two runs."""
+
+
+def _no_values() -> Values:
+    return {}
+
+
+@dataclass(frozen=True, slots=True)
+class Visit:
+    """One activation of a node: from the tick in which it began to the one in which it ended."""
+
+    number: int
+    """Its place among the visits of the run, which are ordered by their beginnings."""
+    path: str
+    id: str
+    """Registered name, such as `Grasp`."""
+    parent: int | None
+    """Number of the visit of the parent within which it took place; None for the root."""
+    item: str
+    """Id of the object that it is about: its own subject, or that of the nearest visit around it, an
+    iteration's element counting as one; empty when there is none."""
+    attempt: int
+    """How many times its node had been visited for this item by then, this time included."""
+    start: float
+    """Simulated s."""
+    end: float
+    """Simulated s; of the log's last tick when it had not ended by then."""
+    first: int
+    """Number of the tick in which it began, 0 for the first of the log."""
+    last: int
+    outcome: str
+    """SUCCESS, FAILURE, SKIPPED or HALTED; RUNNING when the log ends before."""
+    inputs: Values = field(default_factory=_no_values)
+    """What it read through references when it began, by port."""
+    cause: str = ""
+    """Of a failure; empty for a false condition."""
+    origin: str = ""
+    """Of a failure: path of the node that it came from, which may be this one."""
+    message: str = ""
+    evidence: Values = field(default_factory=_no_values)
+
+    @property
+    def key(self) -> Key:
+        return (self.item, self.path, self.attempt)
+
+    @property
+    def duration(self) -> float:
+        """Simulated s."""
+        return self.end - self.start
+
+    @property
+    def failed_itself(self) -> bool:
+        """Whether it ended in a failure that came from this very node, not from one below it."""
+        return self.outcome == "FAILURE" and bool(self.cause) and self.origin == self.path
+
+
+class Following:
+    """Turns ticks into visits, one tick at a time; a visit is open until its node ends."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._visits: list[Visit] = []
+        self._open: dict[str, int] = {}
+        self._counts: Counter[tuple[str, str]] = Counter()
+        self._elements: dict[str, str] = {}
+        """The present element of each iteration, by its node's path."""
+        self._ids: dict[str, str] = {}
+        self._parents: dict[str, str] = {}
+        self._iterations: frozenset[str] = frozenset()
+        self._number, self._time = -1, 0.0
+        self.follow(tree)
+
+    def follow(self, tree: Tree) -> None:
+        """From the next tick on it is this tree that is ticked."""
+        self._ids = {node.path: node.id for node in tree.nodes}
+        self._parents = {node.path: node.parent for node in tree.nodes}
+        self._iterations = frozenset(node.path for node in tree.nodes if node.id == "ForEach")
+
+    def take(self, time: float, tick: Tick) -> None:
+        self._number += 1
+        self._time = time
+        if self._number == 0:
+            begun = {transition.path for transition in tick.transitions if transition.status == "RUNNING"}
+            for node in tick.nodes:  # a run that goes on from a checkpoint
+                if node.status == "RUNNING" and node.path not in begun:
+                    self._begin(Transition(node.path, "RUNNING"))
+        self._written(tick.writes)
+        for transition in tick.transitions:
+            if transition.status == "RUNNING":
+                self._begin(transition)
+            else:
+                self._end(transition)
+
+    def finish(self) -> tuple[Visit, ...]:
+        """All visits; those that are open end with the last tick."""
+        for number in self._open.values():
+            visit = self._visits[number]
+            self._visits[number] = replace(visit, end=self._time, last=max(self._number, visit.first))
+        return tuple(self._visits)
+
+    def _written(self, writes: Iterable[Write]) -> None:
+        for write in writes:
+            if write.node in self._iterations and isinstance(write.value, str):
+                self._elements[write.node] = write.value
+
+    def _begin(self, transition: Transition) -> None:
+        path = transition.path
+        if path in self._open:  # it began anew without a word of its end
+            self._end(Transition(path, "IDLE"))
+        item = transition.subject or self._item_around(path)
+        self._counts[item, path] += 1
+        number = len(self._visits)
+        self._visits.append(
+            Visit(
+                number=number,
+                path=path,
+                id=self._ids.get(path, ""),
+                parent=self._open.get(self._parents.get(path, "")),
+                item=item,
+                attempt=self._counts[item, path],
+                start=self._time,
+                end=self._time,
+                first=self._number,
+                last=self._number,
+                outcome="RUNNING",
+                inputs=transition.inputs,
+            )
+        )
+        self._open[path] = number
+
+    def _end(self, transition: Transition) -> None:
+        number = self._open.pop(transition.path, None)
+        self._elements.pop(transition.path, None)
+        if number is None:
+            return
+        self._visits[number] = replace(
+            self._visits[number],
+            end=self._time,
+            last=self._number,
+            outcome=HALTED if transition.status == "IDLE" else transition.status,
+            cause=transition.cause,
+            origin=transition.origin,
+            message=transition.message,
+            evidence=transition.evidence,
+        )
+
+    def _item_around(self, path: str) -> str:
+        above = self._parents.get(path, "")
+        while above:
+            if above in self._elements:
+                return self._elements[above]
+            number = self._open.get(above)
+            if number is not None and self._visits[number].item:
+                return self._visits[number].item
+            above = self._parents.get(above, "")
+        return ""
+
+
+def visits_of(log: RunLog) -> tuple[Visit, ...]:
+    """All visits of a run, in the order of their beginnings. Empty for a log of format 1."""
+    trees = list(log.trees())
+    following = Following(trees[0].record if trees else Tree(()))
+    coming = trees[1:]
+    for at in log.ticks():
+        while coming and coming[0].time <= at.time:
+            following.follow(coming.pop(0).record)
+        following.take(at.time, at.record)
+    return following.finish()
