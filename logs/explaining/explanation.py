@@ -58,7 +58,7 @@ class Rejection:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """What was chosen from shortly before a failure: how many candidates reached each stage, who dropped out."""
+    """What was chosen from shortly before a failure: how many reached each stage, and who dropped out."""
 
     time: float
     purpose: str

@@ -62,7 +62,7 @@ def test_visits_tell_which_node_did_what_for_which_item(sorted_run: Path) -> Non
 def test_a_moment_has_belief_and_blackboard(sorted_run: Path) -> None:
     with Run(sorted_run) as run:
         before, after = run.at(0.0), run.at(run.end)
-        assert before.blackboard == {}
+        assert before.blackboard == {"Main/rounds": 4}  # the mission's parameter
         assert any(key.endswith("items") for key in after.blackboard)
         assert after.belief is not None and after.truth is not None
         assert len(after.belief.bodies) == len(after.truth.bodies)
