@@ -3,76 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
-from ..world.errors import PicktreeError
-from ..world.files.nearest import nearest
-from ..world.files.reader import resolve
 from ..world.journal import Plain
 from .blackboard import Namespace
 from .mission import Mission, NodeSpec, TreeSpec
 from .node import Node
-from .ports import PortDeclaration
 from .references import Binding, Constant, Reference
 from .runner import Tree
 from .runtime import Runtime, TreeWorld, Wiring
+from .settings import Overrides, read_settings
 from .subtree import SubTree
-from .types import convert
 
 
 def build(mission: Mission, world: TreeWorld, parameters: Mapping[str, Plain] | None = None) -> Tree:
-    """The mission as a tree. `parameters` are values for the ports of `Main`; texts are read as in a file.
+    """The mission as a tree. `parameters` are set from outside, as `read_settings` takes them.
 
-    Raises PicktreeError for an unknown, missing or unfitting parameter.
+    Raises PicktreeError for one that is unknown, missing or unfitting.
     """
     runtime = Runtime(world)
     main = mission.main
-    bindings = _parameters(main.ports, parameters or {})
+    settings = read_settings(mission, parameters or {})
     caller = Namespace(runtime.blackboard, "")
-    start = NodeSpec(main.name, main.name, main.mark, None, bindings)
-    root = _Builder(mission, runtime).tree(main, start, main.name, caller)
+    start = NodeSpec(main.name, main.name, main.mark, None, settings.parameters)
+    root = _Builder(mission, runtime, settings.overrides).tree(main, start, main.name, caller)
     return Tree(root, runtime)
 
 
-def _parameters(ports: tuple[PortDeclaration, ...], given: Mapping[str, Plain]) -> dict[str, Binding]:
-    names = [port.key for port in ports]
-    for name in given:
-        if name not in names:
-            known = nearest(name, names) or "it has none"
-            raise PicktreeError(f"the mission has no parameter {name!r} ({known})")
-    bindings: dict[str, Binding] = {}
-    for port in ports:
-        if port.key not in given:
-            if port.required:
-                raise PicktreeError(
-                    f"the mission's parameter {port.key!r} needs a value: {port.doc}".rstrip(": ")
-                )
-            continue
-        value = given[port.key]
-        try:
-            bindings[port.key] = Constant(parameter_value(value, port), value)
-        except ValueError as error:
-            raise PicktreeError(f"the mission's parameter {port.key!r}: {error}") from None
-    return bindings
-
-
-def parameter_value(value: Plain, port: PortDeclaration) -> object:
-    """The value that a parameter of the mission gets; a text is read as in a file. Raises ValueError."""
-    if isinstance(value, str) and port.type.many:
-        value = [_scalar(part.strip(), port) for part in value.split(",") if part.strip()]
-    elif isinstance(value, str):
-        value = _scalar(value, port)
-    return convert(value, port.type, port.unit, port.choices, port.within)
-
-
-def _scalar(text: str, port: PortDeclaration) -> Plain:
-    # A text from the command line means what it would mean in a file.
-    return text if port.type.name in ("string", "object") else resolve(text)
-
-
 class _Builder:
-    def __init__(self, mission: Mission, runtime: Runtime) -> None:
+    def __init__(self, mission: Mission, runtime: Runtime, overrides: Overrides) -> None:
         self._mission = mission
         self._runtime = runtime
+        self._overrides = overrides
 
     def tree(self, tree: TreeSpec, call: NodeSpec, path: str, outer: Namespace) -> SubTree:
         """An instance of a tree: its ports are wired to the caller's namespace or hold constants."""
@@ -93,6 +55,8 @@ class _Builder:
 
     def node(self, spec: NodeSpec, above: str, namespace: Namespace) -> Node:
         path = f"{above}/{spec.name}"
+        if path in self._overrides:
+            spec = replace(spec, ports={**spec.ports, **self._overrides[path]})
         if spec.node is None:
             return self.tree(self._mission.trees[spec.id], spec, path, namespace)
         node = spec.node(_wiring(spec, path, namespace, spec.ports), self._runtime)

@@ -8,7 +8,7 @@ from typing import Any, cast
 from ...world.facts import FACTS
 from ...world.files.document import Location, nearest
 from ...world.journal import Plain
-from ..builder import parameter_value
+from ..settings import parameter_value
 from ..types import show
 from .case import EMPTY_HAND, Case, Effects, Objects
 from .known import Known
