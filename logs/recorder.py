@@ -25,6 +25,7 @@ from .records import (
     Body,
     Candidate,
     Candidates,
+    Control,
     Event,
     Joints,
     LinkMesh,
@@ -212,6 +213,10 @@ class Recorder:
         """The external wrench at the wrist, in the world's axes."""
         reading = WrenchReading(Vector(*wrench.force), Vector(*wrench.torque), wrench.magnitude())
         self._write(topics.WRENCH, now, encode(reading))
+
+    def control(self, now: float, control: Control) -> None:
+        """What the arm's servo had been told."""
+        self._write(topics.CONTROL, now, encode(control))
 
     def belief(
         self, now: float, objects: Iterable[BeliefObject], changes: Iterable[BeliefChange] = ()

@@ -234,6 +234,18 @@ class Joints:
 
 
 @dataclass(frozen=True)
+class Control:
+    """What the arm's servo had been told for the moment at which the tick's joints were read."""
+
+    controller: str
+    """Who commands: `Hold`, `Track`, `Brake`, …"""
+    reference: tuple[float, ...] = ()
+    """By joint of the arm, rad; empty while torques are commanded."""
+    error: tuple[float, ...] = ()
+    """Reference less position, rad."""
+
+
+@dataclass(frozen=True)
 class Transform:
     """The frame `child` given in the frame `parent`."""
 

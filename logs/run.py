@@ -64,6 +64,17 @@ class WrenchSeries:
     torques: NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ControlSeries:
+    """What the arm's servo had been told: `times` (n,) s, `controllers` by tick, `references` and `errors`
+    (n, joints) rad, NaN while torques were commanded. Empty for a log that does not tell."""
+
+    times: NDArray[np.float64]
+    controllers: tuple[str, ...]
+    references: NDArray[np.float64]
+    errors: NDArray[np.float64]
+
+
 @dataclass(frozen=True, slots=True)
 class Moment:
     """What was at one tick."""
@@ -215,6 +226,18 @@ class Run:
             np.array([time for time, _ in read]),
             np.array([(w.force.x, w.force.y, w.force.z) for _, w in read]).reshape(len(read), 3),
             np.array([(w.torque.x, w.torque.y, w.torque.z) for _, w in read]).reshape(len(read), 3),
+        )
+
+    @cached_property
+    def controls(self) -> ControlSeries:
+        read = [(at.time, at.record) for at in self.log.controls()]
+        joints = max((len(control.reference) for _, control in read), default=0)
+        unknown = (float("nan"),) * joints
+        return ControlSeries(
+            np.array([time for time, _ in read]),
+            tuple(control.controller for _, control in read),
+            np.array([control.reference or unknown for _, control in read]).reshape(len(read), joints),
+            np.array([control.error or unknown for _, control in read]).reshape(len(read), joints),
         )
 
     def at(self, time: float) -> Moment:

@@ -21,6 +21,7 @@ from .mcap_reading import McapReading, RawMessage
 from .records import (
     FORMAT,
     Candidates,
+    Control,
     Event,
     Joints,
     LinkMesh,
@@ -210,6 +211,10 @@ class RunLog:
 
     def wrenches(self, start: float | None = None, end: float | None = None) -> Iterator[At[WrenchReading]]:
         return self._records(topics.WRENCH.name, lambda data: decode(WrenchReading, data), start, end)
+
+    def controls(self, start: float | None = None, end: float | None = None) -> Iterator[At[Control]]:
+        """None in logs that were made before this topic was."""
+        return self._records(topics.CONTROL.name, lambda data: decode(Control, data), start, end)
 
     def beliefs(self, start: float | None = None, end: float | None = None) -> Iterator[At[Scene]]:
         return self._records(topics.OBJECTS.name, messages.read_scene, start, end)

@@ -13,6 +13,7 @@ from ..trees.runner import NodeInfo, TickReport
 from ..world.journal import Entry
 from ..world.shapes import ConvexMesh
 from ..world.simulation.backends import Simulation
+from ..world.values import Array
 from . import records
 from .checkpoints import RunState
 from .mission_record import mission_files, plugin_versions
@@ -104,6 +105,7 @@ class Scribe:
         recorder.transforms(now, world.robot.link_poses(state.position, gripper.width), objects)
         recorder.belief(now, objects, world.scene.take_changes())
         recorder.wrench(now, world.control.wrench_external())
+        recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
         if recorder.truth_due(now):
             recorder.truth(now, hardware.truth())
 
@@ -147,6 +149,12 @@ def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:
             for n in structure
         )
     )
+
+
+def _control(controller: str, reference: Array | None, position: Array) -> records.Control:
+    if reference is None:
+        return records.Control(controller)
+    return records.Control(controller, tuple(reference.tolist()), tuple((reference - position).tolist()))
 
 
 def _mesh_files(session: Session) -> list[Path]:

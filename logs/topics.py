@@ -50,13 +50,15 @@ ROBOT = Topic("/scene/robot", "foxglove.SceneUpdate", "protobuf", simulated=Fals
 OBJECTS = Topic("/scene/objects", "foxglove.SceneUpdate", "protobuf")
 TRUTH = Topic("/truth/objects", "foxglove.SceneUpdate", "protobuf")
 WRENCH = Topic("/wrench", "picktree.Wrench", "json")
+CONTROL = Topic("/control", "picktree.Control", "json")
 PLAN = Topic("/plan", "picktree.Plan", "json")
 CANDIDATES = Topic("/candidates", "picktree.Candidates", "json")
 LOG = Topic("/log", "foxglove.Log", "protobuf")
 EVENTS = Topic("/events", "picktree.Event", "json")
 
 FIXED = (
-    TREE, TICK, TIMING, JOINTS, TF, ROBOT, OBJECTS, TRUTH, WRENCH, PLAN, CANDIDATES, LOG, EVENTS
+    TREE, TICK, TIMING, JOINTS, TF, ROBOT, OBJECTS, TRUTH, WRENCH, CONTROL, PLAN, CANDIDATES, LOG,
+    EVENTS,
 )  # fmt: skip
 
 
@@ -78,6 +80,7 @@ _JSON: dict[str, type] = {
     "picktree.Tick": records.Tick,
     "picktree.Timing": records.Timing,
     "picktree.Wrench": records.WrenchReading,
+    "picktree.Control": records.Control,
     "picktree.Plan": records.Plan,
     "picktree.Candidates": records.Candidates,
     "picktree.Event": records.Event,

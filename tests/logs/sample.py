@@ -14,7 +14,18 @@ from picktree.logs.glb import write_glb
 from picktree.logs.json_records import encode
 from picktree.logs.meshes import shape_mesh
 from picktree.logs.recorder import Recorder
-from picktree.logs.records import LinkMesh, NodeStatus, NodeTime, RunInfo, Tick, Timing, Tree, TreeNode, Write
+from picktree.logs.records import (
+    Control,
+    LinkMesh,
+    NodeStatus,
+    NodeTime,
+    RunInfo,
+    Tick,
+    Timing,
+    Tree,
+    TreeNode,
+    Write,
+)
 from picktree.logs.run_log import RunLog
 from picktree.world.journal import CandidatesRanked, CandidateTried, Happened, ImageTaken, PlanMade
 from picktree.world.protocols import Intrinsics, RgbdImage
@@ -153,6 +164,7 @@ def step(recorder: Recorder, scene: PlanningScene, k: int, wall: float = 0.004) 
     )  # fmt: skip
     recorder.transforms(now, LINKS, scene.objects)
     recorder.wrench(now, Wrench((0.0, 0.0, 3.0), (0.1, 0.0, 0.0)))
+    recorder.control(now, Control("Track", (0.01 * k + 0.002, 1.0), (0.002, 0.0)))
     recorder.belief(now, scene.objects, scene.take_changes())
     if recorder.truth_due(now):
         recorder.truth(now, scene.objects)

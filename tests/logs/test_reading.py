@@ -27,6 +27,7 @@ TABLE = {
     "/scene/objects": ("foxglove.SceneUpdate", "protobuf", "protobuf"),
     "/truth/objects": ("foxglove.SceneUpdate", "protobuf", "protobuf"),
     "/wrench": ("picktree.Wrench", "json", "jsonschema"),
+    "/control": ("picktree.Control", "json", "jsonschema"),
     "/camera/overhead/colour": ("foxglove.CompressedImage", "protobuf", "protobuf"),
     "/camera/overhead/depth": ("foxglove.CompressedImage", "protobuf", "protobuf"),
     "/camera/overhead/calibration": ("foxglove.CameraCalibration", "protobuf", "protobuf"),

@@ -18,7 +18,7 @@ from picktree.world.errors import PicktreeError
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 TOPICS = {
     "/bt/tree", "/bt/tick", "/timing", "/joint_states", "/tf", "/scene/robot", "/scene/objects",
-    "/truth/objects", "/wrench", "/plan", "/candidates", "/events",
+    "/truth/objects", "/wrench", "/control", "/plan", "/candidates", "/events",
     "/camera/overhead/colour", "/camera/overhead/depth", "/camera/overhead/calibration",
 }  # fmt: skip
 

@@ -75,6 +75,7 @@ class ControlLoop:
         self._state = self._arm.read()
         self._setpoint = JointCommand(self._state.position.copy(), np.zeros(model.n))
         self._servo = True
+        self._reference: Array | None = self._setpoint.position
         self._holder: Lease | None = None
         self._guard: ForceGuard | None = None
         self._carried = np.zeros(6)
@@ -92,6 +93,17 @@ class ControlLoop:
     def state(self) -> JointState:
         """What the encoders said last."""
         return self._state
+
+    @property
+    def reference(self) -> Array | None:
+        """Configuration (n,) where the servo was told to be when `state` was read; None under torque
+        control."""
+        return self._reference
+
+    @property
+    def controller(self) -> str:
+        """What commands the arm: `Hold`, `Track`, `Brake`, …"""
+        return type(self._controller).__name__
 
     @property
     def tcp(self) -> Pose:
@@ -157,7 +169,8 @@ class ControlLoop:
         force = self.wrist.force
         v = state.velocity
         self._standing = self._standing + 1 if float(v @ v) < REST_SPEED * REST_SPEED else 0
-        stopped = self.monitor.check(state, self._setpoint.position if self._servo else None, force)
+        self._reference = self._setpoint.position if self._servo else None
+        stopped = self.monitor.check(state, self._reference, force)
         self._periods += 1
         if self._periods % TOOL_CHECK == 0:
             stopped = self.monitor.check_tool(self.model.tcp(state.position).position) or stopped
@@ -200,6 +213,7 @@ class ControlLoop:
         hold = np.array(saved.hold)
         self._setpoint = JointCommand(hold, np.zeros_like(hold))
         self._servo = True
+        self._reference = hold
         self._begin(Hold(hold))
         self.wrist.restore(saved.readings, saved.tare)
         self._carried = np.array(saved.carried)

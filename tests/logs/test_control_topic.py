@@ -1,0 +1,49 @@
+"""What the servo had been told is in the log beside what the joints did."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from picktree.logs import Run
+from picktree.logs.recorder import Recorder
+from picktree.logs.records import Control
+from picktree.logs.session import RunRequest, Session
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+def test_the_error_is_the_reference_less_the_position(tmp_path: Path) -> None:
+    result = Session(RunRequest(mission=EXAMPLES / "one_pick.yaml", out=tmp_path, backend="kinematic")).run()
+    with Run(result.log) as run:
+        told, joints = run.controls, run.joints
+        assert told.times.tolist() == joints.times.tolist()
+        assert {"Hold", "Track"} <= set(told.controllers)
+        moving = np.array(told.controllers) == "Track"
+        assert np.ptp(told.references[moving], axis=0).max() > 0.5
+        servo = np.isfinite(told.references[:, 0])
+        was = told.references - told.errors
+        np.testing.assert_allclose(was[servo], joints.positions[servo, :7], atol=1e-12)
+        assert servo[moving].all()
+
+
+def test_while_torques_are_commanded_there_is_no_reference(sample: ModuleType, tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with Recorder(path, sample.RUN) as recorder:
+        sample.start(recorder)
+        recorder.control(0.0, Control("Hold", (0.5, 1.0), (0.001, 0.0)))
+        recorder.control(0.05, Control("Comply"))
+    with Run(path) as run:
+        assert run.controls.controllers == ("Hold", "Comply")
+        assert run.controls.references[0].tolist() == [0.5, 1.0]
+        assert np.isnan(run.controls.references[1]).all()
+        assert np.isnan(run.controls.errors[1]).all()
+
+
+def test_a_log_that_was_made_before_the_topic_was_has_an_empty_series(sample: ModuleType) -> None:
+    with Run(sample.GOLDEN / "small.mcap") as run:
+        assert run.controls.times.shape == (0,)
+        assert run.controls.errors.shape == (0, 0)
+        assert run.controls.controllers == ()
