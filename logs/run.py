@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..world.errors import PicktreeError
 from . import topics
+from .explaining.explanation import Explanation, FailureStory
 from .records import Candidates, Event, LogLine, Plan, RunInfo, Scene, Tick, Tree
 from .result import RunResult
 from .run_log import At, RunLog
@@ -206,6 +207,18 @@ class Run:
             for at in self.events
             if at.record.kind == "pick"
         )
+
+    @cached_property
+    def explanation(self) -> Explanation:
+        """Why it ended as it did: failures, root causes, items, what to look at."""
+        from .explaining.explain import explain
+
+        return explain(self)
+
+    @property
+    def failures(self) -> tuple[FailureStory, ...]:
+        """Every failure with a cause, and what became of it; in the order of time."""
+        return self.explanation.failures
 
     @cached_property
     def joints(self) -> JointSeries:
