@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import types
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import orjson
 
@@ -39,7 +39,11 @@ def decode(kind: type[R], data: bytes) -> R:
 
 
 def schema(kind: type) -> dict[str, object]:
-    """JSON Schema (2020-12) of a dataclass, without references: viewers resolve none of them."""
+    """JSON Schema (2020-12) of a dataclass, for viewers, of which some understand little of it.
+
+    No references, as they resolve none. A field that Lichtblick's reader could not say (any value, a list of
+    lists) is named as required only, because it would refuse the whole topic; see `_sayable`.
+    """
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": kind.__name__, **_of(kind)}
 
 
@@ -49,18 +53,27 @@ def _of(kind: object) -> dict[str, object]:
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         hints = get_type_hints(kind)
         names = [f.name for f in dataclasses.fields(kind)]
+        fields = {name: _of(hints[name]) for name in names}
         return {
             "type": "object",
-            "properties": {name: _of(hints[name]) for name in names},
+            "properties": {name: said for name, said in fields.items() if _sayable(said)},
             "required": names,
         }
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is tuple:
         return {"type": "array", "items": _of(arguments[0])}
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        return {"type": "object"} if arguments[1] is object else {
-            "type": "object", "additionalProperties": _of(arguments[1])
-        }  # fmt: skip
+        free: dict[str, object] = {"type": "object", "properties": {}}  # without properties it is refused
+        return free if arguments[1] is object else {**free, "additionalProperties": _of(arguments[1])}
     if origin in (Union, types.UnionType):
         raise TypeError(f"{kind}: a field of the log has one type")
     return {}
+
+
+def _sayable(said: Mapping[str, object]) -> bool:
+    """Whether every viewer reads a field of that schema: it has a type, and no list within a list."""
+    items = said.get("items")
+    if isinstance(items, Mapping):
+        inner = cast("Mapping[str, object]", items)
+        return inner.get("type", "array") != "array"
+    return "type" in said
