@@ -22,6 +22,7 @@ from .nodes import nodes
 from .output import painter
 from .rehearse import rehearse
 from .render import render
+from .report import report
 from .run import run
 from .schema import schema
 from .snapshot import snapshot
@@ -40,6 +41,7 @@ app.command()(new)
 app.command()(nodes)
 app.command()(rehearse)
 app.command()(render)
+app.command()(report)
 app.command()(run)
 app.command()(schema)
 app.command()(snapshot)

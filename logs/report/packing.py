@@ -1,0 +1,126 @@
+"""How a report's data stand in its page: JSON with arrays of numbers beside it, compressed, as base64.
+
+    uint32 length of the JSON · JSON · arrays, each at the place that the JSON says
+
+An array is `{"~": kind, "at": offset, "shape": [...]}` in the JSON; `src/unpacking.js` reads it back.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import struct
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+
+AnyArray: TypeAlias = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quantised:
+    """Numbers that the page gets as multiples of a step, in 32-bit floats; NaN stays NaN."""
+
+    levels: NDArray[np.int32]
+    """(n, …), multiples of `step`; `GAP` for NaN."""
+    step: float
+
+
+Packable: TypeAlias = (
+    "None | bool | int | float | str | AnyArray | Quantised | Sequence[Packable] | Mapping[str, Packable]"
+)
+"""JSON, with numpy arrays and `Quantised` wherever a value may stand."""
+
+GAP: Final = -(2**31)
+_KINDS: Final[Mapping[str, str]] = {
+    "b": "u1", "u1": "u1", "i1": "i1", "u2": "u2", "i2": "i2", "u4": "u4", "i4": "i4", "f4": "f4", "f8": "f8",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """What one panel of the page shows. `{"empty": sentence}` as data: the page shows the sentence."""
+
+    name: str
+    data: Packable
+
+
+def quantised(values: AnyArray, step: float) -> Quantised:
+    """`values` (n, …) to the nearest multiple of `step`. Raises ValueError beyond 31 bits."""
+    with np.errstate(invalid="ignore"):
+        levels = np.round(np.asarray(values, dtype=np.float64) / step)
+    gaps = np.isnan(levels)
+    if np.abs(levels[~gaps]).max(initial=0.0) >= -GAP:
+        raise ValueError(f"a step of {step} is too fine for these numbers")
+    return Quantised(np.where(gaps, GAP, levels).astype(np.int32), step)
+
+
+def pack(sections: Iterable[Section]) -> str:
+    """All sections as one line of base64."""
+    blobs = _Blobs()
+    head = orjson.dumps({section.name: blobs.plain(section.data) for section in sections})
+    head += b" " * (-(len(head) + 4) % 8)  # arrays begin at multiples of 8
+    whole = b"".join((struct.pack("<I", len(head)), head, *blobs.parts))
+    return base64.b64encode(gzip.compress(whole, 9, mtime=0)).decode("ascii")
+
+
+class _Blobs:
+    """The arrays of a report, one behind the other."""
+
+    def __init__(self) -> None:
+        self.parts: list[bytes] = []
+        self._length = 0
+
+    def plain(self, value: object) -> object:
+        """`value` as plain JSON, its arrays put away."""
+        match value:
+            case None | bool() | int() | float() | str():
+                return value
+            case np.ndarray():
+                return self._array(value)  # pyright: ignore[reportUnknownArgumentType]
+            case Quantised():
+                return self._quantised(value)
+            case Mapping():
+                return {str(key): self.plain(below) for key, below in value.items()}  # pyright: ignore
+            case Sequence():
+                return [self.plain(below) for below in value]  # pyright: ignore
+            case np.generic():
+                return value.item()  # pyright: ignore
+            case _:
+                raise TypeError(f"a report cannot hold a {type(value).__name__}")
+
+    def _array(self, array: AnyArray) -> object:
+        kind = _KINDS.get(array.dtype.str[1:]) or _KINDS.get(array.dtype.kind)
+        if kind is None:
+            raise TypeError(f"a report cannot hold an array of {array.dtype}")
+        data = np.ascontiguousarray(array).astype("<" + kind).tobytes()
+        return {"~": kind, "at": self._put(data), "shape": list(array.shape)}
+
+    def _quantised(self, numbers: Quantised) -> object:
+        """Column by column, as differences from row to row, all low bytes before all high ones: what
+        changes slowly or not at all then packs into next to nothing."""
+        levels = numbers.levels
+        rows = levels.reshape(len(levels), -1) if levels.size else levels.reshape(len(levels), 0)
+        # 32-bit arithmetic wraps around, here and in the page.
+        steps = np.diff(rows.T, axis=1, prepend=np.int32(0)).astype("<i4")
+        largest = int(np.abs(steps, dtype=np.int64).max(initial=0))
+        width = 1 if largest < 1 << 7 else 2 if largest < 1 << 15 else 4
+        planes = steps.astype(f"<i{width}").ravel().view(np.uint8).reshape(-1, width).T
+        return {
+            "~": "steps",
+            "at": self._put(planes.tobytes()),
+            "shape": list(levels.shape),
+            "width": width,
+            "step": numbers.step,
+        }
+
+    def _put(self, data: bytes) -> int:
+        at = self._length
+        padded = data + bytes(-len(data) % 8)
+        self.parts.append(padded)
+        self._length += len(padded)
+        return at

@@ -1,0 +1,23 @@
+// What run it was, in one line; more of it behind the line.
+
+import { made } from "./made.js";
+import { switchTheme } from "./theme.js";
+
+export class Head {
+  constructor(element, run) {
+    const { outcome } = run;
+    const facts = run.facts.map(([name, value]) => [made("dt", {}, name), made("dd", {}, value)]).flat();
+    element.append(
+      made("h1", {}, run.mission, made("small", {}, run.remark)),
+      made("span", { class: `pill ${outcome.kind}`, title: outcome.sentence }, outcome.word),
+      outcome.items ? made("span", { class: "items" }, outcome.items) : null,
+      made("details", { class: "about" }, made("summary", {}, "About"), made("dl", {}, ...facts)),
+      made("span", { class: "space" }),
+      made("button", { class: "icon", id: "theme", title: "Light or dark", "aria-label": "Light or dark", onclick: switchTheme }, "◐"),
+      made("button", { class: "icon", id: "ask", title: "Keys ( ? )", "aria-label": "Keys" }, "?"),
+    );
+    const notes = document.getElementById("notes");
+    notes.hidden = run.notes.length === 0;
+    notes.append(...run.notes.map((note) => made("p", {}, note)));
+  }
+}
