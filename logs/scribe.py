@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
@@ -13,6 +14,7 @@ from ..trees.runner import NodeInfo, TickReport
 from ..world.journal import Entry
 from ..world.shapes import ConvexMesh
 from ..world.simulation.backends import Simulation
+from ..world.simulation.truth import TrueBody
 from ..world.values import Array
 from . import records
 from .checkpoints import RunState
@@ -107,7 +109,7 @@ class Scribe:
         recorder.wrench(now, world.control.wrench_external())
         recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
         if recorder.truth_due(now):
-            recorder.truth(now, hardware.truth())
+            recorder.truth(now, _present(hardware))
 
     def timing(self, timing: records.Timing) -> None:
         self._recorder.timing(self._world.clock.now, timing)
@@ -134,10 +136,15 @@ class Scribe:
 
     def last(self, hardware: Simulation) -> None:
         """The truth at the end."""
-        self._recorder.truth(self._world.clock.now, hardware.truth())
+        self._recorder.truth(self._world.clock.now, _present(hardware))
 
     def finish(self, result: RunResult) -> None:
         self._recorder.finish({"status": result.status, "json": result.to_json_text()})
+
+
+def _present(hardware: Simulation) -> Iterator[TrueBody]:
+    """What is really there: an item that a fault took away is nowhere."""
+    return (body for body in hardware.truth() if body.present)
 
 
 def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:
