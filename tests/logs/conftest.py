@@ -1,8 +1,11 @@
 import importlib.util
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+from .browser import Chromium
 
 
 @pytest.fixture(scope="session")
@@ -21,3 +24,11 @@ def log_path(sample: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Pa
     path = tmp_path_factory.mktemp("logs") / "log.mcap"
     sample.record(path)
     return path
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Chromium]:
+    """For tests with `browser.NEEDED`."""
+    browser = Chromium()
+    yield browser
+    browser.close()

@@ -1,0 +1,86 @@
+"""A headless Chromium that opens reports: one for all tests of a process, each page in a context of its own."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+NEEDED = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+FLAGS = (
+    "--no-sandbox",  # as root, in containers
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--enable-unsafe-swiftshader",  # WebGL without a graphics card
+    "--use-angle=swiftshader",
+    "--ignore-gpu-blocklist",
+)
+READY = "html[data-ready=yes]"
+
+
+@dataclass
+class Told:
+    """What a page said and asked for while it was open."""
+
+    problems: list[str] = field(default_factory=list)
+    """Errors and warnings of the console, and exceptions that nobody caught."""
+    requests: list[str] = field(default_factory=list)
+    """Addresses other than the page's own."""
+
+
+class Chromium:
+    """`page(file)` opens a file and waits until the report is ready."""
+
+    def __init__(self) -> None:
+        from playwright.sync_api import sync_playwright
+
+        self._playwright = sync_playwright().start()
+        self._browser = self._playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+
+    def close(self) -> None:
+        self._browser.close()
+        self._playwright.stop()
+
+    @contextmanager
+    def page(
+        self,
+        file: Path,
+        size: tuple[int, int] = (1280, 800),
+        at: str = "",
+        *,
+        dark: bool = False,
+        touch: bool = False,
+        scale: float = 1.0,
+        script: str = "",
+    ) -> Iterator[tuple[Any, Told]]:
+        """The page, and what it says. `at` is a hash, such as `#t=2.5`; `script` runs before its own."""
+        context = self._browser.new_context(
+            viewport={"width": size[0], "height": size[1]},
+            color_scheme="dark" if dark else "light",
+            has_touch=touch,
+            device_scale_factor=scale,
+            reduced_motion="reduce",
+        )
+        told = Told()
+        page = context.new_page()
+        if script:
+            page.add_init_script(script)
+        page.on("console", lambda m: told.problems.append(m.text) if m.type in ("error", "warning") else None)
+        page.on("pageerror", lambda error: told.problems.append(str(error)))
+        page.on("request", lambda r: told.requests.append(r.url) if not r.url.startswith(own) else None)
+        own = file.absolute().as_uri()
+        try:
+            page.goto(own + at)
+            page.wait_for_selector(READY, state="attached", timeout=30_000)
+            yield page, told
+        finally:
+            context.close()
