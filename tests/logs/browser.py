@@ -1,4 +1,4 @@
-"""A headless Chromium that opens reports: one for all tests of a process, each page in a context of its own."""
+"""A headless Chromium that opens reports: one for all tests, each page in a context of its own."""
 
 from __future__ import annotations
 
