@@ -15,6 +15,8 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor import Descriptor, FileDescriptor
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.message import Message
+from google.protobuf.message_factory import GetMessageClass
 
 from . import records
 from .json_records import schema
@@ -89,6 +91,11 @@ _PROTOBUF: dict[str, Descriptor] = {
     message.DESCRIPTOR.full_name: message.DESCRIPTOR
     for message in (CameraCalibration, CompressedImage, FrameTransforms, JointStates, Log, SceneUpdate)
 }
+
+
+def message_class(schema: str) -> type[Message] | None:
+    """The class that reads messages of a schema in protobuf; None for those in JSON."""
+    return GetMessageClass(_PROTOBUF[schema]) if schema in _PROTOBUF else None
 
 
 @cache

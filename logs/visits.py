@@ -94,10 +94,8 @@ class Following:
         self._number += 1
         self._time = time
         if self._number == 0:
-            begun = {transition.path for transition in tick.transitions if transition.status == "RUNNING"}
-            for node in tick.nodes:  # a run that goes on from a checkpoint
-                if node.status == "RUNNING" and node.path not in begun:
-                    self._begin(Transition(node.path, "RUNNING"))
+            for path in under_way(tick):
+                self._begin(Transition(path, "RUNNING"))
         self._written(tick.writes)
         for transition in tick.transitions:
             if transition.status == "RUNNING":
@@ -168,6 +166,17 @@ class Following:
                 return self._visits[number].item
             above = self._parents.get(above, "")
         return ""
+
+
+def under_way(first: Tick) -> tuple[str, ...]:
+    """Paths of the nodes that had begun before the first tick of a log, parents before their children: a run
+    that goes on from a checkpoint."""
+    word = {t.path: t.status for t in reversed(first.transitions)}
+    return tuple(
+        node.path
+        for node in first.nodes
+        if (word[node.path] != "RUNNING" if node.path in word else node.status == "RUNNING")
+    )
 
 
 def visits_of(log: RunLog) -> tuple[Visit, ...]:

@@ -1,0 +1,113 @@
+"""Logs of runs that never happened, written tick by tick: which node begins and ends, what is believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from picktree.logs.recorder import Recorder
+from picktree.logs.records import NodeStatus, RunInfo, Tick, Transition, Tree, TreeNode, Write
+from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
+from picktree.world.shapes import Box
+from picktree.world.values import ObjectId, Pose
+
+TICK = 0.05
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An object that is seen for the first time in tick `tick`."""
+
+    id: str
+    x: float
+    tick: int = 0
+    colour: str = "red"
+
+
+def begins(path: str, subject: str = "", **inputs: object) -> Transition:
+    return Transition(path, "RUNNING", {**({"object": subject} if subject else {}), **inputs}, subject)
+
+
+def ends(path: str, status: str = "SUCCESS", cause: str = "", **evidence: object) -> Transition:
+    message = f"{path} failed" if cause else ""
+    return Transition(
+        path, status, cause=cause, origin=path if cause else "", message=message, evidence=evidence
+    )
+
+
+def tree(*nodes: str, **ports: str) -> Tree:
+    """Nodes as `Main/Sequence:Sequence`, path and type; without a type it is the last part of the path. The
+    ports are those of the last node."""
+    typed = [node.partition(":") for node in nodes]
+    paths = [path for path, _, _ in typed]
+    return Tree(
+        tuple(
+            TreeNode(
+                path,
+                kind or path.rsplit("/", 1)[-1],
+                path.rsplit("/", 1)[-1],
+                path.rpartition("/")[0],
+                tuple(p for p in paths if p.rpartition("/")[0] == path),
+                ports if path == paths[-1] else {},
+            )
+            for path, _, kind in typed
+        )
+    )
+
+
+def record(
+    path: Path,
+    nodes: Tree,
+    ticks: int,
+    script: Mapping[int, Sequence[Transition | Write]],
+    *,
+    seen: Sequence[Seen] = (),
+    seed: int = 0,
+    first: int = 0,
+    running: Sequence[str] = (),
+    finished: bool = True,
+) -> Path:
+    """Write a log of `ticks` ticks from number `first` on. `running` are nodes that run when it begins."""
+    info = RunInfo("made up", "nowhere", "none", seed, "kinematic", TICK)
+    scene = PlanningScene([], [])
+    state = {node.path: "RUNNING" if node.path in running else "IDLE" for node in nodes.nodes}
+    with Recorder(path, info) as recorder:
+        recorder.tree(nodes)
+        for k in range(first, ticks):
+            for one in seen:
+                if max(one.tick, first) == k:
+                    scene.put(_object(one), "seen for the first time")
+            said = script.get(k, ())
+            moves = tuple(one for one in said if isinstance(one, Transition))
+            state.update({move.path: move.status for move in moves})
+            recorder.belief(k * TICK, scene.objects, scene.take_changes())
+            recorder.tick(
+                k * TICK,
+                Tick(
+                    state[nodes.nodes[0].path],
+                    next((p for p in reversed(state) if state[p] == "RUNNING"), ""),
+                    tuple(NodeStatus(n.path, n.id, state[n.path], True) for n in nodes.nodes),
+                    tuple(one for one in said if isinstance(one, Write)),
+                    moves,
+                ),
+            )
+        if finished:
+            recorder.finish({})
+    return path
+
+
+def _object(one: Seen) -> BeliefObject:
+    return BeliefObject(
+        id=ObjectId(one.id),
+        role="item",
+        kind="block",
+        form="box",
+        shape=Box((0.04, 0.04, 0.04)),
+        colour=one.colour,
+        pose=Pose((one.x, 0.0, 0.02)),
+        sigma_position=0.001,
+        sigma_angle=0.01,
+        confidence=0.9,
+        last_seen=0.0,
+    )
