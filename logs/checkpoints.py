@@ -6,15 +6,20 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from ..trees.runner import Tree
 from ..world.control.loop import ControlState
+from ..world.control.motion import Way
 from ..world.errors import PicktreeError
+from ..world.perception.view import BinView
 from ..world.scene.planning_scene import SceneSnapshot
 from ..world.simulation.backends import Simulation
 from ..world.simulation.faults import FaultState, Injector
 from ..world.world import World
+from .recorder import RecordingState
+from .tally import Tally, TallyState
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +32,10 @@ class BeliefState:
 
 @dataclass(frozen=True, slots=True)
 class RunState:
-    """Everything on which the future of a run depends, besides what it was made from."""
+    """Everything on which the future of a run and of its log depends, besides what it was made from.
+
+    What has a default is not in the checkpoints of older logs.
+    """
 
     time: float
     """Simulated seconds."""
@@ -44,6 +52,12 @@ class RunState:
     looks: int
     bins_seen: dict[str, list[list[float | None]]]
     """Heights in the cells of each bin, m; None where nothing was seen."""
+    way: Way | None = None
+    """What the arm followed last, for the way back."""
+    tally: TallyState | None = None
+    disagreements: int = 0
+    """Trajectories that the second collision checker judged otherwise by then."""
+    recording: RecordingState | None = None
 
     def to_json(self) -> bytes:
         return _ADAPTER.dump_json(self)
@@ -61,7 +75,15 @@ _ADAPTER = TypeAdapter(RunState)
 _CONTROL = TypeAdapter(ControlState)
 
 
-def take(world: World, tree: Tree, hardware: Simulation, injector: Injector, items_done: int) -> RunState:
+def take(
+    world: World,
+    tree: Tree,
+    hardware: Simulation,
+    injector: Injector,
+    tally: Tally,
+    recording: RecordingState,
+    disagreements: int = 0,
+) -> RunState:
     """Save everything. The simulation goes on from what was saved, as a resumed run would.
 
     Only at a quiescent moment: no skill runs, the arm is held at rest. Raises PicktreeError otherwise.
@@ -71,7 +93,7 @@ def take(world: World, tree: Tree, hardware: Simulation, injector: Injector, ite
     snapshot, numbers = world.scene.state()
     return RunState(
         time=world.clock.now,
-        items_done=items_done,
+        items_done=tally.done,
         simulation=saved.to_plain(),
         faults=injector.state(),
         control=control,
@@ -85,4 +107,31 @@ def take(world: World, tree: Tree, hardware: Simulation, injector: Injector, ite
             name: [[None if math.isnan(height) else height for height in row] for row in view.cells.tolist()]
             for name, view in world.eyes.bins.items()
         },
+        way=world.move.state(),
+        tally=tally.state(),
+        disagreements=disagreements,
+        recording=recording,
     )
+
+
+def restore(world: World, state: RunState) -> None:
+    """Let a world go on from the state; its hardware was built from the same. Tree, faults and tally are
+    restored by whoever made them, for they may be others now.
+
+    Raises PicktreeError when this is no state of such a world.
+    """
+    try:
+        control = _CONTROL.validate_python(state.control)
+    except ValidationError as error:
+        raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
+    world.control.restore(control)
+    world.move.restore(state.way)
+    world.scene.restore(state.belief.scene, state.belief.numbers)
+    world.attempts.restore(state.attempts)
+    world.streams.restore(state.streams)
+    world.thinking.owed = state.thinking_owed
+    world.eyes.looks = state.looks
+    world.eyes.bins = {
+        name: BinView(np.array([[math.nan if h is None else h for h in row] for row in rows]))
+        for name, rows in state.bins_seen.items()
+    }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from ..trees.mission import Mission
 from ..trees.surroundings import Surroundings
@@ -23,6 +24,16 @@ class News:
     refused: bool = False
 
 
+class Revisions(Protocol):
+    """Other versions of the mission, while it runs. `pending` is the next one, until it is taken over."""
+
+    pending: Mission | None
+
+    def look(self, current: Mission, now: float) -> tuple[News, ...]:
+        """Called before each tick, with the simulated time. Answers what is to be told."""
+        ...
+
+
 class Following:
     """Reads the mission again when it was edited. `pending` is the last good edit, until it is taken over."""
 
@@ -37,7 +48,7 @@ class Following:
         self._known, self._own_scene = known, own_scene
         self._first = True
 
-    def look(self, current: Mission) -> tuple[News, ...]:
+    def look(self, current: Mission, now: float = 0.0) -> tuple[News, ...]:
         """To be called at each tick. Answers what is to be told: that an edit is good, or what is wrong."""
         if not self._first and not self._edits.found():
             return ()

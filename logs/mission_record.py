@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..trees.mission import Mission
+from ..trees.mission_files import name_of
 from ..trees.plugins import Plugin
 
 
@@ -15,18 +16,26 @@ class Attachment:
     name: str
     content: str | bytes
     media_type: str
+    source: Path | None = None
+    """The file that it was read from."""
+
+    @property
+    def data(self) -> bytes:
+        return self.content.encode() if isinstance(self.content, str) else self.content
 
 
 def mission_files(mission: Mission) -> Iterator[Attachment]:
     """The mission, what it includes under the names by which it does so, and the sources of its plug-ins:
     `plugin/wave.py` lies beside it, `module/a.b.py` is installed."""
-    yield Attachment("mission.yaml", mission.text, "application/yaml")
-    for name, text in mission.files.items():
-        yield Attachment(f"include/{name}", text, "application/yaml")
-    folder = mission.document.path.parent.resolve()
+    yield Attachment("mission.yaml", mission.text, "application/yaml", mission.document.path)
+    folder = mission.document.path.parent
+    for document in mission.included:
+        name = f"include/{name_of(document.path, folder)}"
+        yield Attachment(name, document.text, "application/yaml", document.path)
+    folder = folder.resolve()
     for plugin in mission.sources:
         if plugin.file is not None:
-            yield Attachment(_name(plugin, plugin.file, folder), plugin.source, "text/x-python")
+            yield Attachment(_name(plugin, plugin.file, folder), plugin.source, "text/x-python", plugin.file)
 
 
 def plugin_versions(mission: Mission) -> dict[str, str]:

@@ -29,6 +29,41 @@ def _no_words() -> Mapping[str, str]:
 
 
 @dataclass(frozen=True)
+class Continues:
+    """Of a run that goes on from a checkpoint of another."""
+
+    log: str
+    """Path of the other's log when this run began."""
+    checkpoint: str
+    """Name of the checkpoint in it."""
+    time: float
+    """Simulated s. What this log holds of that moment only says how things stood."""
+    items_done: int
+    digest: str
+    """Of the other run up to there. The digest of this one goes on from it."""
+
+    def words(self) -> Mapping[str, str]:
+        return {
+            "log": self.log,
+            "checkpoint": self.checkpoint,
+            "time": repr(self.time),
+            "items_done": str(self.items_done),
+            "digest": self.digest,
+        }
+
+    @classmethod
+    def from_words(cls, words: Mapping[str, str]) -> Continues:
+        """The inverse of `words`. Raises KeyError or ValueError."""
+        return cls(
+            words["log"],
+            words["checkpoint"],
+            float(words["time"]),
+            int(words["items_done"]),
+            words["digest"],
+        )
+
+
+@dataclass(frozen=True)
 class RunInfo:
     """What a run was started with. All of it stands in the log's metadata."""
 
@@ -47,6 +82,15 @@ class RunInfo:
     revision: str = ""
     """Git revision of picktree, empty outside a checkout."""
     verify: bool = False
+    limit: float | None = None
+    """Simulated seconds after which the run is ended; None in older logs."""
+    own_scene: bool = True
+    """The scene is the one that the mission names, not another that was given."""
+    machine: Mapping[str, str] = field(default_factory=_no_words)
+    """On what it ran, as far as that can change what is computed; empty in older logs."""
+    files: Mapping[str, str] = field(default_factory=_no_words)
+    """By name of the attachment: SHA-256 in hex and path of the file that it was made from."""
+    continues: Continues | None = None
 
 
 @dataclass(frozen=True)

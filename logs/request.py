@@ -8,11 +8,14 @@ from datetime import datetime
 from pathlib import Path
 from typing import TypedDict
 
+from ..trees.loader import load_mission
+from ..trees.registry import Registry
 from ..world.errors import PicktreeError
+from ..world.faults.load import load_faults
+from ..world.robot.load import load_robot
+from ..world.scene.load import load_scene
 from ..world.simulation.backends import Backend
-
-LIMIT = 3600.0
-"""Simulated seconds after which a run is ended, unless told otherwise."""
+from .recipe import LIMIT, Recipe
 
 
 @dataclass(frozen=True)
@@ -50,11 +53,33 @@ class RunOptions(TypedDict, total=False):
     watch: bool
 
 
-def make_folder(request: RunRequest) -> Path:
-    """A new folder for the run. Raises PicktreeError when it cannot be made."""
-    parent = request.out or Path("runs")
+def read_recipe(request: RunRequest) -> Recipe:
+    """Read and check the files of a request. Raises PicktreeError (FileError with all faults)."""
+    mission = load_mission(request.mission, Registry())
+    wanted = request.scene or mission.scene
+    if wanted is None:
+        raise PicktreeError(f"{request.mission}: the mission names no scene; add 'scene:' or give --scene")
+    beside = Path.cwd() if request.scene else request.mission.parent
+    scene = load_scene(wanted, beside)
+    return Recipe(
+        mission,
+        scene,
+        load_robot(scene.robot, Path(scene.source).parent),
+        request.seed,
+        load_faults(request.faults) if request.faults else None,
+        request.parameters,
+        request.backend,
+        request.verify,
+        request.limit,
+        own_scene=request.scene is None,
+    )
+
+
+def make_folder(out: Path | None, mission: str, seed: int) -> Path:
+    """A new folder for the run in `out`, by default `runs`. Raises PicktreeError when it cannot be made."""
+    parent = out or Path("runs")
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    stem = f"{request.mission.stem}-{request.seed}-{stamp}"
+    stem = f"{mission}-{seed}-{stamp}"
     for number in range(1000):
         folder = parent / (stem if number == 0 else f"{stem}-{number}")
         try:

@@ -21,6 +21,7 @@ from .mcap_reading import McapReading, RawMessage
 from .records import (
     FORMAT,
     Candidates,
+    Continues,
     Control,
     Event,
     Joints,
@@ -123,6 +124,7 @@ class RunLog:
     def run(self) -> RunInfo:
         """What the run was started with."""
         words = self.metadata["picktree"]
+        continues = self.metadata.get("picktree.continues")
         try:
             return RunInfo(
                 mission=words["mission"],
@@ -136,6 +138,11 @@ class RunLog:
                 versions=self.metadata.get("picktree.versions", {}),
                 revision=words["revision"],
                 verify=words["verify"] == "true",
+                limit=float(words["limit"]) if "limit" in words else None,
+                own_scene=words.get("own_scene", "true") == "true",
+                machine=self.metadata.get("picktree.machine", {}),
+                files=self.metadata.get("picktree.files", {}),
+                continues=Continues.from_words(continues) if continues else None,
             )
         except (KeyError, ValueError) as error:
             raise PicktreeError(f"{self.path}: the log's metadata are incomplete: {error}") from None
@@ -280,8 +287,10 @@ class RunLog:
     def digest(self) -> str:
         """Computed again from everything simulated in the log; equal to the recorded one when it is whole."""
         simulated = {t.name for t in topics.FIXED if t.simulated}
-        digest = Digest()
-        for message in self._file.messages():
+        continues = self.run.continues
+        digest = Digest(bytes.fromhex(continues.digest)) if continues else Digest()
+        start = None if continues is None else _ns(continues.time + 1e-6)
+        for message in self._file.messages(start=start):
             if message.topic in simulated or message.topic.startswith("/camera/"):
                 digest.add(message.topic, message.time, message.data)
         return digest.hex

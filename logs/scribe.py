@@ -2,83 +2,88 @@
 
 from __future__ import annotations
 
-import subprocess
-from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final, TypeAlias
 
+from ..trees.blackboard import Write
 from ..trees.mission import Mission
 from ..trees.runner import NodeInfo, TickReport
 from ..world.journal import Entry
-from ..world.shapes import ConvexMesh
 from ..world.simulation.backends import Simulation
 from ..world.simulation.truth import TrueBody
 from ..world.values import Array
-from . import records
+from . import circumstances, records
 from .checkpoints import RunState
 from .mission_record import mission_files, plugin_versions
-from .recorder import Recorder
+from .recipe_record import fingerprints, recipe_files
+from .recorder import Recorder, RecordingState
 from .result import RunResult
 from .robot_meshes import link_meshes
 
 if TYPE_CHECKING:
     from .session import Session
 
-LIBRARIES = (
-    "picktree",
-    "pybullet",
-    "pin",
-    "ompl",
-    "python-fcl",
-    "py-trees",
-    "numpy",
-    "scipy",
-    "toppra",
-    "mcap",
-)
+START: Final = "start.json"
+"""Of a run that goes on from a checkpoint: that state, its tree being that of this run."""
+
+Tap: TypeAlias = Callable[[str, int, bytes], None]
+"""Is shown a message: topic, simulated ns, payload."""
 
 
 class Scribe:
     """Writes one run into `path`; a context manager, so that the log is finished on every way out."""
 
-    def __init__(self, path: Path, session: Session, structure: tuple[NodeInfo, ...]) -> None:
+    def __init__(
+        self, path: Path, session: Session, structure: tuple[NodeInfo, ...], tap: Tap | None = None
+    ) -> None:
+        self._session = session
         self._world = session.world
         self._gripper = session.hardware.gripper
         self._checkpoints = self._edits = self._refused = 0
-        request = session.request
+        recipe = session.recipe
+        start = recipe.start
+        files = list(recipe_files(recipe))
         info = records.RunInfo(
-            mission=session.mission.name,
-            scene=session.scene.name,
-            robot=session.robot.name,
-            seed=request.seed,
-            backend=request.backend,
+            mission=recipe.mission.name,
+            scene=recipe.scene.name,
+            robot=recipe.robot.name,
+            seed=recipe.seed,
+            backend=recipe.backend,
             tick=session.world.tick,
-            parameters=request.parameters,
+            parameters=recipe.parameters,
             physics={
                 **session.hardware.settings(),
-                "thinking.collision_check": repr(session.scene.thinking.collision_check),
-                "thinking.image": repr(session.scene.thinking.image),
+                "thinking.collision_check": repr(recipe.scene.thinking.collision_check),
+                "thinking.image": repr(recipe.scene.thinking.image),
             },
-            versions={name: _version(name) for name in LIBRARIES} | plugin_versions(session.mission),
-            revision=_revision(),
-            verify=request.verify,
+            versions=circumstances.library_versions() | plugin_versions(recipe.mission),
+            revision=circumstances.revision(),
+            verify=recipe.verify,
+            limit=recipe.limit,
+            own_scene=recipe.own_scene,
+            machine=circumstances.machine(),
+            files=fingerprints(recipe, files),
+            continues=start.continues if start else None,
         )
-        self._recorder = Recorder(path, info)
-        recorder = self._recorder
-        for file in mission_files(session.mission):
+        self._recorder = recorder = Recorder(
+            path, info, resumed=start.state.recording if start else None, tap=tap
+        )
+        for file in files:
             recorder.attach(file.name, file.content, file.media_type)
-        recorder.attach("scene.yaml", session.scene.text, "application/yaml")
-        recorder.attach("robot.yaml", session.robot.text, "application/yaml")
-        recorder.attach("robot.urdf", Path(session.robot.urdf).read_bytes(), "application/xml")
-        for mesh in _mesh_files(session):
-            recorder.attach(f"mesh/{mesh.name}", mesh.read_bytes(), "model/mesh")
-        if request.faults is not None:
-            recorder.attach("faults.yaml", request.faults.read_bytes(), "application/yaml")
-        recorder.tree(_tree(structure))
-        recorder.robot_model(link_meshes(session.robot.urdf))
-        recorder.fixed(session.scene.fixtures, session.scene.bins)
+        recorder.attach(circumstances.SOURCES, circumstances.sources_to_text(circumstances.sources()))
+        recorder.fixed(recipe.scene.fixtures, recipe.scene.bins)
+        if start is None:
+            recorder.tree(_tree(structure))
+            recorder.robot_model(link_meshes(recipe.robot.urdf))
+            return
+        state = replace(start.state, tree=session.tree.save())
+        recorder.attach(START, state.to_json(), "application/json")
+        with recorder.preamble():
+            recorder.tree(_tree(structure), state.time)
+            recorder.robot_model(link_meshes(recipe.robot.urdf), state.time)
 
     def __enter__(self) -> Scribe:
         self._recorder.__enter__()
@@ -92,6 +97,18 @@ class Scribe:
     @property
     def digest(self) -> str:
         return self._recorder.digest
+
+    def state(self) -> RecordingState:
+        """For a checkpoint."""
+        return self._recorder.state()
+
+    def begin_again(self, report: TickReport, entries: tuple[Entry, ...], hardware: Simulation) -> None:
+        """How things stand at the checkpoint from which the run goes on, so that its log stands alone: the
+        tree with the whole blackboard as writes, the belief, the truth."""
+        board = self._session.tree.blackboard.save()
+        writes = tuple(Write(key, value, "") for key, value in board.items())
+        with self._recorder.preamble():
+            self.tick(replace(report, writes=writes), entries, hardware)
 
     def tick(self, report: TickReport, entries: tuple[Entry, ...], hardware: Simulation) -> None:
         """Everything of the tick that has just ended, before time goes on."""
@@ -164,12 +181,6 @@ def _control(controller: str, reference: Array | None, position: Array) -> recor
     return records.Control(controller, tuple(reference.tolist()), tuple((reference - position).tolist()))
 
 
-def _mesh_files(session: Session) -> list[Path]:
-    """Files of the meshes in the scene's catalogue, each once."""
-    shapes = [entry.shape for entry in session.scene.catalogue]
-    return sorted({Path(shape.source) for shape in shapes if isinstance(shape, ConvexMesh)})
-
-
 def _tick(report: TickReport) -> records.Tick:
     running = [n.path for n in report.nodes if n.status == "RUNNING"]
     return records.Tick(
@@ -196,21 +207,3 @@ def _tick(report: TickReport) -> records.Tick:
             for t in report.transitions
         ),
     )
-
-
-def _version(library: str) -> str:
-    try:
-        return version(library)
-    except PackageNotFoundError:
-        return "unknown"
-
-
-def _revision() -> str:
-    """Git revision of the checkout that runs, empty for an installed wheel."""
-    root = Path(__file__).resolve().parent.parent
-    if not (root / ".git").exists():
-        return ""
-    answer = subprocess.run(
-        ["git", "describe", "--always", "--dirty"], cwd=root, capture_output=True, text=True, check=False
-    )
-    return answer.stdout.strip()

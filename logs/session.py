@@ -7,31 +7,27 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Unpack
 
+from ..trees.adoption import Adoption
 from ..trees.builder import build
 from ..trees.debugger import Debugger
-from ..trees.loader import load_mission
 from ..trees.mission import Mission
-from ..trees.registry import Registry
 from ..trees.status import NodeStatus
 from ..trees.surroundings import surroundings
-from ..world.errors import PicktreeError
-from ..world.faults.load import load_faults
 from ..world.journal import Happened, Plain
-from ..world.robot.load import load_robot
-from ..world.scene.load import load_scene
 from ..world.simulation.backends import build_hardware
 from ..world.simulation.faults import Injector
 from ..world.simulation.scorer import score
 from ..world.stopwatch import Stopwatch
 from ..world.values import Vector3
 from .assembly import TICK, assemble
-from .checkpoints import take
+from .checkpoints import RunState, restore, take
 from .edits import Edits, FileEdits
-from .following import Following
+from .following import Following, Revisions
+from .recipe import LIMIT, Recipe
 from .records import NodeTime, Timing
-from .request import LIMIT, RunOptions, RunRequest, make_folder
+from .request import RunOptions, RunRequest, make_folder, read_recipe
 from .result import FormCount, ItemCount, PickCount, RunResult, RunStatus, WallSeconds
-from .scribe import Scribe
+from .scribe import Scribe, Tap
 from .tally import Tally
 from .watcher import Watcher
 
@@ -49,56 +45,71 @@ class Session:
 
     def __init__(
         self,
-        request: RunRequest,
+        request: RunRequest | Recipe,
         watcher: Watcher | None = None,
         debugger: Debugger | None = None,
         edits: Edits | None = None,
+        *,
+        out: Path | None = None,
+        revisions: Revisions | None = None,
+        tap: Tap | None = None,
     ) -> None:
-        """`edits` tells of edited files, by default the disk when the request is to watch them."""
-        self.request = request
+        """A request says itself where its record goes; of a recipe `out` does, as there.
+
+        `edits` tells of edited files, by default the disk when the request is to watch them; `revisions`
+        gives other versions of the mission itself, as a log has them. `tap` is shown every message that is
+        part of the digest.
+        """
+        if isinstance(request, RunRequest):
+            out = request.out
+            edits = FileEdits() if edits is None and request.watch else edits
+            request = read_recipe(request)
+        self.recipe = recipe = request
+        self.mission, self.scene, self.robot = recipe.mission, recipe.scene, recipe.robot
         self._watcher = watcher
         self._debugger = debugger
-        registry = Registry()
-        self.mission = load_mission(request.mission, registry)
-        wanted = request.scene or self.mission.scene
-        if wanted is None:
-            raise PicktreeError(
-                f"{request.mission}: the mission names no scene; add 'scene:' or give --scene"
-            )
-        beside = Path.cwd() if request.scene else request.mission.parent
-        self.scene = load_scene(wanted, beside)
-        self.robot = load_robot(self.scene.robot, Path(self.scene.source).parent)
-        self.faults = load_faults(request.faults) if request.faults else None
         self._stopwatch = Stopwatch()
         self._began = time.perf_counter()
         self._cpu_began = time.process_time()
-        self.hardware = build_hardware(request.backend, self.scene, self.robot, request.seed)
+        state = recipe.start.state if recipe.start else None
+        self.hardware = build_hardware(
+            recipe.backend, self.scene, self.robot, recipe.seed, state.simulation if state else None
+        )
         self.world = assemble(
             self.hardware,
             self.scene,
             self.robot,
-            request.seed,
-            verify=request.verify,
+            recipe.seed,
+            verify=recipe.verify,
             stopwatch=self._stopwatch,
         )
-        self.tree = build(self.mission, self.world, request.parameters)
-        self._injector = Injector(self.faults, self.hardware, self._object_place)
+        self.tree = build(self.mission, self.world, recipe.parameters)
+        self._injector = Injector(recipe.faults, self.hardware, self._object_place)
+        self.tally = Tally()
+        self._disagreed = 0
+        self.adoption: Adoption | None = None
+        """What became of the nodes of a checkpoint of another mission."""
+        if state is not None:
+            self._take_up(state)
+        self._checkpointed = self.tally.done
         if debugger is not None:
             debugger.attach(self.tree)
         self.tree.on_start.append(self._injector.node_started)
-        if edits is None and request.watch:
-            edits = FileEdits()
-        self._following = self._follow(edits) if edits is not None else None
-        self.tally = Tally()
-        self.folder = make_folder(request)
-        self._checkpointed = 0
+        self._revisions = self._follow(edits) if edits is not None else revisions
+        self._tap = tap
+        self._stopping = False
+        self.folder = make_folder(out, recipe.mission.document.path.stem, recipe.seed)
+
+    def stop(self) -> None:
+        """End the run after the present tick, as an interrupt would."""
+        self._stopping = True
 
     def run(self) -> RunResult:
         """Run to the end and say what came of it. The log is finished on every way out; an interrupt
         (SIGINT, SIGTERM) ends the run with the status `interrupted`."""
         structure = self.tree.structure()
         total = len(self.hardware.truth())
-        with Scribe(self.folder / LOG, self, structure) as scribe:
+        with Scribe(self.folder / LOG, self, structure, self._tap) as scribe:
             if self._watcher:
                 self._watcher.started(structure, self.folder)
             try:
@@ -115,6 +126,8 @@ class Session:
 
     def _loop(self, scribe: Scribe, total: int) -> RunStatus:
         world = self.world
+        if self.recipe.start is not None:
+            self._begin_again(scribe)
         while True:
             self._follow_edits(scribe)
             tree = self.tree
@@ -133,15 +146,43 @@ class Session:
                 self._debugger.ticked()
             if tree.status is not NodeStatus.RUNNING:
                 return "success" if tree.status is NodeStatus.SUCCESS else "failure"
-            if world.clock.now >= self.request.limit:
+            if world.clock.now >= self.recipe.limit:
                 tree.halt()
                 return "timeout"
+            if self._stopping:
+                return "interrupted"
             if self._checkpoint_due():
                 self._checkpoint(scribe)
-            world.control.step_tick(TICK)
-            world.scene.carry(world.control.tcp)
+            self._pass_time()
             with self._stopwatch.measure("logging"):
                 scribe.timing(self._timing(before, began))
+
+    def _pass_time(self) -> None:
+        world = self.world
+        world.control.step_tick(TICK)
+        world.scene.carry(world.control.tcp)
+
+    def _take_up(self, state: RunState) -> None:
+        """Go on from a checkpoint: all that this session made is as it was then."""
+        start = self.recipe.start
+        assert start is not None
+        restore(self.world, state)
+        if start.adopt:
+            self.adoption = self.tree.adopt(state.tree)
+        else:
+            self.tree.restore(state.tree)
+        self._injector.restore(state.faults)
+        if state.tally is not None:
+            self.tally = Tally.resumed(state.tally)
+        self._disagreed = state.disagreements
+
+    def _begin_again(self, scribe: Scribe) -> None:
+        """The rest of the tick after which the checkpoint was taken."""
+        if self.adoption is not None:
+            self.world.journal.note(_mission_changed(self.adoption))
+        scribe.begin_again(self.tree.look(), self.world.journal.take(), self.hardware)
+        self._note_checkpoint()
+        self._pass_time()
 
     def _object_place(self, path: str) -> Vector3 | None:
         """Where the belief has the object that the port `object` of a node names."""
@@ -164,39 +205,52 @@ class Session:
     def _checkpoint(self, scribe: Scribe) -> None:
         self._checkpointed = self.tally.done
         with self._stopwatch.measure("physics"):
-            state = take(self.world, self.tree, self.hardware, self._injector, self.tally.done)
+            state = take(
+                self.world,
+                self.tree,
+                self.hardware,
+                self._injector,
+                self.tally,
+                scribe.state(),
+                self._disagreements,
+            )
         with self._stopwatch.measure("logging"):
             scribe.checkpoint(state)
-        self.world.journal.note(
-            Happened("checkpoint", f"after {self.tally.done} items", "", {"items_done": self.tally.done})
-        )
+        self._note_checkpoint()
+
+    def _note_checkpoint(self) -> None:
+        done = self.tally.done
+        self.world.journal.note(Happened("checkpoint", f"after {done} items", "", {"items_done": done}))
+
+    @property
+    def _disagreements(self) -> int:
+        return self._disagreed + len(self.world.plan.disagreements)
 
     def _follow(self, edits: Edits) -> Following:
         known = surroundings(self.scene, self.robot)
-        return Following(edits, self.scene, known, own_scene=self.request.scene is None)
+        return Following(edits, self.scene, known, own_scene=self.recipe.own_scene)
 
     def _follow_edits(self, scribe: Scribe) -> None:
-        following = self._following
-        if following is None:
+        revisions = self._revisions
+        if revisions is None:
             return
-        for news in following.look(self.mission):
+        for news in revisions.look(self.mission, self.world.clock.now):
             self._tell(news.text)
             if news.refused:
                 scribe.refused(news.text)
-        if following.pending is not None and self._quiet:
-            self._take_over(following.pending, scribe)
-            following.pending = None
+        if revisions.pending is not None and self._quiet:
+            self._take_over(revisions.pending, scribe)
+            revisions.pending = None
 
     def _take_over(self, mission: Mission, scribe: Scribe) -> None:
         """Go on with another version of the mission: belief, blackboard and attempts stay as they are."""
-        tree = build(mission, self.world, self.request.parameters)
+        tree = build(mission, self.world, self.recipe.parameters)
         adoption = tree.adopt(self.tree.save())
         tree.on_start.extend(self.tree.on_start)
         tree.on_end.extend(self.tree.on_end)
         self.mission, self.tree = mission, tree
         structure = tree.structure()
-        kept, fresh, gone = map(len, (adoption.kept, adoption.fresh, adoption.gone))
-        message = f"the edited mission takes over: {kept} nodes go on, {fresh} begin anew, {gone} are gone"
+        message = f"the edited mission takes over: {_counted(adoption)}"
         data: dict[str, Plain] = {
             "files": scribe.edited(mission, structure),
             "fresh": list(adoption.fresh),
@@ -235,7 +289,7 @@ class Session:
         wall = self._stopwatch.seconds()
         return RunResult(
             status=status,
-            seed=self.request.seed,
+            seed=self.recipe.seed,
             digest=digest,
             items=ItemCount(
                 verdict.total,
@@ -260,9 +314,19 @@ class Session:
             folder=self.folder.absolute(),
             message=failure.message if failure else "",
             thinking_charged=self.scene.thinking.collision_check > 0.0 and self.scene.thinking.image > 0.0,
-            disagreements=len(self.world.plan.disagreements) if self.request.verify else None,
+            disagreements=self._disagreements if self.recipe.verify else None,
             moment=tally.first_failure,
         )
+
+
+def _mission_changed(adoption: Adoption) -> Happened:
+    data: dict[str, Plain] = {"fresh": list(adoption.fresh), "gone": list(adoption.gone)}
+    return Happened("mission_changed", f"another mission goes on: {_counted(adoption)}", "", data)
+
+
+def _counted(adoption: Adoption) -> str:
+    kept, fresh, gone = map(len, (adoption.kept, adoption.fresh, adoption.gone))
+    return f"{kept} nodes go on, {fresh} begin anew, {gone} are gone"
 
 
 def run(mission: Path | str, **options: Unpack[RunOptions]) -> RunResult:

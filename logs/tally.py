@@ -10,6 +10,21 @@ from ..trees.runner import NodeReport
 from ..world.journal import Entry, Happened
 
 
+@dataclass(frozen=True, slots=True)
+class TallyState:
+    """A tally for a checkpoint; see `Tally`."""
+
+    tried: int
+    held: int
+    objects: tuple[str, ...]
+    first_try: tuple[str, ...]
+    done: int
+    failures: dict[str, int]
+    recovered: dict[str, int]
+    cured: dict[str, int]
+    first_failure: float | None
+
+
 @dataclass
 class Tally:
     """Counts of one run. Beliefs and feelings only: whether an item is sorted is the scorer's to say."""
@@ -32,6 +47,34 @@ class Tally:
 
     first_failure: float | None = None
     """Simulated seconds of the first failure of a leaf."""
+
+    def state(self) -> TallyState:
+        return TallyState(
+            self.tried,
+            self.held,
+            tuple(sorted(self.objects)),
+            tuple(sorted(self.first_try)),
+            self.done,
+            dict(self.failures),
+            dict(self.recovered),
+            dict(self.cured),
+            self.first_failure,
+        )
+
+    @classmethod
+    def resumed(cls, state: TallyState) -> Tally:
+        """One that counts on."""
+        return cls(
+            state.tried,
+            state.held,
+            set(state.objects),
+            set(state.first_try),
+            state.done,
+            Counter(state.failures),
+            Counter(state.recovered),
+            Counter(state.cured),
+            state.first_failure,
+        )
 
     def take(
         self, now: float, entries: Iterable[Entry], nodes: Iterable[NodeReport], leaves: frozenset[str]

@@ -173,6 +173,7 @@ class Tree:
             self._by_path[path].restore(state)
             self._by_path[path].ticked = False
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
+        self._runtime.transitions.take()
 
     def adopt(self, saved: Mapping[str, Plain]) -> Adoption:
         """Go on from a saved state of another version of the mission; this tree is new, not yet ticked.
@@ -182,6 +183,10 @@ class Tree:
         """
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
         return adopt(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
+
+    def look(self) -> TickReport:
+        """The nodes as they stand, with what was written, began and ended since the last tick."""
+        return self._report()
 
     def _report(self) -> TickReport:
         nodes = tuple(_report(node) for node in self._nodes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
@@ -36,10 +36,11 @@ class Sphere:
 
 @dataclass(frozen=True, slots=True)
 class ConvexMesh:
-    """The convex hull of points, m, given about its centroid; `source` is the file that it came from."""
+    """The convex hull of points, m, given about its centroid; `source` is the file that it came from, and
+    two of the same points are the same wherever they came from."""
 
     vertices: tuple[Vector3, ...]
-    source: str
+    source: str = field(compare=False)
 
 
 Shape: TypeAlias = Box | Cylinder | Sphere | ConvexMesh

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -36,6 +37,17 @@ SLOWED = 4.0
 """How much longer a guarded move may take near a singularity, where it goes slower."""
 CONTACT_TIME = 1.5
 """Longest wait for the arm to stand after a guarded move, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A trajectory (see `Trajectory`; a row for each sample), and how much of it was followed, s."""
+
+    times: tuple[float, ...]
+    position: tuple[tuple[float, ...], ...]
+    velocity: tuple[tuple[float, ...], ...]
+    acceleration: tuple[tuple[float, ...], ...]
+    progress: float
 
 
 class Motions:
@@ -167,6 +179,30 @@ class Motions:
         if back is None or self._off(back.start) > START_TOLERANCE:
             return None
         return back
+
+    def state(self) -> Way | None:
+        """What `way_back` depends on, for a checkpoint."""
+        last = self._last
+        if last is None:
+            return None
+        way = last.trajectory
+        return Way(
+            tuple(way.times.tolist()),
+            tuple(map(tuple, way.position.tolist())),
+            tuple(map(tuple, way.velocity.tolist())),
+            tuple(map(tuple, way.acceleration.tolist())),
+            last.progress,
+        )
+
+    def restore(self, way: Way | None) -> None:
+        if way is None:
+            self._last = None
+            return
+        trajectory = Trajectory(
+            np.array(way.times), np.array(way.position), np.array(way.velocity), np.array(way.acceleration)
+        )
+        self._last = Track(trajectory, self._model, self._loop.period)
+        self._last.progress = way.progress
 
     def _felt(self) -> tuple[float, float, float]:
         fx, fy, fz = (float(c) for c in self._loop.wrist.mean(12, self._loop.state.position)[:3])

@@ -27,13 +27,24 @@ class Simulation(Hardware, Faulty, Protocol):
 
 
 def build_hardware(
-    backend: Backend, scene: SceneDescription, robot: RobotDescription, seed: int
+    backend: Backend,
+    scene: SceneDescription,
+    robot: RobotDescription,
+    seed: int,
+    start: Mapping[str, Any] | None = None,
 ) -> Simulation:
-    """A simulation of the scene with everything spawned by `seed`."""
+    """A simulation of the scene with everything spawned by `seed`, or as a checkpoint's plain values have it.
+
+    Raises PicktreeError for a checkpoint of another backend, scene or seed.
+    """
     if backend == "kinematic":
         from .kinematic import KinematicHardware
+        from .kinematic_state import KinematicState
 
-        return KinematicHardware(scene, robot, seed)
+        if start is None:
+            return KinematicHardware(scene, robot, seed)
+        return KinematicHardware.resume(scene, robot, seed, KinematicState.from_plain(start))
+    from .checkpoint import Checkpoint
     from .physics import PhysicsHardware
 
-    return PhysicsHardware(scene, robot, seed)
+    return PhysicsHardware(scene, robot, seed, None if start is None else Checkpoint.from_plain(start))
