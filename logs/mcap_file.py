@@ -2,14 +2,13 @@
 
 A checkpoint appends the messages so far as one compressed chunk, and behind it the summary and the footer
 with which any reader opens the file; the next checkpoint overwrites these from the end of the data on.
-Chunks and summary only grow, so one write both replaces the old ending and never leaves a rest behind.
 https://mcap.dev/spec
 """
 
 from __future__ import annotations
 
-import os
 import struct
+import threading
 import time
 import zlib
 from collections.abc import Callable, Mapping
@@ -37,7 +36,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from ..world.errors import PicktreeError
+from .ended_file import EndedFile
 
 MAGIC = b"\x89MCAP0\r\n"
 _MESSAGE = struct.Struct("<BQHIQQ")
@@ -59,10 +58,11 @@ class SchemaSource(Protocol):
 
 
 class McapFile:
-    """An MCAP file being written. Times are ns and never go back.
+    """An MCAP file being written. Times are ns and never go back. All methods raise PicktreeError when the
+    disk refuses or has refused; they may be called from more than one thread.
 
     A checkpoint is due when `checkpoint` seconds have passed in the messages' time or on the wall, or
-    `chunk_bytes` are waiting.
+    `chunk_bytes` are waiting. The file appears under its name with the first one.
     """
 
     def __init__(
@@ -74,19 +74,19 @@ class McapFile:
         wall: Callable[[], float] = time.monotonic,
     ) -> None:
         self.path = path
+        self._disk = EndedFile(path)
+        self._lock = threading.RLock()
         self._interval = checkpoint
         self._chunk_bytes = chunk_bytes
         self._wall = wall
-        self._file: int | None = None
-        self._end = 0
         self._crc = 0
-        self._tail = b""
         self._compressor = zstandard.ZstdCompressor(level=3)
 
         self._chunk = bytearray()
         self._index: dict[int, list[tuple[int, int]]] = {}
         self._chunk_start = self._chunk_end = 0
-        self._wall_mark = wall()
+        self._waiting_since = 0.0
+        """Wall time of the oldest message that no checkpoint has brought to disk."""
 
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
@@ -96,19 +96,15 @@ class McapFile:
         self._attachment_indexes = bytearray()
         self._metadata_indexes = bytearray()
         self._statistics = Statistics(0, 0, {}, 0, 0, 0, 0, 0, 0)
-
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o644)
-        except OSError as error:
-            raise self._failure(error) from None
         self._append(MAGIC + _bytes(Header(profile="", library="picktree")))
 
     def channel(self, topic: SchemaSource) -> int:
         """The number of the topic's channel, which is made when it is asked for the first time."""
-        known = self._channels.get(topic.name)
-        if known is not None:
-            return known
+        with self._lock:
+            known = self._channels.get(topic.name)
+            return known if known is not None else self._new_channel(topic)
+
+    def _new_channel(self, topic: SchemaSource) -> int:
         schema = self._schemas.get(topic.schema)
         if schema is None:
             schema = self._schemas[topic.schema] = len(self._schemas) + 1
@@ -131,56 +127,104 @@ class McapFile:
         return number
 
     def message(self, channel: int, log_time: int, data: bytes) -> None:
-        if self._index and (
-            log_time - self._chunk_start >= self._interval * 1e9
-            or len(self._chunk) >= self._chunk_bytes
-            or self._wall() - self._wall_mark >= self._interval
-        ):
-            self.checkpoint()
-        if not self._index:
-            self._chunk_start = log_time
-        statistics = self._statistics
-        if statistics.message_count == 0:
-            statistics.message_start_time = log_time
-        self._index.setdefault(channel, []).append((log_time, len(self._chunk)))
-        sequence = statistics.channel_message_counts[channel] + 1
-        length = _MESSAGE_HEAD + len(data)
-        self._chunk += _MESSAGE.pack(
-            Opcode.MESSAGE, length, channel, sequence & 0xFFFFFFFF, log_time, log_time
-        )
-        self._chunk += data
-        self._chunk_end = statistics.message_end_time = log_time
-        statistics.message_count += 1
-        statistics.channel_message_counts[channel] = sequence
+        with self._lock:
+            now = self._wall()
+            if self._index and (
+                log_time - self._chunk_start >= self._interval * 1e9
+                or len(self._chunk) >= self._chunk_bytes
+                or now - self._waiting_since >= self._interval
+            ):
+                self._write_chunk()
+            if self._disk.closed:
+                self._append(b"")  # says why
+            if not self._index:
+                self._chunk_start = log_time
+                self._waiting_since = now
+            statistics = self._statistics
+            if statistics.message_count == 0:
+                statistics.message_start_time = log_time
+            self._index.setdefault(channel, []).append((log_time, len(self._chunk)))
+            sequence = statistics.channel_message_counts[channel] + 1
+            length = _MESSAGE_HEAD + len(data)
+            self._chunk += _MESSAGE.pack(
+                Opcode.MESSAGE, length, channel, sequence & 0xFFFFFFFF, log_time, log_time
+            )
+            self._chunk += data
+            self._chunk_end = statistics.message_end_time = log_time
+            statistics.message_count += 1
+            statistics.channel_message_counts[channel] = sequence
 
     def attachment(self, name: str, media_type: str, data: bytes, log_time: int = 0) -> None:
         record = _bytes(
             Attachment(create_time=0, log_time=log_time, name=name, media_type=media_type, data=data)
         )
-        index = AttachmentIndex(
-            offset=self._end,
-            length=len(record),
-            log_time=log_time,
-            create_time=0,
-            data_size=len(data),
-            name=name,
-            media_type=media_type,
-        )
-        self._attachment_indexes += _bytes(index)
-        self._statistics.attachment_count += 1
-        self._append(record)
+        with self._lock:
+            self._write_chunk()
+            index = AttachmentIndex(
+                offset=self._disk.end,
+                length=len(record),
+                log_time=log_time,
+                create_time=0,
+                data_size=len(data),
+                name=name,
+                media_type=media_type,
+            )
+            self._attachment_indexes += _bytes(index)
+            self._statistics.attachment_count += 1
+            self._append(record)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         record = _bytes(Metadata(name=name, metadata=dict(values)))
-        self._metadata_indexes += _bytes(MetadataIndex(offset=self._end, length=len(record), name=name))
-        self._statistics.metadata_count += 1
-        self._append(record)
+        with self._lock:
+            self._write_chunk()
+            index = MetadataIndex(offset=self._disk.end, length=len(record), name=name)
+            self._metadata_indexes += _bytes(index)
+            self._statistics.metadata_count += 1
+            self._append(record)
 
     def checkpoint(self) -> None:
-        """Bring everything so far to disk, as a file that opens."""
-        self._wall_mark = self._wall()
+        """Bring everything so far into the file, which then opens with it."""
+        with self._lock:
+            self._write_chunk()
+            if not self._disk.published:
+                self._append(b"")
+                self._disk.publish()
+
+    def keep_up(self, age: float) -> None:
+        """A checkpoint when a message has been waiting for `age` wall seconds; and the disk is to have what
+        was written before."""
+        with self._lock:
+            if self._index and self._wall() - self._waiting_since >= age:
+                self._write_chunk()
+        self._disk.sync()
+
+    def finish(self) -> None:
+        """Write what is left and close."""
+        with self._lock:
+            try:
+                if not self.closed:
+                    self.checkpoint()
+                    self._disk.finish()
+            finally:
+                self._disk.close()
+
+    @property
+    def closed(self) -> bool:
+        """Finished, or given up because the disk refused."""
+        return self._disk.closed
+
+    @property
+    def failed(self) -> bool:
+        """Whether the disk has refused."""
+        return self._disk.failure is not None
+
+    @property
+    def size(self) -> int:
+        """Bytes on disk."""
+        return self._disk.size
+
+    def _write_chunk(self) -> None:
         if not self._index:
-            self._append(b"")
             return
         data = bytes(self._chunk)
         packed = self._compressor.compress(data)
@@ -194,14 +238,15 @@ class McapFile:
                 uncompressed_size=len(data),
             )
         )
+        start = self._disk.end
         indexes = bytearray()
         offsets: dict[int, int] = {}
         for channel, entries in self._index.items():
-            offsets[channel] = self._end + len(chunk) + len(indexes)
+            offsets[channel] = start + len(chunk) + len(indexes)
             indexes += _bytes(MessageIndex(channel_id=channel, records=entries))
         index = ChunkIndex(
             chunk_length=len(chunk),
-            chunk_start_offset=self._end,
+            chunk_start_offset=start,
             compression="zstd",
             compressed_size=len(packed),
             message_end_time=self._chunk_end,
@@ -216,33 +261,11 @@ class McapFile:
         self._chunk.clear()
         self._index.clear()
 
-    def finish(self) -> None:
-        """Write what is left and close."""
-        try:
-            if not self.closed:
-                self.checkpoint()
-        finally:
-            self._close()
-
-    @property
-    def closed(self) -> bool:
-        """Finished, or given up because the disk refused."""
-        return self._file is None
-
     def _append(self, data: bytes) -> None:
         """Put `data` where the data section ends now, and the ending of the file behind it."""
-        if self._file is None:
-            raise PicktreeError(f"{self.path}: the log is closed")
         crc = zlib.crc32(data, self._crc)
-        tail = self._ending(self._end + len(data), crc)
-        try:
-            _write(self._file, data + tail, self._end)
-        except OSError as error:
-            self._restore()
-            raise self._failure(error) from None
-        self._end += len(data)
+        self._disk.append(data, self._ending(self._disk.end + len(data), crc))
         self._crc = crc
-        self._tail = tail
 
     def _ending(self, start: int, crc: int) -> bytes:
         """DataEnd, summary, footer and magic of a file whose data section ends at `start`."""
@@ -267,37 +290,8 @@ class McapFile:
         footer = Footer(summary_start, offsets_start, zlib.crc32(footer_head, zlib.crc32(summary)))
         return head + bytes(summary) + _bytes(footer) + MAGIC
 
-    def _restore(self) -> None:
-        """After a failed write: put the old ending back, so that the file opens with what it held before."""
-        assert self._file is not None
-        try:
-            _write(self._file, self._tail, self._end)
-            os.ftruncate(self._file, self._end + len(self._tail))
-        except OSError:
-            pass  # the reader recovers the file from its chunks
-        self._close()
-
-    def _close(self) -> None:
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
-
-    def _failure(self, error: OSError) -> PicktreeError:
-        return PicktreeError(
-            f"{self.path}: the log cannot be written: {error.strerror or error}; "
-            "make room there, or give another folder with --out"
-        )
-
 
 def _bytes(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
-
-
-def _write(file: int, data: bytes, offset: int) -> None:
-    view = memoryview(data)
-    while view:
-        written = os.pwrite(file, view, offset)
-        view = view[written:]
-        offset += written

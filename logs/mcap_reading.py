@@ -1,42 +1,27 @@
-"""Reading MCAP: the stock reader's summary, checked; recovery of a cut file; one error for all damage."""
+"""Reading MCAP: all of a whole file, what is left of a damaged one, and one error for what is neither."""
 
 from __future__ import annotations
 
-import io
-import struct
-import zlib
 from collections.abc import Collection, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import IO
 
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    McapRecord,
-    Message,
-    Metadata,
-    MetadataIndex,
-    Schema,
-)
-from mcap.stream_reader import breakup_chunk
-from mcap.summary import Summary
-from zstandard import ZstdError
+from mcap.records import Attachment, Metadata
 
 from ..world.errors import PicktreeError
+from .mcap_chunks import DAMAGE, ChunkContent, chunk_content, stream
+from .mcap_contents import Contents, contents_of
 from .mcap_file import MAGIC
+from .mcap_salvage import Loss, attachment, losses_of, salvaged
+from .record_file import RecordFile
 
-_FOOTER = struct.Struct("<BQQQI")
-_DAMAGE = (McapError, ZstdError, struct.error, ValueError, OverflowError, KeyError, EOFError, MemoryError)
-"""What the libraries raise on damaged bytes. UnicodeDecodeError and a wrong check sum are ValueErrors."""
+_KEPT = 4
+"""Chunks that are kept unpacked for whoever jumps about in the log."""
+_TOLD = 4
+"""Losses that are told one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,31 +34,30 @@ class RawMessage:
 
 
 class McapReading:
-    """An MCAP file, open for reading.
+    """An MCAP file, open for reading. Methods raise PicktreeError.
 
-    `recovered` is a sentence when the file has no valid ending and was pieced together from its chunks.
+    `recovered` is a sentence when the file has no valid ending or is damaged somewhere: what was lost.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.recovered = ""
+        self._file = RecordFile(path)
+        self._unpacked = lru_cache(_KEPT)(self._unpack)
         try:
-            self._stream: IO[bytes] = path.open("rb")
-        except OSError as error:
-            raise PicktreeError(f"{path}: the log cannot be read: {error.strerror}") from None
-        try:
-            self.size = self._stream.seek(0, io.SEEK_END)
-            self._stream.seek(0)
-            if self._stream.read(len(MAGIC)) != MAGIC:
-                raise PicktreeError(f"{path}: not a log: it does not begin as an MCAP file does")
-            summary = self._summary()
-            self.summary = summary if summary is not None else self._recover()
+            self.contents = self._open()
         except PicktreeError:
-            self._stream.close()
+            self._file.close()
             raise
 
     def close(self) -> None:
-        self._stream.close()
+        self._unpacked.cache_clear()
+        self._file.close()
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return self._file.size
 
     def messages(
         self,
@@ -84,147 +68,87 @@ class McapReading:
         newest_first: bool = False,
     ) -> Iterator[RawMessage]:
         """Messages of these topics with start ≤ time ≤ end (ns), in the order of time."""
-        wanted = {n for n, c in self.summary.channels.items() if topics is None or c.topic in topics}
-        indexes = sorted(self.summary.chunk_indexes, key=lambda c: c.message_start_time, reverse=newest_first)
-        for index in indexes:
-            if (start is not None and index.message_end_time < start) or (
-                end is not None and index.message_start_time > end
-            ):
+        names = {n: c.topic for n, c in self.contents.channels.items() if topics is None or c.topic in topics}
+        chunks = sorted(self.contents.chunks, key=lambda chunk: chunk.start)
+        for chunk in reversed(chunks) if newest_first else chunks:
+            if (start is not None and chunk.end < start) or (end is not None and chunk.start > end):
                 continue
-            if index.message_index_offsets and wanted.isdisjoint(index.message_index_offsets):
+            if chunk.channels and chunk.channels.isdisjoint(names):
                 continue
+            content = self._unpacked(chunk.offset)
             found = [
-                record
-                for record in self._chunk(index.chunk_start_offset)
-                if isinstance(record, Message)
-                and record.channel_id in wanted
-                and (start is None or record.log_time >= start)
-                and (end is None or record.log_time <= end)
+                message
+                for message in content.messages
+                if message.channel in names
+                and (start is None or message.time >= start)
+                and (end is None or message.time <= end)
             ]
-            for record in reversed(found) if newest_first else found:
-                topic = self.summary.channels[record.channel_id].topic
-                yield RawMessage(topic, record.log_time, record.data)
+            data = content.data
+            for m in reversed(found) if newest_first else found:
+                yield RawMessage(names[m.channel], m.time, data[m.start : m.stop])
 
-    def attachments(self) -> Iterator[Attachment]:
-        for index in self.summary.attachment_indexes:
-            with self._damage_at(index.offset):
-                opcode, body = self._record(index.offset)
-                if opcode != Opcode.ATTACHMENT:
-                    raise ValueError(f"record {opcode} where an attachment should be")
-                if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
-                    raise ValueError("wrong check sum of an attachment")
-                record = Attachment.read(_stream(body))
-            yield record
+    def attachment(self, name: str) -> Attachment | None:
+        """None when there is none of that name."""
+        for entry in self.contents.attachments:
+            if entry.name == name:
+                with self._damage_at(entry.offset):
+                    return attachment(self._file, entry.offset)
+        return None
 
-    def metadata(self) -> Iterator[Metadata]:
-        for index in self.summary.metadata_indexes:
-            with self._damage_at(index.offset):
-                opcode, body = self._record(index.offset)
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """By the records' names."""
+        found: dict[str, dict[str, str]] = {}
+        for entry in self.contents.metadata:
+            with self._damage_at(entry.offset):
+                opcode, body = self._file.record(entry.offset)
                 if opcode != Opcode.METADATA:
-                    raise ValueError(f"record {opcode} where metadata should be")
-                record = Metadata.read(_stream(body))
-            yield record
+                    raise ValueError(f"a record of the kind {opcode} instead of {Opcode.METADATA.value}")
+                record = Metadata.read(stream(body))
+                found[record.name] = dict(record.metadata)
+        return found
 
-    def _chunk(self, offset: int) -> list[McapRecord]:
+    def _unpack(self, offset: int) -> ChunkContent:
         with self._damage_at(offset):
-            opcode, body = self._record(offset)
-            if opcode != Opcode.CHUNK:
-                raise ValueError(f"record {opcode} where a chunk should be")
-            return breakup_chunk(Chunk.read(_stream(body)), validate_crc=True)
+            _, body = self._file.record(offset)
+            return chunk_content(body)
 
-    def _record(self, offset: int) -> tuple[int, bytes]:
-        """Opcode and content of the record at `offset`."""
-        self._stream.seek(offset)
-        opcode, length = struct.unpack("<BQ", self._stream.read(9))
-        if length > self.size - offset - 9:
-            raise EOFError("the file ends inside a record")
-        return opcode, self._stream.read(length)
+    def _open(self) -> Contents:
+        contents = contents_of(self._file)
+        if contents is not None:
+            losses = losses_of(self._file, contents)
+            if contents.chunks or not losses:
+                if losses:
+                    self._tell(losses, "the rest is whole")
+                return contents
+            raise self._damaged(losses[0].offset, losses[0].what)
+        if self._file.read(0, len(MAGIC)) != MAGIC:
+            raise PicktreeError(f"{self.path}: not a log: it does not begin as an MCAP file does")
+        found = salvaged(self._file)
+        if not found.contents.chunks:
+            raise self._damaged(found.stop, found.problem or "it holds no messages")
+        if found.problem:
+            last = max(chunk.end for chunk in found.contents.chunks) / 1e9
+            self._tell(
+                found.losses,
+                f"the file was not finished; recovered up to byte {found.stop}, {last:.2f} s",
+            )
+        else:
+            losses = (*found.losses, Loss(found.stop, "or later: its index"))
+            self._tell(losses, "the rest is whole")
+        return found.contents
+
+    def _tell(self, losses: Collection[Loss], rest: str) -> None:
+        more = f" and {len(losses) - _TOLD} more places" if len(losses) > _TOLD else ""
+        places = ", ".join(loss.text() for loss in list(losses)[:_TOLD])
+        damage = f"damaged at {places}{more}; " if losses else ""
+        self.recovered = f"{self.path}: {damage}{rest}"
 
     @contextmanager
     def _damage_at(self, offset: int) -> Generator[None]:
         try:
             yield
-        except _DAMAGE as error:
-            raise self._damaged(offset, error) from None
+        except DAMAGE as error:
+            raise self._damaged(offset, str(error) or type(error).__name__) from None
 
-    def _damaged(self, offset: int, error: BaseException) -> PicktreeError:
-        why = str(error) or type(error).__name__
+    def _damaged(self, offset: int, why: str) -> PicktreeError:
         return PicktreeError(f"{self.path}: damaged at byte {offset}: {why}")
-
-    def _summary(self) -> Summary | None:
-        """The summary at the end of the file; None when there is none that is whole."""
-        ending = _FOOTER.size + len(MAGIC)
-        if self.size < len(MAGIC) + ending:
-            return None
-        self._stream.seek(-ending, io.SEEK_END)
-        opcode, length, start, _, crc = _FOOTER.unpack(self._stream.read(_FOOTER.size))
-        if self._stream.read() != MAGIC or opcode != Opcode.FOOTER or length != _FOOTER.size - 9:
-            return None
-        stop = self.size - len(MAGIC) - 4
-        if not len(MAGIC) <= start < stop:
-            return None
-        self._stream.seek(start)
-        if crc != 0 and zlib.crc32(self._stream.read(stop - start)) != crc:
-            return None
-        with self._damage_at(start):
-            self._stream.seek(0)
-            return make_reader(self._stream, validate_crcs=True).get_summary()
-
-    def _recover(self) -> Summary:
-        """The summary as it follows from the records, up to the first that is not whole."""
-        summary = Summary()
-        offset = len(MAGIC)
-        problem: BaseException = EOFError("the file ends without its summary")
-        while offset < self.size:
-            try:
-                opcode, body = self._record(offset)
-                length = 9 + len(body)
-                if opcode == Opcode.DATA_END:
-                    break
-                self._note(summary, opcode, body, offset)
-            except _DAMAGE as error:
-                problem = error
-                break
-            offset += length
-        if not summary.chunk_indexes:
-            raise self._damaged(offset, problem)
-        last = max(c.message_end_time for c in summary.chunk_indexes) / 1e9
-        self.recovered = (
-            f"{self.path}: the file was not finished; recovered up to byte {offset}, {last:.2f} s"
-        )
-        return summary
-
-    @staticmethod
-    def _note(summary: Summary, opcode: int, body: bytes, offset: int) -> None:
-        length = 9 + len(body)
-        if opcode == Opcode.CHUNK:
-            chunk = Chunk.read(_stream(body))
-            for record in breakup_chunk(chunk, validate_crc=True):
-                if isinstance(record, Schema):
-                    summary.schemas[record.id] = record
-                elif isinstance(record, Channel):
-                    summary.channels[record.id] = record
-            summary.chunk_indexes.append(
-                ChunkIndex(
-                    chunk_length=length,
-                    chunk_start_offset=offset,
-                    compression=chunk.compression,
-                    compressed_size=len(chunk.data),
-                    message_end_time=chunk.message_end_time,
-                    message_index_length=0,
-                    message_index_offsets={},
-                    message_start_time=chunk.message_start_time,
-                    uncompressed_size=chunk.uncompressed_size,
-                )
-            )
-        elif opcode == Opcode.ATTACHMENT:
-            a = Attachment.read(_stream(body))
-            summary.attachment_indexes.append(
-                AttachmentIndex(offset, length, a.log_time, a.create_time, len(a.data), a.name, a.media_type)
-            )
-        elif opcode == Opcode.METADATA:
-            summary.metadata_indexes.append(MetadataIndex(offset, length, Metadata.read(_stream(body)).name))
-
-
-def _stream(data: bytes) -> ReadDataStream:
-    return ReadDataStream(io.BytesIO(data))

@@ -268,3 +268,12 @@ def _pose(pose: Pose) -> PoseMessage:
 
 def _vector(vector: Vector3) -> VectorMessage:
     return VectorMessage(x=vector[0], y=vector[1], z=vector[2])
+
+
+def restamped(data: bytes, time: int) -> bytes:
+    """A SceneUpdate as if it had been made at `time`."""
+    update = SceneUpdate.FromString(data)
+    at = stamp(time)
+    for dated in (*update.deletions, *update.entities):
+        dated.timestamp.CopyFrom(at)
+    return update.SerializeToString(deterministic=True)

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol
 
+from ..world.errors import PicktreeError
 from ..world.journal import CandidatesRanked, Entry, Happened, ImageTaken, PlanMade
 from ..world.protocols import RgbdImage
 from ..world.scene.description import Bin, Fixture
 from ..world.scene.planning_scene import BeliefChange, BeliefObject
-from ..world.shapes import Shape
+from ..world.shapes import ConvexMesh, Shape
 from ..world.values import GripperState, JointState, ObjectId, Pose, Wrench
 from . import messages, topics
 from .digest import Digest
 from .images import encode_colour, encode_depth
 from .interrupts import Interrupts
 from .json_records import encode
-from .mcap_file import McapFile
+from .log_file import LogFile
 from .records import (
     FORMAT,
     Body,
@@ -42,6 +45,7 @@ from .records import (
     Vector,
     WrenchReading,
 )
+from .rotation import NEVER, Rotation
 from .topics import Topic
 
 EVERY = 1.0
@@ -68,6 +72,22 @@ class TrueBody(Protocol):
     def pose(self) -> Pose: ...
 
 
+@dataclass(frozen=True, slots=True)
+class RecordingState:
+    """What the next messages of a log depend on, besides what is handed over; for checkpoints."""
+
+    believed: float
+    """When the belief was written last, simulated s."""
+    true: float
+    """When the truth was."""
+    failing: tuple[str, ...]
+    """Paths of the nodes that failed in the last tick."""
+    cameras: tuple[tuple[str, Pose], ...]
+    """Frames of the cameras that took a picture."""
+    digest: str
+    """Of everything simulated so far, in hex."""
+
+
 class Recorder:
     """Writes one run's log. Times are simulated seconds and never go back.
 
@@ -83,33 +103,49 @@ class Recorder:
         checkpoint: float = 1.0,
         chunk_bytes: int = 4 << 20,
         wall: Callable[[], float] = time.monotonic,
+        rotation: Rotation = NEVER,
+        resumed: RecordingState | None = None,
+        tap: Callable[[str, int, bytes], None] | None = None,
     ) -> None:
+        """`resumed`: the run goes on from a checkpoint, and so does its digest. `tap` is shown each message
+        that is part of the digest: topic, time in ns, payload."""
         self.path = path.absolute()
-        self._file = McapFile(self.path, checkpoint=checkpoint, chunk_bytes=chunk_bytes, wall=wall)
+        self._file = LogFile(
+            self.path, rotation=rotation, checkpoint=checkpoint, chunk_bytes=chunk_bytes, wall=wall
+        )
         self._interrupts = Interrupts()
-        self._digest = Digest()
-        self._channels: dict[str, int] = {}
+        self._resumed = resumed
+        self._tap = tap
+        self._preamble = False
+        self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
         self._transforms = messages.Transforms()
         self._fixed: tuple[Part, ...] = ()
         self._cameras: dict[str, Pose] = {}  # by frame
         self._believed = self._true = -EVERY
         self._failing: frozenset[str] = frozenset()
-        for topic in topics.FIXED:
-            self._channels[topic.name] = self._file.channel(topic)
+        if resumed is not None:
+            self._take_up(resumed)
         self._file.metadata("picktree", _run_words(run))
         self._file.metadata("picktree.parameters", run.parameters)
         self._file.metadata("picktree.physics", run.physics)
         self._file.metadata("picktree.versions", run.versions)
+        self._file.metadata("picktree.machine", run.machine)
+        self._file.metadata("picktree.files", run.files)
+        if run.continues is not None:
+            self._file.metadata("picktree.continues", run.continues.words())
 
     def __enter__(self) -> Recorder:
         self._interrupts.__enter__()
+        self._file.start_heartbeat()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            self.finish({"ended": "orderly" if kind is None else kind.__name__})
+            self._file.stop_heartbeat()
+            if not (self._file.failed and isinstance(error, PicktreeError)):  # that error has said it
+                self.finish({"ended": "orderly" if kind is None else kind.__name__})
         finally:
             self._interrupts.__exit__(kind, error, trace)
 
@@ -118,14 +154,39 @@ class Recorder:
         """SHA-256 over everything simulated so far, in hex."""
         return self._digest.hex
 
+    def state(self) -> RecordingState:
+        return RecordingState(
+            self._believed,
+            self._true,
+            tuple(sorted(self._failing)),
+            tuple(self._cameras.items()),
+            self.digest,
+        )
+
+    @contextmanager
+    def preamble(self) -> Generator[None]:
+        """What is written in here says from where a resumed run goes on, so that its log stands alone. It is
+        no part of the digest: the run that it continues has written the same in its own time."""
+        assert self._resumed is not None
+        self._preamble = True
+        try:
+            yield
+        finally:
+            self._preamble = False
+            self._take_up(self._resumed)
+
+    def _take_up(self, state: RecordingState) -> None:
+        self._believed, self._true = state.believed, state.true
+        self._failing, self._cameras = frozenset(state.failing), dict(state.cameras)
+
     def checkpoint(self) -> None:
-        """Bring everything so far to disk; happens by itself each second."""
+        """Bring everything so far into the file; happens by itself each second."""
         with self._interrupts.held():
             self._file.checkpoint()
 
     def finish(self, result: Mapping[str, str] | None = None) -> None:
         """Add the run's result and the digest to the metadata, and close the file; once."""
-        if self._file.closed:
+        if self._file.closed and not self._file.failed:
             return
         with self._interrupts.held():
             self._file.checkpoint()
@@ -134,16 +195,19 @@ class Recorder:
 
     # At the start of a run
 
-    def attach(self, name: str, content: str | bytes, media_type: str = "text/plain") -> None:
-        """A file that the run was made from: mission, scene, robot, URDF, faults."""
+    def attach(
+        self, name: str, content: str | bytes, media_type: str = "text/plain", *, slot: str = ""
+    ) -> None:
+        """A file that the run was made from: mission, scene, robot, URDF, faults. Of the files of one slot
+        the last is enough to go on from there: a further part of a rotated log repeats no other."""
         data = content.encode() if isinstance(content, str) else content
         with self._interrupts.held():
-            self._file.attachment(name, media_type, data)
+            self._file.attachment(name, media_type, data, slot)
 
-    def tree(self, tree: Tree) -> None:
+    def tree(self, tree: Tree, now: float = 0.0) -> None:
         """The tree as it was loaded: a message, and a metadata record for readers that seek."""
         data = encode(tree)
-        self._write(topics.TREE, 0.0, data)
+        self._write(topics.TREE, now, data)
         with self._interrupts.held():
             self._file.metadata("picktree.tree", {"json": data.decode()})
             self._file.checkpoint()  # a run that dies at once still tells what it was
@@ -152,9 +216,9 @@ class Recorder:
         """The tree of an edited mission: the next tick is the first of it."""
         self._write(topics.TREE, now, encode(tree))
 
-    def robot_model(self, meshes: Iterable[LinkMesh]) -> None:
+    def robot_model(self, meshes: Iterable[LinkMesh], now: float = 0.0) -> None:
         """What the links look like, from `robot_meshes.link_meshes`."""
-        self._write(topics.ROBOT, 0.0, messages.encode_robot(0, meshes))
+        self._write(topics.ROBOT, now, messages.encode_robot(_ns(now), meshes))
         self.checkpoint()
 
     def fixed(self, fixtures: Iterable[Fixture], bins: Iterable[Bin]) -> None:
@@ -170,9 +234,15 @@ class Recorder:
 
     # At each tick
 
+    def rotate_if_due(self, now: float) -> None:
+        """Before the first word on a tick: go on in a further file when the present one is full."""
+        with self._interrupts.held():
+            self._file.rotate_if_due(_ns(now), self.digest)
+
     def tick(self, now: float, tick: Tick) -> None:
         """The whole tree after a tick. A failure that begins in this tick also becomes a line for people."""
         self._write(topics.TICK, now, encode(tick))
+        self._file.tick(_ns(now), tick)
         failing = [n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked]
         for node in _origins(failing):
             if node.path not in self._failing:
@@ -239,7 +309,8 @@ class Recorder:
         """The simulator's truth, for the analyst only."""
         self._true = now
         scene = Scene(
-            tuple(Body(b.id, b.kind, b.form, b.colour, b.shape, b.pose) for b in bodies), self._fixed
+            tuple(Body(b.id, b.kind, b.form, b.colour, _portable(b.shape), b.pose) for b in bodies),
+            self._fixed,
         )
         self._write(topics.TRUTH, now, messages.encode_scene(_ns(now), scene, locked=False))
 
@@ -279,14 +350,13 @@ class Recorder:
         self._write(topics.EVENTS, now, encode(event))
 
     def _write(self, topic: Topic, now: float, data: bytes) -> None:
-        channel = self._channels.get(topic.name)
-        if channel is None:
-            channel = self._channels[topic.name] = self._file.channel(topic)
         at = _ns(now)
         with self._interrupts.held():
-            if topic.simulated:
+            if topic.simulated and not self._preamble:
                 self._digest.add(topic.name, at, data)
-            self._file.message(channel, at, data)
+                if self._tap is not None:
+                    self._tap(topic.name, at, data)
+            self._file.message(topic, at, data)
 
 
 def _ns(seconds: float) -> int:
@@ -308,7 +378,7 @@ def _believed(o: BeliefObject) -> Body:
         kind=o.kind,
         form=o.form,
         colour=o.colour,
-        shape=o.shape,
+        shape=_portable(o.shape),
         pose=o.pose,
         role=o.role,
         place=o.place,
@@ -318,6 +388,11 @@ def _believed(o: BeliefObject) -> Body:
         sigma_angle=o.sigma_angle,
         last_seen=o.last_seen,
     )
+
+
+def _portable(shape: Shape) -> Shape:
+    """The same shape on every machine: of the file of a mesh only the name."""
+    return replace(shape, source=Path(shape.source).name) if isinstance(shape, ConvexMesh) else shape
 
 
 def _change_event(change: BeliefChange) -> Event:
@@ -373,4 +448,6 @@ def _run_words(run: RunInfo) -> dict[str, str]:
         "tick": repr(run.tick),
         "revision": run.revision,
         "verify": str(run.verify).lower(),
+        **({} if run.limit is None else {"limit": repr(run.limit)}),
+        "own_scene": str(run.own_scene).lower(),
     }

@@ -16,8 +16,9 @@ from ..world.protocols import Intrinsics
 from . import messages, topics
 from .digest import Digest
 from .images import decode_colour, decode_depth
+from .joined_reading import JoinedReading
 from .json_records import decode
-from .mcap_reading import McapReading, RawMessage
+from .mcap_reading import RawMessage
 from .records import (
     FORMAT,
     Candidates,
@@ -36,6 +37,7 @@ from .records import (
     Tree,
     WrenchReading,
 )
+from .rotation import part_paths
 
 LOG_NAME = "log.mcap"
 RUNS = Path("runs")
@@ -71,7 +73,7 @@ class Shot:
 def find_log(where: str | Path) -> Path:
     """The log file that LOG means: a file, a run's folder, or `last` in ./runs. Raises PicktreeError."""
     if str(where) == "last":
-        logs = sorted(RUNS.glob(f"*/{LOG_NAME}"), key=lambda p: (p.stat().st_mtime_ns, str(p)))
+        logs = sorted(RUNS.glob(f"*/{LOG_NAME}"), key=lambda p: (_written(p), str(p)))
         if not logs:
             raise PicktreeError(f"there is no run in {RUNS.absolute()} yet; `picktree run MISSION` makes one")
         return logs[-1]
@@ -83,14 +85,17 @@ def find_log(where: str | Path) -> Path:
         others = sorted(path.glob("*.mcap"))
         if len(others) == 1:
             return others[0]
-        raise PicktreeError(f"{path}: there is no {LOG_NAME} in this folder")
+        parts = [part.name for part in part_paths(inside).values()]
+        there = f"; it holds {', '.join(parts)}, which open by their own names" if parts else ""
+        raise PicktreeError(f"{path}: there is no {LOG_NAME} in this folder{there}")
     if not path.exists():
         raise PicktreeError(f"{path}: there is no such log")
     return path
 
 
 class RunLog:
-    """One run's log. `recovered` is a sentence when the file had not been finished, else empty.
+    """One run's log, in all its files. `recovered` is a sentence when it had not been finished, or when
+    something is damaged or missing: then it says what was lost. Else it is empty.
 
     Iterators yield in the order of time; `start` and `end` are simulated seconds, both inclusive. All
     methods raise PicktreeError, with the offset in the file, where it is damaged.
@@ -98,16 +103,19 @@ class RunLog:
 
     def __init__(self, where: str | Path) -> None:
         self.path = find_log(where)
-        self._file = McapReading(self.path)
+        self._file = JoinedReading(self.path)
+        self.recovered = self._file.recovered
         try:
-            self.metadata: Mapping[str, Mapping[str, str]] = {
-                record.name: dict(record.metadata) for record in self._file.metadata()
-            }
+            self.metadata: Mapping[str, Mapping[str, str]] = self._file.metadata
             self.format = self._format()
         except PicktreeError:
             self._file.close()
             raise
-        self.recovered = self._file.recovered
+        self.part = self._file.number
+        """1, unless this is a later file of a rotated log, opened by its own name: then which one. It begins
+        in the middle of the run."""
+        self.paths = self._file.paths
+        """The files that it is read from."""
 
     def close(self) -> None:
         self._file.close()
@@ -154,31 +162,25 @@ class RunLog:
 
     @property
     def topics(self) -> Mapping[str, TopicInfo]:
-        summary = self._file.summary
-        counts = summary.statistics.channel_message_counts if summary.statistics else {}
         return {
-            channel.topic: TopicInfo(
-                summary.schemas[channel.schema_id].name if channel.schema_id in summary.schemas else "",
-                channel.message_encoding,
-                counts.get(number, 0),
-            )
-            for number, channel in summary.channels.items()
+            channel.topic: TopicInfo(channel.schema, channel.encoding, channel.messages)
+            for channel in self._file.channels
         }
 
     @property
     def end(self) -> float:
         """Time of the last message, s."""
-        return max((c.message_end_time for c in self._file.summary.chunk_indexes), default=0) / 1e9
+        return self._file.end / 1e9
 
     @property
     def attachments(self) -> tuple[str, ...]:
-        return tuple(index.name for index in self._file.summary.attachment_indexes)
+        return self._file.attachments
 
     def attachment(self, name: str) -> bytes:
         """Raises PicktreeError when there is none of that name."""
-        for attachment in self._file.attachments():
-            if attachment.name == name:
-                return attachment.data
+        data = self._file.attachment(name)
+        if data is not None:
+            return data
         raise PicktreeError(
             f"{self.path}: no file {name!r} in the log; it holds: {', '.join(self.attachments) or 'none'}"
         )
@@ -297,6 +299,8 @@ class RunLog:
 
     def _format(self) -> int:
         words = self.metadata.get("picktree")
+        if words is None and self.recovered:
+            raise PicktreeError(f"{self.recovered}; what the log says of itself is lost with it")
         if words is None or not words.get("format", "").isdigit():
             raise PicktreeError(f"{self.path}: an MCAP file, but not a log of picktree")
         number = int(words["format"])
@@ -332,6 +336,11 @@ class RunLog:
             raise PicktreeError(
                 f"{self.path}: {message.topic} at {message.time / 1e9:.2f} s: unreadable message: {error}"
             ) from None
+
+
+def _written(log: Path) -> int:
+    """When the last file of a log was written last, ns."""
+    return max(path.stat().st_mtime_ns for path in (log, *part_paths(log).values()))
 
 
 def _ns(seconds: float | None) -> int | None:
