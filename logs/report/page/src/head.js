@@ -1,5 +1,6 @@
 // What run it was, in one line; more of it behind the line.
 
+import { icon } from "./icons.js";
 import { made } from "./made.js";
 import { switchTheme } from "./theme.js";
 
@@ -13,8 +14,8 @@ export class Head {
       outcome.items ? made("span", { class: "items" }, outcome.items) : null,
       made("details", { class: "about" }, made("summary", {}, "About"), made("dl", {}, ...facts)),
       made("span", { class: "space" }),
-      made("button", { class: "icon", id: "theme", title: "Light or dark", "aria-label": "Light or dark", onclick: switchTheme }, "◐"),
-      made("button", { class: "icon", id: "ask", title: "Keys ( ? )", "aria-label": "Keys" }, "?"),
+      made("button", { class: "icon", id: "theme", title: "Light or dark", "aria-label": "Light or dark", onclick: switchTheme }, icon("theme")),
+      made("button", { class: "icon", id: "ask", title: "Keys (?)", "aria-label": "Keys" }, icon("help")),
     );
     const notes = document.getElementById("notes");
     notes.hidden = run.notes.length === 0;
