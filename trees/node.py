@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import traceback
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, cast
 
@@ -23,6 +22,7 @@ from .references import Binding, Constant, Reference
 from .reports import pack, plain_evidence, report_from_plain, report_to_plain, unpack, with_attached
 from .runtime import Runtime, TreeWorld, Wiring, evaluate
 from .status import NodeStatus
+from .traces import portable_trace, without_addresses
 from .transitions import Transition
 from .types import accept
 
@@ -418,8 +418,9 @@ class Node(Behaviour):
         return FailureReport(failure.cause, failure.message, plain_evidence(failure.evidence), self.path)
 
     def _fault(self, error: Exception, doing: str) -> FailureReport:
-        trace = "".join(traceback.format_exception(error))
-        message = f"{type(error).__name__} while {self._wiring.id} was {doing}: {error}"
+        trace = portable_trace(error)
+        said = without_addresses(str(error))
+        message = f"{type(error).__name__} while {self._wiring.id} was {doing}: {said}"
         self.note("internal_error", message, traceback=trace)
         evidence = {"exception": type(error).__name__, "traceback": trace}
         return FailureReport(internal.ERROR, message, evidence, self.path)
