@@ -1,1 +1,1 @@
-"""A layout of Foxglove and Lichtblick for one log."""
+"""A layout for Foxglove and Lichtblick, made for one log's own tree, topics, joints and cameras."""

@@ -1,0 +1,27 @@
+"""picktree layout"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .output import show
+
+
+def layout(
+    log: Annotated[str, typer.Argument(metavar="LOG", help="Log file, run folder, or 'last'.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="JSON file; without: text, here.")
+    ] = None,
+) -> None:
+    """Write a layout for Foxglove and Lichtblick, made for this log's tree, joints and cameras."""
+    from ..logs.layout.layout import layout as make
+    from ..logs.run import Run
+
+    with Run(log) as run:
+        made = make(run)
+    show(made.to_json_text(), output)
+    if output is not None:
+        print(f"{output}: {len(made.panels)} panels, {made.lanes} lanes")
