@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from picktree.logs.images import decode_colour
+from picktree.logs.lighting import Look
 from picktree.logs.meshes import joined, shape_mesh
-from picktree.logs.raster import Look, View, render
 from picktree.logs.run_log import RunLog
 from picktree.logs.snapshot import draw, snapshot
+from picktree.logs.studio import render
+from picktree.logs.view import View
 from picktree.world.errors import PicktreeError
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Pose
