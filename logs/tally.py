@@ -5,9 +5,22 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Protocol
 
-from ..trees.runner import NodeReport
 from ..world.journal import Entry, Happened
+
+
+class Reported(Protocol):
+    """What is counted of a node after a tick."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def ticked(self) -> bool: ...
+    @property
+    def cause(self) -> str | None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +90,7 @@ class Tally:
         )
 
     def take(
-        self, now: float, entries: Iterable[Entry], nodes: Iterable[NodeReport], leaves: frozenset[str]
+        self, now: float, entries: Iterable[Entry], nodes: Iterable[Reported], leaves: frozenset[str]
     ) -> None:
         """Count what one tick brought; `leaves` are the paths of the nodes without children."""
         for entry in entries:
