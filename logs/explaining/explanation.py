@@ -128,6 +128,13 @@ class RootCause:
     """Whether the run failed, or its goal was missed, because of it."""
     reasons: tuple[str, ...]
     """What in the log speaks for it."""
+    item: str = ""
+    """Id of the believed item that it is about; of the true one when it was never seen."""
+    time: float | None = None
+    """When it happened, as near as that is known, simulated s."""
+    planted: tuple[str, ...] = ()
+    """Faults that were planted in the simulation and concern the same items. They are told beside the cause,
+    and the cause was found without them."""
 
 
 @dataclass(frozen=True, slots=True)

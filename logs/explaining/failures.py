@@ -86,7 +86,12 @@ _ANSWERING = frozenset({"Recover", "RecoveryNode"})
 
 
 def _consequence(source: Visit, earlier: Visit, family: Family) -> bool:
-    """Whether the item was lost by the earlier failure, and that is what fails now."""
+    """Whether the earlier failure lost the item, or left it in the hand, and that is what fails now."""
+    held = source.evidence.get("held")
+    if isinstance(held, str) and held:
+        return held == earlier.item != source.item
+    if source.cause == "control.tracking" and earlier.cause == "tree.timeout":
+        return source.end - earlier.end < BRAKING  # the arm had not come to rest when it was to go on
     if not source.item or source.item != earlier.item or source.cause == earlier.cause:
         return False
     if source.cause not in _LOST or earlier.cause not in _LOSING:
@@ -95,6 +100,8 @@ def _consequence(source: Visit, earlier: Visit, family: Family) -> bool:
     return any(family.visits[n].item == source.item for n in shared)
 
 
+BRAKING = 1.0
+"""The arm is at rest so long after it was halted, s."""
 _LOSING = frozenset(
     {"grasp.missed", "grasp.slipped", "world.disturbed", "place.missed", "world.unknown_object"}
 )

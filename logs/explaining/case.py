@@ -1,0 +1,162 @@
+"""A run under investigation: its failures, and everything in its log that may tell where they came from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...world.scene.description import CatalogueEntry, SceneDescription
+from ...world.scene.destinations import destination_rule
+from ...world.simulation.scorer import ItemScore, score
+from ...world.simulation.truth import TrueBody
+from ...world.values import ObjectId, Vector3
+from ..records import Body, Event
+from ..run_log import At
+from ..visits import Visit
+from .explanation import FailureStory
+from .family import Family
+from .reach import arm_of
+from .scenery import entry_of, scene_of
+from .tracks import Tracks, paired
+
+if TYPE_CHECKING:
+    from ...world.motion.ik import InverseKinematics
+    from ..run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a failure, or an item that is not where it belongs, came from. `about` and `cause` name it:
+    findings with the same are one."""
+
+    cause: str
+    about: str
+    title: str
+    reasons: tuple[str, ...] = ()
+    item: str = ""
+    """Id of the believed item, else of the true one."""
+    time: float | None = None
+    """When it happened, as near as that is known, s."""
+
+
+class Case:
+    """What is asked of a log again and again while causes are looked for. Truth is for the analyst only."""
+
+    def __init__(self, run: Run, family: Family, failures: Sequence[FailureStory]) -> None:
+        self.run = run
+        self.family = family
+        self.failures = tuple(failures)
+
+    @cached_property
+    def scene(self) -> SceneDescription | None:
+        return scene_of(self.run)
+
+    @cached_property
+    def belief(self) -> Tracks:
+        return Tracks(list(self.run.log.beliefs()))
+
+    @cached_property
+    def truth(self) -> Tracks:
+        return Tracks(list(self.run.log.truths()))
+
+    @cached_property
+    def pairs(self) -> Mapping[str, str]:
+        """True item of each believed one."""
+        return paired(self.belief, self.truth)
+
+    @cached_property
+    def believed(self) -> Mapping[str, tuple[str, ...]]:
+        """Believed items of each true one, the first seen first."""
+        found: dict[str, tuple[str, ...]] = {}
+        for item, true in self.pairs.items():
+            found[true] = (*found.get(true, ()), item)
+        return found
+
+    @cached_property
+    def end(self) -> float:
+        return self.run.ticks.times[-1] if self.run.ticks.times else self.run.end
+
+    @cached_property
+    def arm(self) -> InverseKinematics | None:
+        return arm_of(self.run)
+
+    @cached_property
+    def scores(self) -> Mapping[str, ItemScore]:
+        """What the scorer says of each true item at the end; empty when the scene is not known."""
+        if self.scene is None:
+            return {}
+        bodies = [self._true_body(id_) for id_ in self.truth.tracks]
+        return {str(item.id): item for item in score(bodies, self.scene).items}
+
+    def name_of(self, true: str) -> str:
+        """How a reader knows a true item: by its believed name, else by what it is."""
+        names = self.believed.get(true, ())
+        if names:
+            return names[0]
+        first = self.truth.tracks[true].first
+        return f"the {first.colour} {first.kind} ({true})"
+
+    def entry(self, item: str) -> CatalogueEntry | None:
+        """What the catalogue says of a believed item's kind."""
+        track = self.belief.tracks.get(item)
+        return None if track is None else entry_of(self.scene, track.bodies[-1].kind)
+
+    def visit(self, failure: FailureStory) -> Visit:
+        return self.family.visits[failure.visit]
+
+    def events(self, *kinds: str, start: float = 0.0, end: float = math.inf) -> list[At[Event]]:
+        """Events of these kinds between two times, both inclusive, s."""
+        return [
+            at for at in self.run.events if at.record.kind in kinds and start - 1e-6 <= at.time <= end + 1e-6
+        ]
+
+    def changes(self, item: str, start: float = 0.0, end: float = math.inf) -> list[At[Event]]:
+        """Changes of the belief of an item."""
+        return [
+            at for at in self.events("belief", start=start, end=end) if at.record.data.get("object") == item
+        ]
+
+    def hand(self, time: float) -> Vector3 | None:
+        """Where the hand's fingers were, m; None when the log does not tell."""
+        at = self.run.log.transforms_at(time)
+        if at is None:
+            return None
+        fingers = [
+            t.pose.apply(np.zeros(3)) for t in at.record if "finger" in t.child and "tip" not in t.child
+        ]
+        if not fingers:
+            return None
+        x, y, z = np.mean(fingers, axis=0)
+        return (float(x), float(y), float(z))
+
+    def _true_body(self, id_: str) -> TrueBody:
+        track = self.truth.tracks[id_]
+        last = track.bodies[-1]
+        present = self.truth.gone(id_) is None
+        entry = entry_of(self.scene, last.kind)
+        form = entry.form if entry else "box"
+        return TrueBody(ObjectId(id_), last.kind, form, last.shape, last.colour, last.pose, present=present)
+
+    def ports(self, path: str) -> Mapping[str, str]:
+        """As the mission gives them to a node, the last version of it."""
+        nothing: Mapping[str, str] = {}
+        return next((n.ports for n in self.run.tree_at(self.end).nodes if n.path == path), nothing)
+
+    def destination(self, body: Body) -> str:
+        """The bin where it belongs by the scene's rules; empty when nowhere."""
+        if self.scene is None:
+            return ""
+        return str(destination_rule(self.scene.destinations)(body) or "")
+
+    def bin_at(self, body: Body) -> str:
+        """The bin within whose walls it is; empty when in none."""
+        for each in self.scene.bins if self.scene else ():
+            x, y, _ = (each.pose.inverse() @ body.pose).position
+            if abs(x) <= each.size[0] / 2 and abs(y) <= each.size[1] / 2:
+                return str(each.id)
+        return ""

@@ -1,0 +1,144 @@
+"""Root causes: what the failures, and the items that are not where they belong, ultimately came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..records import Event
+from ..run_log import At
+from .case import Case, Finding
+from .contacts import pressed_from_below, touched
+from .endings import by_the_mission, run_ended
+from .explanation import FailureStory, Outcome, RootCause
+from .obstructions import in_the_way
+from .sight import camera_off, through_the_camera
+from .unsorted import after_wrong_bin, placed_at, why_not_sorted
+from .weights import not_held, too_heavy
+from .whereabouts import elsewhere, misjudged
+from .wording import seconds
+
+RUN = frozenset({"run.limit", "run.interrupted", "run.killed", "run.crashed", "tree.condition"})
+
+
+@dataclass
+class _Group:
+    """All that came from one finding."""
+
+    findings: list[Finding] = field(default_factory=list[Finding])
+    failures: list[FailureStory] = field(default_factory=list[FailureStory])
+    items: set[str] = field(default_factory=set[str])
+    """True items that are not where they belong because of it."""
+
+
+def root_causes_of(case: Case, outcome: Outcome, planted: Sequence[At[Event]]) -> tuple[RootCause, ...]:
+    """Those that ended the run, or cost it its goal, first; then by the time that they cost."""
+    groups: dict[tuple[str, str], _Group] = {}
+    by_failure = _of_failures(case)
+    for failure in case.failures:
+        finding = by_failure[failure.number]
+        group = groups.setdefault((finding.cause, finding.about), _Group())
+        group.findings.append(finding)
+        group.failures.append(failure)
+    for true in _unsorted(case) if outcome.status != "success" else ():
+        names = case.believed.get(true, ())
+        done = placed_at(case, true)
+        if outcome.status not in ("success", "incomplete") and done is None and case.truth.gone(true) is None:
+            continue  # the run was over before its turn came
+        to_blame = [
+            by_failure[f.number]
+            for f in case.failures
+            if f.item in names and f.fate != "cured" and (done is None or f.time > done)
+        ]
+        if not to_blame:
+            finding = why_not_sorted(case, true)
+            to_blame = [] if finding is None else [finding]
+            for each in to_blame:
+                groups.setdefault((each.cause, each.about), _Group()).findings.append(each)
+        for each in to_blame:
+            groups[each.cause, each.about].items.add(true)
+    ending = run_ended(case, outcome)
+    if ending is not None:
+        groups.setdefault((ending.cause, ending.about), _Group()).findings.append(ending)
+    found = [_root(case, group, outcome, planted) for group in groups.values()]
+    return tuple(sorted(found, key=lambda root: _order(root, case.failures)))
+
+
+def _of_failures(case: Case) -> Mapping[int, Finding]:
+    """The finding for each failure; one that follows from another has that one's."""
+    camera = camera_off(case) if case.failures else None
+    found: dict[int, Finding] = {}
+    for failure in case.failures:
+        if failure.because_of is not None:
+            found[failure.number] = found[failure.because_of]
+        else:
+            found[failure.number] = (
+                by_the_mission_first(case, failure)
+                or elsewhere(case, failure)
+                or through_the_camera(camera, failure)
+                or after_wrong_bin(case, failure)
+                or too_heavy(case, failure)
+                or (touched(case, failure) if pressed_from_below(failure) else None)
+                or not_held(case, failure)
+                or in_the_way(case, failure)
+                or misjudged(case, failure)
+                or by_the_mission(case, failure)
+                or touched(case, failure)
+                or _as_it_says(failure)
+            )
+    return found
+
+
+def by_the_mission_first(case: Case, failure: FailureStory) -> Finding | None:
+    """Causes that say what is wrong by themselves."""
+    return by_the_mission(case, failure) if failure.cause.startswith(("tree.", "internal.")) else None
+
+
+def _as_it_says(failure: FailureStory) -> Finding:
+    """Nothing else in the log tells more: the failure's own words."""
+    about = failure.item or failure.node
+    title = f"{failure.node.rsplit('/', 1)[-1]} failed: {failure.message or failure.sentence}"
+    reasons = ("nothing else in the log tells where it came from",)
+    return Finding(failure.cause, about, title, reasons, failure.item, failure.time)
+
+
+def _unsorted(case: Case) -> list[str]:
+    """True items that do not lie where they belong at the end of the log."""
+    return [true for true, judged in case.scores.items() if judged.verdict != "sorted"]
+
+
+def _root(case: Case, group: _Group, outcome: Outcome, planted: Sequence[At[Event]]) -> RootCause:
+    first = group.findings[0]
+    ended = first.cause in RUN or any(f.fate == "ended" for f in group.failures)
+    missed = outcome.status == "incomplete" and bool(group.items)
+    reasons = list(dict.fromkeys(first.reasons))
+    others = sorted({f.item for f in group.findings if f.item and f.item != first.item})
+    if others:
+        reasons.append(f"so it was with {', '.join(others)}, too")
+    return RootCause(
+        cause=first.cause,
+        title=first.title,
+        failures=tuple(f.number for f in group.failures),
+        ended_run=outcome.status != "success" and (ended or missed),
+        reasons=tuple(reasons),
+        item=first.item,
+        time=first.time,
+        planted=tuple(_planted(case, group, planted)),
+    )
+
+
+def _planted(case: Case, group: _Group, planted: Sequence[At[Event]]) -> list[str]:
+    """Faults of the fault file that concern the same items, not later than the failures."""
+    items = {case.pairs.get(f.item, f.item) for f in group.findings} | group.items
+    items |= {case.pairs[f.item] for f in group.failures if f.item in case.pairs}
+    last = max((f.time for f in group.failures), default=case.end)
+    return [
+        f"at {seconds(at.time)}: {at.record.message}"
+        for at in planted
+        if str(at.record.data.get("item")) in items and at.time <= last + 1e-6
+    ]
+
+
+def _order(root: RootCause, failures: Sequence[FailureStory]) -> tuple[bool, bool, float, float]:
+    cost = sum(failures[n].seconds_lost or 0.0 for n in root.failures)
+    return (not root.ended_run, root.cause not in RUN, -cost, root.time or 0.0)

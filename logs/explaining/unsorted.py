@@ -1,0 +1,141 @@
+"""Items that are not where they belong though no failure says why."""
+
+from __future__ import annotations
+
+import math
+
+from .case import Case, Finding
+from .explanation import FailureStory
+from .sight import never_seen
+from .whereabouts import NOWHERE, SAMPLED, way_since
+from .wording import between, distance, listed, place, seconds
+
+
+def why_not_sorted(case: Case, true: str) -> Finding | None:
+    """For an item that the scorer calls left or misplaced; None when the log does not tell."""
+    if not case.believed.get(true):
+        return _gone_before_seen(case, true) or never_seen(case, true)
+    done = _placed(case, true)
+    if done is None:
+        return _taken(case, true, "") or _not_tried(case, true)
+    time, item, into, node = done
+    return (
+        _wrong_bin(case, true, item, into, node)
+        or _taken(case, true, into)
+        or _left_bin(case, true, item, into, time)
+    )
+
+
+def after_wrong_bin(case: Case, failure: FailureStory) -> Finding | None:
+    """Whether the item had been placed where it does not belong before it failed."""
+    true = case.pairs.get(failure.item)
+    done = None if true is None else _placed(case, true, failure.time)
+    return None if true is None or done is None else _wrong_bin(case, true, done[1], done[2], done[3])
+
+
+def placed_at(case: Case, true: str) -> float | None:
+    """When it was last placed somewhere, as the robot believed; None when it never was."""
+    done = _placed(case, true)
+    return None if done is None else done[0]
+
+
+def _placed(case: Case, true: str, until: float = math.inf) -> tuple[float, str, str, str] | None:
+    """Of the last time that it was placed: time, believed item, into what, by which node."""
+    names = set(case.believed.get(true, ()))
+    found = [at for at in case.events("item_done", end=until) if str(at.record.data.get("object")) in names]
+    if not found:
+        return None
+    data = found[-1].record.data
+    return found[-1].time, str(data.get("object")), str(data.get("into", "")), found[-1].record.node
+
+
+def _gone_before_seen(case: Case, true: str) -> Finding | None:
+    gone = case.truth.gone(true)
+    if gone is None:
+        return None
+    title = f"{case.name_of(true)} was taken away before it was ever seen"
+    reasons = (f"its true place is in the log until {seconds(gone[0])}, and then no more",)
+    return Finding("item.gone", true, title, reasons, true, gone[0])
+
+
+def _taken(case: Case, true: str, into: str) -> Finding | None:
+    gone = case.truth.gone(true)
+    if gone is None:
+        return None
+    item = case.believed[true][-1]
+    where = f" out of {into}, where it had been placed" if into else ""
+    title = f"{item} was taken away{where}, {between(*gone)}: {NOWHERE}"
+    last = case.truth.tracks[true].bodies[-1].pose.position
+    reasons = (
+        f"its true place is in the log until {seconds(gone[0])} ({place(last)}), and then no more",
+        "nothing failed: the robot went on believing that it was there"
+        if not any(f.item == item for f in case.failures)
+        else "the robot believed otherwise",
+    )
+    return Finding("item.gone", true, title, reasons, item, gone[0])
+
+
+def _wrong_bin(case: Case, true: str, item: str, into: str, node: str) -> Finding | None:
+    real, believed = case.truth.tracks[true].bodies[-1], case.belief.tracks[item].bodies[-1]
+    belongs = case.destination(real)
+    if not into or not belongs or into == belongs:
+        return None
+    if (believed.colour, believed.kind) != (real.colour, real.kind) and case.destination(believed) == into:
+        title = (
+            f"{item} was taken for a {believed.colour} {believed.kind} and is a {real.colour} {real.kind}: "
+            f"it was placed into {into} and belongs into {belongs}"
+        )
+        return Finding("perception.mistaken", true, title, (), item, None)
+    name = node.rsplit("/", 1)[-1]
+    title = f"the mission takes items into {into} that belong into {belongs}: {name} of {item} says so"
+    told = case.ports(node).get("into", "")
+    reasons = (
+        f"{node} has into: {told}" if told else f"{node} placed it into {into}",
+        f"by the scene's rules a {real.colour} {real.kind} belongs into {belongs}",
+    )
+    return Finding("mission.wrong_bin", node, title, reasons, item, None)
+
+
+def _left_bin(case: Case, true: str, item: str, into: str, time: float) -> Finding | None:
+    """It had been placed where it belongs, and does not lie there in the end."""
+    track = case.truth.tracks[true]
+    later = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if t > time]
+    inside = [t for t, b in later if case.bin_at(b) == into]
+    lies = track.bodies[-1]
+    ends = case.bin_at(lies)
+    where = f"in {ends}" if ends else f"at {place(lies.pose.position)}"
+    reasons = [f"{item} was let go over {into} at {seconds(time)}, and truly lies {where}"]
+    if not inside:
+        title = f"{item} fell beside {into} when it was placed"
+        return Finding("place.beside", true, title, tuple(reasons), item, time)
+    if ends == into:
+        title = f"{item} lies too high in {into}, or does not come to rest there"
+        return Finding("place.not_at_rest", true, title, tuple(reasons), item, time)
+    out = next((t for t, b in later if t > inside[-1] and case.bin_at(b) != into), case.end)
+    title = f"{item} left {into} again after it had been placed, {between(inside[-1], out)}"
+    lay = next(b for t, b in later if t == inside[-1])
+    reasons.append(
+        f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
+    )
+    placing = case.events("item_done", start=inside[-1] - SAMPLED, end=out + SAMPLED)
+    by = [str(at.record.data.get("object")) for at in placing if str(at.record.data.get("into")) == into]
+    if by:
+        reasons.append(f"{listed(by)} came down into {into} about then and may have pushed it out")
+    else:
+        reasons.append("nothing was placed there about then: something else than the arm flung it out")
+    return Finding("item.left_bin", true, title, tuple(reasons), item, inside[-1])
+
+
+def _not_tried(case: Case, true: str) -> Finding | None:
+    item = case.believed[true][-1]
+    if any(v.item in case.believed[true] for v in case.family.visits if v.id == "Grasp"):
+        return None
+    result = case.run.result
+    if result is None or result.status not in ("success", "incomplete"):
+        return None  # the run was over before its turn came
+    moving = way_since(case, true, case.belief.tracks[item].times[0], case.end)
+    title = f"the mission never tried {item}"
+    reasons = [f"the belief had it from {seconds(case.belief.tracks[item].times[0])} on"]
+    if moving is not None:
+        reasons.append(f"it was moved by {distance(moving.way)} {between(moving.start, moving.end)}")
+    return Finding("mission.not_tried", "", title, tuple(reasons), item, None)

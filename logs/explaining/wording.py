@@ -1,0 +1,44 @@
+"""Numbers and places as sentences say them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def distance(metres: float) -> str:
+    """`12 cm`, `8 mm`."""
+    return f"{metres * 100:.0f} cm" if metres >= 0.0195 else f"{metres * 1000:.0f} mm"
+
+
+def seconds(time: float) -> str:
+    return f"{time:.2f} s"
+
+
+def between(start: float, end: float) -> str:
+    """`between 14.0 and 15.0 s`: the truth is in the log once a second."""
+    return f"between {start:.1f} and {end:.1f} s"
+
+
+def force(newtons: float) -> str:
+    return f"{newtons:.1f} N" if newtons < 9.95 else f"{newtons:.0f} N"
+
+
+def place(position: Sequence[float]) -> str:
+    """`x 0.47, y 0.15 m`"""
+    return f"x {position[0]:.2f}, y {position[1]:.2f} m"
+
+
+def times(number: int) -> str:
+    return {1: "once", 2: "twice"}.get(number, f"{number} times")
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """`1 item`, `3 items`."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def listed(words: Sequence[str], most: int = 5) -> str:
+    """`a, b and c`; what is beyond `most` is counted."""
+    if len(words) > most:
+        words = [*words[: most - 1], f"{len(words) - most + 1} more"]
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
