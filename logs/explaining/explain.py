@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..records import Event
+from ..run_log import At
 from .case import Case
-from .explanation import Explanation
+from .explanation import Explanation, FailureStory, RootCause
 from .failures import failures_of
 from .family import Family
 from .items import items_of
+from .moments import moments
+from .observed import observed
 from .outcome import outcome_of
 from .roots import root_causes_of
 
@@ -27,10 +33,29 @@ def explain(run: Run, *, faults: bool = True) -> Explanation:
     outcome = outcome_of(run, run.visits)
     case = Case(run, family, failures)
     planted = case.events("fault") if faults else []
+    causes = root_causes_of(case, outcome, planted)
     return Explanation(
         outcome=outcome,
-        failures=failures,
-        root_causes=root_causes_of(case, outcome, planted),
-        items=items_of(run, failures),
-        look_at=(),
+        failures=tuple(_told(case, failure, causes, planted) for failure in failures),
+        root_causes=causes,
+        items=items_of(case),
+        look_at=moments(causes, failures, outcome),
+    )
+
+
+def _told(
+    case: Case, failure: FailureStory, causes: Sequence[RootCause], planted: Sequence[At[Event]]
+) -> FailureStory:
+    """The failure with what only the whole run tells."""
+    names = case.believed.get(case.pairs.get(failure.item, ""), ())
+    done = [
+        at.time
+        for at in case.events("item_done", start=failure.time)
+        if at.record.data.get("object") in names
+    ]
+    return replace(
+        failure,
+        observed=observed(case, failure, planted),
+        made_good_at=done[0] if done and failure.fate in ("passed_over", "branched") else None,
+        root_cause=next((n for n, cause in enumerate(causes) if failure.number in cause.failures), None),
     )

@@ -104,6 +104,10 @@ class FailureStory:
     observed: tuple[str, ...]
     """What the log tells of the moment, a sentence each: the belief, the hand, stops, changes, faults that
     were planted, and, for the analyst only, where the truth differed from the belief."""
+    made_good_at: float | None = None
+    """When the item was placed after all, as the robot believed, though this failure was passed over; s."""
+    root_cause: int | None = None
+    """Place of its root cause among those of the run."""
 
     @property
     def cured(self) -> bool:
@@ -155,6 +159,8 @@ class ItemStory:
     colour: str
     state: Literal["done", "held", "left", "gone"]
     events: tuple[ItemEvent, ...]
+    truth: str = ""
+    """Where it really is in the end, in the scorer's words; for the analyst only."""
 
 
 @dataclass(frozen=True, slots=True)
