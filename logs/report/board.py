@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,9 +14,9 @@ import orjson
 from ...world.values import Pose
 from ..records import Body
 from ..run import Run
+from .motion import Deviation, Motion, deviations, motion_of
 from .packing import Packable, Section, quantised
 from .tick_table import TickTable, tick_table
-from .truths import TruthAt, truths_of
 from .words import Words
 
 _STILL: Final = 2e-4
@@ -34,10 +35,11 @@ class Sighting:
 def pack_board(run: Run) -> Section:
     table = tick_table(run)
     seen = sightings(run)
-    truths = tuple(truths_of(run))
     if not table.writes and not seen:
         return Section("board", {"empty": "The log holds neither a blackboard nor a belief."})
-    return Section("board", {"writes": _writes(table), "belief": _belief(seen), "truth": _truth(truths, run)})
+    return Section(
+        "board", {"writes": _writes(table), "belief": _belief(seen), "truth": _truth(motion_of(run))}
+    )
 
 
 def sightings(run: Run) -> tuple[Sighting, ...]:
@@ -121,28 +123,46 @@ def _numbers(body: Body) -> tuple[float, ...]:
     return (*body.pose.position, *yaw_and_tilt(body.pose), body.confidence, body.last_seen)
 
 
-def _truth(truths: Sequence[TruthAt], run: Run) -> Packable:
+def _truth(motion: Motion) -> Packable:
+    """`distance` in mm by object; of a believed object that was not there any more, NaN. `unknown`: what
+    was there and the robot did not believe in, whenever that is something else than before."""
+    told = sorted(deviations(motion), key=lambda one: one.tick)
+    believed = [one for one in told if one.object]
     words = Words()
-    rows = [(at.time, deviation) for at in truths for deviation in at.deviations]
     return {
-        "time": np.array([time for time, _ in rows], dtype=np.float64),
-        "object": words.numbers([deviation.object for _, deviation in rows]),
-        "true": words.numbers([deviation.true for _, deviation in rows]),
-        "distance": quantised(np.array([1000.0 * deviation.distance for _, deviation in rows]), 0.1),
-        "unknown": [
-            {"time": at.time, "bodies": [f"{body.colour} {body.kind} {body.id}" for body in at.unknown]}
-            for at in _changes(truths)
-        ],
-        "times": np.array([at.time for at in truths], dtype=np.float64),
+        "tick": np.array([one.tick for one in believed], dtype=np.uint32),
+        "object": words.numbers([one.object for one in believed]),
+        "true": words.numbers([one.body.id for one in believed]),
+        "distance": quantised(np.array([1000.0 * one.distance for one in believed]), 0.1),
+        "gone": _gone(motion),
+        "unknown": [{"tick": tick, "bodies": list(bodies)} for tick, bodies in _changes(told, motion)],
         "words": list(words.texts),
     }
 
 
-def _changes(truths: Sequence[TruthAt]) -> Iterator[TruthAt]:
-    """Those at which other bodies are unknown to the robot than before."""
-    before: tuple[str, ...] | None = None
-    for at in truths:
-        names = tuple(body.id for body in at.unknown)
-        if names != before:
-            before = names
-            yield at
+def _gone(motion: Motion) -> list[Packable]:
+    """Since when a believed object stands for nothing, by its id: a fault took it away."""
+    last = max((int(truth.ticks[-1]) for truth in motion.truths), default=0)
+    return [
+        {"object": motion.believed[partner].id, "tick": int(truth.ticks[-1])}
+        for truth, partner in zip(motion.truths, motion.partners, strict=True)
+        if partner is not None and int(truth.ticks[-1]) < last
+    ]
+
+
+def _changes(told: Sequence[Deviation], motion: Motion) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Ticks at which other bodies are unknown to the robot than before, and which they are from then on."""
+    ends = {truth.body.id: int(truth.ticks[-1]) for truth in motion.truths}
+    last = max(ends.values(), default=0)
+    unknown: dict[str, str] = {}
+    before: tuple[str, ...] = ()
+    for tick, group in itertools.groupby(told, key=lambda one: one.tick):
+        for one in group:
+            unknown.pop(one.body.id, None)
+            gone = tick == ends[one.body.id] < last
+            if not one.object and not gone:
+                unknown[one.body.id] = f"{one.body.colour} {one.body.kind} ({one.body.id})"
+        bodies = tuple(unknown[name] for name in sorted(unknown))
+        if bodies != before:
+            before = bodies
+            yield tick, bodies

@@ -11,12 +11,29 @@ from pathlib import Path
 
 from ...world.errors import PicktreeError
 from ..run import Run
+from .board import pack_board
+from .events import pack_events
+from .failures import pack_failures
 from .head import pack_run, summary
+from .images import pack_images
+from .lanes import pack_lanes
 from .packing import Section
 from .page import page
+from .plots import pack_plots
 from .stage import pack_stage
+from .tree import pack_tree
 
-PACKERS: tuple[Callable[[Run], Section], ...] = (pack_run, pack_stage)
+PACKERS: tuple[Callable[[Run], Section], ...] = (
+    pack_run,
+    pack_stage,
+    pack_failures,
+    pack_lanes,
+    pack_tree,
+    pack_board,
+    pack_images,
+    pack_events,
+    pack_plots,
+)
 """What is packed for each panel; `src/panels.js` has the panels by the names of these sections."""
 
 

@@ -10,9 +10,10 @@ from ...world.errors import PicktreeError
 from ...world.robot.load import parse_robot
 from ...world.values import Array, Pose
 from ..run import Run
-from .bodies import Believed, Frames, Sampled, believed_of, frames_of, spans, truths_of
-from .matching import matched, track
+from .bodies import Believed, Frames, Sampled, spans
+from .matching import track
 from .models import packed_link, packed_shape, rgb
+from .motion import motion_of
 from .packing import Packable, Quantised, Section, quantised
 from .poses import composed, continuous, filled, inverse, row
 
@@ -25,10 +26,8 @@ CONSIDERED = 2.0
 
 
 def pack_stage(run: Run) -> Section:
-    frames = frames_of(run)
-    believed = believed_of(run, frames)
-    truths = truths_of(run)
-    partners = matched(believed, truths)
+    motion = motion_of(run)
+    frames, believed, truths, partners = motion.frames, motion.believed, motion.truths, motion.partners
     models = run.log.robot_model()
     links = [model.link for model in models if model.link in frames.tracks]
     return Section(

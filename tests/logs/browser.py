@@ -76,7 +76,9 @@ class Chromium:
             page.add_init_script(script)
         page.on("console", lambda m: told.problems.append(m.text) if m.type in ("error", "warning") else None)
         page.on("pageerror", lambda error: told.problems.append(str(error)))
-        page.on("request", lambda r: told.requests.append(r.url) if not r.url.startswith(own) else None)
+        page.on(
+            "request", lambda r: told.requests.append(r.url) if not r.url.startswith((own, "blob:")) else None
+        )
         own = file.absolute().as_uri()
         try:
             page.goto(own + at)

@@ -19,6 +19,7 @@ class PicktreeDrawing {
     this.onselect = () => {};
     this.ontoggle = () => {};
     this.groups = new Map();
+    this.edges = []; // lines, each with the path of the node that it leads to
     this.svg = made("svg", { class: "drawing canvas", role: "tree", "aria-label": chart.title });
     this.svg.append(...parsed(`<defs>${chart.definitions}</defs>`));
     this.camera = made("g", {});
@@ -51,6 +52,7 @@ class PicktreeDrawing {
     for (const group of this.camera.querySelectorAll("[data-path]")) {
       this.groups.set(group.dataset.path, group);
     }
+    this.edges = [...this.camera.querySelectorAll(".edge")];
     if (!this.groups.has(this.selected)) this.selected = this.root.path;
     this.paint();
   }
@@ -101,6 +103,9 @@ class PicktreeDrawing {
       group.classList.toggle("found", this.found.has(path));
       group.classList.toggle("selected", this.chosen && path === this.selected);
       group.setAttribute("tabindex", path === this.selected ? "0" : "-1");
+    }
+    for (const edge of this.edges) {
+      edge.classList.toggle("running", this.statuses[edge.dataset.to] === "RUNNING");
     }
   }
 
@@ -316,7 +321,7 @@ function edge(above, below, x, y) {
   const end = y + below.middle;
   const bend = (from + to) / 2;
   const over = start === end ? `H${to}` : `C${bend} ${start} ${bend} ${end} ${to} ${end}`;
-  return `<path class="edge ${below.node.role}" d="M${from} ${start}${over}H${to + below.room}"/>`;
+  return `<path class="edge ${below.node.role}" data-to="${escaped(below.path)}" d="M${from} ${start}${over}H${to + below.room}"/>`;
 }
 
 function made(name, attributes) {

@@ -1,0 +1,164 @@
+// Why the run went as it did: root causes, then every failure with what became of it.
+
+import "./failures.css";
+
+import { made } from "./made.js";
+import { FATE_WORDS, pairs, seconds, valueText } from "./words.js";
+
+const BEFORE = 2; // s before a failure from which it is played
+
+export class Failures {
+  constructor(host, section, player, tools) {
+    Object.assign(this, { section, player, present: -1 });
+    host.classList.add("failures");
+    this.list = made("ol", { class: "failures-list", "aria-label": "Failures" });
+    this.cards = section.failures.map((story) => this.card(story));
+    this.list.append(...this.cards);
+    this.scroller = made("div", { class: "failures-scroll" }, this.top(), this.list);
+    host.append(this.scroller);
+    tools.append(made("span", { class: "failures-count" }, counted(section.failures)));
+    player.onTick((tick) => this.at(tick));
+    player.onFailure((number) => this.choose(number));
+  }
+
+  top() {
+    const { outcome, root_causes: roots, look_at: moments } = this.section;
+    const kind = outcome.status === "success" ? "success" : outcome.status === "killed" ? "open" : "failure";
+    return made("div", { class: "failures-top" },
+      made("p", { class: `failures-outcome ${kind}` }, outcome.sentence),
+      ...(roots.length ? [made("h3", {}, roots.length > 1 ? "Root causes" : "Root cause"), made("ul", { class: "roots" }, ...roots.map((root) => this.root(root)))] : []),
+      ...(moments.length ? [made("h3", {}, "Look at"), made("ul", { class: "moments" }, ...moments.slice(0, 6).map((moment) => this.moment(moment)))] : []),
+      made("h3", {}, this.section.failures.length ? "All failures" : "No failures"),
+    );
+  }
+
+  root(root) {
+    const links = root.failures.map((number) =>
+      made("button", { class: "number", title: `Failure ${number + 1}`, onclick: () => this.player.selectFailure(number) }, `${number + 1}`),
+    );
+    return made("li", { class: root.ended_run ? "ended" : "" },
+      made("p", {}, made("code", {}, root.cause), root.ended_run ? made("span", { class: "fate ended" }, "cost the goal") : null),
+      made("p", { class: "title" }, root.title),
+      ...root.reasons.map((reason) => made("p", { class: "reason" }, reason)),
+      links.length ? made("p", { class: "numbers" }, links.length > 1 ? "failures " : "failure ", ...links) : null,
+    );
+  }
+
+  moment({ time, why, failure }) {
+    const go = () => {
+      if (failure !== null) this.player.selectFailure(failure);
+      this.player.pause();
+      this.player.seek(time);
+    };
+    return made("li", {}, made("button", { class: "moment", onclick: go }, made("time", {}, seconds(time)), made("span", {}, why)));
+  }
+
+  card(story) {
+    const { player } = this;
+    const more = made("details", {}, made("summary", {}, "why, and what then"), ...this.fold(story));
+    const main = made("button", { class: "failure-main", onclick: () => player.selectFailure(story.number) },
+      made("span", { class: "failure-line" },
+        made("span", { class: "number" }, `${story.number + 1}`),
+        made("code", {}, story.cause || "failure"),
+        made("span", { class: `fate ${story.fate}` }, FATE_WORDS[story.fate] ?? story.fate),
+        made("time", {}, seconds(story.time)),
+      ),
+      made("span", { class: "failure-where" }, made("b", {}, story.id), story.item ? ` ${story.item}` : "", story.attempt > 1 ? `, attempt ${story.attempt}` : ""),
+      story.message ? made("span", { class: "failure-message" }, story.message) : null,
+    );
+    const play = made("button", {
+      class: "icon play", title: `Play from ${BEFORE} s before`, "aria-label": `Play from ${BEFORE} s before failure ${story.number + 1}`,
+      onclick: () => {
+        player.selectFailure(story.number);
+        player.seek(story.time - BEFORE);
+        player.play();
+      },
+    }, "▶");
+    return made("li", { class: `failure ${story.fate}`, "data-number": story.number }, main, play, more);
+  }
+
+  *fold(story) {
+    const { player } = this;
+    const node = (path) => made("button", { class: "link", title: path, onclick: () => player.selectNode(path) }, path.split("/").slice(-2).join(" › "));
+    const at = (time) => made("button", { class: "link", onclick: () => { player.pause(); player.seek(time); } }, seconds(time));
+    if (story.sentence) yield made("p", {}, story.sentence);
+    if (story.remedy) yield made("p", { class: "remedy" }, story.remedy);
+    if (story.because_of !== null) {
+      const other = story.because_of;
+      yield made("p", {}, "It follows from ", made("button", { class: "link", onclick: () => player.selectFailure(other) }, `failure ${other + 1}`), ".");
+    }
+    yield made("h4", {}, "What became of it");
+    const handled = story.handled_by.map((one) => made("li", {}, at(one.time), ` ${one.handler} in `, node(one.node), `, attempt ${one.attempt}: ${one.ended}`, one.seconds ? ` after ${one.seconds.toFixed(2)} s` : ""));
+    if (handled.length) yield made("ul", {}, ...handled);
+    yield made("p", {}, `It ${FATE_PHRASES[story.fate] ?? story.fate}`, story.fate_at !== null ? [" at ", at(story.fate_at)] : "", story.fate_by ? [" by ", node(story.fate_by)] : "", ".");
+    if (story.chain.length) {
+      yield made("h4", {}, "How far it came");
+      yield made("ol", { class: "chain" }, ...story.chain.map((link) => made("li", {}, node(link.path), ` ${link.outcome}`)));
+    }
+    if (story.observed.length) {
+      yield made("h4", {}, "What the log tells of the moment");
+      yield made("ul", {}, ...story.observed.map((line) => made("li", {}, line)));
+    }
+    for (const choice of story.choices) yield* chosen(choice, at);
+    if (Object.keys(story.evidence).length) {
+      yield made("h4", {}, "Evidence");
+      yield pairs(story.evidence);
+    }
+  }
+
+  // The last failure until now stands out, and is brought into the list's sight when it is another.
+  at() {
+    const { time } = this.player;
+    const present = this.section.failures.findLastIndex((story) => story.time <= time + 1e-6);
+    if (present === this.present) return;
+    this.cards[this.present]?.classList.remove("present");
+    this.present = present;
+    const card = this.cards[present];
+    card?.classList.add("present");
+    if (card) this.bring(card);
+  }
+
+  choose(number) {
+    for (const [other, card] of this.cards.entries()) {
+      card.classList.toggle("chosen", other === number);
+      card.querySelector(".failure-main").setAttribute("aria-current", String(other === number));
+    }
+    if (number !== null && this.cards[number]) this.bring(this.cards[number]);
+  }
+
+  bring(card) {
+    const { scroller } = this;
+    if (!scroller.clientHeight) return;
+    const box = scroller.getBoundingClientRect();
+    const { top, height } = card.getBoundingClientRect();
+    if (top < box.top) scroller.scrollTop += top - box.top - 8;
+    else if (top + Math.min(height, box.height) > box.bottom) {
+      scroller.scrollTop += Math.min(top + height - box.bottom + 8, top - box.top - 8);
+    }
+  }
+}
+
+const FATE_PHRASES = {
+  cured: "was cured",
+  passed_over: "was passed over",
+  branched: "was answered by going another way",
+  ended: "ended the run",
+  open: "is open when the log ends",
+};
+
+function counted(failures) {
+  if (!failures.length) return "none";
+  const cured = failures.filter(({ fate }) => fate === "cured").length;
+  return `${failures.length}${cured ? `, ${cured} cured` : ""}`;
+}
+
+// What there was to choose from, and why the rest was not taken.
+function* chosen(choice, at) {
+  yield made("h4", {}, `Choice of a ${choice.purpose} for ${choice.object}, `, at(choice.time));
+  yield made("p", {}, choice.stages.map(([name, count]) => `${count} ${name}`).join(" → "));
+  if (choice.rejections.length) {
+    yield made("table", { class: "rejections" }, ...choice.rejections.map(({ name, reason, count }) =>
+      made("tr", {}, made("td", {}, count > 1 ? `${count} × ${name}` : name), made("td", {}, valueText(reason))),
+    ));
+  }
+}

@@ -1,0 +1,83 @@
+// Things of a run in words: visits, marks, values.
+
+import { made } from "./made.js";
+
+export const FATE_WORDS = {
+  cured: "cured",
+  passed_over: "passed over",
+  branched: "went another way",
+  ended: "ended the run",
+  open: "open at the end",
+};
+
+export function seconds(time) {
+  return `${time.toFixed(2)} s`;
+}
+
+// A value as it stands in the log: numbers as short as they can be read.
+export function valueText(value) {
+  if (typeof value === "number") {
+    if (Number.isInteger(value)) return String(value);
+    const size = Math.abs(value);
+    return size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(2) : String(Number(value.toPrecision(4)));
+  }
+  if (Array.isArray(value)) return value.length ? value.map(valueText).join(", ") : "[]";
+  if (value && typeof value === "object") {
+    return Object.entries(value).map(([key, below]) => `${key}: ${valueText(below)}`).join(", ");
+  }
+  return value === null ? "null" : String(value);
+}
+
+// Names with their values, as rows of a list.
+export function pairs(values) {
+  return made("dl", { class: "pairs" }, ...Object.entries(values).flatMap(([key, value]) => [
+    made("dt", {}, key),
+    made("dd", {}, valueText(value)),
+  ]));
+}
+
+export function visitCard(visits, i) {
+  const node = visits.nodes[visits.columns.node[i]];
+  const start = visits.start(i);
+  const end = visits.end(i);
+  const outcome = visits.outcome(i);
+  const cause = visits.word("cause", i);
+  const origin = visits.word("origin", i);
+  const message = visits.word("message", i);
+  const about = visits.about(i);
+  return [
+    made("p", { class: "tip-head" }, made("b", {}, node.id), about ? ` ${about}` : ""),
+    made("p", { class: `tip-outcome ${outcome.toLowerCase()}` }, cause ? `${outcome}: ${cause}` : outcome),
+    made("p", { class: "tip-time" }, `${seconds(start)} – ${seconds(end)}, ${(end - start).toFixed(2)} s long`),
+    ...(message ? [made("p", {}, message)] : []),
+    ...(origin && origin !== node.path ? [made("p", { class: "tip-time" }, `from ${origin.split("/").slice(-2).join("/")}`)] : []),
+    ...(visits.columns.inputs[i] ? [pairs(JSON.parse(visits.word("inputs", i)))] : []),
+  ];
+}
+
+// What stands at a place of the band above the lanes; null for nothing.
+export function markWords(found, player) {
+  if (!found) return null;
+  const { item, failure, mark } = found;
+  if (item) {
+    const [start, end] = [player.times[item.first], player.times[item.last]];
+    return [
+      made("p", { class: "tip-head" }, made("b", {}, item.item)),
+      made("p", { class: `tip-outcome ${item.outcome.toLowerCase()}` }, item.outcome),
+      made("p", { class: "tip-time" }, `${seconds(start)} – ${seconds(end)}, ${(end - start).toFixed(2)} s long`),
+    ];
+  }
+  if (failure >= 0) {
+    const { time, cause, fate, item: about } = player.failures[failure];
+    return [
+      made("p", { class: "tip-head" }, made("b", {}, cause || "failure"), about ? ` ${about}` : ""),
+      made("p", { class: "tip-time" }, `${seconds(time)}, ${FATE_WORDS[fate] ?? fate}`),
+    ];
+  }
+  if (!mark) return null;
+  return [
+    made("p", { class: "tip-head" }, made("b", {}, mark.kind.replace("_", " "))),
+    made("p", {}, mark.message),
+    made("p", { class: "tip-time" }, seconds(mark.time)),
+  ];
+}
