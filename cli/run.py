@@ -41,12 +41,19 @@ def run(
     watch: Annotated[
         bool, typer.Option("--watch", help="Take over an edited mission between two items.")
     ] = False,
+    rotate_mb: Annotated[
+        float, typer.Option(min=0.0, metavar="MB", help="Go on in a further file of the log at this size.")
+    ] = 0.0,
+    rotate_minutes: Annotated[
+        float, typer.Option(min=0.0, metavar="MIN", help="The same after so many simulated minutes.")
+    ] = 0.0,
     json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
     """Run a mission in simulation. Exit code 0: the goal is reached; 1: it is missed."""
     answer = keep_stdout() if json else None
     parameters = parse_parameters(set_ or ())
 
+    from ..logs.rotation import Rotation
     from ..logs.session import RunRequest, Session
 
     request = RunRequest(
@@ -59,6 +66,7 @@ def run(
         backend=backend,
         verify=verify,
         watch=watch,
+        rotation=Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0),
     )
     with _view(to_stderr=json, lines=debug) as view:
         result = Session(request, view, _debugger(to_stderr=json) if debug else None).run()

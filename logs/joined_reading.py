@@ -53,8 +53,8 @@ class JoinedReading:
         try:
             first = self._open(path)
             self._parts.append(first)
-            self.number = first.info.number if first.info else 1
-            """Of the first file that is read: 1 unless it goes on with another."""
+            self.goes_on = first.info
+            """What the file goes on with; None for the beginning of a log."""
             gaps = self._join(path, first) if first.info is None else []
         except PicktreeError:
             self.close()

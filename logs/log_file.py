@@ -42,7 +42,7 @@ class LogFile:
         self._carried = CarriedOver() if rotation else None
         self._number = 1
         self._start = 0
-        """Simulated ns at which the present file begins."""
+        """Of the first tick that is new in the present file, simulated ns."""
         self._heartbeat: Heartbeat | None = None
         self._checkpoint, self._chunk_bytes, self._wall = checkpoint, chunk_bytes, wall
         self._channels: dict[str, int] = {}
@@ -104,8 +104,10 @@ class LogFile:
             return
         if carried.time < 0:
             self._check_limit()
-        elif at > carried.time > self._start and self._full(at):
+            self._start = at
+        elif at > carried.time >= self._start and self._full(at):
             self._rotate(carried, digest)
+            self._start = at
 
     def _full(self, at: int) -> bool:
         size, seconds = self._rotation.size, self._rotation.seconds
@@ -138,7 +140,6 @@ class LogFile:
         before = self._file
         self._file, self._channels = file, channels
         self._number += 1
-        self._start = carried.time
         before.metadata(NEXT, {"part": path.name, "digest": digest})
         before.finish()
 

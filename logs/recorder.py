@@ -154,6 +154,11 @@ class Recorder:
         """SHA-256 over everything simulated so far, in hex."""
         return self._digest.hex
 
+    @property
+    def failed(self) -> bool:
+        """Whether the disk has refused."""
+        return self._file.failed
+
     def state(self) -> RecordingState:
         return RecordingState(
             self._believed,

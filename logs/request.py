@@ -16,6 +16,7 @@ from ..world.robot.load import load_robot
 from ..world.scene.load import load_scene
 from ..world.simulation.backends import Backend
 from .recipe import LIMIT, Recipe
+from .rotation import NEVER, Rotation
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ class RunRequest:
     """Simulated seconds."""
     watch: bool = False
     """Take over an edited mission between two items."""
+    rotation: Rotation = NEVER
+    """When the log goes on in a further file."""
 
 
 class RunOptions(TypedDict, total=False):
@@ -51,6 +54,7 @@ class RunOptions(TypedDict, total=False):
     verify: bool
     limit: float
     watch: bool
+    rotation: Rotation
 
 
 def read_recipe(request: RunRequest) -> Recipe:

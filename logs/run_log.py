@@ -111,7 +111,7 @@ class RunLog:
         except PicktreeError:
             self._file.close()
             raise
-        self.part = self._file.number
+        self.part = self._file.goes_on.number if self._file.goes_on else 1
         """1, unless this is a later file of a rotated log, opened by its own name: then which one. It begins
         in the middle of the run."""
         self.paths = self._file.paths
@@ -289,9 +289,12 @@ class RunLog:
     def digest(self) -> str:
         """Computed again from everything simulated in the log; equal to the recorded one when it is whole."""
         simulated = {t.name for t in topics.FIXED if t.simulated}
-        continues = self.run.continues
-        digest = Digest(bytes.fromhex(continues.digest)) if continues else Digest()
-        start = None if continues is None else _ns(continues.time + 1e-6)
+        digest, start = Digest(), None
+        before, continues = self._file.goes_on, self.run.continues
+        if before is not None:
+            digest, start = Digest(bytes.fromhex(before.digest)), before.start + 1
+        elif continues is not None:
+            digest, start = Digest(bytes.fromhex(continues.digest)), _ns(continues.time + 1e-6)
         for message in self._file.messages(start=start):
             if message.topic in simulated or message.topic.startswith("/camera/"):
                 digest.add(message.topic, message.time, message.data)

@@ -69,7 +69,11 @@ class Scribe:
             continues=start.continues if start else None,
         )
         self._recorder = recorder = Recorder(
-            path, info, resumed=start.state.recording if start else None, tap=tap
+            path,
+            info,
+            rotation=session.rotation,
+            resumed=start.state.recording if start else None,
+            tap=tap,
         )
         for file in files:
             recorder.attach(file.name, file.content, file.media_type)
@@ -98,6 +102,11 @@ class Scribe:
     def digest(self) -> str:
         return self._recorder.digest
 
+    @property
+    def failed(self) -> bool:
+        """Whether the disk has refused."""
+        return self._recorder.failed
+
     def state(self) -> RecordingState:
         """For a checkpoint."""
         return self._recorder.state()
@@ -114,6 +123,7 @@ class Scribe:
         """Everything of the tick that has just ended, before time goes on."""
         world, recorder = self._world, self._recorder
         now = world.clock.now
+        recorder.rotate_if_due(now)
         for entry in entries:
             recorder.entry(now, entry)
         recorder.tick(now, _tick(report))
@@ -149,7 +159,8 @@ class Scribe:
     def checkpoint(self, state: RunState) -> None:
         """Keep the state in the log, from which the run can be taken up again."""
         self._checkpoints += 1
-        self._recorder.attach(f"checkpoint-{self._checkpoints:04d}.json", state.to_json(), "application/json")
+        name = f"checkpoint-{self._checkpoints:04d}.json"
+        self._recorder.attach(name, state.to_json(), "application/json", slot="checkpoint")
 
     def last(self, hardware: Simulation) -> None:
         """The truth at the end."""

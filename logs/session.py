@@ -13,6 +13,7 @@ from ..trees.debugger import Debugger
 from ..trees.mission import Mission
 from ..trees.status import NodeStatus
 from ..trees.surroundings import surroundings
+from ..world.errors import PicktreeError
 from ..world.journal import Happened, Plain
 from ..world.simulation.backends import build_hardware
 from ..world.simulation.faults import Injector
@@ -27,6 +28,7 @@ from .recipe import LIMIT, Recipe
 from .records import NodeTime, Timing
 from .request import RunOptions, RunRequest, make_folder, read_recipe
 from .result import FormCount, ItemCount, PickCount, RunResult, RunStatus, WallSeconds
+from .rotation import NEVER
 from .scribe import Scribe, Tap
 from .tally import Tally
 from .watcher import Watcher
@@ -35,6 +37,8 @@ __all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "Wat
 
 LOG = "log.mcap"
 RESULT = "result.json"
+_BRAKING = 40
+"""Ticks within which every motion comes to rest."""
 
 
 class Session:
@@ -60,8 +64,9 @@ class Session:
         gives other versions of the mission itself, as a log has them. `tap` is shown every message that is
         part of the digest.
         """
+        self.rotation = NEVER
         if isinstance(request, RunRequest):
-            out = request.out
+            out, self.rotation = request.out, request.rotation
             edits = FileEdits() if edits is None and request.watch else edits
             request = read_recipe(request)
         self.recipe = recipe = request
@@ -116,10 +121,17 @@ class Session:
                 status = self._loop(scribe, total)
             except KeyboardInterrupt:
                 status = "interrupted"
+            except PicktreeError as error:
+                if scribe.failed:
+                    self._come_to_rest()
+                    raise PicktreeError(
+                        f"{error}; the run is stopped at {self.world.clock.now:.2f} s"
+                    ) from None
+                raise
             scribe.last(self.hardware)
             result = self._result(status, scribe.digest)
             scribe.finish(result)
-        (self.folder / RESULT).write_text(result.to_json_text(), encoding="utf-8")
+        self._write_result(result)
         if self._watcher:
             self._watcher.finished(result)
         return result
@@ -156,6 +168,23 @@ class Session:
             self._pass_time()
             with self._stopwatch.measure("logging"):
                 scribe.timing(self._timing(before, began))
+
+    def _write_result(self, result: RunResult) -> None:
+        path = self.folder / RESULT
+        try:
+            path.write_text(result.to_json_text(), encoding="utf-8")
+        except OSError as error:
+            raise PicktreeError(
+                f"{path}: the result cannot be written: {error.strerror}; the log holds it, too"
+            ) from None
+
+    def _come_to_rest(self) -> None:
+        """Nothing goes on that nobody records."""
+        self.tree.halt()
+        for _ in range(_BRAKING):
+            if self.world.control.at_rest:
+                break
+            self._pass_time()
 
     def _pass_time(self) -> None:
         world = self.world

@@ -22,6 +22,7 @@ from picktree.logs.records import (
     RunInfo,
     Tick,
     Timing,
+    Transition,
     Tree,
     TreeNode,
     Write,
@@ -93,7 +94,23 @@ def tick(k: int) -> Tick:
             ),
         ),
         writes=first if k == 0 else (),
+        transitions=_transitions(k),
     )
+
+
+def _transitions(k: int) -> tuple[Transition, ...]:
+    begin = (
+        Transition("/Main", "RUNNING"),
+        Transition("/Main/Grasp", "RUNNING", {"object": "red_block_1"}, "red_block_1"),
+    )
+    end = tuple(
+        Transition(
+            path, "FAILURE", cause="grasp.missed", origin="/Main/Grasp",
+            message="the fingers closed at 0.4 mm", evidence={"width": 0.0004},
+        )
+        for path in ("/Main/Grasp", "/Main")
+    )  # fmt: skip
+    return begin if k in (0, 31) else end if k == 30 else ()
 
 
 def image(now: float) -> RgbdImage:
@@ -120,8 +137,10 @@ def start(recorder: Recorder) -> None:
     recorder.fixed([TABLE], [BIN])
 
 
-def step(recorder: Recorder, scene: PlanningScene, k: int, wall: float = 0.004) -> None:
-    """Tick number k."""
+def step(
+    recorder: Recorder, scene: PlanningScene, k: int, wall: float = 0.004, instead: Tick | None = None
+) -> None:
+    """Tick number k, or another in its place."""
     now = k * TICK
     if k == 0:
         shapes = (Box((0.04, 0.04, 0.04)), Cylinder(0.02, 0.08), Sphere(0.025), WEDGE)
@@ -168,19 +187,24 @@ def step(recorder: Recorder, scene: PlanningScene, k: int, wall: float = 0.004) 
     recorder.belief(now, scene.objects, scene.take_changes())
     if recorder.truth_due(now):
         recorder.truth(now, scene.objects)
-    recorder.tick(now, tick(k))
+    recorder.tick(now, instead or tick(k))
     recorder.timing(now, Timing(wall, physics=wall / 2, nodes=(NodeTime("/Main/Grasp", wall / 4),)))
 
 
-def record(path: Path, ticks: int = 60, **options: float) -> str:
-    """Record the run and return its digest. `wall` is the wall time that ticks are said to take."""
-    wall = options.pop("wall_time", 0.004)
+def record(
+    path: Path,
+    ticks: int = 60,
+    *,
+    wall_time: float = 0.004,
+    checkpoint: float = 1.0,
+    chunk_bytes: int = 4 << 20,
+) -> str:
+    """Record the run and return its digest. `wall_time` is what the ticks are said to take, s."""
     scene = PlanningScene([TABLE], [BIN])
-    chunk_bytes = int(options.pop("chunk_bytes", 4 << 20))
-    with Recorder(path, RUN, chunk_bytes=chunk_bytes, **options) as recorder:
+    with Recorder(path, RUN, checkpoint=checkpoint, chunk_bytes=chunk_bytes) as recorder:
         start(recorder)
         for k in range(ticks):
-            step(recorder, scene, k, wall)
+            step(recorder, scene, k, wall_time)
         recorder.finish({"status": "SUCCESS"})
         return recorder.digest
 
