@@ -39,7 +39,7 @@ check: $(READY)
 
 # What is written from the declarations in the code; tests say when it is out of date.
 docs: $(READY)
-	@set -e; for kind in mission scene robot faults cases; do \
+	@set -e; for kind in mission scene robot faults cases plan; do \
 		"$(BIN)/picktree" schema $$kind --shipped --output schemas/$$kind.json; done; \
 	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \

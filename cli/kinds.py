@@ -41,10 +41,17 @@ def _cases(document: Document) -> Iterable[Fault]:
     return check_cases(document)
 
 
+def _plan(document: Document) -> Iterable[Fault]:
+    from ..batch.load import check_plan
+
+    return check_plan(document)
+
+
 CHECKS: Mapping[str, Check] = {
     "mission": _mission,
     "scene": _scene,
     "robot": _robot,
     "faults": _faults,
     "cases": _cases,
+    "plan": _plan,
 }

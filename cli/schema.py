@@ -17,6 +17,7 @@ class Kind(StrEnum):
     ROBOT = "robot"
     FAULTS = "faults"
     CASES = "cases"
+    PLAN = "plan"
 
 
 def schema(
@@ -38,6 +39,7 @@ def schema(
     ] = None,
 ) -> None:
     """Print the JSON Schema of a kind of file, by which editors complete, explain and underline."""
+    from ..batch.schema import plan_schema
     from ..trees.schema.files import file_schema
     from ..trees.schema.parts import to_text
     from ..world.errors import PicktreeError
@@ -47,7 +49,7 @@ def schema(
     if kind is not Kind.MISSION:
         if mission is not None:
             raise PicktreeError(f"--mission is for the schema of missions, not of {kind.value}")
-        found = file_schema(kind.value)
+        found = plan_schema() if kind is Kind.PLAN else file_schema(kind.value)
     else:
         from ..trees.schema.mission import mission_schema
         from ..trees.schema.particular import any_mission, one_mission

@@ -200,13 +200,6 @@ def test_a_folder_without_files_is_a_fault(folder: Path, capsys: pytest.CaptureF
     )
 
 
-def test_a_kind_of_a_later_version(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (folder / "p.yaml").write_text("picktree: 1\nkind: plan\n")
-    code, out = check(capsys, "p.yaml")
-    assert code == 0
-    assert out.splitlines()[0] == "p.yaml:2:7: warning P125: kind: this version cannot check a plan file yet"
-
-
 def test_a_terminal_is_given_colours(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

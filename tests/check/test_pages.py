@@ -16,7 +16,7 @@ from picktree.world.files.codes import Example, index, page, pages
 from picktree.world.files.marks import FileError
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("cli", "logs", "recovery", "skills", "trees", "world")
+ROOMS = ("batch", "cli", "logs", "recovery", "skills", "trees", "world")
 MISSION = "picktree: 1\nkind: mission\n"
 
 

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from picktree.batch.schema import plan_schema
 from picktree.cli.kinds import CHECKS
 from picktree.cli.registries import registry
 from picktree.cli.schema import Kind
@@ -79,7 +80,7 @@ def known() -> Registry:
 def schema(kind: str) -> Schema:
     if kind == "mission":
         return mission_schema(known(), any_mission())
-    return file_schema(cast("FileKind", kind))
+    return plan_schema() if kind == "plan" else file_schema(cast("FileKind", kind))
 
 
 def refusals(document: Document) -> list[str]:

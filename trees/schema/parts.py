@@ -48,7 +48,7 @@ def header(kind: str) -> dict[str, Schema]:
     """The two keys with which every file begins."""
     return {
         "picktree": {"const": FORMAT, "description": "The version of the format of the file."},
-        "kind": {"const": kind, "description": "What the file is: mission, scene, robot, faults or cases."},
+        "kind": {"const": kind, "description": "What the file is: mission, scene, robot, faults, cases or plan."},
     }
 
 

@@ -158,11 +158,7 @@ class _Round:
             text = decoded(given.raw, name) if isinstance(given, Given) else read_text(path)
             self._texts[name] = text
             document = read_document(text, path)
-            check = self._checks.get(document.kind)
-            if check is None:
-                message = f"this version cannot check a {document.kind} file yet"
-                return (*document.faults, document.fault(("kind",), message, code="P125", severity="warning"))
-            found = list(check(document))
+            found = list(self._checks[document.kind](document))
         except FileError as error:
             return error.faults
         if not any(fault.severity == "error" for fault in (*document.faults, *found)):

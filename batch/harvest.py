@@ -1,0 +1,116 @@
+"""What is kept of a run, taken from its log and from the scorer."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..logs.records import Scene
+from ..logs.run import Run
+from ..logs.run_log import At
+from ..logs.session import Session
+from ..logs.visits import Visit
+from ..world.simulation.scorer import score
+from .rows import FailureRow, ItemRow, JobRow, JobRows, Phase, PickRow, PlanRow, TimingRow
+
+_PHASES: dict[str, Phase] = {
+    "Observe": "observe",
+    "Grasp": "grasp",
+    "Place": "place",
+    "GoTo": "move",
+    "SafeRetreat": "move",
+}
+"""What a leaf's time counts as outside of recovery."""
+
+
+def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
+    """Of a session that has ended; `folder` is the run's own."""
+    with Run(folder) as run:
+        result = run.result
+        assert result is not None, "a session that has ended writes its result"
+        explanation = run.explanation
+        look = explanation.look_at
+        return JobRows(
+            job=JobRow(
+                status=result.status,
+                message=result.message,
+                digest=result.digest,
+                attempts=attempts,
+                items_total=result.items.total,
+                items_sorted=result.items.sorted,
+                items_misplaced=result.items.misplaced,
+                items_left=result.items.left,
+                picks_tried=result.picks.tried,
+                picks_held=result.picks.held,
+                sim_seconds=result.sim_seconds,
+                cpu_seconds=result.cpu_seconds,
+                wall_seconds=result.wall_seconds.total,
+                last_tick=len(run.ticks) - 1,
+                root_cause=explanation.root_causes[0].cause if explanation.root_causes else "",
+                look_at=f"{look[0].time:.2f} s: {look[0].why}" if look else "",
+            ),
+            items=tuple(_items(session, next(run.log.truths(), None))),
+            picks=tuple(PickRow(p.time, p.object, p.held, p.node) for p in run.picks),
+            failures=tuple(
+                FailureRow(
+                    f.time,
+                    f.node,
+                    f.cause,
+                    f.message,
+                    f.item,
+                    f.fate,
+                    ", ".join(handling.handler for handling in f.handled_by),
+                    f.seconds_lost,
+                )
+                for f in run.failures
+            ),
+            plans=tuple(
+                PlanRow(at.time, p.request, p.planner, p.outcome, p.checks, p.thinking, p.duration)
+                for at in run.plans
+                for p in (at.record,)
+            ),
+            timings=_timings(run),
+            versions={**run.info.versions, "revision": run.info.revision},
+        )
+
+
+def _items(session: Session, start: At[Scene] | None) -> Iterator[ItemRow]:
+    began = {body.id: body for body in start.record.bodies} if start else {}
+    scores = {item.id: item for item in score(session.hardware.truth(), session.scene).items}
+    for body in session.hardware.truth():
+        judged = scores[body.id]
+        x, y, _ = began[body.id].pose.position if body.id in began else body.pose.position
+        yield ItemRow(
+            str(body.id),
+            body.kind,
+            body.form,
+            body.colour,
+            x,
+            y,
+            judged.destination,
+            judged.bin,
+            judged.verdict,
+        )
+
+
+def _timings(run: Run) -> tuple[TimingRow, ...]:
+    """Simulated s by phase. Planning within a skill counts as thinking, a handler's time as recovery."""
+    spent: defaultdict[Phase, float] = defaultdict(float)
+    parents = {visit.parent for visit in run.visits}
+    leaves = [visit for visit in run.visits if visit.number not in parents]
+    cures = [(h.time, h.time + h.seconds) for f in run.failures for h in f.handled_by]
+    thought = [(at.time, at.record.thinking) for at in run.plans]
+    for leaf in leaves:
+        if any(start <= leaf.start and leaf.end <= end for start, end in cures):
+            spent["recover"] += leaf.duration
+            continue
+        thinking = sum(seconds for time, seconds in thought if _within(leaf, time))
+        thinking = min(thinking, leaf.duration)
+        spent["think"] += thinking
+        spent[_PHASES.get(leaf.id, "other")] += leaf.duration - thinking
+    return tuple(TimingRow(phase, round(seconds, 6)) for phase, seconds in spent.items() if seconds > 0)
+
+
+def _within(visit: Visit, time: float) -> bool:
+    return visit.start <= time <= visit.end

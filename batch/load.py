@@ -1,0 +1,138 @@
+"""Reading plan files, and checking in full what a plan is about to run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..trees.check import MissionCheck, check_mission
+from ..trees.mission import Mission
+from ..trees.settings import read_settings
+from ..trees.surroundings import Surroundings, load_surroundings
+from ..world.errors import PicktreeError
+from ..world.faults.load import load_faults
+from ..world.files.checked import Checker
+from ..world.files.document import Document, Fault, FileError, open_document
+from ..world.scene.load import scene_names
+from .plan import Limits, Plan, Variant
+from .schema import NO_FAULTS, PlanFile
+
+
+@dataclass(frozen=True, slots=True)
+class PlanCheck:
+    """What was found in a plan file and in the files that it names. `plan` is None when there are errors."""
+
+    plan: Plan | None
+    faults: tuple[Fault, ...]
+
+
+def load_plan(path: Path) -> Plan:
+    """Raises FileError with all faults of the plan and of every file that it names."""
+    found = check_plan_file(open_document(path, "plan"))
+    if found.plan is None:
+        raise FileError([fault for fault in found.faults if fault.severity == "error"])
+    return found.plan
+
+
+def check_plan(document: Document) -> Iterable[Fault]:
+    """Everything that can be said of a document of kind `plan`."""
+    return check_plan_file(document).faults
+
+
+def check_plan_file(document: Document) -> PlanCheck:
+    """Everything that can be said of a document of kind `plan`; never raises for what stands in it."""
+    check = Checker(document)
+    file = check.read(PlanFile)
+    if check.faults:
+        return PlanCheck(None, tuple(check.faults))
+    plan = _plan(file, document.path)
+    faults = list(check_files_of(plan))
+    if not faults:
+        for name in plan.settings:
+            for message in _misfits(plan, name):
+                check.fault(("set", name), message, code="P802", key=True)
+    faults = [*check.faults, *faults]
+    wrong = any(fault.severity == "error" for fault in faults)
+    return PlanCheck(None if wrong else plan, tuple(faults))
+
+
+def check_files_of(plan: Plan) -> Iterator[Fault]:
+    """The errors in missions, scenes, robots and faults files that the plan names, each once."""
+    seen: dict[Fault, None] = {}
+    for scene in plan.scenes:
+        for mission in plan.missions:
+            seen.update(dict.fromkeys(_faults_of_mission(mission, scene)))
+    for file in plan.faults:
+        if file is not None:
+            try:
+                load_faults(file)
+            except FileError as error:
+                seen.update(dict.fromkeys(error.faults))
+    yield from (fault for fault in seen if fault.severity == "error")
+
+
+def check_settings(plan: Plan) -> None:
+    """Raises PicktreeError for the first setting that does not fit one of the missions."""
+    for name in plan.settings:
+        for message in _misfits(plan, name):
+            raise PicktreeError(message)
+
+
+def _faults_of_mission(mission: Path, scene: str | None) -> Iterable[Fault]:
+    try:
+        check = _checked(mission, scene)
+    except FileError as error:
+        return error.faults
+    return check.faults
+
+
+def _checked(mission: Path, scene: str | None) -> MissionCheck:
+    known: Surroundings | None = load_surroundings(scene) if scene is not None else None
+    return check_mission(open_document(mission, "mission"), known=known)
+
+
+def _misfits(plan: Plan, name: str) -> Iterator[str]:
+    """What is wrong with a setting, for the first mission that it does not fit."""
+    for path in plan.missions:
+        mission = _checked(path, plan.scenes[0]).mission
+        if mission is None:
+            continue
+        required = {p.key: plan.settings[p.key][0] for p in mission.parameters if p.key in plan.settings}
+        for value in plan.settings[name]:
+            try:
+                read_settings(mission, {**required, name: value})
+            except PicktreeError as error:
+                yield f"{path.name}: {error}" if len(plan.missions) > 1 else str(error)
+                return
+
+
+def load_variant_mission(variant: Variant) -> Mission:
+    """The mission of a variant of a checked plan. Raises FileError when it was edited since."""
+    check = _checked(variant.mission, variant.scene)
+    if check.mission is None:
+        raise FileError([fault for fault in check.faults if fault.severity == "error"])
+    return check.mission
+
+
+def _plan(file: PlanFile, source: Path) -> Plan:
+    folder = source.parent.absolute()
+    settings = {
+        name: tuple(values) if isinstance(values, list) else (values,) for name, values in file.set.items()
+    }
+    return Plan(
+        name=file.name or source.stem,
+        missions=tuple(folder / mission for mission in file.missions),
+        seeds=file.seeds,
+        scenes=tuple(_scene(name, folder) for name in file.scenes) or (None,),
+        faults=tuple(None if name == NO_FAULTS else folder / name for name in file.faults) or (None,),
+        settings=settings,
+        backend=file.backend,
+        verify=file.verify,
+        limits=Limits(file.limit, file.wall_limit, file.memory),
+        keep=file.keep,
+    )
+
+
+def _scene(name: str, folder: Path) -> str:
+    return name if name in scene_names() else str(folder / name)

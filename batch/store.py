@@ -1,0 +1,159 @@
+"""The results of a batch: one SQLite file, written by one process, read by any."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Sequence
+from contextlib import closing
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+from ..world.errors import PicktreeError
+from .job import Job
+from .rows import FailureRow, ItemRow, JobRow, JobRows, PickRow, PlanRow, TimingRow
+from .tables import TABLES, VERSION
+
+NAME = "results.sqlite"
+_CHILDREN = {
+    "items": ItemRow,
+    "picks": PickRow,
+    "failures": FailureRow,
+    "plans": PlanRow,
+    "timings": TimingRow,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The answer to a query."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[object, ...], ...]
+
+
+class Store:
+    """The results in a batch's folder. A context manager. All methods raise PicktreeError when the file
+    cannot be read or written."""
+
+    def __init__(self, path: Path) -> None:
+        """Open the results that are there."""
+        if not path.is_file():
+            raise PicktreeError(f"{path.parent}: no batch: there is no {path.name} in it")
+        self.path = path
+        self._connection = _connect(path)
+        (version,) = self._connection.execute("PRAGMA user_version").fetchone()
+        if version != VERSION:
+            self.close()
+            raise PicktreeError(
+                f"{path}: results of version {version}; this picktree reads {VERSION}: "
+                "use the one that wrote them"
+            )
+
+    @classmethod
+    def create(cls, path: Path, jobs: Iterable[Job]) -> Store:
+        """New results for these jobs, none of them run. Raises PicktreeError when there are some already."""
+        if path.exists():
+            raise PicktreeError(f"{path.parent}: there is a batch already; go on with it by --resume")
+        beside = path.with_suffix(".part")
+        beside.unlink(missing_ok=True)
+        with closing(_connect(beside)) as connection, connection:
+            connection.executescript(TABLES)
+            connection.executemany(
+                "INSERT INTO jobs (job, number, variant, mission, scene, faults, settings, seed) "
+                "VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                (
+                    (
+                        job.id,
+                        job.number,
+                        job.variant.label,
+                        str(job.variant.mission),
+                        job.variant.scene or "",
+                        str(job.variant.faults or ""),
+                        json.dumps(dict(job.variant.settings)),
+                        job.seed,
+                    )
+                    for job in jobs
+                ),
+            )
+            connection.execute(f"PRAGMA user_version = {VERSION}")
+        beside.rename(path)
+        return cls(path)
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._connection.close()
+
+    def job_ids(self) -> tuple[str, ...]:
+        """In the order of the plan."""
+        return tuple(row[0] for row in self._connection.execute("SELECT job FROM jobs ORDER BY number"))
+
+    def to_do(self) -> frozenset[str]:
+        """Ids of the jobs that were not run, or crashed."""
+        found = self._connection.execute("SELECT job FROM jobs WHERE status IN ('waiting', 'crashed')")
+        return frozenset(row[0] for row in found)
+
+    def recorded(self) -> tuple[JobRow, ...]:
+        """What was recorded of the jobs that are done, in the order of the plan."""
+        names = [field.name for field in fields(JobRow)]
+        found = self._connection.execute(
+            f"SELECT {', '.join(names)} FROM jobs WHERE status NOT IN ('waiting', 'crashed') ORDER BY number"
+        )
+        return tuple(JobRow(*row) for row in found)
+
+    def record(self, job: str, rows: JobRows) -> bool:
+        """Keep what a job came to, all of it or nothing. False when it was recorded before."""
+        names = [field.name for field in fields(JobRow)]
+        changes = ", ".join(f"{name} = ?" for name in names)
+        try:
+            with self._connection:
+                changed = self._connection.execute(
+                    f"UPDATE jobs SET {changes} WHERE job = ? AND status IN ('waiting', 'crashed')",
+                    (*astuple(rows.job), job),
+                )
+                if changed.rowcount != 1:
+                    return False
+                for table in (*_CHILDREN, "versions"):
+                    self._connection.execute(f"DELETE FROM {table} WHERE job = ?", (job,))
+                for table, kind in _CHILDREN.items():
+                    self._insert(table, kind, job, getattr(rows, table))
+                self._connection.executemany(
+                    "INSERT INTO versions VALUES (?, ?, ?)",
+                    [(job, library, version) for library, version in rows.versions.items()],
+                )
+        except sqlite3.Error as error:
+            raise PicktreeError(f"{self.path}: the results cannot be written: {error}") from None
+        return True
+
+    def query(self, sql: str) -> Table:
+        """What a SELECT answers; nothing can be changed by it. Raises PicktreeError for faulty SQL."""
+        try:
+            with closing(sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro", uri=True)) as connection:
+                cursor = connection.execute(sql)
+                columns = tuple(column[0] for column in cursor.description or ())
+                return Table(columns, tuple(cursor.fetchall()))
+        except sqlite3.Error as error:
+            raise PicktreeError(f"the query cannot be answered: {error}") from None
+
+    def _insert(self, table: str, kind: type, job: str, rows: Sequence[object]) -> None:
+        names = [field.name for field in fields(kind)]
+        places = ", ".join("?" * (len(names) + 1))
+        self._connection.executemany(
+            f"INSERT INTO {table} (job, {', '.join(names)}) VALUES ({places})",
+            [(job, *(getattr(row, name) for name in names)) for row in rows],
+        )
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    try:
+        connection = sqlite3.connect(path)
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA foreign_keys = ON")
+    except sqlite3.Error as error:
+        raise PicktreeError(f"{path}: the results cannot be opened: {error}") from None
+    return connection

@@ -1,0 +1,34 @@
+"""Who follows a batch in tests: it remembers what it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from picktree.batch.batch import Ended
+from picktree.batch.job import Job
+from picktree.batch.rows import JobRow
+
+
+@dataclass
+class Remembering:
+    """`at_end` is called after each job that was recorded."""
+
+    at_end: Callable[[], None] = lambda: None
+    done: tuple[JobRow, ...] = ()
+    ends: list[Ended] = field(default_factory=list[Ended])
+    again: list[str] = field(default_factory=list[str])
+
+    def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
+        self.done = tuple(done)
+
+    def ended(self, ended: Ended) -> None:
+        self.ends.append(ended)
+        self.at_end()
+
+    def tried_again(self, job: Job, reason: str) -> None:
+        self.again.append(reason)
+
+    def stopping(self, under_way: int) -> None: ...
+
+    def waiting(self) -> None: ...
