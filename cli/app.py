@@ -16,6 +16,7 @@ from ..world.errors import PicktreeError
 from ..world.files.marks import FileError
 from .check import check
 from .convert import convert
+from .diff import diff
 from .explain_code import explain_code
 from .new import new
 from .nodes import nodes
@@ -36,6 +37,7 @@ app = typer.Typer(
 )
 app.command()(check)
 app.command()(convert)
+app.command()(diff)
 app.command()(explain_code)
 app.command()(new)
 app.command()(nodes)

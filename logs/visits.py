@@ -181,6 +181,8 @@ def under_way(first: Tick) -> tuple[str, ...]:
 
 def visits_of(log: RunLog) -> tuple[Visit, ...]:
     """All visits of a run, in the order of their beginnings. Empty for a log of format 1."""
+    if log.format < 2:
+        return ()
     trees = list(log.trees())
     following = Following(trees[0].record if trees else Tree(()))
     coming = trees[1:]

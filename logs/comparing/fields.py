@@ -35,9 +35,20 @@ def first_field(schema: str, a: bytes, b: bytes) -> FieldDifference | None:
     from google.protobuf.message import DecodeError
 
     try:
-        return first_apart(_decoded(schema, a), _decoded(schema, b))
+        return first_apart(_values(schema, a), _values(schema, b))
     except (ValueError, DecodeError):
         return FieldDifference("", "", f"{len(a)} bytes", f"{len(b)} bytes")
+
+
+def decoded(schema: str, data: bytes) -> object:
+    """A message as JSON values; None when it is unreadable."""
+    from google.protobuf.message import DecodeError
+
+    try:
+        values: object = _values(schema, data)
+    except (ValueError, DecodeError):
+        return None
+    return values
 
 
 def first_apart(a: object, b: object, path: str = "", of: str = "") -> FieldDifference | None:
@@ -84,7 +95,7 @@ def _name(element: object) -> str:
     return next((str(fields[name]) for name in NAMES if isinstance(fields.get(name), str)), "")
 
 
-def _decoded(schema: str, data: bytes) -> Any:
+def _values(schema: str, data: bytes) -> Any:
     """As JSON values; bytes by their length and check sum. Raises ValueError or DecodeError for what is no
     message of the schema."""
     from google.protobuf.json_format import MessageToDict

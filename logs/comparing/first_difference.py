@@ -6,6 +6,7 @@ know at all is passed over.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import zip_longest
 from typing import Literal
@@ -13,12 +14,12 @@ from typing import Literal
 from .. import topics
 from ..mcap_reading import RawMessage
 from ..run import Run
-from .fields import FieldDifference, first_field
+from .fields import FieldDifference, decoded, first_field
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first message that differs. Of the values of a side that has no such message there is none."""
+    """The first message that differs."""
 
     tick: int
     """Number of the tick to whose time it belongs, 0 for the first of the log A."""
@@ -35,19 +36,26 @@ class Difference:
     of: str
     """What the innermost list element on the way is called: a node's path, a frame, a key; else empty."""
     a: object
-    """The values of the field, as JSON has them; None where there is none."""
+    """The values of the field, as JSON has them; of a missing message the whole other one. None where there
+    is none."""
     b: object
 
 
 def first_difference(
-    a: Run, b: Run, *, since: float | None = None, until: float | None = None
+    a: Run,
+    b: Run,
+    *,
+    since: float | None = None,
+    until: float | None = None,
+    without: Collection[str] = (),
 ) -> Difference | None:
-    """None when both logs hold the same simulated messages from `since` to `until` (simulated s, inclusive).
+    """None when both logs hold the same simulated messages from `since` to `until` (simulated s, inclusive),
+    apart from those on the topics `without`.
 
     A log that was cut ends earlier than the one of the same run that is whole: then the difference has
     `ended`, and `missing` says which.
     """
-    names = _compared(a, b)
+    names = _compared(a, b) - set(without)
     streams = (run.log.messages(names, since, until) for run in (a, b))
     for one, other in zip_longest(*streams):
         if one is None or other is None or (one.topic, one.time) != (other.topic, other.time):
@@ -71,19 +79,18 @@ def _compared(a: Run, b: Run) -> frozenset[str]:
 
 def _unpaired(a: Run, b: Run, one: RawMessage | None, other: RawMessage | None) -> Difference:
     """Of two messages that are not of one topic and time: the one that the other log does not have."""
-    if one is None or other is None:
-        lone = one or other
-        assert lone is not None
-        return _missing(a, lone, "b" if other is None else "a", ended=True)
-    if one.time != other.time:
-        return _missing(a, *((one, "b") if one.time < other.time else (other, "a")), ended=False)
-    more_in_b = _count(b, other) > _count(a, other)
-    return _missing(a, *((other, "a") if more_in_b else (one, "b")), ended=False)
-
-
-def _missing(a: Run, message: RawMessage, side: Literal["a", "b"], *, ended: bool) -> Difference:
-    time = message.time / 1e9
-    return Difference(_tick(a, message), time, message.topic, side, ended, "", "", None, None)
+    if one is not None and other is not None:
+        ended = False
+        in_b = other.time < one.time or (other.time == one.time and _count(b, other) > _count(a, other))
+    else:
+        ended, in_b = True, one is None
+    lone, missing = (other, "a") if in_b else (one, "b")
+    assert lone is not None
+    value = None if ended else decoded((b if in_b else a).log.topics[lone.topic].schema, lone.data)
+    return Difference(
+        _tick(a, lone), lone.time / 1e9, lone.topic, missing, ended, "", "",
+        None if in_b else value, value if in_b else None,
+    )  # fmt: skip
 
 
 def _count(run: Run, like: RawMessage) -> int:

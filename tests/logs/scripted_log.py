@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from picktree.logs.recorder import Recorder
 from picktree.logs.records import NodeStatus, RunInfo, Tick, Transition, Tree, TreeNode, Write
+from picktree.logs.result import RunResult
+from picktree.world.journal import Happened
 from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
@@ -60,19 +62,22 @@ def record(
     path: Path,
     nodes: Tree,
     ticks: int,
-    script: Mapping[int, Sequence[Transition | Write]],
+    script: Mapping[int, Sequence[Transition | Write | Happened]],
     *,
     seen: Sequence[Seen] = (),
     seed: int = 0,
     first: int = 0,
     running: Sequence[str] = (),
-    finished: bool = True,
+    files: Mapping[str, str] | None = None,
+    result: RunResult | None = None,
 ) -> Path:
     """Write a log of `ticks` ticks from number `first` on. `running` are nodes that run when it begins."""
     info = RunInfo("made up", "nowhere", "none", seed, "kinematic", TICK)
     scene = PlanningScene([], [])
     state = {node.path: "RUNNING" if node.path in running else "IDLE" for node in nodes.nodes}
     with Recorder(path, info) as recorder:
+        for name, text in (files or {}).items():
+            recorder.attach(name, text)
         recorder.tree(nodes)
         for k in range(first, ticks):
             for one in seen:
@@ -81,6 +86,12 @@ def record(
             said = script.get(k, ())
             moves = tuple(one for one in said if isinstance(one, Transition))
             state.update({move.path: move.status for move in moves})
+            for one in said:
+                if isinstance(one, Happened):
+                    recorder.entry(k * TICK, one)
+                    if one.kind == "item_done":
+                        placed = next(o for o in scene.objects if o.id == one.data["object"])
+                        scene.put(replace(placed, place=str(one.data["into"])), "placed")
             recorder.belief(k * TICK, scene.objects, scene.take_changes())
             recorder.tick(
                 k * TICK,
@@ -92,8 +103,8 @@ def record(
                     moves,
                 ),
             )
-        if finished:
-            recorder.finish({})
+        if result is not None:
+            recorder.finish({"status": result.status, "json": result.to_json_text()})
     return path
 
 

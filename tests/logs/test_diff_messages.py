@@ -110,7 +110,11 @@ def test_a_message_that_only_one_side_has_is_named(sample: ModuleType, tmp_path:
                     recorder.log(0.1, "INFO", "here", "Main")
                 recorder.tick(k * 0.05, Tick("RUNNING", "", ()))
                 recorder.wrench(k * 0.05, Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    line = {
+        "timestamp": "1970-01-01T00:00:00.100Z", "level": "INFO", "message": "here", "name": "Main",
+        "file": "", "line": 0,
+    }  # fmt: skip
     found = compared(tmp_path / "a.mcap", tmp_path / "b.mcap")
-    assert found == Difference(2, 0.1, "/log", "a", False, "", "", None, None)
+    assert found == Difference(2, 0.1, "/log", "a", False, "", "", None, line)
     found = compared(tmp_path / "b.mcap", tmp_path / "a.mcap")
-    assert found == Difference(2, 0.1, "/log", "b", False, "", "", None, None)
+    assert found == Difference(2, 0.1, "/log", "b", False, "", "", line, None)

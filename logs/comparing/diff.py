@@ -1,0 +1,77 @@
+"""Two runs compared as a whole: one value, which `diff_text` and `diff_json` render."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from .. import topics
+from ..run import Run
+from .alignment import Alignment, align
+from .first_difference import Difference, first_difference
+from .item_ends import ItemChange, item_changes
+from .outcome import RunOutcome, outcome_of
+from .setup import SetUp, compare_set_up
+from .spent import CountChange, TimeSpent, WayChange, causes, time_spent, ways
+
+Verdict: TypeAlias = Literal["identical", "cut", "alike", "apart"]
+"""`identical`: every simulated message is the same. `cut`: they are, until one log ends. `alike`: some values
+differ, but every node did the same at the same times. `apart`: the nodes did not."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunDiff:
+    """In what two runs differ; times are simulated s."""
+
+    verdict: Verdict
+    a: RunOutcome
+    b: RunOutcome
+    set_up: SetUp
+    first: Difference | None
+    """The first simulated value that differs. When the trees do, apart from what is told of their nodes."""
+    no_visits: Literal["", "a", "b", "both"]
+    """The side whose log is too old to tell when nodes began and ended; what follows is empty then."""
+    alignment: Alignment
+    """Holds where they part."""
+    time: TimeSpent
+    causes: tuple[CountChange, ...]
+    ways: tuple[WayChange, ...]
+    items: tuple[ItemChange, ...]
+
+    @property
+    def same(self) -> bool:
+        return self.verdict == "identical"
+
+
+def diff(a: Run, b: Run) -> RunDiff:
+    """Compare two runs of whatever missions, finished or cut. Raises PicktreeError for a damaged log."""
+    alignment, first = align(a, b), first_difference(a, b)
+    if first is not None and first.topic == topics.TREE.name:
+        first = first_difference(a, b, without=(topics.TREE.name, topics.TICK.name)) or first
+    return RunDiff(
+        _verdict(alignment, first),
+        outcome_of(a),
+        outcome_of(b),
+        compare_set_up(a, b),
+        first,
+        _no_visits(a, b),
+        alignment,
+        time_spent(alignment),
+        causes(alignment),
+        ways(alignment),
+        item_changes(a, b, alignment),
+    )
+
+
+def _verdict(alignment: Alignment, first: Difference | None) -> Verdict:
+    if first is None:
+        return "identical"
+    if first.missing and first.ended:
+        return "cut"
+    return "alike" if alignment.pairs and alignment.parting is None else "apart"
+
+
+def _no_visits(a: Run, b: Run) -> Literal["", "a", "b", "both"]:
+    if not a.visits:
+        return "a" if b.visits else "both"
+    return "" if b.visits else "b"
