@@ -47,7 +47,7 @@ class Caption:
 
 
 def write(picture: Picture, caption: Caption) -> None:
-    """In place: a line at the foot, and a failure at the top."""
+    """In place: a line at the foot, and a failure above it."""
     height, width = picture.shape[:2]
     unit = height / 600
     bar = round(4 * unit) if caption.elapsed is not None else 0
@@ -72,7 +72,7 @@ def write(picture: Picture, caption: Caption) -> None:
     if caption.elapsed is not None:
         _progress(picture, caption.elapsed, caption.marks, bar)
     if caption.trouble is not None:
-        _banner(picture, caption.trouble, unit)
+        _banner(picture, caption.trouble, unit, height - line - bar)
 
 
 def _progress(picture: Picture, elapsed: float, marks: tuple[float, ...], bar: int) -> None:
@@ -84,7 +84,7 @@ def _progress(picture: Picture, elapsed: float, marks: tuple[float, ...], bar: i
         picture[height - bar :, at : at + max(2, bar // 2)] = _ALARM
 
 
-def _banner(picture: Picture, trouble: Trouble, unit: float) -> None:
+def _banner(picture: Picture, trouble: Trouble, unit: float, foot: int) -> None:
     gap = round(18 * unit)
     size, small = max(10, round(20 * unit)), max(9, round(16 * unit))
     space = picture.shape[1] - 4 * gap
@@ -92,9 +92,10 @@ def _banner(picture: Picture, trouble: Trouble, unit: float) -> None:
     message = _fitted(trouble.message, small, _REGULAR, space)
     wide = max(_width(cause, size, _SEMIBOLD), _width(message, small, _REGULAR)) + 2 * gap
     high = round(64 * unit) if message else round(40 * unit)
-    _veil(picture, (gap, gap, wide, high), _ALARM, 0.92)
-    _text(picture, cause, (2 * gap, gap + round(27 * unit)), size, _SEMIBOLD, _PAPER)
-    _text(picture, message, (2 * gap, gap + round(51 * unit)), small, _REGULAR, _PAPER)
+    top = foot - gap // 2 - high
+    _veil(picture, (gap, top, wide, high), _ALARM, 0.92)
+    _text(picture, cause, (2 * gap, top + round(27 * unit)), size, _SEMIBOLD, _PAPER)
+    _text(picture, message, (2 * gap, top + round(51 * unit)), small, _REGULAR, _PAPER)
 
 
 def _veil(picture: Picture, box: tuple[int, int, int, int], colour: Colour, share: float) -> None:

@@ -144,7 +144,7 @@ class Shadows:
         v = (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + np.float32(place[1])) * scale + middle
         return u, v, depth
 
-    def _flat(self, u: Floats, v: Floats) -> NDArray[np.intp]:
+    def _flat(self, u: Array | Floats, v: Array | Floats) -> NDArray[np.intp]:
         most = np.float32(self._side - 1)
         row, column = (np.minimum(np.maximum(a, 0), most).astype(np.int32) for a in (v, u))
         return (row * self._side + column).astype(np.intp)
@@ -158,8 +158,7 @@ class Shadows:
         # Turned from pixel to pixel, so that few taps make no bands.
         turned = (samples.columns[edge] * 5 + samples.rows[edge] * 3) % 4
         spin = turned.astype(np.float32) * np.float32(0.21)
-        cosine: Floats = np.cos(spin)
-        sine: Floats = np.sin(spin)
+        cosine, sine = np.cos(spin), np.sin(spin)
         reached = np.zeros(len(edge), np.float32)
         for r, t in taps:
             du, dv = np.float32(r * math.cos(t)), np.float32(r * math.sin(t))

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from ..world.errors import PicktreeError
 from ..world.values import Array, Vector3
 from .meshes import unit
 
@@ -16,8 +17,8 @@ from .meshes import unit
 class View:
     """Where the picture is taken from: angles in rad (azimuth about the world's z from +x), lengths in m."""
 
-    target: Vector3 = (0.36, 0.0, 0.21)
-    distance: float = 2.4
+    target: Vector3 = (0.36, 0.0, 0.27)
+    distance: float = 2.65
     azimuth: float = math.radians(-30.0)
     elevation: float = math.radians(25.0)
     fov: float = math.radians(32.0)
@@ -65,3 +66,40 @@ VIEWS: Final = {
     "close": View(target=(0.5, 0.0, 0.1), distance=1.5, elevation=math.radians(32.0)),
 }
 """Views that have a name."""
+
+
+def parse_view(text: str) -> View:
+    """A view by its name, or `AZIMUTH,ELEVATION,DISTANCE` in degrees and m. Raises PicktreeError.
+
+    >>> parse_view("top").elevation > parse_view("-30, 25, 2.4").elevation
+    True
+    """
+    if text in VIEWS:
+        return VIEWS[text]
+    try:
+        azimuth, elevation, distance = (float(word) for word in text.split(","))
+    except ValueError:
+        raise PicktreeError(
+            f"view {text!r}: write {', '.join(VIEWS)}, or AZIMUTH,ELEVATION,DISTANCE "
+            "in degrees and metres, as in -30,25,2.4"
+        ) from None
+    if not (abs(elevation) <= 89 and 0.3 <= distance <= 15 and math.isfinite(azimuth)):
+        raise PicktreeError(
+            f"view {text!r}: the elevation goes from -89 to 89, the distance from 0.3 to 15 m"
+        )
+    return View(azimuth=math.radians(azimuth), elevation=math.radians(elevation), distance=distance)
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Width and height in pixels. Raises PicktreeError.
+
+    >>> parse_size("960x600")
+    (960, 600)
+    """
+    try:
+        width, height = (int(word) for word in text.lower().replace("×", "x").split("x"))
+    except ValueError:
+        raise PicktreeError(f"size {text!r}: write WIDTHxHEIGHT in pixels, as in 960x600") from None
+    if not (64 <= width <= 4096 and 64 <= height <= 4096):
+        raise PicktreeError(f"size {text!r}: each side goes from 64 to 4096 pixels")
+    return width, height
