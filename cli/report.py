@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-from .output import keep_stdout
-
 
 def report(
     log: Annotated[str, typer.Argument(metavar="LOG", help="Log file, run folder, or 'last'.")],
@@ -25,9 +23,8 @@ def report(
 
     if output.suffix.lower() not in (".html", ".htm"):
         raise PicktreeError(f"{output}: a report is an HTML page; name it {output.with_suffix('.html').name}")
-    answer = keep_stdout()
     with Run(log) as run:
         written = write_report(run, output)
-    print(json.dumps(written.to_json()) if as_json else written.to_text(), file=answer, flush=True)
+    print(json.dumps(written.to_json()) if as_json else written.to_text())
     if open_it:
         typer.launch(output.absolute().as_uri())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -86,3 +87,12 @@ class Chromium:
             yield page, told
         finally:
             context.close()
+
+
+def wait_until(page: Any, expression: str, seconds: float = 10.0) -> None:
+    """Wait until it is true in the page, whose policy forbids what `page.wait_for_function` does."""
+    end = time.monotonic() + seconds
+    while not page.evaluate(expression):
+        if time.monotonic() > end:
+            raise AssertionError(f"never true in the page: {expression}")
+        page.wait_for_timeout(20)

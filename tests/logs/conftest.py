@@ -5,6 +5,8 @@ from types import ModuleType
 
 import pytest
 
+from picktree.logs.session import RunRequest, Session
+
 from .browser import Chromium
 
 
@@ -24,6 +26,29 @@ def log_path(sample: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Pa
     path = tmp_path_factory.mktemp("logs") / "log.mcap"
     sample.record(path)
     return path
+
+
+TROUBLE = """\
+picktree: 1
+kind: faults
+faults:
+  - {fault: remove, when: {node: Grasp, start: 2}, target: {nearest_to: object}}
+"""
+
+
+@pytest.fixture(scope="session")
+def troubled_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of a run without physics in which the second item is snatched away; do not change the file."""
+    out = tmp_path_factory.mktemp("troubled")
+    (out / "faults.yaml").write_text(TROUBLE, encoding="utf-8")
+    request = RunRequest(
+        mission=Path(__file__).parents[2] / "examples" / "sort_by_colour.yaml",
+        scene="sort_small",
+        backend="kinematic",
+        faults=out / "faults.yaml",
+        out=out,
+    )
+    return Session(request).run().folder / "log.mcap"
 
 
 @pytest.fixture(scope="session")

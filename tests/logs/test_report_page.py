@@ -1,0 +1,199 @@
+"""The report's page in a browser: it plays, seeks, goes to failures, folds, fits a phone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from picktree.logs.report.report import write_report
+from picktree.logs.run import Run
+
+from .browser import NEEDED, Chromium, wait_until
+
+pytestmark = NEEDED
+
+TIME = "picktreeReport.player.time"
+
+
+@pytest.fixture(scope="module")
+def report(troubled_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("report") / "report.html"
+    with Run(troubled_log) as run:
+        write_report(run, file)
+    return file
+
+
+@pytest.fixture(scope="module")
+def failures(troubled_log: Path) -> list[float]:
+    """Their times."""
+    with Run(troubled_log) as run:
+        return [failure.time for failure in run.failures]
+
+
+def test_page_opens_without_a_word_or_a_request(report: Path, chromium: Chromium) -> None:
+    with chromium.page(report) as (page, told):
+        assert page.title() == "sort by colour, sort_small, seed 0"
+        assert page.locator("#head h1").inner_text() == "sort by coloursort_small · seed 0"
+        page.locator("#play").click()
+        wait_until(page, f"{TIME} > 0.2")
+        assert (told.problems, told.requests) == ([], [])
+
+
+def test_play_moves_time_at_the_chosen_speed(report: Path, chromium: Chromium) -> None:
+    with chromium.page(report) as (page, _):
+        page.keyboard.press("Space")
+        wait_until(page, f"{TIME} > 0.15")
+        assert page.locator("#play").get_attribute("aria-label") == "Pause"
+        page.keyboard.press("Space")
+        stopped = page.evaluate(TIME)
+        page.wait_for_timeout(150)
+        assert page.evaluate(TIME) == stopped
+        page.locator("#speed").select_option("16")
+        page.locator("#play").click()
+        wait_until(page, f"{TIME} === picktreeReport.player.end && !picktreeReport.player.playing")
+        page.keyboard.press("Space")  # from the end it begins anew
+        wait_until(page, f"{TIME} < picktreeReport.player.end / 2")
+
+
+def test_keys_go_by_ticks_seconds_and_to_the_ends(report: Path, chromium: Chromium) -> None:
+    with chromium.page(report, at="#t=2") as (page, _):
+        for key, time in (
+            ("ArrowRight", 2.05), ("ArrowLeft", 2.0), ("Shift+ArrowRight", 3.0), ("Shift+ArrowLeft", 2.0),
+            ("Home", 0.0),
+        ):  # fmt: skip
+            page.keyboard.press(key)
+            assert page.evaluate(TIME) == pytest.approx(time), key
+        page.keyboard.press("End")
+        assert page.evaluate(f"{TIME} === picktreeReport.player.end")
+        page.keyboard.press("?")
+        assert page.locator("#help").is_visible()
+        page.keyboard.press("Escape")
+        assert not page.locator("#help").is_visible()
+
+
+def test_scrubber_seeks_and_the_clock_follows(report: Path, chromium: Chromium) -> None:
+    with chromium.page(report) as (page, _):
+        box = page.locator("#scrub").bounding_box()
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        assert page.evaluate(TIME) == pytest.approx(page.evaluate("picktreeReport.player.end / 2"), abs=0.2)
+        wait_until(
+            page,
+            "document.getElementById('clock').textContent === `${picktreeReport.player.time.toFixed(2)} s`",
+        )
+
+
+def test_next_and_previous_failure(report: Path, chromium: Chromium, failures: list[float]) -> None:
+    assert failures
+    with chromium.page(report) as (page, _):
+        for time in failures:
+            page.keyboard.press("n")
+            assert page.evaluate(TIME) == time
+        page.keyboard.press("n")  # there is none after the last
+        assert page.evaluate("picktreeReport.player.failure") == len(failures) - 1
+        node = page.evaluate("picktreeReport.player.node")
+        assert node == page.evaluate("picktreeReport.player.failures.at(-1).node")
+        page.keyboard.press("Home")
+        page.locator("#failure-after").click()
+        assert page.evaluate(TIME) == failures[0]
+        page.keyboard.press("End")
+        page.keyboard.press("p")
+        assert page.evaluate(TIME) == failures[-1]
+
+
+def test_address_and_time_follow_each_other(report: Path, chromium: Chromium, failures: list[float]) -> None:
+    with chromium.page(report, at="#t=1.25") as (page, _):
+        assert page.evaluate(TIME) == 1.25
+        page.keyboard.press("ArrowRight")
+        wait_until(page, "location.hash === '#t=1.3'")
+        page.evaluate("location.hash = '#t=0.5'")
+        wait_until(page, f"{TIME} === 0.5")
+        page.evaluate("location.hash = '#failure=1'")
+        wait_until(page, f"{TIME} === {failures[0]}")
+        wait_until(page, "location.hash.includes('failure=1')")
+    with chromium.page(report, at="#t=nonsense") as (page, told):
+        assert page.evaluate(TIME) == 0.0
+        assert told.problems == []
+
+
+def test_sections_fold_and_stay_folded(report: Path, chromium: Chromium) -> None:
+    with chromium.page(report) as (page, _):
+        fold = page.locator("#panel-stage .fold")
+        assert fold.get_attribute("aria-expanded") == "true"
+        fold.click()
+        assert fold.get_attribute("aria-expanded") == "false"
+        assert not page.locator("#body-stage").is_visible()
+        page.reload()
+        page.wait_for_selector("html[data-ready=yes]", state="attached")
+        assert not page.locator("#body-stage").is_visible()
+        fold.focus()
+        page.keyboard.press("Space")  # the key of the button that has the focus, not of the player
+        assert page.locator("#body-stage").is_visible()
+        assert not page.evaluate("picktreeReport.player.playing")
+
+
+def test_scene_moves_with_time_and_shows_what_was_taken_away(
+    report: Path, chromium: Chromium, failures: list[float]
+) -> None:
+    with chromium.page(report) as (page, told):
+        stage = "picktreeReport.shell.panels.find((panel) => panel.name === 'stage').made"
+        wait_until(page, f"{stage}.sized && !{stage}.moved")
+        start = page.evaluate(f"{stage}.robot.tcp.toArray()")
+        assert page.evaluate(f"{stage}.truths.filter((one) => one.state === 'gone').length") == 0
+        page.evaluate(f"picktreeReport.player.seek({failures[0]})")
+        wait_until(page, f"{stage}.truths.filter((one) => one.state === 'gone').length === 1")
+        assert page.evaluate(f"{stage}.robot.tcp.toArray()") != start
+        assert page.locator(".tag.apart").first.inner_text() == "not there"
+        page.get_by_role("button", name="Truth", exact=True).click()
+        page.wait_for_selector(".tag.apart", state="hidden")
+        assert told.problems == []
+
+
+def test_without_webgl_the_rest_works(report: Path, chromium: Chromium) -> None:
+    without = """HTMLCanvasElement.prototype.getContext = ((known) => function (kind, ...rest) {
+      return kind.startsWith("webgl") ? null : known.call(this, kind, ...rest);
+    })(HTMLCanvasElement.prototype.getContext);"""
+    with chromium.page(report, script=without) as (page, _):
+        assert page.locator("#panel-stage .empty").inner_text() == (
+            "This browser draws no 3-D (WebGL is missing or switched off). "
+            "All else on this page works without it."
+        )
+        page.keyboard.press("End")
+        assert page.evaluate(f"{TIME} === picktreeReport.player.end")
+
+
+def test_light_and_dark_follow_the_system_until_one_is_chosen(report: Path, chromium: Chromium) -> None:
+    theme = "document.documentElement.dataset.theme"
+    with chromium.page(report, dark=True) as (page, _):
+        assert page.evaluate(theme) == "dark"
+        page.locator("#theme").click()
+        assert page.evaluate(theme) == "light"
+        assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(246, 247, 249)"
+        page.reload()
+        page.wait_for_selector("html[data-ready=yes]", state="attached")
+        assert page.evaluate(theme) == "light"
+
+
+@pytest.mark.parametrize("size", [(390, 844), (360, 640), (800, 600), (1280, 800), (1920, 1080)])
+def test_page_fits_the_screen(size: tuple[int, int], report: Path, chromium: Chromium) -> None:
+    with chromium.page(report, size=size, touch=size[0] < 700) as (page, told):
+        root = "document.scrollingElement"
+        assert page.evaluate(f"{root}.scrollWidth") <= size[0]
+        assert page.evaluate(f"{root}.scrollHeight") <= size[1]
+        for name in ("#play", "#scrub", "#clock", "#panel-stage canvas"):
+            box = page.locator(name).bounding_box()
+            assert box["x"] >= 0 and box["x"] + box["width"] <= size[0], name
+            assert box["y"] >= 0 and box["y"] + box["height"] <= size[1], name
+        assert told.problems == []
+
+
+def test_tabs_show_one_panel_at_a_time_on_a_phone(report: Path, chromium: Chromium) -> None:
+    with chromium.page(report, size=(390, 844), touch=True) as (page, _):
+        tabs = page.get_by_role("tab")
+        if tabs.count() < 2:
+            pytest.skip("there is nothing but the scene")
+        for index in range(tabs.count()):
+            tabs.nth(index).click()
+            shown = page.locator(".panel:visible").evaluate_all("all => all.map((one) => one.id)")
+            assert shown == ["panel-stage", tabs.nth(index).get_attribute("aria-controls")]
+            assert page.evaluate("document.scrollingElement.scrollWidth") <= 390
