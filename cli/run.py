@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,6 +14,7 @@ from ..world.errors import PicktreeError
 from .output import keep_stdout, program
 
 if TYPE_CHECKING:
+    from ..logs.recorder import Feed
     from ..trees.debugger import Debugger
     from .live import View
 
@@ -47,12 +50,26 @@ def run(
     rotate_minutes: Annotated[
         float, typer.Option(min=0.0, metavar="MIN", help="The same after so many simulated minutes.")
     ] = 0.0,
+    live: Annotated[
+        bool,
+        typer.Option("--live", help="Serve the log as it grows to Foxglove or Lichtblick, on this machine."),
+    ] = False,
+    live_port: Annotated[
+        int, typer.Option(min=0, max=65535, metavar="PORT", help="Of --live; 0: any that is free.")
+    ] = 8765,
+    pace: Annotated[
+        float | None,
+        typer.Option(metavar="FACTOR", help="Simulated time no faster than so many times the clock's."),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
     """Run a mission in simulation. Exit code 0: the goal is reached; 1: it is missed."""
     answer = keep_stdout() if json else None
     parameters = parse_parameters(set_ or ())
+    if pace is not None and pace <= 0:
+        raise PicktreeError(f"--pace {pace:g}: write a number above 0, as in --pace 1 for real time")
 
+    from ..logs.live.pace import Paced
     from ..logs.rotation import Rotation
     from ..logs.session import RunRequest, Session
 
@@ -68,8 +85,9 @@ def run(
         watch=watch,
         rotation=Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0),
     )
-    with _view(to_stderr=json, lines=debug) as view:
-        result = Session(request, view, _debugger(to_stderr=json) if debug else None).run()
+    with _view(to_stderr=json, lines=debug) as view, _feed(live, live_port) as feed:
+        watcher = view if pace is None else Paced(view, pace)
+        result = Session(request, watcher, _debugger(to_stderr=json) if debug else None, feed=feed).run()
     if answer is None:
         print(result.to_text(program()))
     else:
@@ -97,6 +115,21 @@ def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
             raise PicktreeError(f"--set {setting}: {name!r} is set twice")
         parameters[name] = value
     return parameters
+
+
+@contextmanager
+def _feed(wanted: bool, port: int) -> Generator[Feed | None]:
+    """The live feed, if it is wanted; where it is goes to stderr."""
+    if not wanted:
+        yield None
+        return
+    from ..logs.extras import extra
+
+    with extra("live", "foxglove", "A live feed"):
+        from ..logs.live.feed import LiveFeed
+    with LiveFeed(port) as feed:
+        print(f"live feed at {feed.url}", file=sys.stderr, flush=True)
+        yield feed
 
 
 def _debugger(*, to_stderr: bool) -> Debugger:

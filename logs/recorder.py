@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from ..world.errors import PicktreeError
 from ..world.journal import CandidatesRanked, Entry, Happened, ImageTaken, PlanMade
@@ -53,6 +53,9 @@ EVERY = 1.0
 
 _WARNINGS = frozenset({"recovery", "safety_stop", "fault"})
 """Kinds of event that the log line topic repeats for people, as warnings."""
+
+Feed: TypeAlias = Callable[[Topic, int, bytes], None]
+"""Is shown messages: topic, simulated ns, payload."""
 
 
 class TrueBody(Protocol):
@@ -106,9 +109,10 @@ class Recorder:
         rotation: Rotation = NEVER,
         resumed: RecordingState | None = None,
         tap: Callable[[str, int, bytes], None] | None = None,
+        feed: Feed | None = None,
     ) -> None:
         """`resumed`: the run goes on from a checkpoint, and so does its digest. `tap` is shown each message
-        that is part of the digest: topic, time in ns, payload."""
+        that is part of the digest: topic, time in ns, payload; `feed` every message, once it is written."""
         self.path = path.absolute()
         self._file = LogFile(
             self.path, rotation=rotation, checkpoint=checkpoint, chunk_bytes=chunk_bytes, wall=wall
@@ -116,6 +120,7 @@ class Recorder:
         self._interrupts = Interrupts()
         self._resumed = resumed
         self._tap = tap
+        self._feed = feed
         self._preamble = False
         self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
         self._transforms = messages.Transforms()
@@ -362,6 +367,8 @@ class Recorder:
                 if self._tap is not None:
                     self._tap(topic.name, at, data)
             self._file.message(topic, at, data)
+        if self._feed is not None:
+            self._feed(topic, at, data)
 
 
 def _ns(seconds: float) -> int:

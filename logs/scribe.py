@@ -19,7 +19,7 @@ from . import circumstances, records
 from .checkpoints import RunState
 from .mission_record import mission_files, plugin_versions
 from .recipe_record import fingerprints, recipe_files
-from .recorder import Recorder, RecordingState
+from .recorder import Feed, Recorder, RecordingState
 from .result import RunResult
 from .robot_meshes import link_meshes
 
@@ -37,7 +37,12 @@ class Scribe:
     """Writes one run into `path`; a context manager, so that the log is finished on every way out."""
 
     def __init__(
-        self, path: Path, session: Session, structure: tuple[NodeInfo, ...], tap: Tap | None = None
+        self,
+        path: Path,
+        session: Session,
+        structure: tuple[NodeInfo, ...],
+        tap: Tap | None = None,
+        feed: Feed | None = None,
     ) -> None:
         self._session = session
         self._world = session.world
@@ -74,6 +79,7 @@ class Scribe:
             rotation=session.rotation,
             resumed=start.state.recording if start else None,
             tap=tap,
+            feed=feed,
         )
         for file in files:
             recorder.attach(file.name, file.content, file.media_type)

@@ -1,1 +1,1 @@
-"""A running mission as a feed for viewers."""
+"""A run as it goes: its messages over a WebSocket, at the pace of a watch."""

@@ -50,7 +50,13 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
     stage = Stage()
 
     class Session:
-        def __init__(self, request: dict[str, Any], watcher: object = None, debugger: object = None) -> None:
+        def __init__(
+            self,
+            request: dict[str, Any],
+            watcher: object = None,
+            debugger: object = None,
+            feed: object = None,
+        ) -> None:
             stage.requests.append(request)
             stage.debuggers.append(debugger)
 

@@ -1,0 +1,173 @@
+"""The live feed, met by a WebSocket client: the log's own bytes, also for who comes late."""
+
+from __future__ import annotations
+
+import base64
+import importlib.util
+import json
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from picktree.logs import topics
+from picktree.logs.live.feed import LiveFeed
+from picktree.logs.live.pace import Paced
+from picktree.logs.recorder import Recorder
+from picktree.logs.result import RunResult
+from picktree.logs.run_log import RunLog
+from picktree.logs.session import RunRequest, Session
+from picktree.world.errors import PicktreeError
+from picktree.world.scene.planning_scene import PlanningScene
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def websocket() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("logs_websocket", Path(__file__).parent / "websocket.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def port_of(feed: LiveFeed) -> int:
+    return int(feed.url.rsplit(":", 1)[1])
+
+
+def run(out: Path, feed: LiveFeed | None = None) -> RunResult:
+    request = RunRequest(EXAMPLES / "one_pick.yaml", backend="kinematic", out=out)
+    return Session(request, feed=feed).run()
+
+
+def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(
+    websocket: ModuleType, tmp_path: Path
+) -> None:
+    with LiveFeed(0, "one pick") as feed, websocket.Client(port_of(feed)) as client:
+        fixed = [topic.name for topic in topics.FIXED]
+        client.wait_for(fixed)
+        client.subscribe(fixed)
+        waiting = threading.Event()
+        received: list[object] = []
+
+        def listen() -> None:
+            waiting.set()
+            received.extend(client.rest())
+
+        listener = threading.Thread(target=listen)
+        listener.start()
+        waiting.wait()
+        time.sleep(0.2)  # until the server has heard of the subscriptions
+        result = run(tmp_path / "live", feed)
+        time.sleep(0.5)  # until the client has heard all
+        feed.close()
+        listener.join()
+    assert client.info["name"] == "one pick" and "time" in client.info["capabilities"]
+    assert client.clock == round(result.sim_seconds * 1e9)
+    with RunLog(result.log) as log:
+        recorded = [websocket.Received(m.topic, m.time, m.data) for m in log.messages(fixed)]
+        assert {
+            topic: (c["schemaName"], c["encoding"], c["schemaEncoding"])
+            for topic, c in client.channels.items()
+            if topic in fixed
+        } == {t.name: (t.schema, t.encoding, t.schema_encoding) for t in topics.FIXED}
+    key = str
+    assert sorted(received, key=key) == sorted(recorded, key=key)
+    assert len(recorded) > 500
+    assert run(tmp_path / "silent").digest == result.digest
+
+
+def test_the_schemas_are_those_of_the_log(websocket: ModuleType) -> None:
+    with LiveFeed(0) as feed, websocket.Client(port_of(feed)) as client:
+        client.wait_for([topics.TICK.name, topics.TF.name])
+    assert json.loads(client.channels["/bt/tick"]["schema"]) == json.loads(topics.TICK.schema_data())
+    assert base64.b64decode(client.channels["/tf"]["schema"] + "==") == topics.TF.schema_data()
+
+
+def test_who_comes_late_is_sent_what_still_holds(
+    websocket: ModuleType, sample: ModuleType, tmp_path: Path
+) -> None:
+    cameras = [f"/camera/overhead/{what}" for what in ("calibration", "colour", "depth")]
+    states = ["/bt/tree", "/bt/tick", "/scene/robot", "/scene/objects", "/truth/objects", "/tf", *cameras]
+    passing = ["/events", "/log", "/plan", "/candidates", "/timing", "/wrench"]
+    scene = PlanningScene([sample.TABLE], [sample.BIN])
+    with LiveFeed(0) as feed, Recorder(tmp_path / "log.mcap", sample.RUN, feed=feed) as recorder:
+        sample.start(recorder)
+        for k in range(45):
+            sample.step(recorder, scene, k)
+        with websocket.Client(port_of(feed)) as client:  # while the run stands still
+            client.wait_for([*states, *passing])
+            client.subscribe([*states, *passing])
+            received = client.messages(len(states))
+            assert client.clock == 2_200_000_000
+            client._socket.settimeout(0.3)
+            with pytest.raises(TimeoutError):  # and nothing of what is over
+                client.messages(1)
+    with RunLog(tmp_path / "log.mcap") as log:
+        for message in received:
+            last = log.last(message.topic, 2.2)
+            assert last is not None
+            assert (message.time, message.data) == (last.time, last.data), message.topic
+    assert {message.topic for message in received} == set(states)
+
+
+def test_a_client_that_does_not_listen_holds_up_nothing(websocket: ModuleType, tmp_path: Path) -> None:
+    with LiveFeed(0) as feed, websocket.Client(port_of(feed)) as client:
+        client.wait_for([topic.name for topic in topics.FIXED])
+        client.subscribe([topic.name for topic in topics.FIXED])
+        time.sleep(0.2)
+        payload = bytes(200_000)
+        began = time.perf_counter()
+        for k in range(1000):  # 200 MB, which no socket holds
+            feed(topics.ROBOT, k, payload)
+        assert time.perf_counter() - began < 5
+
+
+def test_a_port_that_is_taken_is_one_sentence() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(PicktreeError) as raised:
+            LiveFeed(port)
+    assert str(raised.value) == (
+        f"no live feed on port {port}: something else listens there; give another with --live-port"
+    )
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now, self.slept = 100.0, list[float]()
+
+    def sleep(self, seconds: float) -> None:
+        self.slept.append(round(seconds, 6))
+        self.now += seconds
+
+
+class Silent:
+    """A watcher on whom every tick costs some wall time."""
+
+    def __init__(self, clock: Clock, cost: Callable[[float], float]) -> None:
+        self._clock, self._cost = clock, cost
+
+    def ticked(self, now: float, report: object, items_done: int, items_total: int) -> None:
+        self._clock.now += self._cost(now)
+
+
+def test_the_pace_makes_up_for_slow_ticks_but_not_for_long_ones() -> None:
+    clock = Clock()
+    silent = Silent(clock, lambda now: 3.0 if now == 0.5 else 0.2 if now == 0.2 else 0.01)
+    paced = Paced(silent, 2.0, clock=lambda: clock.now, sleep=clock.sleep)  # type: ignore[arg-type]
+    for k in range(20):
+        paced.ticked(k * 0.1, None, 0, 0)  # type: ignore[arg-type]
+    assert clock.slept[:1] == [0.04]  # 0.1 s at twice the speed, less what the tick cost
+    assert sum(clock.slept) < 0.6
+    paced.ticked(12.0, None, 0, 0)  # type: ignore[arg-type]
+    assert clock.slept[-1] > 4.0
