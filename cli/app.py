@@ -14,19 +14,25 @@ import typer
 
 from ..world.errors import PicktreeError
 from ..world.files.marks import FileError
+from .batch import batch
 from .check import check
 from .convert import convert
 from .diff import diff
+from .explain import explain
 from .explain_code import explain_code
+from .export import export
+from .layout import layout
 from .new import new
 from .nodes import nodes
 from .output import painter
 from .rehearse import rehearse
 from .render import render
 from .report import report
+from .resim import resim
 from .run import run
 from .schema import schema
 from .snapshot import snapshot
+from .video import video
 
 app = typer.Typer(
     help="Behaviour-tree missions for robot arms: run them in simulation, look into their logs.",
@@ -35,18 +41,24 @@ app = typer.Typer(
     rich_markup_mode=None,  # importing rich would triple the time of --help
     pretty_exceptions_enable=False,
 )
+app.add_typer(batch, name="batch")
 app.command()(check)
 app.command()(convert)
 app.command()(diff)
+app.command()(explain)
 app.command()(explain_code)
+app.command()(export)
+app.command()(layout)
 app.command()(new)
 app.command()(nodes)
 app.command()(rehearse)
 app.command()(render)
 app.command()(report)
+app.command()(resim)
 app.command()(run)
 app.command()(schema)
 app.command()(snapshot)
+app.command()(video)
 
 
 def _show_version(wanted: bool) -> None:

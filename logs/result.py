@@ -110,10 +110,8 @@ class RunResult:
         return self.sim_seconds / self.picks.held if self.picks.held else None
 
     def explain(self, program: str = "picktree") -> str:
-        """The command that shows what happened; `program` is how picktree is called here."""
-        moment = self.sim_seconds if self.moment is None else self.moment
-        picture = shlex.quote(str(self.folder / "moment.png"))
-        return f"{program} snapshot {shlex.quote(str(self.folder))} --at {moment:.2f} -o {picture}"
+        """The command that tells what happened; `program` is how picktree is called here."""
+        return f"{program} explain {shlex.quote(str(self.folder))}"
 
     def to_json(self) -> dict[str, Plain]:
         items, picks, wall = self.items, self.picks, self.wall_seconds

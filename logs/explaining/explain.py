@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from ..records import Event
 from ..run_log import At
 from .case import Case
+from .derived import derived_visits
 from .explanation import Explanation, FailureStory, RootCause
 from .failures import failures_of
 from .family import Family
@@ -28,9 +29,9 @@ def explain(run: Run, *, faults: bool = True) -> Explanation:
 
     Raises PicktreeError where the log is damaged.
     """
-    family = Family(run.visits)
+    family = Family(run.visits or derived_visits(run.log))
     failures = failures_of(run, family)
-    outcome = outcome_of(run, run.visits)
+    outcome = outcome_of(run, family.visits)
     case = Case(run, family, failures)
     planted = case.events("fault") if faults else []
     causes = root_causes_of(case, outcome, planted)

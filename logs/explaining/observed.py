@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..records import Event
+from ..records import Body, Event
 from ..run_log import At
 from ..visits import HALTED
 from .case import Case
+from .evidence import number
 from .explanation import FailureStory
 from .tracks import apart
-from .whereabouts import MISPLACED
+from .whereabouts import MISPLACED, SAMPLED
 from .wording import distance, listed, place, seconds
 
+_IN_MOTION = ("world.disturbed", "safety.", "control.")
 LATELY = 5.0
 """What happened so long before a failure is told with it, s."""
 
@@ -33,12 +35,12 @@ def _belief(case: Case, failure: FailureStory) -> list[str]:
         return []
     before = failure.time - 1e-3  # the belief of the moment before, which the failure may have changed
     believed, true = case.belief.at(failure.item, before), case.pairs.get(failure.item)
-    really = None if true is None else case.truth.at(true, failure.time)
+    really = None if true is None else _really(case, failure, true)
     if believed is None:
         return [f"belief: {failure.item} is not known"]
     where = "in the hand" if believed.attached else f"at {place(believed.pose.position)}"
     told = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
-    if true is not None and really is None:
+    if true is not None and _gone(case, failure, true):
         told.append(f"truth: {failure.item} is nowhere any more")
     elif really is not None and apart(really, believed) > MISPLACED:
         off = distance(apart(really, believed))
@@ -46,14 +48,28 @@ def _belief(case: Case, failure: FailureStory) -> list[str]:
     return told
 
 
+def _really(case: Case, failure: FailureStory, true: str) -> Body | None:
+    """The item as it truly was just after the failure, unless the hand moved it about."""
+    later = next((t for t in case.truth.times if t >= failure.time - 1e-6), case.end)
+    then = case.belief.at(failure.item, later)
+    carried = then is not None and then.attached
+    return None if carried else case.truth.at(true, later)
+
+
+def _gone(case: Case, failure: FailureStory, true: str) -> bool:
+    gone = case.truth.gone(true)
+    return gone is not None and gone[1] <= failure.time + SAMPLED
+
+
 def _hand(case: Case, failure: FailureStory) -> list[str]:
     joints = case.run.joints
     fingers = [n for n, name in enumerate(joints.names) if "finger" in name]
-    if not fingers or failure.id not in ("Grasp", "Place") or not len(joints.times):
+    told = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
+    if not fingers or told or not len(joints.times):
         return []
     at = max(int((joints.times <= failure.time + 1e-6).sum()) - 1, 0)
     width = float(joints.positions[at, fingers].sum())
-    return [f"hand: {max(width, 0.0) * 1000:.0f} mm open when the node ended"]
+    return [f"hand: the fingers were {max(width, 0.0) * 1000:.0f} mm open"]
 
 
 def _stops(case: Case, failure: FailureStory) -> list[str]:

@@ -25,7 +25,8 @@ def force(newtons: float) -> str:
 
 def place(position: Sequence[float]) -> str:
     """`x 0.47, y 0.15 m`"""
-    return f"x {position[0]:.2f}, y {position[1]:.2f} m"
+    x, y = (round(c, 2) + 0.0 for c in position[:2])  # no minus before a zero
+    return f"x {x:.2f}, y {y:.2f} m"
 
 
 def times(number: int) -> str:

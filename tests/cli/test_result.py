@@ -24,7 +24,7 @@ simulated   20.1 s, 5.0 s a pick
 wall        2.5 s: physics 1.2, planning 0.5, perception 0.3, logging 0.2; CPU 2.3 s
 seed        7, digest 0123456789abcdef
 log         /runs/a run/log.mcap
-look at it  picktree snapshot '/runs/a run' --at 4.50 -o '/runs/a run/moment.png'"""
+look at it  picktree explain '/runs/a run'"""
     )
 
 
@@ -47,7 +47,7 @@ def test_text_of_a_run_without_a_pick(result: RunResult) -> None:
     assert lines[0] == "failure: the tree ended in FAILURE: perception.not_found: no item is in view"
     assert "failures    none" in lines
     assert "simulated   3.0 s (planning and perception took no simulated time)" in lines
-    assert lines[-1] == "look at it  picktree snapshot /runs/1 --at 3.00 -o /runs/1/moment.png"
+    assert lines[-1] == "look at it  picktree explain /runs/1"
 
 
 def test_json(result: RunResult) -> None:
