@@ -271,4 +271,5 @@ class Run:
 
     @cached_property
     def _writes(self) -> tuple[tuple[float, str, object], ...]:
-        return tuple((at.time, w.key, w.value) for at in self.ticks for w in at.record.writes)
+        busy = ((at.time, at.record) for at in self.log.busy_ticks() if at.record is not None)
+        return tuple((time, w.key, w.value) for time, tick in busy for w in tick.writes)

@@ -44,6 +44,9 @@ RUNS = Path("runs")
 
 R = TypeVar("R")
 
+_NOTHING = (b'"writes":[]', b'"transitions":[]')
+"""What stands in the JSON of a tick in which nothing happened to the tree."""
+
 
 @dataclass(frozen=True, slots=True)
 class At(Generic[R]):
@@ -206,6 +209,16 @@ class RunLog:
 
     def ticks(self, start: float | None = None, end: float | None = None) -> Iterator[At[Tick]]:
         return self._records(topics.TICK.name, lambda data: decode(Tick, data), start, end)
+
+    def busy_ticks(self) -> Iterator[At[Tick | None]]:
+        """All ticks; instead of those in which no node began or ended and nothing was written None, which
+        makes most of them free. The first tick is always there."""
+        first = True
+        for message in self.messages([topics.TICK.name]):
+            idle = all(nothing in message.data for nothing in _NOTHING)
+            tick = None if idle and not first else self._read(message, lambda data: decode(Tick, data))
+            yield At(message.time / 1e9, tick)
+            first = False
 
     def timings(self, start: float | None = None, end: float | None = None) -> Iterator[At[Timing]]:
         return self._records(topics.TIMING.name, lambda data: decode(Timing, data), start, end)

@@ -103,6 +103,11 @@ class Following:
             else:
                 self._end(transition)
 
+    def skip(self, time: float) -> None:
+        """A tick in which nothing began, ended or was written; not the first."""
+        self._number += 1
+        self._time = time
+
     def finish(self) -> tuple[Visit, ...]:
         """All visits; those that are open end with the last tick."""
         for number in self._open.values():
@@ -186,8 +191,11 @@ def visits_of(log: RunLog) -> tuple[Visit, ...]:
     trees = list(log.trees())
     following = Following(trees[0].record if trees else Tree(()))
     coming = trees[1:]
-    for at in log.ticks():
+    for at in log.busy_ticks():
         while coming and coming[0].time <= at.time:
             following.follow(coming.pop(0).record)
-        following.take(at.time, at.record)
+        if at.record is None:
+            following.skip(at.time)
+        else:
+            following.take(at.time, at.record)
     return following.finish()
