@@ -9,7 +9,7 @@ import hashlib
 import os
 import platform
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -40,8 +40,8 @@ _SIMD: Final = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "neon", "sv
 _THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def library_versions() -> dict[str, str]:
-    return {name: _version(name) for name in LIBRARIES}
+def versions(libraries: Iterable[str] = LIBRARIES) -> dict[str, str]:
+    return {library: _version(library) for library in libraries}
 
 
 @cache

@@ -64,7 +64,7 @@ class Scribe:
                 "thinking.collision_check": repr(recipe.scene.thinking.collision_check),
                 "thinking.image": repr(recipe.scene.thinking.image),
             },
-            versions=circumstances.library_versions() | plugin_versions(recipe.mission),
+            versions=circumstances.versions() | plugin_versions(recipe.mission),
             revision=circumstances.revision(),
             verify=recipe.verify,
             limit=recipe.limit,

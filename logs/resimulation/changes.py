@@ -1,0 +1,144 @@
+"""What is to be otherwise when a recorded run is run again."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from ...trees.check import check_mission
+from ...trees.mission import Mission
+from ...trees.surroundings import surroundings
+from ...world.errors import PicktreeError
+from ...world.faults.description import FaultFile
+from ...world.faults.load import load_faults
+from ...world.files.document import Fault, FileError, open_document
+from ...world.robot.load import load_robot
+from ...world.scene.load import load_scene
+from ..mission_record import mission_files
+from ..recipe import Recipe
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """Nothing, unless something is given. Paths count from the working directory."""
+
+    mission: Path | None = None
+    scene: str | None = None
+    """Shipped scene or scene file."""
+    settings: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Parameters and ports as `--set` gives them, on top of the recorded ones."""
+    faults: Path | None = None
+    no_faults: bool = False
+    seed: int | None = None
+
+    def __bool__(self) -> bool:
+        return self != Changes()
+
+
+@dataclass(frozen=True, slots=True)
+class Changed:
+    """A recipe with the changes, and what is to be told of them."""
+
+    recipe: Recipe
+    told: tuple[str, ...]
+    """A sentence for each change."""
+    warnings: tuple[Fault, ...]
+    """Of the checker, about another mission."""
+
+    @property
+    def other_mission(self) -> bool:
+        """Whether the tree may be another, or its ports may say something else."""
+        return any(line.startswith(("mission", "set ")) for line in self.told)
+
+
+def apply(changes: Changes, recorded: Recipe) -> Changed:
+    """Raises PicktreeError (FileError with all its errors for a faulty file)."""
+    recipe, told = recorded, list[str]()
+    warnings: tuple[Fault, ...] = ()
+    if changes.scene is not None:
+        scene = load_scene(changes.scene, Path.cwd())
+        robot = load_robot(scene.robot, Path(scene.source).parent)
+        recipe = replace(recipe, scene=scene, robot=robot, own_scene=False)
+        told += _line_changes("scene", recorded.scene.text, scene.text) or ["scene: the same text"]
+    if changes.mission is not None:
+        mission, warnings = checked_mission(changes.mission, recipe)
+        told += _mission_changes(recorded, mission)
+        recipe = replace(recipe, mission=mission)
+        if changes.scene is None and mission.scene != recorded.mission.scene:
+            told.append(f"it names the scene {mission.scene}; this run keeps {recorded.scene.name}")
+    parameters, dropped = _settings(recipe, changes.settings)
+    told += [f"the mission has no {name!r}, which the run had set to {dropped[name]}" for name in dropped]
+    for name, value in changes.settings.items():
+        before = recorded.parameters.get(name)
+        told.append(f"set {name}: {value}" + ("" if before is None else f" instead of {before}"))
+    recipe = replace(recipe, parameters=parameters)
+    if changes.faults is not None or changes.no_faults:
+        faults = load_faults(changes.faults) if changes.faults else None
+        recipe = replace(recipe, faults=faults)
+        told.append(_faults_told(recorded.faults, faults))
+    if changes.seed is not None:
+        told.append(f"seed {changes.seed} instead of {recorded.seed}")
+        recipe = replace(recipe, seed=changes.seed)
+    return Changed(recipe, tuple(told), warnings)
+
+
+def checked_mission(path: Path, recipe: Recipe) -> tuple[Mission, tuple[Fault, ...]]:
+    """The mission of a file and the checker's warnings, for the recipe's scene and robot. Raises FileError
+    with the checker's errors, PicktreeError for a library."""
+    known = surroundings(recipe.scene, recipe.robot)
+    check = check_mission(open_document(path, "mission"), known=known)
+    errors = [fault for fault in check.faults if fault.severity == "error"]
+    if errors or check.mission is None:
+        raise FileError(errors)
+    if check.mission.library:
+        raise PicktreeError(f"{path}: this is a library; a mission has a tree 'Main'")
+    return check.mission, tuple(fault for fault in check.faults if fault.severity == "warning")
+
+
+def _settings(recipe: Recipe, given: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
+    """All that is set, and what was set of parameters that another mission does not have."""
+    known = {port.key for port in recipe.mission.parameters}
+    dropped = {k: v for k, v in recipe.parameters.items() if "." not in k and k not in known}
+    kept = {k: v for k, v in recipe.parameters.items() if k not in dropped}
+    return {**kept, **given}, dropped
+
+
+def _mission_changes(recorded: Recipe, mission: Mission) -> Iterator[str]:
+    before = {file.name: file.data.decode() for file in mission_files(recorded.mission)}
+    after = {file.name: file.data.decode() for file in mission_files(mission)}
+    differing = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+    for name in differing:
+        what = "mission" if name == "mission.yaml" else f"mission, {name.partition('/')[2]}"
+        yield from _line_changes(what, before.get(name, ""), after.get(name, ""))
+    if not differing:
+        yield "mission: the same text"
+
+
+def _line_changes(what: str, before: str, after: str, most: int = 3) -> list[str]:
+    """The first lines that differ; the numbers are those of the new text."""
+    ones, others = before.splitlines(), after.splitlines()
+    matcher = difflib.SequenceMatcher(None, ones, others, autojunk=False)
+    blocks = [block for block in matcher.get_opcodes() if block[0] != "equal"]
+    told: list[str] = []
+    for _, a, b, c, d in blocks[:most]:
+        old, new = (" ".join(lines).strip() for lines in (ones[a:b], others[c:d]))
+        if old and new:
+            said = f"{_short(new)} instead of {_short(old)}"
+        else:
+            said = f"{_short(new)} is new" if new else f"{_short(old)} is gone"
+        told.append(f"{what} line {c + 1}: {said}")
+    if len(blocks) > most:
+        told.append(f"{what}: {len(blocks) - most} more places")
+    return told
+
+
+def _short(text: str) -> str:
+    line = " ".join(text.split())
+    return f"`{line if len(line) <= 60 else line[:59] + '…'}`"
+
+
+def _faults_told(before: FaultFile | None, after: FaultFile | None) -> str:
+    counts = ["none" if file is None else str(len(file.faults)) for file in (after, before)]
+    return f"faults: {counts[0]} instead of {counts[1]}"

@@ -1,0 +1,136 @@
+"""Why a run may come out otherwise than its record says: what is not as it was."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...world.errors import PicktreeError
+from ...world.scene.load import load_scene
+from .. import circumstances
+from ..recipe_record import ROBOT_MESHES
+from ..run import Run
+
+NAMED = 5
+"""Files that are named; of more their number is said."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """One thing that is not as it was; empty where there is no value."""
+
+    what: str
+    recorded: str
+    now: str
+
+    def __str__(self) -> str:
+        if not (self.recorded or self.now):
+            return self.what
+        return f"{self.what}: {self.recorded or 'none'} then, {self.now or 'none'} now"
+
+
+def reasons(run: Run) -> tuple[Reason, ...]:
+    """The likeliest first. Empty when everything that the log tells is as it was."""
+    return (
+        *_altered(run),
+        *_sources(run),
+        *_compared(run.info.versions, circumstances.versions(run.info.versions)),
+        *_modules(run),
+        *_meshes(run),
+        *_compared(run.info.machine, circumstances.machine()),
+    )
+
+
+def notes(run: Run) -> tuple[str, ...]:
+    """Files that were edited where they stood. The run is made from those of the log."""
+    found: list[str] = []
+    for name, (digest, path) in _files(run).items():
+        now = _now(name, Path(path)) if path and name in run.log.attachments else None
+        if now is not None and now != digest:
+            found.append(f"{path} was edited since; what the log holds was run")
+    return tuple(found)
+
+
+def _now(name: str, path: Path) -> str | None:
+    """The hash of what would be run today; None when there is no such file."""
+    if name != "scene.yaml":
+        return _hash(path)
+    try:  # with what stands in its bases
+        return hashlib.sha256(load_scene(str(path)).text.encode()).hexdigest()
+    except PicktreeError:
+        return _hash(path)
+
+
+def _altered(run: Run) -> Iterator[Reason]:
+    """Files that are not in the log as they were put there."""
+    for name, (digest, _) in _files(run).items():
+        if name in run.log.attachments:
+            held = hashlib.sha256(run.log.attachment(name)).hexdigest()
+            if held != digest:
+                yield Reason(f"{name} in the log is not what was run", "", "")
+
+
+def _sources(run: Run) -> Iterator[Reason]:
+    """picktree's own; without them in the log, its revision."""
+    now = circumstances.sources()
+    try:
+        before = circumstances.sources_from_text(run.log.attachment(circumstances.SOURCES).decode())
+    except PicktreeError:
+        if run.info.revision != circumstances.revision():
+            yield Reason("revision of picktree", run.info.revision, circumstances.revision())
+        return
+    differing = [path for path in {**before, **now} if before.get(path) != now.get(path)]
+    if not differing:
+        return
+    named = ", ".join(sorted(differing)[:NAMED])
+    more = f" and {len(differing) - NAMED} more" if len(differing) > NAMED else ""
+    yield Reason(f"picktree itself was changed in {named}{more}", "", "")
+    if run.info.revision != circumstances.revision():
+        yield Reason("revision of picktree", run.info.revision, circumstances.revision())
+
+
+def _modules(run: Run) -> Iterator[Reason]:
+    """Plug-ins that are installed, whose sources the log holds."""
+    for name in run.log.attachments:
+        if name.startswith("module/") and name.endswith(".py"):
+            module = name.removeprefix("module/").removesuffix(".py")
+            try:
+                spec = importlib.util.find_spec(module)
+            except (ImportError, ValueError):
+                spec = None
+            source = Path(spec.origin) if spec and spec.origin else None
+            now = _hash(source) if source else None
+            if now != hashlib.sha256(run.log.attachment(name)).hexdigest():
+                yield Reason(f"the plug-in {module} is another now", "", "")
+
+
+def _meshes(run: Run) -> Iterator[Reason]:
+    """Of a robot that comes with an installed package: their content is not in the log."""
+    for name, (digest, path) in _files(run).items():
+        if name.startswith(ROBOT_MESHES) and name not in run.log.attachments:
+            now = _hash(Path(path))
+            if now is not None and now != digest:
+                yield Reason(f"the robot's mesh {path} is another now", "", "")
+
+
+def _compared(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[Reason]:
+    """An older log does not tell everything: what it does not know is no reason."""
+    for name, value in before.items():
+        if now.get(name, "") != value:
+            yield Reason(name, value, now.get(name, ""))
+
+
+def _files(run: Run) -> dict[str, tuple[str, str]]:
+    """Hash and path by the name in the log."""
+    pairs = {name: words.partition(" ") for name, words in run.info.files.items()}
+    return {name: (digest, path) for name, (digest, _, path) in pairs.items()}
+
+
+def _hash(path: Path) -> str | None:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except (OSError, ValueError):
+        return None
