@@ -7,7 +7,7 @@ import math
 from .case import Case, Finding
 from .evidence import number, numbers, word
 from .explanation import FailureStory
-from .whereabouts import EMPTY, by_the_arm, way_since
+from .whereabouts import EMPTY, way_since
 from .wording import distance, force, place, seconds
 
 STOPPED = frozenset(
@@ -43,12 +43,11 @@ def touched(case: Case, failure: FailureStory) -> Finding | None:
         moving = way_since(case, true, max(time - 2.0, 0.0), time)
         reasons.append(f"{name} was {distance(away)} from the hand")
         if moving is not None:
-            reasons.append(
-                by_the_arm(case, true, moving) or f"{name} moved by {distance(moving.way)} about then"
-            )
+            reasons.append(f"{name} moved by {distance(moving.way)} about then")
         target = case.bin_at(case.truth.tracks[true].before(time) or case.truth.tracks[true].first)
-        if failure.id == "Place" and target:
-            title = f"{target} is too crowded: while {failure.item} was put there, {verb}, next to {name}"
+        if target:
+            doing = f"while {failure.item} was put there, " if failure.id == "Place" else ""
+            title = f"{target} is too crowded: {doing}{verb}, next to {name}"
             return Finding("bin.crowded", target, title, tuple(reasons), failure.item, time)
         title = f"{verb}{where}: {name} lay next to it"
         return Finding("contact.item", true, title, tuple(reasons), failure.item, time)

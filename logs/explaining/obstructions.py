@@ -188,6 +188,11 @@ def _no_way_to_bin(case: Case, failure: FailureStory, refused: int, total: int) 
             f"{target.id} stands where the arm does not reach it from above: {failure.item} cannot go there"
         )
         return Finding("bin.out_of_reach", str(target.id), title, reasons, failure.item, failure.time)
+    inside = [b.id for b in _believed(case, failure.time) if b.place == target.id]
+    if inside:
+        title = f"{target.id} is too crowded for {failure.item}: nowhere over it can the hand let go"
+        reasons = (*reasons, f"in it lie {listed(inside)}")
+        return Finding("bin.crowded", str(target.id), title, reasons, failure.item, failure.time)
     title = f"{failure.item} cannot be let go over {target.id} without touching something"
     return Finding("bin.hemmed_in", str(target.id), title, reasons, failure.item, failure.time)
 

@@ -108,22 +108,36 @@ def _left_bin(case: Case, true: str, item: str, into: str, time: float) -> Findi
     if not inside:
         title = f"{item} fell beside {into} when it was placed"
         return Finding("place.beside", true, title, tuple(reasons), item, time)
+    others = [case.name_of(id_) for id_ in case.truth.tracks if id_ != true and _lies_in(case, id_, into)]
     if ends == into:
-        title = f"{item} lies too high in {into}, or does not come to rest there"
-        return Finding("place.not_at_rest", true, title, tuple(reasons), item, time)
+        reasons.append(f"beside it lie {listed(others)}" if others else "nothing else lies there")
+        title = f"{item} lies above the rim of {into}, or does not come to rest there"
+        return Finding(*_crowded(into, true, others), title, tuple(reasons), item, time)
     out = next((t for t, b in later if t > inside[-1] and case.bin_at(b) != into), case.end)
-    title = f"{item} left {into} again after it had been placed, {between(inside[-1], out)}"
     lay = next(b for t, b in later if t == inside[-1])
     reasons.append(
         f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
     )
     placing = case.events("item_done", start=inside[-1] - SAMPLED, end=out + SAMPLED)
-    by = [str(at.record.data.get("object")) for at in placing if str(at.record.data.get("into")) == into]
-    if by:
-        reasons.append(f"{listed(by)} came down into {into} about then and may have pushed it out")
-    else:
-        reasons.append("nothing was placed there about then: something else than the arm flung it out")
+    came = [str(at.record.data.get("object")) for at in placing if at.record.data.get("into") == into]
+    came = [name for name in came if name != item]
+    when = between(inside[-1], out)
+    if came:
+        title = f"{into} is too small for all that belongs into it: {item} left it again {when}"
+        reasons.append(f"{listed(came)} came down into {into} about then and pushed it out")
+        return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
+    title = f"{item} left {into} again after it had been placed, {when}"
+    reasons.append("nothing was placed there about then: something else than the arm flung it out")
     return Finding("item.left_bin", true, title, tuple(reasons), item, inside[-1])
+
+
+def _lies_in(case: Case, true: str, bin_id: str) -> bool:
+    return case.truth.gone(true) is None and case.bin_at(case.truth.tracks[true].bodies[-1]) == bin_id
+
+
+def _crowded(bin_id: str, true: str, others: list[str]) -> tuple[str, str]:
+    """Cause and subject of an item that found no place in a bin."""
+    return ("bin.crowded", bin_id) if others else ("place.not_at_rest", true)
 
 
 def _not_tried(case: Case, true: str) -> Finding | None:

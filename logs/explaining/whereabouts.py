@@ -118,12 +118,12 @@ def _settled(case: Case, item: str, until: float) -> float:
 def way_since(case: Case, true: str, seen: float, until: float) -> Moving | None:
     """How a true item moved away between two times, if it did; None for one that was carried."""
     track = case.truth.tracks[true]
-    start = track.before(seen) or track.first
-    samples = [
-        (t, apart(start, b))
-        for t, b in zip(track.times, track.bodies, strict=True)
-        if seen - 1e-6 <= t <= until + SAMPLED and not _carried(case, true, t)
-    ]
+    bodies = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if seen <= t <= until + SAMPLED]
+    carried = max((t for t, _ in bodies if _carried(case, true, t)), default=None)
+    start = track.before(seen) if carried is None else track.after(carried + SAMPLED / 2)
+    if start is None:
+        return None
+    samples = [(t, apart(start, b)) for t, b in bodies if carried is None or t > carried]
     if not samples:
         return None
     far = next((d for _, d in samples if d > MOVED), None)
