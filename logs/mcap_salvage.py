@@ -58,7 +58,7 @@ def losses_of(file: RecordFile, contents: Contents) -> tuple[Loss, ...]:
             contents.counts.update(chunk_content(_body(file, chunk.offset, Opcode.CHUNK)).counts())
             chunks.append(chunk)
         except DAMAGE:
-            losses.append(Loss(chunk.offset, _lost(chunk.start, chunk.end)))
+            losses.append(Loss(chunk.offset, _lost(chunk, contents)))
     metadata: list[NamedAt] = []
     for entry in contents.metadata:
         try:
@@ -216,5 +216,7 @@ def _body(file: RecordFile, offset: int, expected: int) -> bytes:
     return body
 
 
-def _lost(start: int, end: int) -> str:
-    return f"{start / 1e9:.2f} s to {end / 1e9:.2f} s lost"
+def _lost(chunk: ChunkAt, contents: Contents) -> str:
+    topics = [channel.topic for n, channel in contents.channels.items() if n in chunk.channels]
+    of = f" of {topics[0]}" if len(topics) == 1 else ""
+    return f"{chunk.start / 1e9:.2f} s to {chunk.end / 1e9:.2f} s{of} lost"

@@ -1,9 +1,12 @@
 """Killed writers, cut and damaged files."""
 
+import importlib.util
+import random
 import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 from types import ModuleType
 
@@ -129,19 +132,91 @@ def test_damage_inside_a_chunk_costs_that_chunk(log_path: Path, tmp_path: Path) 
         assert log.result == whole.result
 
 
-def test_no_damage_shows_as_anything_but_our_error(log_path: Path, tmp_path: Path) -> None:
-    whole = log_path.read_bytes()
+@pytest.fixture(scope="module")
+def damages() -> ModuleType:
+    """`benchmarks/_damage.py`."""
+    path = Path(__file__).parents[2] / "benchmarks" / "_damage.py"
+    spec = importlib.util.spec_from_file_location("_damage", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["_damage"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_each_damage_is_one_clear_error_or_costs_what_is_said(
+    damages: ModuleType, log_path: Path, tmp_path: Path
+) -> None:
+    """`benchmarks/damage.py` does it with a thousand files of a real run, and with all commands."""
+    whole = damages.Whole.of(log_path)
     path = tmp_path / "damaged.mcap"
-    for k in range(0, len(whole), 613):
-        for data in (whole[:k], whole[:k] + b"\xff" * 9 + whole[k + 9 :]):
-            path.write_bytes(data)
-            try:
-                with RunLog(path) as log:
-                    list(log.messages())
-                    list(log.ticks())
-                    [log.attachment(name) for name in log.attachments]
-            except PicktreeError as error:
-                assert str(path) in str(error)
+    rng = random.Random(3)
+    said: set[str] = set()
+    for number in range(150):
+        kind = damages.KINDS[number % len(damages.KINDS)]
+        data = bytes(kind(bytearray(whole.data), rng))
+        if data == whole.data:
+            continue
+        path.write_bytes(data)
+        said.add(damages.opened(path, whole).removeprefix(f"{path}: ").partition(" at byte")[0])
+        if number % 10 == 3:
+            damages.commanded(["explain", str(path)])
+        if number % 50 == 3:
+            damages.commanded(["snapshot", str(path), "--at", "1", "-o", str(tmp_path / "a.png")])
+    assert {"damaged", "not a log: it does not begin as an MCAP file does"} <= said
+    assert any(text.startswith("the file was not finished; recovered up to byte") for text in said)
+
+
+def test_a_loss_names_what_is_lost(log_path: Path, tmp_path: Path) -> None:
+    """The robot's model, a file, and a file's name that another one has."""
+    data = bytearray(log_path.read_bytes())
+    robot = chunks_of(log_path)[1].chunk_start_offset
+    data[robot + 100] ^= 1
+    mission = data.index(b"picktree: 1")
+    data[mission] ^= 1
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(data)
+    file = mission - 9 - 8 - 8 - 4 - len("mission.yaml") - 4 - len("application/yaml") - 8
+    with RunLog(path) as log:
+        assert log.recovered == (
+            f"{path}: damaged at byte {file} (file mission.yaml lost), byte {robot} "
+            "(0.00 s to 0.00 s of /scene/robot lost); the rest is whole"
+        )
+        assert log.robot_model() == ()
+        assert log.attachments == ("mission.yaml",)
+        with pytest.raises(PicktreeError) as raised:
+            log.attachment("mission.yaml")
+    assert str(raised.value) == f"{path}: damaged at byte {file}: wrong check sum of a file"
+
+
+def test_what_lies_behind_a_damaged_record_is_found_without_an_index(log_path: Path, tmp_path: Path) -> None:
+    chunk = chunks_of(log_path)[-2]
+    data = bytearray(log_path.read_bytes())
+    place = chunk.chunk_start_offset
+    data[place + 1 : place + 9] = b"\xff" * 8
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(data[:-200])
+    start, end = chunk.message_start_time / 1e9, chunk.message_end_time / 1e9
+    with RunLog(log_path) as whole, RunLog(path) as log:
+        assert list(log.ticks()) == [at for at in whole.ticks() if not start <= at.time <= end]
+        before = chunks_of(log_path)[-3].message_end_time / 1e9
+        assert f"damaged at byte {place} (messages after {before:.2f} s lost)" in log.recovered
+
+
+def test_a_huge_chunk_takes_no_memory(log_path: Path, tmp_path: Path) -> None:
+    """The size that it claims is believed nowhere."""
+    chunk = chunks_of(log_path)[-1]
+    data = bytearray(log_path.read_bytes())
+    size = chunk.chunk_start_offset + 9 + 16
+    data[size : size + 8] = (1 << 40).to_bytes(8, "little")
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(data)
+    tracemalloc.start()
+    with RunLog(path) as log:
+        assert f"byte {chunk.chunk_start_offset} (" in log.recovered
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 50_000_000
 
 
 def test_what_is_no_log_is_told_so(tmp_path: Path) -> None:
