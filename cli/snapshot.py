@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -12,9 +12,22 @@ def snapshot(
     log: Annotated[str, typer.Argument(metavar="LOG", help="Log file, run folder, or 'last'.")],
     at: Annotated[float, typer.Option(metavar="SECONDS", min=0.0, help="Simulated time.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PICTURE", help="PNG file to write.")],
+    size: Annotated[str, typer.Option(metavar="WxH", help="In pixels.")] = "1280x800",
+    view: Annotated[
+        str,
+        typer.Option(
+            metavar="VIEW",
+            help="corner, front, left, right, top, close, or AZIMUTH,ELEVATION,DISTANCE (degrees, metres).",
+        ),
+    ] = "corner",
+    show: Annotated[
+        Literal["belief", "truth", "both"],
+        typer.Option(help="What the robot believes, what is true, or both: the truth as outlines."),
+    ] = "belief",
 ) -> None:
     """Draw the scene at one moment of a run, from its log alone."""
     from ..logs.snapshot import snapshot as draw
+    from ..logs.view import parse_size, parse_view
 
-    draw(log, at, output)
+    draw(log, at, output, parse_size(size), parse_view(view), show=show)
     print(output)

@@ -50,7 +50,7 @@ def write(picture: Picture, caption: Caption) -> None:
     """In place: a line at the foot, and a failure above it."""
     height, width = picture.shape[:2]
     unit = height / 600
-    bar = round(4 * unit) if caption.elapsed is not None else 0
+    bar = max(2, round(4 * unit)) if caption.elapsed is not None else 0
     line = round(38 * unit)
     _veil(picture, (0, height - line - bar, width, line + bar), _PAPER, 0.82)
     size, base, gap = max(9, round(17 * unit)), height - bar - round(13 * unit), round(18 * unit)

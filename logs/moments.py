@@ -94,7 +94,7 @@ class Story:
         if isinstance(into, str):
             words.append(f"→ {into}")
         if visit.attempt > 1:
-            words.append(f"(time {visit.attempt})")
+            words.append(f"· attempt {visit.attempt}")
         return node, " ".join([*words, message]).strip()
 
     def trouble(self, time: float, hold: float) -> Trouble | None:

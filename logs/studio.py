@@ -23,8 +23,8 @@ _MAP = 1024
 """Side of the shadow map, texels."""
 _NEARER = np.float32(0.99995)
 """The rasteriser changes depths that it passes by, too, by some millionths."""
-_TALL = 1.25
-"""Shadows are cast from up to this height, m."""
+_TALL, _MARGIN = 1.25, 0.3
+"""Shadows are cast from up to this height, and from this far around what stands still, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,11 +122,17 @@ class Studio:
         )
 
     def _bounds(self, moving: Sequence[tuple[Model, Pose]]) -> tuple[Array, Array]:
-        """Ends of a box in the world around everything, some way above it, and the ground below."""
-        points = [m.positions @ p.rotation().T + np.array(p.position) for m, p in moving]
-        around = np.concatenate([np.zeros((1, 3)), self._fixed.vertices, *points])
+        """Ends of a box in the world around everything, some way above it, and the ground below.
+
+        Where something stands still, what moves has no say: else processes that begin with different frames
+        of a film would draw different shadows.
+        """
+        around = self._fixed.vertices
+        if not len(around):
+            places = [m.positions @ p.rotation().T + np.array(p.position) for m, p in moving]
+            around = np.concatenate([np.zeros((1, 3)), *places])
         floor = self._look.floor
-        margin = np.array([0.15, 0.15, 0.0])
+        margin = np.array([_MARGIN, _MARGIN, 0.0])
         low, high = around.min(axis=0) - margin, around.max(axis=0) + margin
         low[2], high[2] = min(low[2], floor), max(high[2], floor + _TALL)
         return low, high

@@ -85,7 +85,7 @@ def parse_view(text: str) -> View:
         ) from None
     if not (abs(elevation) <= 89 and 0.3 <= distance <= 15 and math.isfinite(azimuth)):
         raise PicktreeError(
-            f"view {text!r}: the elevation goes from -89 to 89, the distance from 0.3 to 15 m"
+            f"view {text!r}: the elevation goes from -89 to 89 degrees, the distance from 0.3 to 15 m"
         )
     return View(azimuth=math.radians(azimuth), elevation=math.radians(elevation), distance=distance)
 

@@ -119,6 +119,9 @@ def film(
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         partial.touch()
+    except OSError as error:
+        raise _refused(output, error) from None
+    try:
         with Painters(setup, request.processes if count > _FEW else 1) as painters:
             drawn = _counted(pictures(times, painters), count, progress)
             if moving:
@@ -129,10 +132,14 @@ def film(
         written = partial.stat().st_size
         partial.replace(output)
     except OSError as error:
-        raise PicktreeError(f"{output} cannot be written: {error.strerror or error}") from None
+        raise _refused(output, error) from None
     finally:
         partial.unlink(missing_ok=True)
     return Film(output, frames, fps, size, written, time.monotonic() - began)
+
+
+def _refused(output: Path, error: OSError) -> PicktreeError:
+    return PicktreeError(f"{output} cannot be written: {(error.strerror or str(error)).lower()}")
 
 
 def _span(log: RunLog, request: FilmRequest) -> tuple[float, float]:

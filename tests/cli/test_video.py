@@ -1,0 +1,114 @@
+"""picktree video and picktree snapshot: what they say, and what stands in their way."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import av
+import pytest
+
+from picktree.cli.app import answer
+from picktree.logs.images import decode_colour
+
+GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
+QUICK = ["--size", "128x80", "--processes", "1"]
+
+
+def test_a_film_is_made_and_described(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "film.mp4"
+    assert answer(["video", str(GOLDEN), "-o", str(output), "--to", "1", *QUICK]) == 0
+    said = capsys.readouterr()
+    assert said.err == ""
+    assert said.out.startswith(f"{output}: 1.0 s, 20 frames of 128 × 80, 0.0 MB, made in ")
+
+
+def test_options_reach_the_film(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "film.gif"
+    options = [
+        "--from",
+        "0.5",
+        "--to",
+        "2.5",
+        "--speed",
+        "2",
+        "--fps",
+        "5",
+        "--view",
+        "top",
+        "--show",
+        "both",
+    ]
+    assert answer(["video", str(GOLDEN), "-o", str(output), *options, *QUICK, "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert told.pop("wall") > 0
+    assert told == {
+        "path": str(output),
+        "seconds": 1.0,
+        "frames": 5,
+        "fps": 5,
+        "size": [128, 80],
+        "bytes": output.stat().st_size,
+    }
+    with av.open(str(output)) as film:
+        assert sum(1 for _ in film.decode(video=0)) == 5
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["-o", "film.mov"], "film.mov: a film is a file that ends in .mp4 or .gif\n"),
+        (["-o", "film.mp4", "--from", "2.8", "--to", "2"], "from 2.8 s to 2 s there is nothing to film\n"),
+        (
+            ["-o", "film.mp4", "--size", "big"],
+            "size 'big': write WIDTHxHEIGHT in pixels, as in 960x600\n",
+        ),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    options: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert answer(["video", str(GOLDEN), *options]) == 2
+    assert capsys.readouterr() == ("", said)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_terminal_shows_how_long_it_will_take_and_an_interrupt_leaves_nothing(tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-m", "picktree", "video", str(GOLDEN), "-o", str(tmp_path / "film.mp4")]
+    # Slow enough to be caught at it: 5,900 frames by two processes.
+    options = ["--speed", "0.01", "--processes", "2"]
+    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=theirs)
+    os.close(theirs)
+    seen = b""
+    limit = time.monotonic() + 60
+    while b" left" not in seen and time.monotonic() < limit:
+        seen += os.read(ours, 1000)
+    assert b"of 5900, " in seen
+    process.send_signal(signal.SIGINT)
+    assert process.wait(30) == 130
+    os.close(ours)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_snapshot_has_a_view_and_a_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pictures: list[bytes] = []
+    for view in ("corner", "top"):
+        output = tmp_path / f"{view}.png"
+        options = ["--at", "1", "-o", str(output), "--size", "160x100", "--view", view]
+        assert answer(["snapshot", str(GOLDEN), *options]) == 0
+        assert capsys.readouterr().out == f"{output}\n"
+        pictures.append(output.read_bytes())
+        assert decode_colour(pictures[-1]).shape == (100, 160, 3)
+    assert pictures[0] != pictures[1]
