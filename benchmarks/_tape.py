@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from picktree.logs import ended_file
 from picktree.logs.ended_file import RawFile
+from picktree.logs.mcap_chunks import DAMAGE
 from picktree.logs.mcap_file import McapFile
 from picktree.logs.run_log import RunLog
 from picktree.world.errors import PicktreeError
@@ -172,7 +172,7 @@ def opens_in_stock_reader(path: Path) -> bool:
     try:
         with path.open("rb") as stream:
             return make_reader(stream, validate_crcs=True).get_summary() is not None
-    except (McapError, ValueError, OverflowError, KeyError, EOFError):
+    except DAMAGE:
         return False
 
 
