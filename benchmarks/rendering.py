@@ -32,7 +32,7 @@ def main() -> None:
     asked = parser.parse_args()
     frames: int = asked.runs
     print(
-        f"{frames} frames of {SIZE[0]} × {SIZE[1]} and 3 s of film: some {0.4 * frames + 20:.0f} s of processor"
+        f"{frames} frames of {SIZE[0]} × {SIZE[1]} and 3 s of film: {0.15 * frames + 20:.0f} s of processor"
     )
     with tempfile.TemporaryDirectory() as folder:
         where: str = asked.log or str(
@@ -56,9 +56,8 @@ def _frames(log: RunLog, count: int) -> None:
         write(scenery.picture(frame.shown), frame.caption)
         costs.append(time.process_time() - began)
     ordered = sorted(costs[1:])
-    print(
-        f"a frame: median {statistics.median(ordered):.3f} s, slowest {ordered[-1]:.3f} s, first {costs[0]:.2f} s"
-    )
+    median = statistics.median(ordered)
+    print(f"a frame: median {median:.3f} s, slowest {ordered[-1]:.3f} s, the first {costs[0]:.2f} s")
 
 
 def _cost(what: str, action: Callable[[], object]) -> float:
