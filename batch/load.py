@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+from pydantic import ValidationError
 
 from ..trees.check import MissionCheck, check_mission
 from ..trees.mission import Mission
@@ -33,6 +35,26 @@ def load_plan(path: Path) -> Plan:
     if found.plan is None:
         raise FileError([fault for fault in found.faults if fault.severity == "error"])
     return found.plan
+
+
+def plan_of(words: Mapping[str, object]) -> Plan:
+    """The plan that these keys of a plan file amount to; their paths are absolute.
+
+    Raises FileError with all faults of what they name, PicktreeError for a key or setting that does not fit.
+    """
+    given = {key: value for key, value in words.items() if value not in (None, [])}
+    try:
+        file = PlanFile.model_validate(given)
+    except ValidationError as error:
+        detail = error.errors(include_url=False)[0]
+        option = str(detail["loc"][0]).replace("_", "-")
+        raise PicktreeError(f"--{option}: {detail['msg'].removeprefix('Value error, ')}") from None
+    plan = _plan(file, Path(file.missions[0]))
+    faults = list(check_files_of(plan))
+    if faults:
+        raise FileError(faults)
+    check_settings(plan)
+    return plan
 
 
 def check_plan(document: Document) -> Iterable[Fault]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import sqlite3
 from collections.abc import Iterable, Sequence
@@ -30,6 +32,33 @@ class Table:
 
     columns: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]
+
+    def to_text(self) -> str:
+        """Columns side by side, numbers to the right."""
+        cells = [[_cell(value) for value in row] for row in self.rows]
+        widths = [
+            max([len(column), *(len(row[n]) for row in cells)]) for n, column in enumerate(self.columns)
+        ]
+        right = [any(isinstance(row[n], int | float) for row in self.rows) for n in range(len(self.columns))]
+        lines = [list(self.columns), ["─" * width for width in widths], *cells]
+        return "\n".join(
+            "  ".join(
+                text.rjust(width) if aside else text.ljust(width)
+                for text, width, aside in zip(line, widths, right, strict=True)
+            ).rstrip()
+            for line in lines
+        )
+
+    def to_csv(self) -> str:
+        """RFC 4180, with a line of column names."""
+        text = io.StringIO(newline="")
+        writer = csv.writer(text)
+        writer.writerow(self.columns)
+        writer.writerows(self.rows)
+        return text.getvalue()
+
+    def to_json_text(self) -> str:
+        return json.dumps({"columns": self.columns, "rows": self.rows}, ensure_ascii=False) + "\n"
 
 
 class Store:
@@ -157,3 +186,9 @@ def _connect(path: Path) -> sqlite3.Connection:
     except sqlite3.Error as error:
         raise PicktreeError(f"{path}: the results cannot be opened: {error}") from None
     return connection
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

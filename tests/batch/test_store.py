@@ -1,0 +1,146 @@
+"""What is asked of results: tables, the summary, and which of two recipes is better."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from picktree.batch.comparison import compare
+from picktree.batch.job import Job
+from picktree.batch.plan import Plan
+from picktree.batch.rows import FailureRow, ItemRow, JobRow, JobRows, TimingRow
+from picktree.batch.store import NAME, Store
+from picktree.batch.summary import summarise
+from picktree.world.errors import PicktreeError
+
+SUCCESS = JobRow(
+    status="success",
+    message="",
+    digest="d",
+    attempts=1,
+    items_total=2,
+    items_sorted=2,
+    items_misplaced=0,
+    items_left=0,
+    picks_tried=2,
+    picks_held=2,
+    sim_seconds=10.0,
+    cpu_seconds=1.0,
+    wall_seconds=1.0,
+    last_tick=200,
+)
+MISSED = replace(
+    SUCCESS, status="incomplete", items_sorted=1, items_left=1, look_at="4.00 s: slipped", folder="jobs/x"
+)
+SLIP = FailureRow(4.0, "Main/Grasp", "grasp.slipped", "it slipped", "can_1", "cured", "SafeRetreat", 2.5)
+ITEMS = (
+    ItemRow("item_0", "can", "cylinder", "red", 0.4, 0.1, "red_bin", "red_bin", "sorted"),
+    ItemRow("item_1", "can", "cylinder", "red", 0.5, 0.1, "red_bin", None, "left"),
+)
+
+
+def store(folder: Path, rows: dict[int, JobRow], values: tuple[str, ...] = ("15",), seeds: int = 10) -> Store:
+    """A batch's folder with a job for each setting and seed; `rows` by number."""
+    folder.mkdir()
+    plan = Plan("test", (Path("/m/sort.yaml"),), tuple(range(seeds)), settings={"Grasp.force": values})
+    jobs = [
+        Job(f"{n:016x}", n, variant, seed)
+        for n, (variant, seed) in enumerate((v, s) for v in plan.variants() for s in plan.seeds)
+    ]
+    made = Store.create(folder / NAME, jobs)
+    for number, row in rows.items():
+        rest = JobRows(row, items=ITEMS, timings=(TimingRow("grasp", 6.0), TimingRow("think", 1.0)))
+        failures = (SLIP,) if row.status != "success" else ()
+        assert made.record(f"{number:016x}", replace(rest, failures=failures))
+    return made
+
+
+def test_a_job_is_recorded_once(tmp_path: Path) -> None:
+    with store(tmp_path / "b", {0: SUCCESS}) as made:
+        assert not made.record(f"{0:016x}", JobRows(MISSED, items=ITEMS))
+        assert made.query("SELECT status FROM jobs WHERE number = 0").rows == (("success",),)
+        assert made.query("SELECT count(*) FROM items").rows == ((2,),)
+
+
+def test_a_crashed_job_is_recorded_again_when_it_was_run(tmp_path: Path) -> None:
+    with store(tmp_path / "b", {0: replace(SUCCESS, status="crashed")}) as made:
+        assert f"{0:016x}" in made.to_do()
+        assert made.record(f"{0:016x}", JobRows(SUCCESS, items=ITEMS))
+        assert made.query("SELECT count(*) FROM items").rows == ((2,),)
+
+
+def test_a_query_cannot_change_anything(tmp_path: Path) -> None:
+    with store(tmp_path / "b", {0: SUCCESS}) as made:
+        with pytest.raises(PicktreeError, match="attempt to write a readonly database"):
+            made.query("DELETE FROM jobs")
+        with pytest.raises(PicktreeError, match="the query cannot be answered: no such table: job"):
+            made.query("SELECT * FROM job")
+
+
+def test_tables_are_told_as_text_csv_and_json(tmp_path: Path) -> None:
+    with store(tmp_path / "b", {0: SUCCESS}) as made:
+        table = made.query("SELECT seed, status, look_at, sim_seconds FROM jobs ORDER BY seed LIMIT 2")
+    assert table.to_text() == (
+        "seed  status   look_at  sim_seconds\n"
+        "────  ───────  ───────  ───────────\n"
+        "   0  success                    10\n"
+        "   1  waiting"
+    )
+    assert table.to_csv() == "seed,status,look_at,sim_seconds\r\n0,success,,10.0\r\n1,waiting,,\r\n"
+    assert json.loads(table.to_json_text())["rows"] == [[0, "success", "", 10.0], [1, "waiting", "", None]]
+
+
+def test_the_summary_says_how_it_went(tmp_path: Path) -> None:
+    rows = dict.fromkeys(range(8), SUCCESS) | {8: MISSED}
+    with store(tmp_path / "b", rows) as made:
+        found = summarise(made)
+    assert (found.total, found.waiting, found.reached) == (10, 1, False)
+    assert found.to_text() == (
+        "9 of 10 jobs run\n"
+        "\n"
+        "sort\n"
+        "  goal reached  8 of 9 (88.9 %, 56.5 … 98.0 %)\n"
+        "  items sorted  17 of 18 (94.4 %, 74.2 … 99.0 %)\n"
+        "  picks an hour 720 (720 … 720) simulated; median and quartiles over jobs\n"
+        "  s a pick      think 0.50, grasp 3.00\n"
+        "\n"
+        "cause          failures   cured    jobs  s lost\n"
+        "grasp.slipped         1       1       1       2\n"
+        "\n"
+        "missed their goal\n"
+        "  seed 8, sort: incomplete, 1 items left; 4.00 s: slipped (jobs/x)"
+    )
+
+
+def test_two_recipes_are_compared_on_the_same_seeds(tmp_path: Path) -> None:
+    slower = replace(SUCCESS, sim_seconds=12.0)
+    rows = dict.fromkeys(range(10), SUCCESS) | {10 + n: MISSED if n < 7 else slower for n in range(10)}
+    with store(tmp_path / "b", rows, values=("15", "30")):
+        found = compare(f"{tmp_path}/b@force=15", f"{tmp_path}/b@force=30")
+    assert (found.paired.both, found.paired.only_a, found.paired.only_b) == (3, 7, 0)
+    assert found.paired.p_value == pytest.approx(2 / 2**7)
+    assert found.differ
+    assert [changed.seed for changed in found.changed] == list(range(7))
+    assert "so          A reaches the goal more often" in found.to_text()
+    assert found.items.mean == pytest.approx(-0.7)
+
+
+def test_alike_recipes_do_not_differ(tmp_path: Path) -> None:
+    with (
+        store(tmp_path / "a", dict.fromkeys(range(9), SUCCESS)),
+        store(tmp_path / "b", dict.fromkeys(range(10), SUCCESS)),
+    ):
+        found = compare(str(tmp_path / "a"), str(tmp_path / "b"))
+    assert (found.paired.total, found.alone, found.differ) == (9, 1, False)
+    json.loads(found.to_json_text())
+
+
+def test_a_recipe_is_to_be_named_where_there_are_several(tmp_path: Path) -> None:
+    with store(tmp_path / "b", {0: SUCCESS}, values=("15", "30")), pytest.raises(PicktreeError) as refused:
+        compare(f"{tmp_path}/b", f"{tmp_path}/b")
+    assert str(refused.value) == (
+        f"{tmp_path}/b: name one recipe as {tmp_path}/b@LABEL (one of Grasp.force=15; Grasp.force=30)"
+    )

@@ -1,0 +1,47 @@
+"""picktree batch, as it is typed."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from picktree.cli.app import answer
+
+ONE_PICK = Path(__file__).parents[2] / "examples/one_pick.yaml"
+
+
+def test_a_batch_is_run_asked_and_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(tmp_path / "night")
+    options = ["--mission", str(ONE_PICK), "--seeds", "0:2", "--backend", "kinematic", "--workers", "1"]
+    assert answer(["batch", "run", *options, "--out", folder]) == 0
+    told = capsys.readouterr().out
+    assert "2 jobs, 0 done before, 1 workers" in told
+    assert "goal reached  2 of 2 (100.0 %, 34.2 … 100.0 %)" in told
+    assert answer(["batch", "query", folder, "SELECT seed, status FROM jobs", "--csv"]) == 0
+    assert capsys.readouterr().out == "seed,status\r\n0,success\r\n1,success\r\n"
+    assert answer(["batch", "run", "--resume", folder]) == 0
+    assert "2 jobs, 2 done before" in capsys.readouterr().out
+    assert answer(["batch", "summary", folder, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["recipes"][0]["success"]["total"] == 2
+    assert answer(["batch", "compare", folder, folder]) == 0
+    assert "no difference that these seeds could show" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "give one of: a plan file, --mission FILE, --resume DIR"),
+        (["--mission", str(ONE_PICK), "--seeds", "3:1"],
+         "--seeds: seeds '3:1': '3:1' holds no seed: write 0:100 (half open), 3,7 or both"),
+        (["--mission", str(ONE_PICK), "--limit", "3 k"],
+         "--limit: '3 k': unknown unit 'k' (s, ms, us, min, h)"),
+        (["--mission", str(ONE_PICK), "--set", "Grasp.forse=1,2"],
+         "Grasp.forse: Grasp has no input 'forse' (did you mean 'force'?)"),
+        (["--resume", "/nowhere"], "/nowhere: no batch: there is no plan.json in it"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_run_is_refused_at_once(
+    options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert answer(["batch", "run", *options]) == 2
+    assert capsys.readouterr().err == f"{message}\n"
