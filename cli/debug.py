@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TextIO
 
+from ..logs.stepping.naming import fitting, one_fitting
 from ..trees.debugger import Debugger, Stop, When
 from ..trees.node import Node
 from ..trees.runner import Tree
@@ -14,25 +15,20 @@ from ..trees.types import show
 from ..world.causes import Failure
 from ..world.errors import PicktreeError
 from ..world.files.expressions import Expression, ExpressionError
-from ..world.files.nearest import nearest
 from . import debug_views as views
-
-PROMPT = "(picktree) "
-_MOST = 10
-"""Nodes that are named when several fit."""
+from .prompt import Command, Prompt
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
-    """What may be typed; `run` answers whether the run goes on then."""
+class _Named:
+    """A node by what it may be called."""
 
-    usage: str
-    help: str
-    run: Callable[[str], bool]
-    short: str = ""
+    path: str
+    name: str
+    id: str
 
 
-class DebugPrompt:
+class DebugPrompt(Prompt):
     """Reads commands at a stop until one of them lets the run go on.
 
     At the end of the input the run goes on without another stop, so that a script need not say so. An
@@ -40,12 +36,10 @@ class DebugPrompt:
     """
 
     def __init__(self, read: Callable[[str], str], out: TextIO) -> None:
-        """`read` shows a prompt and gives a line; it raises EOFError at the end of the input."""
-        self._read, self._out = read, out
-        self._last = ""
+        super().__init__(read, out)
         self._stop = Stop("tick")
         self._debugger: Debugger | None = None
-        listed = (
+        self.offer(
             Command("tree [PATH]", "the nodes with their statuses; PATH: those below it", self._show_tree),
             Command("where", "the nodes from the root to where the run stands", self._show_where),
             Command("node [PATH]", "a node: its ports, status, failure", self._show_node),
@@ -60,47 +54,30 @@ class DebugPrompt:
             Command("break [PATH [before|after]]", "stop there; without PATH: list", self._break, "b"),
             Command("delete [NUMBER]", "a breakpoint, or all", self._delete),
             Command("quit", "interrupt the run", self._quit),
-            Command("help [COMMAND]", "this", self._help),
+            Command("help [COMMAND]", "this", self.show_help),
         )
-        self._commands = {command.usage.split()[0]: command for command in listed}
 
     def __call__(self, debugger: Debugger, stop: Stop) -> None:
         self._debugger, self._stop = debugger, stop
         self._say(views.place(debugger.tree, stop))
-        while True:
-            try:
-                line = self._read(PROMPT).strip() or self._last
-            except EOFError:
-                self._say("the input ends here: the run goes on without another stop")
-                debugger.turn_off()
-                return
-            self._last = line
-            if line and self._carry_out(line):
-                return
+        if not self.converse():
+            self._say("the input ends here: the run goes on without another stop")
+            debugger.turn_off()
 
-    def completions(self, line: str) -> list[str]:
-        """What the last word of a line may become."""
-        word, _, rest = line.lstrip().partition(" ")
-        if not rest and not line.endswith(" "):
-            return [f"{name} " for name in self._commands if name.startswith(word)]
+    def arguments(self, command: str) -> Iterable[str]:
         if self._debugger is None:
-            return []
-        last = rest.split(" ")[-1]
-        known: Iterable[str] = ()
-        match self._meant(word):
-            case ["tree" | "node" | "break"]:
-                known = [node.path for node in self._tree.nodes]
-            case ["blackboard"]:
-                known = self._tree.blackboard
-            case ["belief"]:
-                known = [str(o.id) for o in self._tree.root.world.scene.objects]
-            case ["delete"]:
-                known = map(str, self._debugger.breakpoints)
-            case ["help"]:
-                known = self._commands
+            return ()
+        match command:
+            case "tree" | "node" | "break":
+                return [node.path for node in self._tree.nodes]
+            case "blackboard":
+                return self._tree.blackboard
+            case "belief":
+                return [str(o.id) for o in self._tree.root.world.scene.objects]
+            case "delete":
+                return map(str, self._debugger.breakpoints)
             case _:
-                pass
-        return sorted(text for text in known if text.startswith(last))
+                return super().arguments(command)
 
     @property
     def _tree(self) -> Tree:
@@ -111,36 +88,12 @@ class DebugPrompt:
         assert self._debugger is not None
         return self._debugger
 
-    def _carry_out(self, line: str) -> bool:
-        word, _, rest = line.partition(" ")
-        name = self._named(word)
-        if not name:
-            return False
+    def carry_out(self, line: str) -> bool:
         try:
-            return self._commands[name].run(rest.strip())
-        except PicktreeError as error:
-            self._say(str(error))
+            return super().carry_out(line)
         except Exception as error:  # noqa: BLE001 - whatever is wrong with a view must not reach the run
             self._say(f"`{line}` failed: {type(error).__name__}: {error}")
         return False
-
-    def _named(self, word: str) -> str:
-        """The command that a word or its beginning means; empty, and said, when none or several do."""
-        fitting = self._meant(word)
-        if len(fitting) == 1:
-            return fitting[0]
-        if fitting:
-            self._say(f"{word!r} may be {', '.join(fitting)}")
-        else:
-            hint = nearest(word, self._commands)
-            hint = hint if hint.startswith("did you mean") else "`help` lists the commands"
-            self._say(f"no command {word!r} ({hint})")
-        return ""
-
-    def _meant(self, word: str) -> list[str]:
-        """The commands that a word or its beginning may mean."""
-        exact = [name for name, command in self._commands.items() if word in (name, command.short)]
-        return exact or [name for name in self._commands if name.startswith(word)]
 
     # Looking.
 
@@ -213,45 +166,14 @@ class DebugPrompt:
             self._debug.remove(one)
         return False
 
-    def _help(self, word: str) -> bool:
-        name = self._named(word) if word else ""
-        if word and not name:
-            return False
-        wanted = [self._commands[name]] if name else list(self._commands.values())
-        width = max(len(command.usage) for command in wanted)
-        lines = [f"{command.usage:<{width}}  {command.help}" for command in wanted]
-        if not word:
-            lines.append(
-                "A command may be shortened; an empty line repeats the last. PATH may be the end of one."
-            )
-        return self._show(lines)
-
     # Nodes by name.
 
     def _one(self, text: str) -> Node:
-        nodes = self._fitting(text)
-        if len(nodes) > 1:
-            named = ", ".join(node.path for node in nodes[:_MOST]) + (", …" if len(nodes) > _MOST else "")
-            raise PicktreeError(f"{len(nodes)} nodes fit {text!r}: {named}")
-        return nodes[0]
+        return self._tree.find(one_fitting(text, self._names).path)
 
     def _fitting(self, text: str) -> Sequence[Node]:
-        """The nodes of that path, or with a path that ends so, or of that type. Raises PicktreeError."""
-        nodes = self._tree.nodes
-        for fits in (
-            [node for node in nodes if node.path == text],
-            [node for node in nodes if node.path.endswith(f"/{text}")],
-            [node for node in nodes if node.wiring.id == text],
-        ):
-            if fits:
-                return fits
-        hint = nearest(text, [*(node.name for node in nodes), *(node.path for node in nodes)])
-        raise PicktreeError(f"no node fits {text!r}" + (f" ({hint})" if hint.startswith("did") else ""))
+        return [self._tree.find(named.path) for named in fitting(text, self._names)]
 
-    def _show(self, lines: Iterable[str]) -> bool:
-        for line in lines:
-            self._say(line)
-        return False
-
-    def _say(self, text: str) -> None:
-        print(text, file=self._out, flush=True)
+    @property
+    def _names(self) -> Sequence[_Named]:
+        return [_Named(node.path, node.name, node.wiring.id) for node in self._tree.nodes]

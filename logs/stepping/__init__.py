@@ -1,1 +1,1 @@
-"""A run tick by tick, for a terminal."""
+"""Stepping through a run: a cursor over its ticks, without a terminal."""
