@@ -19,6 +19,10 @@ _FLOAT, _UINT16 = 5126, 5123
 _MOST_VERTICES = 65535
 
 
+_GENERATOR = "picktree, Y up"
+"""Files of which the generator is `picktree` alone have their Y down."""
+
+
 class _View(TypedDict):
     buffer: int
     byteOffset: int
@@ -75,7 +79,7 @@ def write_glb(mesh: Mesh) -> bytes:
         ),
     ]
     document = {
-        "asset": {"version": "2.0", "generator": "picktree"},
+        "asset": {"version": "2.0", "generator": _GENERATOR},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
@@ -124,11 +128,22 @@ class _Accessor(TypedDict):
     count: int
 
 
+class _Asset(TypedDict):
+    generator: str
+
+
 class _Document(TypedDict):
+    asset: _Asset
     accessors: list[_Accessor]
     meshes: list[dict[str, list[_Primitive]]]
     materials: list[_Material]
     bufferViews: list[_View]
+
+
+def upright(data: bytes) -> bytes:
+    """A file of an older picktree, which stood on its head in viewers, as it is written now; any other as it
+    is."""
+    return data if _GENERATOR.encode() in data[:200] else write_glb(read_glb(data))
 
 
 def read_glb(data: bytes) -> Mesh:
@@ -149,8 +164,9 @@ def read_glb(data: bytes) -> Mesh:
         count = document["accessors"][index]["count"]
         return np.frombuffer(part(index), "<u2")[:count].reshape(-1, 3).astype(np.int64)
 
-    vertices = np.frombuffer(part(0), "<f4").reshape(-1, 3).astype(np.float64) @ _UP
-    normals = np.frombuffer(part(1), "<f4").reshape(-1, 3).astype(np.float64) @ _UP
+    up = _UP if document["asset"]["generator"] == _GENERATOR else _UP * [1.0, -1.0, -1.0]
+    vertices = np.frombuffer(part(0), "<f4").reshape(-1, 3).astype(np.float64) @ up
+    normals = np.frombuffer(part(1), "<f4").reshape(-1, 3).astype(np.float64) @ up
     faces: list[Indices] = []
     colours: list[np.ndarray] = []
     for primitive in document["meshes"][0]["primitives"]:
@@ -163,7 +179,7 @@ def read_glb(data: bytes) -> Mesh:
     return Mesh(vertices, joined, normals[joined], np.concatenate(colours))
 
 
-_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Row vectors: (x, y, z) of a Z-up frame = (X, Y, Z) of the file @ _UP."""
 _MIX = np.array([1 << 32, 1 << 20, 1 << 10, 1], dtype=np.int64)
 _RGB = np.array([65536, 256, 1], dtype=np.int64)

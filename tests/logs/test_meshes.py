@@ -1,15 +1,18 @@
 """Models of links: small, closed under writing and reading, right side up."""
 
+import io
 import json
 import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
-from picktree.logs.glb import read_glb, write_glb
+from picktree.logs.glb import read_glb, upright, write_glb
 from picktree.logs.meshes import joined, load_mesh, shape_mesh
 from picktree.logs.robot_meshes import link_meshes
+from picktree.logs.run_log import RunLog
 from picktree.world.errors import PicktreeError
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from picktree.world.values import Pose
@@ -94,3 +97,24 @@ def test_a_fine_mesh_is_thinned_without_losing_its_size(tmp_path: Path) -> None:
     assert len(fine.faces) > 8000
     assert 700 < len(mesh.faces) <= 1500
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), np.ptp(fine.vertices, axis=0), rtol=0.06)
+
+
+def test_what_is_up_is_up_in_a_viewer() -> None:
+    mesh = shape_mesh(Box((0.1, 0.2, 0.4))).placed(Pose((0.0, 0.3, 1.0)))
+    seen = trimesh.load(io.BytesIO(write_glb(mesh)), file_type="glb")
+    # A viewer with Z up turns the model's Y to Z: (X, Y, Z) is drawn at (X, -Z, Y).
+    (x0, y0, z0), (x1, y1, z1) = seen.bounds
+    np.testing.assert_allclose([[x0, -z1, y0], [x1, -z0, y1]], [[-0.05, 0.2, 0.8], [0.05, 0.4, 1.2]])
+
+
+def test_a_model_of_an_older_log_reads_as_it_was_meant() -> None:
+    mesh = shape_mesh(Box((0.1, 0.2, 0.4))).placed(Pose((0.0, 0.3, 1.0)))
+    new = write_glb(mesh)
+    with RunLog(Path(__file__).parent / "golden" / "small.mcap") as log:
+        assert not any(upright(link.glb) == link.glb for link in log.robot_model())
+    old = new.replace(b'"picktree, Y up"', b'"picktree"      ')
+    points = read_glb(new).vertices
+    turned = read_glb(old).vertices  # the same numbers, as a file with Y down
+    np.testing.assert_allclose(turned, points * [1, -1, -1])
+    assert upright(new) is new
+    np.testing.assert_allclose(read_glb(upright(old)).vertices.max(axis=0), turned.max(axis=0), atol=1e-6)
