@@ -1,6 +1,6 @@
 """A small run of three seconds that never happened, with something on every topic.
 
-`python tests/logs/sample.py` writes the golden log anew; do that only when the format's number goes up.
+`python tests/logs/sample.py` writes the golden log of the present format; those of older ones stay.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from picktree.logs.json_records import encode
 from picktree.logs.meshes import shape_mesh
 from picktree.logs.recorder import Recorder
 from picktree.logs.records import (
+    FORMAT,
     Control,
     LinkMesh,
     NodeStatus,
@@ -233,6 +234,7 @@ def told(path: Path) -> dict[str, object]:
             "joints": list(log.joints(1.0, 1.05)),
             "transforms": list(log.transforms(0.0, 0.0)),
             "wrenches": list(log.wrenches(0.0, 0.0)),
+            "controls": list(log.controls(1.0, 1.0)),
             "belief": log.belief_at(2.5),
             "truth": log.truth_at(0.9),
             "plans": list(log.plans()),
@@ -245,5 +247,6 @@ def told(path: Path) -> dict[str, object]:
 
 
 if __name__ == "__main__":
-    record(GOLDEN / "small.mcap")
-    (GOLDEN / "small.json").write_text(json.dumps(told(GOLDEN / "small.mcap"), indent=1) + "\n")
+    golden = GOLDEN / f"format-{FORMAT}.mcap"
+    record(golden)
+    golden.with_suffix(".json").write_text(json.dumps(told(golden), indent=1) + "\n")

@@ -1,0 +1,69 @@
+"""Real logs in other people's readers: npm's @mcap/core (of Foxglove and Lichtblick) and Rerun."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from picktree.logs.rotation import Rotation
+from picktree.logs.run_log import RunLog
+from picktree.logs.session import run
+
+NODE = Path(__file__).parent / "node"
+MISSION = Path(__file__).parents[2] / "examples" / "one_pick.yaml"
+RERUN = shutil.which("rerun") or shutil.which("rerun", path=str(Path(sys.executable).parent))
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The files of a rotated log."""
+    folder = tmp_path_factory.mktemp("runs")
+    result = run(MISSION, seed=1, backend="kinematic", out=folder, rotation=Rotation(seconds=3.0))
+    assert result.reached
+    found = sorted(result.folder.glob("*.mcap"))
+    assert len(found) == 2
+    return found
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
+@pytest.mark.skipif(not (NODE / "node_modules").is_dir(), reason=f"run `npm ci` in {NODE}")
+def test_mcap_core_reads_every_topic_of_a_real_log(logs: list[Path], tmp_path: Path) -> None:
+    for path in logs:
+        done = subprocess.run(["node", "read.mjs", str(path)], cwd=NODE, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        found = json.loads(done.stdout)
+        with RunLog(shutil.copy(path, tmp_path / "alone.mcap")) as log:  # without those that go on with it
+            assert found["topics"] == {
+                name: {"schema": info.schema, "encoding": info.encoding, "count": info.messages}
+                for name, info in log.topics.items()
+                if info.messages
+            }
+            assert len(found["topics"]) >= 12
+            assert found["attachments"] == list(log.attachments)
+            assert set(found["metadata"]) == set(log.metadata)
+
+
+@pytest.mark.skipif(RERUN is None, reason="rerun is not installed")
+def test_rerun_finds_nothing_wrong(logs: list[Path]) -> None:
+    for path in logs:
+        done = checked(path)
+        assert done.returncode == 0, done.stdout + done.stderr
+        rows = [line.split() for line in done.stdout.splitlines() if line.startswith("ok ")]
+        assert "/bt/tick" in {row[3] for row in rows}
+        assert {row[4] for row in rows} == {"—"}, "an issue"
+        assert len(rows) == sum("  /" in line for line in done.stdout.splitlines())
+
+
+@pytest.mark.skipif(RERUN is None, reason="rerun is not installed")
+def test_rerun_does_find_a_file_without_its_ending_wrong(logs: list[Path], tmp_path: Path) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(logs[0].read_bytes()[:-100])
+    assert checked(path).returncode != 0
+
+
+def checked(path: Path) -> subprocess.CompletedProcess[str]:
+    assert RERUN is not None
+    return subprocess.run([RERUN, "mcap", "check", "--full", str(path)], capture_output=True, text=True)
