@@ -33,6 +33,7 @@ from .run import run
 from .schema import schema
 from .snapshot import snapshot
 from .video import video
+from .whatif import whatif
 
 app = typer.Typer(
     help="Behaviour-tree missions for robot arms: run them in simulation, look into their logs.",
@@ -59,6 +60,7 @@ app.command()(run)
 app.command()(schema)
 app.command()(snapshot)
 app.command()(video)
+app.command()(whatif)
 
 
 def _show_version(wanted: bool) -> None:

@@ -46,11 +46,8 @@ class Changed:
     """A sentence for each change."""
     warnings: tuple[Fault, ...]
     """Of the checker, about another mission."""
-
-    @property
-    def other_mission(self) -> bool:
-        """Whether the tree may be another, or its ports may say something else."""
-        return any(line.startswith(("mission", "set ")) for line in self.told)
+    other_tree: bool
+    """Nodes or what their ports say may be others."""
 
 
 def apply(changes: Changes, recorded: Recipe) -> Changed:
@@ -81,7 +78,10 @@ def apply(changes: Changes, recorded: Recipe) -> Changed:
     if changes.seed is not None:
         told.append(f"seed {changes.seed} instead of {recorded.seed}")
         recipe = replace(recipe, seed=changes.seed)
-    return Changed(recipe, tuple(told), warnings)
+    other = dict(parameters) != dict(recorded.parameters) or _texts(recipe.mission) != _texts(
+        recorded.mission
+    )
+    return Changed(recipe, tuple(told), warnings, other)
 
 
 def checked_mission(path: Path, recipe: Recipe) -> tuple[Mission, tuple[Fault, ...]]:
@@ -106,14 +106,17 @@ def _settings(recipe: Recipe, given: Mapping[str, str]) -> tuple[dict[str, str],
 
 
 def _mission_changes(recorded: Recipe, mission: Mission) -> Iterator[str]:
-    before = {file.name: file.data.decode() for file in mission_files(recorded.mission)}
-    after = {file.name: file.data.decode() for file in mission_files(mission)}
+    before, after = _texts(recorded.mission), _texts(mission)
     differing = [name for name in {**before, **after} if before.get(name) != after.get(name)]
     for name in differing:
         what = "mission" if name == "mission.yaml" else f"mission, {name.partition('/')[2]}"
         yield from _line_changes(what, before.get(name, ""), after.get(name, ""))
     if not differing:
         yield "mission: the same text"
+
+
+def _texts(mission: Mission) -> dict[str, str]:
+    return {file.name: file.data.decode(errors="replace") for file in mission_files(mission)}
 
 
 def _line_changes(what: str, before: str, after: str, most: int = 3) -> list[str]:

@@ -46,9 +46,18 @@ class Comparison:
     record is of a run that was cut off, what comes after its last whole tick is not compared.
     """
 
-    def __init__(self, run: Run, until: float | None = None, settings: Collection[str] | None = None) -> None:
+    def __init__(
+        self,
+        run: Run,
+        until: float | None = None,
+        settings: Collection[str] | None = None,
+        *,
+        since: float | None = None,
+        other_tree: bool = False,
+    ) -> None:
         """`settings`: the run was changed on purpose, and these parameters of the mission are set otherwise:
-        what nodes are told is not compared then, only what happens. None: the same run."""
+        what nodes are told is not compared then, only what happens. None: the same run. `since`: it goes on
+        from there (simulated s), and with `other_tree` its tree is another."""
         self.difference: Difference | None = None
         self.trees: Difference | None = None
         """In what the trees differ. What happens is compared nevertheless."""
@@ -63,11 +72,12 @@ class Comparison:
         end = self._times[-1] if not self._whole and self._times else None
         self.until = end if until is None else until if end is None else min(until, end)
         """Simulated s up to which is compared; None: to the end, wherever that is."""
-        self._expected = _to_the_end(simulated_messages(run.log, end=self.until), cut=is_cut(run))
+        self._expected = _to_the_end(simulated_messages(run.log, since, self.until), cut=is_cut(run))
         self._schemas = {name: topic.schema for name, topic in run.log.topics.items()}
         self._older = not run.info.machine
         self._unknown = self._not_known_then()
         self._settings = settings
+        self._other_tree = other_tree
         self._now = -1
         self._taken: Counter[str] = Counter()
         self._digest = Digest()
@@ -97,7 +107,7 @@ class Comparison:
         self._taken[topic] += 1
         recorded = expected.data
         if topic == topics.TICK.name and recorded != data:
-            if self.trees is not None:
+            if self._other_tree:
                 recorded, data = of_common_nodes(recorded, data)
             if self._settings is not None:
                 recorded, data = (what_happens(tick, self._settings) for tick in (recorded, data))
@@ -105,7 +115,7 @@ class Comparison:
         if found is not None:
             apart = self._difference(topic, time, "", found)
             if topic == topics.TREE.name:
-                self.trees = self.trees or apart
+                self.trees, self._other_tree = self.trees or apart, True
                 return
             self._stop(apart)
             return

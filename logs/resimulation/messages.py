@@ -15,12 +15,11 @@ _JUST = 1e-6
 def simulated_messages(
     log: RunLog, start: float | None = None, end: float | None = None
 ) -> Iterator[RawMessage]:
-    """In their order, from `start` to `end` (simulated s, both inclusive); of a run that goes on from a
+    """In their order, later than `start` and up to `end` (simulated s); of a run that goes on from a
     checkpoint without those that only say how things stood there."""
     fixed = {topic.name for topic in topics.FIXED if topic.simulated}
     wanted = [name for name in log.topics if name in fixed or name.startswith("/camera/")]
     continues = log.run.continues
-    begin = start
-    if continues is not None:
-        begin = max(continues.time + _JUST, start or 0.0)
+    after = [time for time in (start, continues.time if continues else None) if time is not None]
+    begin = max(after) + _JUST if after else None
     return log.messages(wanted, begin, None if end is None else end + _JUST)

@@ -11,7 +11,7 @@ from ..checkpoints import RunState
 from ..digest import Digest
 from ..recorder import RecordingState
 from ..run import Run
-from ..tally import Tally, TallyState
+from ..tally import Tally
 from .messages import simulated_messages
 
 
@@ -19,13 +19,14 @@ def completed(state: RunState, run: Run) -> RunState:
     """The state with tally and state of the recording. What was followed last stays unknown: a way back is
     then none."""
     if state.tally is None:
-        state = replace(state, tally=_tally(run, state.time))
+        state = replace(state, tally=tally_of(run, state.time).state())
     if state.recording is None:
         state = replace(state, recording=_recording(run, state.time))
     return state
 
 
-def _tally(run: Run, time: float) -> TallyState:
+def tally_of(run: Run, time: float) -> Tally:
+    """What the run amounted to by then, simulated s."""
     tally = Tally()
     events: dict[float, list[Happened]] = {}
     for at in run.events:
@@ -36,7 +37,7 @@ def _tally(run: Run, time: float) -> TallyState:
         now = events.get(at.time, ())
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
         tally.take(at.time, now, at.record.nodes, leaves)
-    return tally.state()
+    return tally
 
 
 def _recording(run: Run, time: float) -> RecordingState:

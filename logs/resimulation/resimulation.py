@@ -67,7 +67,10 @@ class Resimulation:
         if apart is None:
             lines.append(self._same())
         else:
-            lines += [*self._apart(apart), *self._why()]
+            lines += difference_lines(apart)
+            if apart.tick:
+                lines.append(f"the {self.ticks} ticks before are the same")
+            lines += self._why()
         if self.outcomes is not None:
             lines += ["", *table(*self.outcomes, "recorded", "now")]
         if self.difference is not None:
@@ -90,8 +93,8 @@ class Resimulation:
             "cut": self.cut,
             "until": self.until,
             "changes": list(self.changes),
-            "difference": _difference_json(self.difference),
-            "trees": _difference_json(self.trees),
+            "difference": difference_json(self.difference),
+            "trees": difference_json(self.trees),
             "reasons": [{"what": r.what, "recorded": r.recorded, "now": r.now} for r in self.reasons],
             "notes": list(self.notes),
             "parting": list(self.parting),
@@ -112,31 +115,29 @@ class Resimulation:
             return said
         return f"{said}, digest {self.digest[:16]}" if self.exact else f"{said}, in all that this log tells"
 
-    def _apart(self, apart: Difference) -> Iterator[str]:
-        field = f" {apart.field}" if apart.field else ""
-        of = f" ({apart.of})" if apart.of else ""
-        yield f"different from tick {apart.tick} on, {apart.time:.2f} s: {apart.topic}{field}{of}"
-        if apart.missing:
-            only = "now" if apart.missing == "recorded" else "recorded"
-            yield f"  there is such a message only {only}"
-            return
-        if not apart.field:
-            yield "  the bytes differ, the values do not"
-            return
-        recorded, now = _shown(apart.recorded, apart.now)
-        yield f"  recorded  {recorded}"
-        yield f"  now       {now}"
-        if apart.tick:
-            yield f"the {self.ticks} ticks before are the same"
-
     def _why(self) -> Iterator[str]:
         first = "besides" if self.changes else "likely why"
         for n, reason in enumerate(self.reasons):
             yield f"{first if n == 0 else '':<10}  {reason}"
         if not self.reasons and not self.changes:
-            yield "likely why  nothing that the log tells of is otherwise: not picktree, its libraries, the machine;"
-            yield "            then it is a clock, the order of a set or a global generator in a plug-in, or a"
-            yield "            fault of picktree"
+            yield "likely why  nothing that the log tells of is otherwise: not picktree, its libraries,"
+            yield "            the machine. What is left is a clock, the order of a set or a global generator"
+            yield "            in a plug-in, or a fault of picktree"
+
+
+def difference_lines(apart: Difference) -> Iterator[str]:
+    field = f" {apart.field}" if apart.field else ""
+    of = f" ({apart.of})" if apart.of else ""
+    yield f"different from tick {apart.tick} on, {apart.time:.2f} s: {apart.topic}{field}{of}"
+    if apart.missing:
+        only = "now" if apart.missing == "recorded" else "recorded"
+        yield f"  there is such a message only {only}"
+    elif not apart.field:
+        yield "  the bytes differ, the values do not"
+    else:
+        recorded, now = _shown(apart.recorded, apart.now)
+        yield f"  recorded  {recorded}"
+        yield f"  now       {now}"
 
 
 def table(a: RunOutcome, b: RunOutcome, name_a: str, name_b: str) -> Iterator[str]:
@@ -164,7 +165,7 @@ def _rows(outcome: RunOutcome) -> list[tuple[str, str]]:
     ]
 
 
-def _difference_json(apart: Difference | None) -> dict[str, Any] | None:
+def difference_json(apart: Difference | None) -> dict[str, Any] | None:
     if apart is None:
         return None
     return {
