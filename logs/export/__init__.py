@@ -1,1 +1,1 @@
-"""A run in the formats of other programs."""
+"""A run's log as tables (csv, Parquet) and as a Rerun recording."""
