@@ -2,144 +2,93 @@
 
 from __future__ import annotations
 
-import bisect
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import overload
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..world.errors import PicktreeError
 from . import topics
-from .explaining.explanation import Explanation, FailureStory
-from .records import Candidates, Event, LogLine, Plan, RunInfo, Scene, Tick, Tree
+from .explaining.explanation import Explanation, FailureStory, ItemStory
+from .picks import Pick, picks_of
+from .records import Candidates, Event, LogLine, Plan, RunInfo, Scene, Tree
 from .result import RunResult
 from .run_log import At, RunLog
+from .sequences import Shots, TickAt, Ticks
+from .series import (
+    ControlSeries,
+    GripperSeries,
+    JointSeries,
+    WrenchSeries,
+    control_series,
+    gripper_series,
+    joint_series,
+    wrench_series,
+)
 from .visits import Visit, visits_of
 
 
-@dataclass(frozen=True, slots=True)
-class TickAt:
-    """A tick with its number, 0 for the first of the log, and its simulated time, s."""
-
-    number: int
-    time: float
-    record: Tick
-
-
-@dataclass(frozen=True, slots=True)
-class Pick:
-    """One closing of the fingers on an object, as the robot felt it."""
-
-    time: float
-    """Simulated s."""
-    object: str
-    held: bool
-    node: str
-    """Path of the node that closed them."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class JointSeries:
-    """All readings of the joints: `times` (n,) s, the others (n, joints) in rad or m, per s, Nm or N."""
-
-    names: tuple[str, ...]
-    times: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    velocities: NDArray[np.float64]
-    efforts: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class WrenchSeries:
-    """All readings of the external wrench at the wrist, in the world's axes: `times` (n,) s, `forces` (n, 3)
-    N, `torques` (n, 3) Nm."""
-
-    times: NDArray[np.float64]
-    forces: NDArray[np.float64]
-    torques: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ControlSeries:
-    """What the arm's servo had been told: `times` (n,) s, `controllers` by tick, `references` and `errors`
-    (n, joints) rad, NaN while torques were commanded. Empty for a log that does not tell."""
-
-    times: NDArray[np.float64]
-    controllers: tuple[str, ...]
-    references: NDArray[np.float64]
-    errors: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Moment:
     """What was at one tick."""
 
     tick: TickAt
     belief: Scene | None
+    """What the robot believed, poses in the world."""
     truth: Scene | None
     """Of the second before; the robot did not know it."""
     blackboard: Mapping[str, object]
+    """All values by their full keys, such as `Main/items`."""
 
-
-class Ticks(Sequence[TickAt]):
-    """The ticks of a log, read one by one as they are asked for."""
-
-    def __init__(self, log: RunLog) -> None:
-        self._log = log
-        self.times: tuple[float, ...] = tuple(
-            message.time / 1e9 for message in log.messages([topics.TICK.name])
-        )
-        """Simulated s."""
-
-    def __len__(self) -> int:
-        return len(self.times)
-
-    @overload
-    def __getitem__(self, index: int) -> TickAt: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[TickAt, ...]: ...
-    def __getitem__(self, index: int | slice) -> TickAt | tuple[TickAt, ...]:
-        if isinstance(index, slice):
-            return tuple(self[number] for number in range(*index.indices(len(self))))
-        number = range(len(self))[index]
-        time = self.times[number]
-        found = self._log.tick_at(time)
-        assert found is not None
-        return TickAt(number, time, found.record)
-
-    def __iter__(self) -> Iterator[TickAt]:
-        for number, at in enumerate(self._log.ticks()):
-            yield TickAt(number, at.time, at.record)
-
-    def number_at(self, time: float) -> int:
-        """The last tick at `time` (simulated s) or before; the first for a time before it.
-
-        Raises PicktreeError when the log holds no tick.
-        """
-        if not self.times:
-            raise PicktreeError(f"{self._log.path}: the log holds no tick")
-        return max(bisect.bisect_right(self.times, time + 1e-9) - 1, 0)
+    def __repr__(self) -> str:
+        bodies = len(self.belief.bodies) if self.belief else 0
+        return f"<{self.tick!r} with {bodies} believed bodies, {len(self.blackboard)} blackboard keys>"
 
 
 class Run:
-    """One run. `where` is a log file, a run's folder, or `last`; `recovered` is a sentence when the file had
-    not been finished, else empty.
+    """One run, from its log alone: also from one that was cut off.
 
-    What it holds is read when it is asked for, and kept. Times are simulated seconds. Use it as a context
-    manager, or `close` it. Raises PicktreeError for what is no log, and where the file is damaged.
+    `where` is a log file, a run's folder, or `last`. Times are simulated seconds, lengths m, angles rad,
+    forces N; poses are in the world. Everything is read when it is first asked for, and then kept; `ticks`
+    and `shots` read each time, so that a long log needs little memory. Use it as a context manager, or
+    `close` it.
+
+    Raises PicktreeError for what is no log, and where the file is damaged.
+
+    ```python
+    with Run("runs/sort_by_colour-3-20261121-083249") as run:
+        print(run)                            # mission, seed, how long, what came of it
+        for failure in run.failures:          # every failure, and what became of it
+            print(failure.time, failure.cause, failure.item, failure.fate)
+        moment = run.at(17.0)                 # tick, belief, truth, blackboard
+        picture = run.picture(17.0)           # as an array, for imshow
+    ```
     """
 
     def __init__(self, where: str | Path) -> None:
         self.log = RunLog(where)
+        """The file below, record by record."""
         self.path = self.log.path
         self.recovered = self.log.recovered
+        """A sentence when the file had not been finished, else empty."""
         self.info: RunInfo = self.log.run
+        """What the run was started with: mission, scene, seed, parameters, versions."""
+
+    def __repr__(self) -> str:
+        result = self.result
+        parts = [self.info.mission, f"seed {self.info.seed}", f"{self.end:.1f} s"]
+        if result is not None:
+            items = result.items
+            parts += [result.status, f"{items.sorted} of {items.total} items sorted" if items.total else ""]
+        else:
+            parts.append("no result: it was cut off")
+        return f"<Run {self.path}: {', '.join(part for part in parts if part)}>"
 
     def close(self) -> None:
         self.log.close()
@@ -177,6 +126,7 @@ class Run:
 
     @cached_property
     def ticks(self) -> Ticks:
+        """The whole tree after each tick, by number; `ticks.number_at(time)` finds one by its time."""
         return Ticks(self.log)
 
     @cached_property
@@ -186,27 +136,28 @@ class Run:
 
     @cached_property
     def plans(self) -> tuple[At[Plan], ...]:
+        """Every request to the planner and its answer; paths in rad, `tool_path` in m in the world."""
         return tuple(self.log.plans())
 
     @cached_property
     def candidates(self) -> tuple[At[Candidates], ...]:
+        """The trail of every choice of a grasp or a place: how many reached each stage, who was rejected."""
         return tuple(self.log.candidates())
 
     @cached_property
     def events(self) -> tuple[At[Event], ...]:
+        """What was worth a line: `item_done`, `pick`, `fault`, `recovery`, `belief`, `checkpoint`, …"""
         return tuple(self.log.events())
 
     @cached_property
     def lines(self) -> tuple[At[LogLine], ...]:
+        """The lines for people, as they were logged."""
         return tuple(self.log.lines())
 
     @cached_property
     def picks(self) -> tuple[Pick, ...]:
-        return tuple(
-            Pick(at.time, str(at.record.data["object"]), bool(at.record.data["held"]), at.record.node)
-            for at in self.events
-            if at.record.kind == "pick"
-        )
+        """Every closing of the fingers on an object."""
+        return picks_of(self.events)
 
     @cached_property
     def explanation(self) -> Explanation:
@@ -220,38 +171,54 @@ class Run:
         """Every failure with a cause, and what became of it; in the order of time."""
         return self.explanation.failures
 
+    @property
+    def items(self) -> tuple[ItemStory, ...]:
+        """What happened to each item, as the robot believed, and where it truly is in the end."""
+        return self.explanation.items
+
     @cached_property
     def joints(self) -> JointSeries:
-        read = [(at.time, at.record) for at in self.log.joints()]
-        names = read[0][1].names if read else ()
-        return JointSeries(
-            names,
-            np.array([time for time, _ in read]),
-            np.array([joints.position for _, joints in read]).reshape(len(read), len(names)),
-            np.array([joints.velocity for _, joints in read]).reshape(len(read), len(names)),
-            np.array([joints.effort for _, joints in read]).reshape(len(read), len(names)),
-        )
+        """A reading a tick."""
+        return joint_series(self.log)
+
+    @cached_property
+    def gripper(self) -> GripperSeries:
+        """A reading a tick; empty for a robot without fingers."""
+        return gripper_series(self.joints, [name for name in self.joints.names if "finger" in name])
 
     @cached_property
     def wrenches(self) -> WrenchSeries:
-        read = [(at.time, at.record) for at in self.log.wrenches()]
-        return WrenchSeries(
-            np.array([time for time, _ in read]),
-            np.array([(w.force.x, w.force.y, w.force.z) for _, w in read]).reshape(len(read), 3),
-            np.array([(w.torque.x, w.torque.y, w.torque.z) for _, w in read]).reshape(len(read), 3),
-        )
+        """A reading a tick."""
+        return wrench_series(self.log)
 
     @cached_property
     def controls(self) -> ControlSeries:
-        read = [(at.time, at.record) for at in self.log.controls()]
-        joints = max((len(control.reference) for _, control in read), default=0)
-        unknown = (float("nan"),) * joints
-        return ControlSeries(
-            np.array([time for time, _ in read]),
-            tuple(control.controller for _, control in read),
-            np.array([control.reference or unknown for _, control in read]).reshape(len(read), joints),
-            np.array([control.error or unknown for _, control in read]).reshape(len(read), joints),
-        )
+        """A reading a tick; empty for a log that does not tell."""
+        return control_series(self.log)
+
+    @cached_property
+    def shots(self) -> Shots:
+        """The cameras' images; `shots.before(time)` finds one by its time."""
+        return Shots(self.log)
+
+    def picture(
+        self,
+        time: float,
+        size: tuple[int, int] = (960, 600),
+        *,
+        view: str = "corner",
+        show: Literal["belief", "truth", "both"] = "belief",
+        caption: bool = True,
+    ) -> NDArray[np.uint8]:
+        """The scene at that time as RGB (h, w, 3).
+
+        `size` is in pixels; `view` a name such as `top`, or `AZIMUTH,ELEVATION,DISTANCE` in degrees and m;
+        `both` draws the belief with outlines of the truth. Raises PicktreeError for a time that never was.
+        """
+        from .snapshot import draw
+        from .view import parse_view
+
+        return draw(self.log, time, size, parse_view(view), show=show, caption=caption)
 
     def at(self, time: float) -> Moment:
         """What was then: at the last tick at `time` or before."""

@@ -85,3 +85,65 @@ def test_no_log_is_refused(tmp_path: Path) -> None:
     with pytest.raises(PicktreeError) as refused:
         Run(tmp_path / "nothing.mcap")
     assert str(refused.value) == f"{tmp_path}/nothing.mcap: there is no such log"
+
+
+def test_ticks_in_a_row_are_read_in_one_go(sorted_run: Path) -> None:
+    with Run(sorted_run) as run:
+        assert run.ticks[20:30:3] == tuple(run.ticks[number] for number in (20, 23, 26, 29))
+        assert run.ticks[3:0:-1] == tuple(run.ticks[number] for number in (3, 2, 1))
+        assert run.ticks[5:5] == ()
+
+
+def test_images_are_had_by_number_and_by_time(sorted_run: Path) -> None:
+    with Run(sorted_run) as run:
+        assert run.shots.cameras == ("overhead",)
+        shot = run.shots[0]
+        assert shot.time == run.shots.times[0]
+        assert shot.record.camera == "overhead"
+        assert shot.record.colour.shape == (*shot.record.depth.shape, 3)
+        assert shot.record.colour.std() > 10
+        assert run.shots.before(shot.time - 0.01) is None
+        for camera in ("overhead", None):
+            found = run.shots.before(run.end, camera)
+            assert found is not None and found.time == shot.time
+        assert run.shots.before(run.end, "side") is None
+        assert run.shots[:5][0].time == shot.time
+
+
+def test_the_gripper_opens_and_closes(sorted_run: Path) -> None:
+    with Run(sorted_run) as run:
+        assert run.gripper.widths.shape == run.gripper.times.shape == (len(run.ticks),)
+        assert run.gripper.widths.max() > 0.06
+        for pick in run.picks:
+            nearest = run.gripper.widths[np.searchsorted(run.gripper.times, pick.time)]
+            assert nearest == pytest.approx(pick.width, abs=0.002)
+        column = run.joints.column("panda_joint4")
+        assert np.ptp(run.joints.positions[:, column]) > 0.1
+        with pytest.raises(PicktreeError, match=r"^no joint 'elbow'; the log has: panda_joint1, "):
+            run.joints.column("elbow")
+
+
+def test_a_run_draws_itself(sorted_run: Path) -> None:
+    with Run(sorted_run) as run:
+        picture = run.picture(1.0, (160, 100), view="top", show="both")
+        assert picture.shape == (100, 160, 3) and picture.std() > 10
+
+
+def test_what_is_printed_is_short_and_telling(sorted_run: Path) -> None:
+    with Run(sorted_run) as run:
+        assert run.result is not None
+        total = run.result.items.total
+        assert repr(run) == (
+            f"<Run {run.path}: sort by colour, seed 0, {run.end:.1f} s, success, "
+            f"{total} of {total} items sorted>"
+        )
+        assert repr(run.ticks) == f"<{len(run.ticks)} ticks, 0.00 … {run.ticks.times[-1]:.2f} s>"
+        assert repr(run.ticks[0]).startswith("<tick 0 at 0.00 s: RUNNING, Main/")
+        assert repr(run.shots).startswith(f"<{len(run.shots)} images by overhead, ")
+        assert repr(run.at(run.end)).startswith(f"<<tick {len(run.ticks) - 1} at ")
+        assert repr(run.wrenches) == f"<{len(run.ticks)} readings of the wrist>"
+
+
+def test_a_run_that_was_cut_off_says_so(log_path: Path) -> None:
+    with Run(log_path) as run:
+        assert repr(run) == f"<Run {log_path}: sort by colour, seed 7, 3.0 s, no result: it was cut off>"
