@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 from picktree.logs.recorder import Recorder
 from picktree.logs.records import NodeStatus, RunInfo, Tick, Transition, Tree, TreeNode, Write
 from picktree.logs.result import RunResult
-from picktree.world.journal import Happened
+from picktree.world.journal import CandidatesRanked, Happened, PlanMade
 from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 
 TICK = 0.05
+Said: TypeAlias = Transition | Write | Happened | PlanMade | CandidatesRanked
+"""What may be told of a tick."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ def record(
     path: Path,
     nodes: Tree,
     ticks: int,
-    script: Mapping[int, Sequence[Transition | Write | Happened]],
+    script: Mapping[int, Sequence[Said]],
     *,
     seen: Sequence[Seen] = (),
     seed: int = 0,
@@ -87,6 +90,8 @@ def record(
             moves = tuple(one for one in said if isinstance(one, Transition))
             state.update({move.path: move.status for move in moves})
             for one in said:
+                if isinstance(one, PlanMade | CandidatesRanked):
+                    recorder.entry(k * TICK, one)
                 if isinstance(one, Happened):
                     recorder.entry(k * TICK, one)
                     if one.kind == "item_done":
