@@ -163,7 +163,7 @@ class BatchSummary:
             lines += ["", "missed their goal"]
             lines += [
                 f"  seed {w.seed}, {w.label}: {w.status}"
-                + (f", {w.missed} items left" if w.missed else "")
+                + (f", {w.missed} not sorted" if w.missed else "")
                 + (f"; {w.look_at}" if w.look_at else "")
                 + (f" ({w.folder})" if w.folder else "")
                 for w in self.worst

@@ -158,6 +158,22 @@ def summary(
 
 
 @batch.command()
+def report(
+    folder: Folder,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="HTML file to write.")],
+    runs: Annotated[
+        int,
+        typer.Option(min=0, help="Of how many of the worst runs a report is made, where their log was kept."),
+    ] = 5,
+) -> None:
+    """Write the batch as one page: rates with intervals, where the time goes, causes, the worst runs."""
+    from ..batch.report.report import write_report
+
+    write_report(folder, output, runs)
+    print(output)
+
+
+@batch.command()
 def compare(
     a: Annotated[str, typer.Argument(metavar="A", help="A batch's folder, or FOLDER@RECIPE.")],
     b: Annotated[str, typer.Argument(metavar="B", help="Another.")],

@@ -111,7 +111,7 @@ def test_the_summary_says_how_it_went(tmp_path: Path) -> None:
         "grasp.slipped         1       1       1       2\n"
         "\n"
         "missed their goal\n"
-        "  seed 8, sort: incomplete, 1 items left; 4.00 s: slipped (jobs/x)"
+        "  seed 8, sort: incomplete, 1 not sorted; 4.00 s: slipped (jobs/x)"
     )
 
 

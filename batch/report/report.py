@@ -1,0 +1,133 @@
+"""Writing the page of a batch: what the results say, and links to reports of the worst runs."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from ...logs.report.report import write_report as write_run_report
+from ...logs.run import Run
+from ...world.errors import PicktreeError
+from ..plan_record import read_plan
+from ..statistics import rate
+from ..store import NAME, Store
+from ..summary import Worst, summarise
+
+_PAGE = Path(__file__).parent / "page"
+MOST_ITEMS = 50_000
+"""Items on the map of the table, the first ones of the plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class Linked:
+    """A job that missed its goal, and the page that shows it."""
+
+    job: Worst
+    report: Path | None
+
+
+def write_report(folder: Path, output: Path, runs: int = 5) -> None:
+    """The batch in `folder` as one page. The worst `runs` runs whose logs were kept get pages of their own,
+    each beside its log.
+
+    Raises PicktreeError when there is no batch, or the page cannot be written.
+    """
+    with Store(folder / NAME) as store:
+        data = _data(folder, store, output, runs)
+    text = Template((_PAGE / "page.html").read_text(encoding="utf-8")).substitute(
+        title=_escaped(f"Batch {read_plan(folder).name}"),
+        style=(_PAGE / "page.css").read_text(encoding="utf-8"),
+        data=json.dumps(data, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c"),
+        libraries=(_PAGE / "libraries.js").read_text(encoding="utf-8"),
+        script=(_PAGE / "page.js").read_text(encoding="utf-8"),
+    )
+    beside = output.with_name(f".{output.name}.part")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(output)
+    except OSError as error:
+        raise PicktreeError(f"{output}: the report cannot be written: {error.strerror}") from None
+
+
+def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]:
+    summary = summarise(store)
+    rates: Any = store.query("SELECT variant, rate FROM picks_an_hour").rows
+    items: Any = store.query(f"SELECT x, y, verdict = 'sorted' FROM items LIMIT {MOST_ITEMS}").rows
+    linked = _linked(folder, summary.worst, runs)
+    done = summary.total - summary.waiting
+    versions: Any = store.query(
+        "SELECT library, group_concat(DISTINCT version) FROM versions GROUP BY library ORDER BY library"
+    ).rows
+    return {
+        **summary.to_json(),
+        "subtitle": f"{done} of {summary.total} jobs run",
+        "rates": [{"label": label, "rate": value} for label, value in rates],
+        "forms": _shares(store, "sorted_by_form"),
+        "colours": _shares(store, "sorted_by_colour"),
+        "items": [{"x": round(x, 3), "y": round(y, 3), "sorted": good} for x, y, good in items],
+        "worst": [_worst(one, folder, output) for one in linked],
+        "footer": ", ".join(f"{library} {version}" for library, version in versions if version),
+    }
+
+
+def _linked(folder: Path, worst: tuple[Worst, ...], runs: int) -> list[Linked]:
+    found: list[Linked] = []
+    made = 0
+    for job in worst:
+        report = folder / job.folder / "report.html" if job.folder else None
+        if report is not None and not report.is_file():
+            report = _made(report) if made < runs else None
+            made += 1
+        found.append(Linked(job, report))
+    return found
+
+
+def _made(report: Path) -> Path | None:
+    """The page of the run beside its log; None when the log is not there or cannot be read."""
+    try:
+        with Run(report.parent) as run:
+            write_run_report(run, report)
+    except PicktreeError:
+        return None
+    return report
+
+
+def _worst(one: Linked, folder: Path, output: Path) -> dict[str, Any]:
+    job = one.job
+    link = "" if one.report is None else Path(os.path.relpath(one.report, output.parent)).as_posix()
+    return {
+        "seed": job.seed,
+        "label": job.label,
+        "status": job.status,
+        "missed": job.missed,
+        "look_at": job.look_at,
+        "report": link,
+        "command": f"picktree explain {folder / job.folder}" if job.folder else "",
+    }
+
+
+def _shares(store: Store, view: str) -> list[dict[str, Any]]:
+    rows: Any = store.query(f"SELECT * FROM {view}").rows
+    found: list[dict[str, Any]] = []
+    for label, total, good in rows:
+        share = rate(good, total)
+        found.append(
+            {
+                "label": label,
+                "rate": {
+                    "successes": good,
+                    "total": total,
+                    "low": share.interval.low,
+                    "high": share.interval.high,
+                },
+            }
+        )
+    return found
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace("$", "&#36;")
