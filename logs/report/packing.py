@@ -65,7 +65,7 @@ def pack(sections: Iterable[Section]) -> str:
     head = orjson.dumps({section.name: blobs.plain(section.data) for section in sections})
     head += b" " * (-(len(head) + 4) % 8)  # arrays begin at multiples of 8
     whole = b"".join((struct.pack("<I", len(head)), head, *blobs.parts))
-    return base64.b64encode(gzip.compress(whole, 9, mtime=0)).decode("ascii")
+    return base64.b64encode(gzip.compress(whole, 6, mtime=0)).decode("ascii")
 
 
 class _Blobs:

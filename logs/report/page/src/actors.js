@@ -202,8 +202,8 @@ export class Frustum {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(new Float32Array(points), 3));
     this.lines = new LineSegments(geometry, new LineBasicMaterial({ color: lineColour, transparent: true, opacity: 0.45 }));
-    const body = new Mesh(shapeGeometry({ box: [0.05, 0.03, 0.03] }), new MeshStandardMaterial({ color: 0x444a55 }));
-    this.group.add(this.lines, body);
+    this.body = new Mesh(shapeGeometry({ box: [0.05, 0.03, 0.03] }), new MeshStandardMaterial({ color: 0x444a55 }));
+    this.group.add(this.lines, this.body);
   }
 
   move(tick, share) {

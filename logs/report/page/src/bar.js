@@ -82,9 +82,9 @@ export class Bar {
       this.marks.append(found);
       return found;
     };
-    for (const { time } of this.run.done) put("done", time);
-    for (const { time } of this.run.faults) put("fault", time);
-    this.failures = this.player.failures.map(({ time, fate }) => put(`failure ${fate}`, time));
+    for (const { time } of this.run.done) put("mark-done", time);
+    for (const { time } of this.run.faults) put("mark-fault", time);
+    this.failures = this.player.failures.map(({ time, fate }) => put(`mark-failure mark-${fate}`, time));
   }
 
   share(time) {
@@ -109,7 +109,7 @@ export class Bar {
   }
 
   choose(number) {
-    this.failures.forEach((mark, k) => mark.classList.toggle("chosen", k === number));
+    this.failures.forEach((mark, k) => mark.classList.toggle("mark-chosen", k === number));
   }
 
   // The time under the pointer, and what happened there.

@@ -10,7 +10,7 @@ export class Head {
     const facts = run.facts.map(([name, value]) => [made("dt", {}, name), made("dd", {}, value)]).flat();
     element.append(
       made("h1", {}, run.mission, made("small", {}, run.remark)),
-      made("span", { class: `pill ${outcome.kind}`, title: outcome.sentence }, outcome.word),
+      made("span", { class: "outcome", "data-kind": outcome.kind, title: outcome.sentence }, outcome.word),
       outcome.items ? made("span", { class: "items" }, outcome.items) : null,
       made("details", { class: "about" }, made("summary", {}, "About"), made("dl", {}, ...facts)),
       made("span", { class: "space" }),

@@ -15,6 +15,13 @@ const KEYS = [
   [["?"], "this help"],
 ];
 
+const LEGEND = [
+  ["failure", "failure"],
+  ["cured", "failure that was cured"],
+  ["done", "item done"],
+  ["fault", "planted fault"],
+];
+
 export class Keys {
   constructor(player) {
     this.player = player;
@@ -65,8 +72,18 @@ export class Keys {
     const rows = KEYS.map(([keys, words]) =>
       made("tr", {}, made("td", {}, ...keys.flatMap((key) => [made("kbd", {}, key), " "])), made("td", {}, words)),
     );
+    const legend = LEGEND.map(([kind, words]) =>
+      made("span", {}, made("i", { class: `key-${kind}` }), words),
+    );
     const close = made("button", { onclick: () => this.help.close() }, "Close");
-    this.help.append(made("h2", {}, "Keys"), made("table", {}, ...rows), close);
+    this.help.append(
+      made("h2", {}, "Keys"),
+      made("table", {}, ...rows),
+      made("h2", {}, "Marks on the time line"),
+      made("div", { class: "legend" }, ...legend),
+      made("p", {}, "A click near a failure's mark goes to it and chooses its node. The address of the page names the moment: it can be copied and sent with the file."),
+      close,
+    );
   }
 }
 

@@ -175,6 +175,8 @@ export class Stage {
   look(name) {
     const following = name === "Follow the hand";
     const frustum = this.frusta.find((one) => name === `Camera ${one.camera.name}`);
+    this.widen();
+    for (const one of this.frusta) one.body.visible = one !== frustum;
     if (frustum) this.lookThrough(frustum);
     else if (following) {
       this.camera.position.copy(this.robot.tcp).add(new Vector3(0.42, -0.36, 0.22));
@@ -185,7 +187,7 @@ export class Stage {
       // What there is to see lies lower than the arm's elbow.
       center.z -= 0.22 * radius;
       const narrow = Math.min(this.camera.aspect, 1);
-      const away = (radius * 0.74) / Math.sin((this.camera.fov * Math.PI) / 360) / Math.min(narrow * 1.15, 1);
+      const away = (radius * 0.8) / Math.sin((this.camera.fov * Math.PI) / 360) / Math.min(narrow * 1.15, 1);
       this.controls.target.copy(center);
       this.camera.position.fromArray(VIEWS[name]).setLength(away).add(center);
     }
@@ -195,13 +197,16 @@ export class Stage {
     this.request();
   }
 
-  // From the camera's place along its axis; it keeps its own field of view, this one shows around it.
+  // From the camera's own place, with its field of view and a little around it.
   lookThrough({ group, camera }) {
-    group.updateMatrixWorld();
     const ahead = new Vector3(0, 0, 1).applyQuaternion(group.quaternion);
-    this.camera.position.copy(group.position).addScaledVector(ahead, -0.25);
-    if (Math.abs(ahead.z) > 0.99) this.camera.position.x -= 0.002;
-    this.controls.target.copy(group.position).addScaledVector(ahead, (camera.distance ?? 0.8));
+    const up = new Vector3(0, -1, 0).applyQuaternion(group.quaternion).setZ(0);
+    this.camera.position.copy(group.position);
+    // Straight down there is no up but the image's: the view comes from a hair below it.
+    if (Math.abs(ahead.z) > 0.99) this.camera.position.addScaledVector(up, -0.003);
+    this.controls.target.copy(group.position).addScaledVector(ahead, Math.max(group.position.z, 0.3));
+    this.camera.fov = ((2 * Math.atan(camera.height / 2 / camera.focal[1])) / Math.PI) * 180 * 1.08;
+    this.camera.updateProjectionMatrix();
   }
 
   follow(on) {
@@ -230,8 +235,8 @@ export class Stage {
   theme() {
     const dark = document.documentElement.dataset.theme === "dark";
     this.scene.background = new Color(colour("stage") || colour("paper"));
-    this.sky.intensity = dark ? 1.1 : 1.6;
-    this.sun.intensity = dark ? 1.8 : 2.2;
+    this.sky.intensity = dark ? 0.75 : 1.6;
+    this.sun.intensity = dark ? 1.5 : 2.2;
     const line = new Color(colour("rim"));
     this.scene.remove(this.grid);
     this.grid.dispose();
@@ -249,12 +254,16 @@ export class Stage {
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    // A narrow view is to show as much from side to side as a wide one.
-    this.camera.fov = width / height < 1.3 ? Math.min(38 * (1.3 / (width / height)), 62) : 38;
     this.camera.updateProjectionMatrix();
     if (!this.sized) this.look("Overview");
     this.sized = true;
     this.request();
+  }
+
+  // A narrow view is to show as much from side to side as a wide one.
+  widen() {
+    this.camera.fov = this.camera.aspect < 1.3 ? Math.min(38 * (1.3 / this.camera.aspect), 62) : 38;
+    this.camera.updateProjectionMatrix();
   }
 
   request() {
