@@ -1,4 +1,4 @@
-# The verbs: setup, demo, test, check, docs, bench. Each does what it depends on.
+# The verbs: setup, demo, test, check, docs, page, bench. Each does what it depends on.
 
 VENV ?= .venv
 JOBS ?= 2
@@ -10,7 +10,7 @@ version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep="."
 PYTHON ?= $(firstword $(foreach p,python3.11 python3 python,$(if $(filter 3.11,$(call version_of,$(p))),$(p))) python3.11)
 WRONG_PYTHON = picktree needs Python 3.11; '$(PYTHON)' is $(or $(patsubst %,Python %,$(call version_of,$(PYTHON))),missing or no Python) (name another: make PYTHON=/path/to/python3.11)
 
-.PHONY: setup demo test check docs bench clean
+.PHONY: setup demo test check docs page pictures bench clean
 
 setup: $(READY)
 
@@ -44,6 +44,14 @@ docs: $(READY)
 	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \
 	"$(BIN)/picktree" render examples/sort_by_colour.yaml -o docs/tree.svg
+
+# The scripts and the style of a report, from logs/report/page/src; a test says when they are out of date.
+page:
+	@cd tests/logs/node && { [ -d node_modules/esbuild ] || npm ci --no-audit --no-fund; } && npm run --silent build
+
+# The pictures of docs/report.md, taken of a run with planted faults in headless Chromium.
+pictures: $(READY)
+	@"$(BIN)/python" -m tests.logs.report_pictures docs
 
 bench: $(READY)
 	@set -e; for program in benchmarks/*.py; do \
