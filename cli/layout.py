@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-from .output import show
-
 
 def layout(
     log: Annotated[str, typer.Argument(metavar="LOG", help="Log file, run folder, or 'last'.")],
@@ -19,9 +17,13 @@ def layout(
     """Write a layout for Foxglove and Lichtblick, made for this log's tree, joints and cameras."""
     from ..logs.layout.layout import layout as make
     from ..logs.run import Run
+    from ..logs.whole_files import whole
 
     with Run(log) as run:
         made = make(run)
-    show(made.to_json_text(), output)
-    if output is not None:
-        print(f"{output}: {len(made.panels)} panels, {made.lanes} lanes")
+    if output is None:
+        print(made.to_json_text(), end="")
+        return
+    with whole([output], output) as (beside,):
+        beside.write_text(made.to_json_text(), encoding="utf-8")
+    print(f"{output}: {len(made.panels)} panels, {made.lanes} lanes")

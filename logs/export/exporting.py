@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from ...world.errors import PicktreeError
 from ...world.journal import Plain
 from ..extras import extra
 from ..run import Run
+from ..whole_files import whole
 from .columns import Table
 from .tables import TABLES
 
@@ -56,17 +55,14 @@ def export(run: Run, form: Form, output: Path) -> Exported:
     if form == "rerun":
         with extra("rerun", "rerun", "An export to Rerun"):
             from .rerun_file import write_rerun
-        with _told(output), _whole([output]) as (unfinished,):
-            write_rerun(run, unfinished)
+        with whole([output], output) as (beside,):
+            write_rerun(run, beside)
         return Exported(form, output, {}, notes)
     write = _writer(form)
-    with _told(output):
+    paths = [output / f"{table.name}.{form}" for table in TABLES]
+    with whole(paths, output) as beside:
         output.mkdir(parents=True, exist_ok=True)
-        paths = [output / f"{table.name}.{form}" for table in TABLES]
-        with _whole(paths) as unfinished:
-            counts = [
-                write(path, table, table.rows(run)) for path, table in zip(unfinished, TABLES, strict=True)
-            ]
+        counts = [write(path, table, table.rows(run)) for path, table in zip(beside, TABLES, strict=True)]
     return Exported(form, output, dict(zip(paths, counts, strict=True)), notes)
 
 
@@ -78,28 +74,6 @@ def _writer(form: Literal["csv", "parquet"]) -> _Write:
     with extra("parquet", "pyarrow", "An export to Parquet"):
         from .parquet_file import write_parquet
     return write_parquet
-
-
-@contextmanager
-def _told(output: Path) -> Generator[None]:
-    try:
-        yield
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise PicktreeError(f"{output} cannot be written: {reason}") from None
-
-
-@contextmanager
-def _whole(paths: list[Path]) -> Generator[list[Path]]:
-    """Names beside them to write to; the files take their own names together when all are whole."""
-    unfinished = [path.with_name(f".unfinished-{path.name}") for path in paths]
-    try:
-        yield unfinished
-        for path, written in zip(paths, unfinished, strict=True):
-            written.replace(path)
-    finally:
-        for path in unfinished:
-            path.unlink(missing_ok=True)
 
 
 def _notes(run: Run) -> Iterator[str]:

@@ -34,7 +34,7 @@ def write_course(sheet: Sheet, run: Run) -> None:
     _lanes(sheet, run)
     _signals(sheet, run)
     for at in run.lines:
-        text = f"{at.record.name}: {at.record.message}" if at.record.name else at.record.message
+        text = f"{at.record.message}  [{at.record.name}]" if at.record.name else at.record.message
         sheet.at(at.time, "/log", rr.TextLog(text, level=_LEVELS.get(at.record.level, at.record.level)))
     for at in run.events:
         text = f"{at.record.kind}: {at.record.message}"

@@ -113,7 +113,9 @@ TEXTS = (
 
 
 def test_odd_texts_survive_and_no_cell_is_a_formula(tmp_path: Path) -> None:
-    rows = [Odd(text, None if k % 2 else 0.1 + 0.2, None if k % 3 else k % 2 == 0) for k, text in enumerate(TEXTS)]
+    rows = [
+        Odd(text, None if k % 2 else 0.1 + 0.2, None if k % 3 else k % 2 == 0) for k, text in enumerate(TEXTS)
+    ]
     assert write_csv(tmp_path / "odd.csv", ODD, rows) == len(rows)
     write_parquet(tmp_path / "odd.parquet", ODD, rows)
     assert read_csv(tmp_path / "odd.csv", ODD) == tuple(rows)
