@@ -1,10 +1,13 @@
-"""What recording costs: a tick of 60 nodes, 20 objects and the Panda, and the log that comes of it.
+"""What recording costs: a tick of 60 nodes, 20 objects and the Panda, checkpoints included, and the log that
+comes of it; and its share of the ticks of a real run, as that run's own log tells.
 
-python benchmarks/recording.py
+python benchmarks/recording.py [--minutes 5] [--rotate-mb 0]
 """
 
 from __future__ import annotations
 
+import argparse
+import resource
 import tempfile
 import time
 from collections.abc import Callable
@@ -14,9 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from picktree.logs.recorder import Recorder
-from picktree.logs.records import NodeStatus, NodeTime, RunInfo, Tick, Timing, Write
+from picktree.logs.records import Control, NodeStatus, NodeTime, RunInfo, Tick, Timing, Transition, Write
 from picktree.logs.robot_meshes import link_meshes
+from picktree.logs.rotation import Rotation
 from picktree.logs.run_log import RunLog
+from picktree.logs.session import RunRequest, Session
 from picktree.world.protocols import Intrinsics, RgbdImage
 from picktree.world.robot.load import load_robot
 from picktree.world.robot.model import RobotModel
@@ -26,12 +31,22 @@ from picktree.world.shapes import Box
 from picktree.world.values import GripperState, JointState, ObjectId, Pose, Wrench
 
 TICK = 0.05
-SECONDS = 300
 NODES = 60
+MISSION = Path(__file__).resolve().parent.parent / "examples" / "sort_by_colour.yaml"
 OBJECTS = 20
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=5.0, help="simulated, of the made-up run")
+    parser.add_argument("--rotate-mb", type=float, default=0.0)
+    chosen = parser.parse_args()
+    made_up(chosen.minutes * 60, Rotation(round(chosen.rotate_mb * 1e6)))
+    real()
+
+
+def made_up(seconds: float, rotation: Rotation) -> None:
+    """The cost of each kind of message, in CPU time, which other work on the machine hardly changes."""
     robot = load_robot("panda")
     model = RobotModel(robot)
     scene = load_scene("three_bins")
@@ -50,11 +65,14 @@ def main() -> None:
         began = time.process_time()
         meshes = link_meshes(robot.urdf)
         models = time.process_time() - began
-        with Recorder(path, RunInfo("benchmark", "three_bins", "panda", 1, "none", TICK)) as recorder:
+        info = RunInfo("benchmark", "three_bins", "panda", 1, "none", TICK)
+        with Recorder(path, info, rotation=rotation) as recorder:
             recorder.robot_model(meshes)
             recorder.fixed(scene.fixtures, scene.bins)
-            for k in range(round(SECONDS / TICK)):
+            memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+            for k in range(round(seconds / TICK)):
                 now = k * TICK
+                timed("rotation", recorder.rotate_if_due, now)
                 q = home + 0.3 * np.sin(now * 0.7 + np.arange(len(home))) + rng.normal(0, 2e-5, len(home))
                 links = model.link_poses(q, 0.04)
                 state = JointState(q, rng.normal(0, 0.1, len(home)), rng.normal(0, 5, len(home)))
@@ -66,6 +84,8 @@ def main() -> None:
                 timed("joints", recorder.joints, now, robot.joints, state, robot.gripper.joints, gripper)
                 timed("transforms", recorder.transforms, now, links, objects)
                 timed("wrench", recorder.wrench, now, Wrench((force[0], force[1], force[2])))
+                control = Control("position", tuple(q.tolist()), tuple((q * 1e-4).tolist()))
+                timed("control", recorder.control, now, control)
                 timed("belief", recorder.belief, now, objects)
                 if recorder.truth_due(now):
                     timed("truth", recorder.truth, now, objects)
@@ -73,7 +93,8 @@ def main() -> None:
                 if k % 92 == 0:
                     image = _image(now, rng)
                     timed("image", recorder.image, now, image)
-        size = path.stat().st_size
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory
+        sizes = [part.stat().st_size for part in Path(folder).iterdir()]
         began = time.process_time()
         with RunLog(path) as log:
             ticks = sum(1 for _ in log.ticks())
@@ -90,7 +111,32 @@ def main() -> None:
         )
     print(f"{'all':12}{'':8}{'':10}{'':10}{total:12.0f}")
     print(f"\nmodels of the robot: {models:.2f} s")
-    print(f"log of {SECONDS} s: {size / 1e6:.1f} MB; its {ticks} ticks read in {reading:.2f} s")
+    files = f" in {len(sizes)} files" if len(sizes) > 1 else ""
+    print(
+        f"log of {seconds:.0f} s: {sum(sizes) / 1e6:.1f} MB{files}; its {ticks} ticks read in {reading:.2f} s;"
+        f" memory of the process grew by {memory / 1024:.1f} MB"
+    )
+
+
+def real() -> None:
+    """The share of recording in the wall time of a tick, as the run's own log has it."""
+    print("\nticks of a run of sort_by_colour in the dense scene, wall time:")
+    with tempfile.TemporaryDirectory() as folder:
+        for backend in ("physics", "kinematic"):
+            request = RunRequest(
+                MISSION, scene="dense", seed=1, backend=backend, out=Path(folder), limit=30.0
+            )
+            with RunLog(Session(request).run().log) as log:
+                timings = [at.record for at in log.timings()]
+                nodes = len(next(log.ticks()).record.nodes)
+            total, recording = (
+                np.array([t.total for t in timings]), np.array([t.recording for t in timings])
+            )  # fmt: skip
+            print(
+                f"  {backend:10}{nodes} nodes: {np.mean(total) * 1e3:.2f} ms, of these recording "
+                f"{np.mean(recording) * 1e3:.2f} ms ({np.median(recording) * 1e3:.2f} in the median): "
+                f"{recording.sum() / total.sum():.1%}"
+            )
 
 
 def _object(k: int, rng: np.random.Generator) -> BeliefObject:
@@ -123,8 +169,11 @@ def _tick(k: int) -> Tick:
         )
         for n in range(NODES)
     )
-    writes = (Write("/item", f"red_block_{k // 40}", nodes[0].path),) if k % 40 == 0 else ()
-    return Tick("RUNNING", nodes[running].path, nodes, writes)
+    path, item = nodes[running].path, f"red_block_{k // 40}"
+    if k % 40:
+        return Tick("RUNNING", path, nodes)
+    begun = Transition(path, "RUNNING", {"object": item}, item)
+    return Tick("RUNNING", path, nodes, (Write("/item", item, nodes[0].path),), (begun,))
 
 
 def _timing(rng: np.random.Generator) -> Timing:

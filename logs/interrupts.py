@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Generator
-from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -22,6 +20,7 @@ class Interrupts:
         self._held = 0
         self._pending = False
         self._before: dict[signal.Signals, Any] = {}
+        self._section = _Held(self)
 
     def __enter__(self) -> Interrupts:
         if threading.current_thread() is threading.main_thread():
@@ -35,15 +34,17 @@ class Interrupts:
             signal.signal(number, handler)
         self._before.clear()
 
-    @contextmanager
-    def held(self) -> Generator[None]:
+    def held(self) -> _Held:
         """A section that is finished before a signal that arrives meanwhile takes effect."""
+        return self._section
+
+    def hold(self) -> None:
         self._held += 1
-        try:
-            yield
-        finally:
-            self._held -= 1
-        if self._pending and not self._held:
+
+    def release(self, *, failing: bool) -> None:
+        """`failing`: another exception is on its way, which goes first."""
+        self._held -= 1
+        if self._pending and not self._held and not failing:
             self._pending = False
             raise KeyboardInterrupt
 
@@ -51,4 +52,20 @@ class Interrupts:
         if self._held:
             self._pending = True
         else:
+            self._pending = False
             raise KeyboardInterrupt
+
+
+class _Held:
+    """Entered for each message of a log, for which a generator would be slow."""
+
+    def __init__(self, interrupts: Interrupts) -> None:
+        self._interrupts = interrupts
+
+    def __enter__(self) -> None:
+        self._interrupts.hold()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._interrupts.release(failing=kind is not None)

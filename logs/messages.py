@@ -185,28 +185,47 @@ def read_robot(data: bytes) -> tuple[LinkMesh, ...]:
 
 
 def encode_scene(time: int, scene: Scene, *, locked: bool) -> bytes:
-    """The full scene: what an earlier message showed goes. A body's id is the name of its frame when
-    `locked`, so that it moves with `/tf`; else it stands where it is in the world."""
-    update = SceneUpdate()
-    update.deletions.add(timestamp=stamp(time), type=SceneEntityDeletion.Type.ALL)
-    entities: dict[str, SceneEntity] = {}
-    for part in scene.fixed:
-        owner = part.id.split("/")[0]
-        entity = entities.get(owner)
-        if entity is None:
-            entity = entities[owner] = _entity(update, time, owner, WORLD, locked=True)
-        _add_shape(entity, part.shape, part.pose, COLOURS.get(part.colour, UNKNOWN_COLOUR), 1.0)
-        entity.metadata.append(KeyValuePair(key=_PART, value=encode(part).decode()))
-    for body in scene.bodies:
-        entity = _entity(update, time, body.id, body.id if locked else WORLD, locked=True)
+    """A scene by itself; who writes many has a `Scenes`."""
+    return Scenes(locked=locked).encode(time, scene)
+
+
+class Scenes:
+    """The messages of a scene's topic. Each holds the full scene: what an earlier one showed goes. A body's
+    id is the name of its frame when `locked`, so that it moves with `/tf`; else it stands where it is in the
+    world.
+
+    Most of a scene is the same from message to message: only what differs is made anew.
+    """
+
+    def __init__(self, *, locked: bool) -> None:
+        self._locked = locked
+        self._fixed: tuple[Part, ...] = ()
+        self._fixtures: list[SceneEntity] = []
+        self._bodies: dict[str, tuple[Body, SceneEntity]] = {}
+
+    def encode(self, time: int, scene: Scene) -> bytes:
+        at = stamp(time)
+        update = SceneUpdate()
+        update.deletions.add(timestamp=at, type=SceneEntityDeletion.Type.ALL)
+        if scene.fixed is not self._fixed:
+            self._fixed, self._fixtures = scene.fixed, _fixtures(scene.fixed)
+        known, self._bodies = self._bodies, {}
+        for body in scene.bodies:
+            before = known.get(body.id)
+            same = before is not None and before[0] == body
+            self._bodies[body.id] = before if before is not None and same else (body, self._body(body))
+        update.entities.extend(self._fixtures)
+        update.entities.extend(entity for _, entity in self._bodies.values())
+        for entity in update.entities:
+            entity.timestamp.CopyFrom(at)
+        return update.SerializeToString(deterministic=True)
+
+    def _body(self, body: Body) -> SceneEntity:
+        locked = self._locked
+        entity = SceneEntity(frame_id=body.id if locked else WORLD, id=body.id, frame_locked=True)
         colour = COLOURS.get(body.colour, UNKNOWN_COLOUR)
-        _add_shape(
-            entity,
-            body.shape,
-            Pose() if locked else body.pose,
-            colour,
-            0.45 if body.role == "obstacle" else 1.0,
-        )
+        alpha = 0.45 if body.role == "obstacle" else 1.0
+        _add_shape(entity, body.shape, Pose() if locked else body.pose, colour, alpha)
         for key, value in (
             ("kind", body.kind),
             ("colour", body.colour),
@@ -215,7 +234,17 @@ def encode_scene(time: int, scene: Scene, *, locked: bool) -> bytes:
         ):
             entity.metadata.append(KeyValuePair(key=key, value=value))
         entity.metadata.append(KeyValuePair(key=_BODY, value=encode(body).decode()))
-    return update.SerializeToString(deterministic=True)
+        return entity
+
+
+def _fixtures(parts: Iterable[Part]) -> list[SceneEntity]:
+    entities: dict[str, SceneEntity] = {}
+    for part in parts:
+        owner = part.id.split("/")[0]
+        entity = entities.setdefault(owner, SceneEntity(frame_id=WORLD, id=owner, frame_locked=True))
+        _add_shape(entity, part.shape, part.pose, COLOURS.get(part.colour, UNKNOWN_COLOUR), 1.0)
+        entity.metadata.append(KeyValuePair(key=_PART, value=encode(part).decode()))
+    return list(entities.values())
 
 
 def read_scene(data: bytes) -> Scene:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
@@ -124,6 +125,8 @@ class Recorder:
         self._preamble = False
         self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
         self._transforms = messages.Transforms()
+        self._beliefs = messages.Scenes(locked=True)
+        self._truths = messages.Scenes(locked=False)
         self._fixed: tuple[Part, ...] = ()
         self._cameras: dict[str, Pose] = {}  # by frame
         self._believed = self._true = -EVERY
@@ -179,6 +182,7 @@ class Recorder:
         no part of the digest: the run that it continues has written the same in its own time."""
         assert self._resumed is not None
         self._preamble = True
+        self._believed = self._true = -math.inf
         try:
             yield
         finally:
@@ -309,7 +313,7 @@ class Recorder:
         if changed or now - self._believed >= EVERY - 1e-6:
             self._believed = now
             scene = Scene(tuple(_believed(o) for o in objects), self._fixed)
-            self._write(topics.OBJECTS, now, messages.encode_scene(_ns(now), scene, locked=True))
+            self._write(topics.OBJECTS, now, self._beliefs.encode(_ns(now), scene))
 
     def truth_due(self, now: float) -> bool:
         """Whether a second has passed: the simulation need not be asked more often."""
@@ -322,7 +326,7 @@ class Recorder:
             tuple(Body(b.id, b.kind, b.form, b.colour, _portable(b.shape), b.pose) for b in bodies),
             self._fixed,
         )
-        self._write(topics.TRUTH, now, messages.encode_scene(_ns(now), scene, locked=False))
+        self._write(topics.TRUTH, now, self._truths.encode(_ns(now), scene))
 
     # As they happen
 
