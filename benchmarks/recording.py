@@ -113,8 +113,8 @@ def made_up(seconds: float, rotation: Rotation) -> None:
     print(f"\nmodels of the robot: {models:.2f} s")
     files = f" in {len(sizes)} files" if len(sizes) > 1 else ""
     print(
-        f"log of {seconds:.0f} s: {sum(sizes) / 1e6:.1f} MB{files}; its {ticks} ticks read in {reading:.2f} s;"
-        f" memory of the process grew by {memory / 1024:.1f} MB"
+        f"log of {seconds:.0f} s: {sum(sizes) / 1e6:.1f} MB{files}; its {ticks} ticks are read in "
+        f"{reading:.2f} s; memory of the process grew by {memory / 1024:.1f} MB"
     )
 
 
