@@ -37,7 +37,8 @@ def what_if(
     """Let the run of a log go on from its last checkpoint at or before `at` (a tick or a time, see
     `parse_tick`), from its beginning where there is none, and compare with how it went.
 
-    The new run's folder is made in `out`, by default in `runs`. Raises PicktreeError (FileError with the errors of the checker).
+    The new run's folder is made in `out`, by default in `runs`. Raises PicktreeError (FileError with the
+    errors of the checker).
     """
     changes = changes or Changes()
     if changes.seed is not None or changes.scene is not None:
