@@ -137,7 +137,7 @@ def test_scene_moves_with_time_and_shows_what_was_taken_away(
 ) -> None:
     with chromium.page(report) as (page, told):
         stage = "picktreeReport.shell.panels.find((panel) => panel.name === 'stage').made"
-        wait_until(page, f"{stage}.sized && !{stage}.moved")
+        wait_until(page, f"{stage}.views.sized && !{stage}.moved")
         start = page.evaluate(f"{stage}.robot.tcp.toArray()")
         assert page.evaluate(f"{stage}.truths.filter((one) => one.state === 'gone').length") == 0
         page.evaluate(f"picktreeReport.player.seek({failures[0]})")
