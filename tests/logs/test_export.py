@@ -18,32 +18,14 @@ from picktree.logs.export.csv_file import read_csv, write_csv
 from picktree.logs.export.exporting import export
 from picktree.logs.export.parquet_file import read_parquet, write_parquet
 from picktree.logs.export.tables import TABLES
-from picktree.logs.session import RunRequest, Session
 from picktree.world.errors import PicktreeError
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 GOLDEN = Path(__file__).parent / "golden" / "small.mcap"
-FAULTS = """\
-picktree: 1
-kind: faults
-faults:
-  - {fault: remove, when: {node: Grasp}, target: {nearest_to: object}}
-"""
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
-    """A run without physics in which an object is snatched away when it is about to be grasped."""
-    out = tmp_path_factory.mktemp("runs")
-    (out / "faults.yaml").write_text(FAULTS)
-    request = RunRequest(
-        mission=EXAMPLES / "sort_by_colour.yaml",
-        scene="sort_small",
-        backend="kinematic",
-        faults=out / "faults.yaml",
-        out=out,
-    )
-    with Run(Session(request).run().folder) as opened:
+def run(troubled_log: Path) -> Iterator[Run]:
+    with Run(troubled_log) as opened:
         yield opened
 
 
