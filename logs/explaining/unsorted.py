@@ -10,6 +10,11 @@ from .sight import never_seen
 from .whereabouts import NOWHERE, SAMPLED, way_since
 from .wording import between, distance, listed, place, seconds
 
+FALLING = 0.15
+"""What is let go over a bin has come down in it after this time, s."""
+PUSHED = 0.35
+"""What is pushed out of a bin is not further away than this a second later, m."""
+
 
 def why_not_sorted(case: Case, true: str) -> Finding | None:
     """For an item that the scorer calls left or misplaced; None when the log does not tell."""
@@ -113,12 +118,14 @@ def _left_bin(case: Case, true: str, item: str, into: str, time: float) -> Findi
         reasons.append(f"beside it lie {listed(others)}" if others else "nothing else lies there")
         title = f"{item} lies above the rim of {into}, or does not come to rest there"
         return Finding(*_crowded(into, true, others), title, tuple(reasons), item, time)
-    out = next((t for t, b in later if t > inside[-1] and case.bin_at(b) != into), case.end)
+    out, outside = next((t, b) for t, b in later if t > inside[-1] and case.bin_at(b) != into)
     lay = next(b for t, b in later if t == inside[-1])
     reasons.append(
         f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
     )
-    placing = case.events("item_done", start=inside[-1] - SAMPLED, end=out + SAMPLED)
+    placing = case.events("item_done", start=inside[-1] - FALLING, end=out + SAMPLED)
+    if math.dist(outside.pose.position, lay.pose.position) > PUSHED:
+        placing = []
     came = [str(at.record.data.get("object")) for at in placing if at.record.data.get("into") == into]
     came = [name for name in came if name != item]
     when = between(inside[-1], out)

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 
 def distance(metres: float) -> str:
-    """`12 cm`, `8 mm`."""
+    """`1.2 m`, `12 cm`, `8 mm`."""
+    if metres >= 0.995:
+        return f"{metres:.1f} m"
     return f"{metres * 100:.0f} cm" if metres >= 0.0195 else f"{metres * 1000:.0f} mm"
 
 
