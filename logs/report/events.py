@@ -15,6 +15,8 @@ from .words import Words
 
 _REPEATED: Final = frozenset({"image"})
 """Kinds that have a panel of their own."""
+_RANKS: Final = {"failure": 1, "recovery": 2, "handled": 3}
+"""What follows from what within one tick."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +46,9 @@ def pack_events(run: Run) -> Section:
 
 
 def happenings(run: Run) -> tuple[Happening, ...]:
-    """In the order of time; what came in one tick in the order of the log: events, plans, lines."""
-    return tuple(sorted([*_events(run), *_plans(run), *_lines(run)], key=lambda one: one.time))
+    """In the order of time; in one tick failures before what is done about them."""
+    found = [*_events(run), *_plans(run), *_lines(run)]
+    return tuple(sorted(found, key=lambda one: (one.time, _RANKS.get(one.kind, 0))))
 
 
 def _events(run: Run) -> Iterator[Happening]:

@@ -105,7 +105,9 @@ class PicktreeDrawing {
       group.setAttribute("tabindex", path === this.selected ? "0" : "-1");
     }
     for (const edge of this.edges) {
-      edge.classList.toggle("running", this.statuses[edge.dataset.to] === "RUNNING");
+      const status = this.statuses[edge.dataset.to];
+      edge.classList.toggle("running", status === "RUNNING");
+      edge.classList.toggle("failure", status === "FAILURE");
     }
   }
 

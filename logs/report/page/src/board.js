@@ -26,16 +26,18 @@ export class Board {
     this.truthNumbers = new Map(truth.words.map((word, number) => [word, number]));
     this.objects = [...this.beliefs.rows.keys()].sort((a, b) => words[a].localeCompare(words[b], undefined, { numeric: true }));
     const heads = [
-      ["object"], ["kind", "wide"], ["at, mm"], ["turned", "wide"], ["sure", "wide"], ["seen"], ["where"],
-      ["off, mm", "", "How far the truth is from what the robot believes; the robot does not know it"],
+      ["object"], ["kind", "wide"], ["at, mm"], ["turned", "wide"], ["sure", "wide"], ["seen", "seen", "How long ago it was seen last"], ["where"],
+      ["off, mm", "off", "How far the truth is from what the robot believes; the robot does not know it"],
     ];
     const head = made("tr", {}, ...heads.map(([text, kind, title]) => made("th", { class: kind ?? "", title }, text)));
     this.lines = new Map(this.objects.map((number) => [number, this.line(words[number])]));
     this.unknown = made("p", { class: "board-unknown", hidden: true });
+    this.nothing = made("p", { class: "board-none" }, "The robot knows of nothing yet.");
+    this.table = made("table", { class: "belief" }, made("thead", {}, head), made("tbody", {}, ...[...this.lines.values()].map(({ root }) => root)));
     return made("div", { class: "board-part" },
       made("h3", {}, "Belief", made("small", {}, "beside it how far the truth is off, for the analyst only")),
-      made("div", { class: "board-scroll" },
-        made("table", { class: "belief" }, made("thead", {}, head), made("tbody", {}, ...[...this.lines.values()].map(({ root }) => root)))),
+      this.nothing,
+      made("div", { class: "board-scroll" }, this.table),
       this.unknown,
     );
   }
@@ -70,10 +72,12 @@ export class Board {
       put(cells.turned, angles(belief.yaw[row], belief.tilt[row]));
       put(cells.sure, `${Math.round(100 * belief.confidence[row])} %`);
       const ago = time - belief.last_seen[row];
-      put(cells.seen, ago < 0.06 ? "now" : `${ago < 10 ? ago.toFixed(1) : ago.toFixed(0)} s ago`);
+      put(cells.seen, ago < 0.06 ? "now" : `${ago < 10 ? ago.toFixed(1) : ago.toFixed(0)} s`);
       put(cells.where, belief.attached[row] ? "in the hand" : word("place"));
       this.showOff(cells.off, belief.words[number], tick, truth);
     }
+    this.nothing.hidden = [...this.lines.values()].some(({ root }) => !root.hidden);
+    this.table.hidden = !this.nothing.hidden;
     this.showUnknown(tick, truth);
   }
 

@@ -1,7 +1,7 @@
 // The chosen node at the present time: what it did, with what, and how it ended.
 
 import { made } from "./made.js";
-import { pairs, seconds } from "./words.js";
+import { called, pairs, seconds } from "./words.js";
 
 export class Details {
   // `onvisit(i)`: another visit of the node is to be shown.
@@ -40,12 +40,12 @@ export class Details {
   }
 
   title(node, own, place) {
-    const { id, name, path } = this.visits.nodes[node];
+    const { path } = this.visits.nodes[node];
     const step = (text, title, to) =>
       made("button", { class: "icon", title, "aria-label": title, disabled: own[to] === undefined, onclick: () => this.onvisit(own[to]) }, text);
     const steps = path.split("/").slice(0, -1).join(" › ");
     return [
-      made("b", {}, name.startsWith(id) ? name : `${id} ${name}`),
+      made("b", {}, ...called(this.visits.nodes[node])),
       made("span", { class: "details-path", title: path }, steps),
       own.length
         ? made("span", { class: "details-steps" },
@@ -79,15 +79,14 @@ export class Details {
     if (about) facts.about = about;
     const rows = Object.entries(facts).flatMap(([key, value]) => [made("dt", {}, key || "now"), made("dd", {}, value)]);
     const message = visits.word("message", i);
-    return [
+    const told = [
       made("dl", { class: "pairs" }, ...rows),
       message ? made("p", { class: `details-message ${outcome.toLowerCase()}` }, message) : "",
       origin && origin !== path
         ? made("p", {}, "from ", made("button", { class: "link", onclick: () => this.player.selectNode(origin) }, origin.split("/").slice(-2).join(" › ")))
         : "",
-      ...this.values("inputs", i),
-      ...this.values("evidence", i),
     ];
+    return [made("div", {}, ...told), ...this.values("inputs", i), ...this.values("evidence", i)];
   }
 
   values(column, i) {

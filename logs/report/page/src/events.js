@@ -3,7 +3,9 @@
 import "./events.css";
 
 import { made } from "./made.js";
+import { onShown } from "./scrolling.js";
 import { recall, remember } from "./theme.js";
+import { shortened } from "./words.js";
 
 const QUIET = new Set(["belief", "plan", "checkpoint"]); // kinds that are left out until they are asked for
 const BAD = new Set(["failure", "no plan", "safety_stop"]);
@@ -25,6 +27,7 @@ export class Events {
     this.count = made("span", { class: "failures-count" });
     tools.append(this.count);
     this.filter();
+    onShown(host, () => this.centre());
     player.onTick(() => this.at());
   }
 
@@ -53,7 +56,7 @@ export class Events {
       made("button", { onclick: go, title: node },
         made("time", {}, time.toFixed(2)),
         made("span", { class: "kind" }, kind.replace("_", " ")),
-        made("span", { class: "text" }, section.words[section.text[row]])));
+        made("span", { class: "text" }, shortened(section.words[section.text[row]]))));
   }
 
   filter() {
@@ -65,6 +68,11 @@ export class Events {
     this.count.textContent = `${count} of ${this.rows.length}`;
     this.present = -2;
     this.at();
+  }
+
+  centre() {
+    const row = this.rows[this.present];
+    if (this.list.clientHeight) this.list.scrollTop = row ? row.offsetTop - this.list.clientHeight / 2 : 0;
   }
 
   // The last event until now.
@@ -81,9 +89,7 @@ export class Events {
     if (present === this.present) return;
     this.rows[this.present]?.classList.remove("present");
     this.present = present;
-    const row = this.rows[present];
-    row?.classList.add("present");
-    if (row && this.list.clientHeight) this.list.scrollTop = row.offsetTop - this.list.clientHeight / 2;
-    if (!row) this.list.scrollTop = 0;
+    this.rows[present]?.classList.add("present");
+    this.centre();
   }
 }

@@ -3,6 +3,7 @@
 import "./failures.css";
 
 import { made } from "./made.js";
+import { bring, onShown } from "./scrolling.js";
 import { FATE_WORDS, pairs, seconds, valueText } from "./words.js";
 
 const BEFORE = 2; // s before a failure from which it is played
@@ -17,7 +18,11 @@ export class Failures {
     this.scroller = made("div", { class: "failures-scroll" }, this.top(), this.list);
     host.append(this.scroller);
     tools.append(made("span", { class: "failures-count" }, counted(section.failures)));
-    player.onTick((tick) => this.at(tick));
+    onShown(host, () => {
+      const card = this.cards[player.failure ?? this.present];
+      if (card) bring(this.scroller, card);
+    });
+    player.onTick(() => this.at());
     player.onFailure((number) => this.choose(number));
   }
 
@@ -56,15 +61,15 @@ export class Failures {
   card(story) {
     const { player } = this;
     const more = made("details", {}, made("summary", {}, "why, and what then"), ...this.fold(story));
-    const main = made("button", { class: "failure-main", onclick: () => player.selectFailure(story.number) },
-      made("span", { class: "failure-line" },
+    const main = made("button", { class: "story-main", onclick: () => player.selectFailure(story.number) },
+      made("span", { class: "story-line" },
         made("span", { class: "number" }, `${story.number + 1}`),
         made("code", {}, story.cause || "failure"),
         made("span", { class: `fate ${story.fate}` }, FATE_WORDS[story.fate] ?? story.fate),
         made("time", {}, seconds(story.time)),
       ),
-      made("span", { class: "failure-where" }, made("b", {}, story.id), story.item ? ` ${story.item}` : "", story.attempt > 1 ? `, attempt ${story.attempt}` : ""),
-      story.message ? made("span", { class: "failure-message" }, story.message) : null,
+      made("span", { class: "story-where" }, made("b", {}, story.id), story.item ? ` ${story.item}` : "", story.attempt > 1 ? `, attempt ${story.attempt}` : ""),
+      story.message ? made("span", { class: "story-message" }, story.message) : null,
     );
     const play = made("button", {
       class: "icon play", title: `Play from ${BEFORE} s before`, "aria-label": `Play from ${BEFORE} s before failure ${story.number + 1}`,
@@ -74,7 +79,7 @@ export class Failures {
         player.play();
       },
     }, "▶");
-    return made("li", { class: `failure ${story.fate}`, "data-number": story.number }, main, play, more);
+    return made("li", { class: `story ${story.fate}`, "data-number": story.number }, main, play, more);
   }
 
   *fold(story) {
@@ -115,26 +120,15 @@ export class Failures {
     this.present = present;
     const card = this.cards[present];
     card?.classList.add("present");
-    if (card) this.bring(card);
+    if (card) bring(this.scroller, card);
   }
 
   choose(number) {
     for (const [other, card] of this.cards.entries()) {
       card.classList.toggle("chosen", other === number);
-      card.querySelector(".failure-main").setAttribute("aria-current", String(other === number));
+      card.querySelector(".story-main").setAttribute("aria-current", String(other === number));
     }
-    if (number !== null && this.cards[number]) this.bring(this.cards[number]);
-  }
-
-  bring(card) {
-    const { scroller } = this;
-    if (!scroller.clientHeight) return;
-    const box = scroller.getBoundingClientRect();
-    const { top, height } = card.getBoundingClientRect();
-    if (top < box.top) scroller.scrollTop += top - box.top - 8;
-    else if (top + Math.min(height, box.height) > box.bottom) {
-      scroller.scrollTop += Math.min(top + height - box.bottom + 8, top - box.top - 8);
-    }
+    if (number !== null && this.cards[number]) bring(this.scroller, this.cards[number]);
   }
 }
 

@@ -3,11 +3,13 @@
 import "./images.css";
 
 import { made } from "./made.js";
+import { onShown } from "./scrolling.js";
 
 export class Images {
   constructor(host, section, player, tools) {
     Object.assign(this, { images: section.images, player, place: -2, look: "colour" });
     host.classList.add("images");
+    this.host = host;
     this.many = new Set(this.images.map(({ camera }) => camera)).size > 1;
     this.views = {
       colour: made("img", { alt: "What the camera saw" }),
@@ -25,7 +27,7 @@ export class Images {
     );
     this.button = made("button", { class: "chip", "aria-pressed": "false", onclick: () => this.both() }, "Depth");
     tools.append(this.button);
-    this.host = host;
+    onShown(host, () => this.centre());
     player.onTick(() => this.at(player.time));
   }
 
@@ -66,20 +68,20 @@ export class Images {
     const place = this.images.findLastIndex((image) => image.time <= time + 1e-6);
     const image = this.images[place];
     if (image) this.say(image, time);
-    else this.caption.textContent = `The first image comes at ${this.images[0].time.toFixed(2)} s.`;
+    else this.said = this.caption.textContent = `The first image comes at ${this.images[0].time.toFixed(2)} s.`;
     if (place === this.place) return;
     this.thumbs[this.place]?.setAttribute("aria-selected", "false");
     this.place = place;
-    for (const [look, view] of Object.entries(this.views)) {
-      if (image) view.src = this.address(image, look);
-      else view.removeAttribute("src");
-    }
-    const thumb = this.thumbs[place];
-    thumb?.setAttribute("aria-selected", "true");
-    if (thumb) {
-      const middle = thumb.offsetLeft + thumb.offsetWidth / 2;
-      this.strip.scrollLeft = middle - this.strip.clientWidth / 2;
-    }
+    // Before the first image it is shown pale, so that the page keeps its shape.
+    this.host.classList.toggle("before", !image);
+    for (const [look, view] of Object.entries(this.views)) view.src = this.address(image ?? this.images[0], look);
+    this.thumbs[place]?.setAttribute("aria-selected", "true");
+    this.centre();
+  }
+
+  centre() {
+    const thumb = this.thumbs[this.place];
+    if (thumb) this.strip.scrollLeft = thumb.offsetLeft + thumb.offsetWidth / 2 - this.strip.clientWidth / 2;
   }
 
   say(image, time) {

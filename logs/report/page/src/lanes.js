@@ -10,10 +10,13 @@ import { Span } from "./span.js";
 import { onTheme } from "./theme.js";
 import { Tip } from "./tip.js";
 import { Visits } from "./visits.js";
-import { markWords, visitCard } from "./words.js";
+import { called, markWords, visitCard } from "./words.js";
 
 const LEGEND = [["success", "success"], ["failure", "failure"], ["running", "still running"], ["muted", "halted"], ["skipped", "skipped"]];
-const SIGNS = [["▼", "failure", "failure"], ["◆", "cure_rim", "recovery"], ["●", "success", "item done"], ["ϟ", "ink", "fault planted, safety stop"]];
+const SIGNS = [
+  ["▼", "failure", "failure that ended something"], ["▼", "cure_rim", "passed over"], ["▼", "success", "cured"],
+  ["✚", "cure_rim", "recovery"], ["●", "success", "item done"], ["◆", "output", "fault planted"],
+];
 
 export class Lanes {
   constructor(host, section, player, tools) {
@@ -112,10 +115,9 @@ export class Lanes {
 
   line(number) {
     const { rows, visits } = this;
-    const { id, name, leaf, parent } = rows.nodes[number];
+    const { leaf } = rows.nodes[number];
     const opens = rows.below[number].length > 0;
-    const said = name.startsWith(id) ? name : `${id} ${name}`;
-    const failures = visits.failing[number].length;
+    const failures = visits.failing[number].filter((i) => visits.failedItself(i)).length;
     const line = made(
       "div",
       {
@@ -128,7 +130,7 @@ export class Lanes {
         ? made("span", { class: "twisty", onclick: (event) => { event.stopPropagation(); this.toggle(number); } }, rows.isOpen(number) ? "▾" : "▸")
         : made("span", { class: "twisty" }),
       made("i", { class: "dot" }),
-      made("span", { class: "said" }, parent < 0 ? name : said),
+      made("span", { class: "said" }, ...called(rows.nodes[number])),
       failures ? made("span", { class: "count", title: `${failures} failure${failures > 1 ? "s" : ""}` }, `${failures}`) : null,
     );
     line.classList.toggle("selected", number === this.selected);

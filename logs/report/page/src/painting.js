@@ -4,11 +4,11 @@ import { colour } from "./theme.js";
 import { roundTimes } from "./span.js";
 
 export const ROW = 22; // height of a lane, pixels
-export const BAND = { axis: 18, items: 20, marks: 16, height: 58 };
+export const BAND = { axis: 18, items: 20, marks: 24, height: 66 };
 const FONT = 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, "DejaVu Sans", sans-serif';
 const NAMES = [
   "paper", "sheet", "bar", "rim", "ink", "muted", "success", "success_fill", "failure", "failure_fill",
-  "running", "running_fill", "skipped", "cure_rim", "found",
+  "running", "running_fill", "skipped", "cure_rim", "output", "found",
 ];
 const LOOKS = { SUCCESS: "success", FAILURE: "failure", RUNNING: "running", HALTED: "muted", SKIPPED: "skipped" };
 export const FATES = { cured: "success", passed_over: "cure_rim", branched: "muted", ended: "failure", open: "failure" };
@@ -150,13 +150,12 @@ export class Paint {
       }
       if (right - x > 30) this.text(context, item, x + 4, BAND.items / 2 - 0.5, right - x - 8, colours.ink);
     }
-    const middle = BAND.items + BAND.marks / 2;
-    for (const { time, kind } of marks) this.mark(context, kind, span.x(time), middle, width);
+    for (const { time, kind } of marks) this.mark(context, kind, span.x(time), BAND.items, width);
     for (const [number, { time, fate }] of failures.entries()) {
       const x = span.x(time);
       if (x < -8 || x > width + 8) continue;
       context.fillStyle = colours[FATES[fate] ?? "failure"];
-      triangle(context, x, middle - 5, number === failure ? 7 : 5);
+      triangle(context, x, BAND.items + 1, number === failure ? 6.5 : 5);
     }
     context.fillStyle = colours.rim;
     context.fillRect(0, BAND.height - 1, width, 1);
@@ -168,7 +167,9 @@ export class Paint {
     }
   }
 
-  mark(context, kind, x, y, width) {
+  // In the lower half of the row: the upper one belongs to the failures.
+  mark(context, kind, x, top, width) {
+    const y = top + 17;
     if (x < -6 || x > width + 6) return;
     const { colours } = this;
     context.beginPath();
@@ -177,10 +178,11 @@ export class Paint {
       context.arc(x, y, 3, 0, 7);
     } else if (kind === "recovery") {
       context.fillStyle = colours.cure_rim;
-      for (const [dx, dy] of [[0, -4], [4, 0], [0, 4], [-4, 0]]) context.lineTo(x + dx, y + dy);
+      context.rect(x - 1.25, y - 4, 2.5, 8);
+      context.rect(x - 4, y - 1.25, 8, 2.5);
     } else {
-      context.fillStyle = colours.ink;
-      for (const [dx, dy] of [[1, -6], [-3, 1], [0, 1], [-1, 6], [3, -1], [0, -1]]) context.lineTo(x + dx, y + dy);
+      context.fillStyle = kind === "fault" ? colours.output : colours.ink;
+      for (const [dx, dy] of [[0, -5], [5, 0], [0, 5], [-5, 0]]) context.lineTo(x + dx, y + dy);
     }
     context.fill();
   }

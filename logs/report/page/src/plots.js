@@ -53,7 +53,8 @@ export class Plots {
       if (!one.chart) one.chart = this.make(one, width);
       else if (one.chart.width !== width) one.chart.setSize({ width, height: HEIGHT });
     }
-    this.follow(this.player.time);
+    // A new chart empties its legend once more before it is drawn.
+    requestAnimationFrame(() => this.follow(this.player.time));
   }
 
   make({ plot, box }, width) {
@@ -62,6 +63,7 @@ export class Plots {
       {
         width,
         height: HEIGHT,
+        padding: [8, 14, 0, 0],
         scales: { x: { time: false, range: (_, from, to) => this.range ?? [from, to] } },
         cursor: { sync: { key: "picktree" }, y: false, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
         legend: { live: true, markers: { width: 2 } },
@@ -129,7 +131,7 @@ export class Plots {
     for (const [number, { time }] of this.player.failures.entries()) {
       const x = Math.round(chart.valToPos(time, "x", true));
       if (x < bbox.left || x > bbox.left + bbox.width) continue;
-      ctx.globalAlpha = number === this.player.failure ? 1 : 0.4;
+      ctx.globalAlpha = number === this.player.failure ? 1 : 0.25;
       ctx.beginPath();
       ctx.moveTo(x, bbox.top);
       ctx.lineTo(x, bbox.top + bbox.height);

@@ -7,6 +7,9 @@ import { Tip } from "./tip.js";
 
 /* global PicktreeDrawing -- trees/drawing/page/viewer.js, a script before this one */
 
+const LEAST = 0.6; // scale at which a whole tree is shown rather than a part of it
+const MOST = 0.8; // scale at which what runs is followed
+
 export class Tree {
   constructor(host, section, player, tools) {
     Object.assign(this, { host, section, player, drawings: new Map(), shown: null, tick: -1, tip: "" });
@@ -90,8 +93,21 @@ export class Tree {
     const wanted = failing && depth(failing) > depth(tip) ? failing : tip || failing;
     if (this.following && wanted && wanted !== this.tipPath) {
       this.tipPath = wanted;
-      const item = this.drawing.reveal(wanted);
-      if (item) this.drawing.bring(item);
+      this.look(wanted);
+    }
+  }
+
+  // Brings a node into the middle, in a size that can be read, where the whole has no room.
+  look(path) {
+    const { drawing } = this;
+    const item = drawing.reveal(path);
+    if (!item) return;
+    const { width, height } = drawing.space;
+    const whole = Math.min((width - 24) / drawing.root.width, (height - 24) / drawing.root.height);
+    if (whole >= LEAST) drawing.fit();
+    else {
+      if (drawing.transform.k > MOST) drawing.scaleBy(MOST / drawing.transform.k);
+      drawing.bring(item);
     }
   }
 

@@ -42,6 +42,14 @@ export class Visits {
     return this.words[this.columns[column][i]];
   }
 
+  // A failure that came up in this very node. Logs of format 1 do not tell.
+  failedItself(i) {
+    if (!this.failed(i)) return false;
+    const { path, leaf } = this.nodes[this.columns.node[i]];
+    const origin = this.word("origin", i);
+    return origin ? origin === path : leaf;
+  }
+
   // Place among the node's own visits of the first that ends at `time` or later.
   firstFrom(node, time) {
     const own = this.byNode[node];

@@ -10,6 +10,17 @@ export const FATE_WORDS = {
   open: "open at the end",
 };
 
+// A node by its ID, and by its name where that says more. Branches are called as the mission labels them.
+export function called({ id, name, leaf }) {
+  if (name === id || name.startsWith(`${id}#`)) return [name];
+  return leaf ? [id, made("small", {}, ` ${name}`)] : [name];
+}
+
+// Long paths of nodes by their ends.
+export function shortened(text) {
+  return text.replace(/[^\s:,;()]+(?:\/[^\s:,;()]+){3,}/g, (path) => path.split("/").slice(-2).join("/"));
+}
+
 export function seconds(time) {
   return `${time.toFixed(2)} s`;
 }
