@@ -23,6 +23,7 @@ MEASURING = {
     "world/stopwatch.py",
     "logs/session.py",
     "logs/recorder.py",
+    "logs/log_file.py",
     "logs/mcap_file.py",
     "logs/request.py",
     "logs/edits.py",
