@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
@@ -13,22 +14,28 @@ from .columns import Column, Table, cells
 
 R = TypeVar("R")
 
+_GROUP = 100_000
+"""Rows that are held at a time: a run may last for hours."""
 _TYPES = {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "text": pa.string()}
 
 
 def write_parquet(path: Path, table: Table[R], rows: Iterable[R]) -> int:
     """How many rows were written. Raises OSError when the disk refuses."""
-    taken = [cells(row) for row in rows]
     schema = pa.schema(
         [_field(column) for column in table.columns],
         metadata={"picktree.table": table.name, "picktree.row": table.meaning},
     )
-    arrays = [
-        pa.array([row[k] for row in taken], type=_TYPES[column.kind])
-        for k, column in enumerate(table.columns)
-    ]
-    parquet.write_table(pa.Table.from_arrays(arrays, schema=schema), path, compression="zstd")
-    return len(taken)
+    count = 0
+    waiting = iter(rows)
+    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+        while taken := [cells(row) for row in itertools.islice(waiting, _GROUP)]:
+            arrays = [
+                pa.array([row[k] for row in taken], type=_TYPES[column.kind])
+                for k, column in enumerate(table.columns)
+            ]
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+            count += len(taken)
+    return count
 
 
 def read_parquet(path: Path, table: Table[R]) -> tuple[R, ...]:

@@ -21,6 +21,8 @@ from .rerun_sheet import Sheet
 
 _Z_UP_FROM_Y_UP = rr.Quaternion(xyzw=(math.sin(math.pi / 4), 0.0, 0.0, math.cos(math.pi / 4)))
 """glTF has Y up, the links' frames have Z up."""
+_STRETCH = 10_000
+"""Poses of a frame that are held at a time: a run may last for hours."""
 _TRUTH = (255, 0, 255)
 _PLANNED, _REFUSED = (40, 200, 120), (230, 60, 60)
 
@@ -91,22 +93,27 @@ def _bodies(
 def _frames(sheet: Sheet, run: Run) -> None:
     """Each tick's pose of the links, of cameras, and of the believed objects between two beliefs."""
     links = {mesh.link for mesh in run.log.robot_model()}
-    tracks: dict[str, list[tuple[float, Pose]]] = {}
     believed = _believed(run)
+    tracks: dict[str, list[tuple[float, Pose]]] = {}
     for at in run.log.transforms():
         for t in at.record:
             entity = _frame_entity(t, links, believed)
-            if entity is not None:
-                tracks.setdefault(entity, []).append((at.time, t.pose))
+            if entity is None:
+                continue
+            track = tracks.setdefault(entity, [])
+            track.append((at.time, t.pose))
+            if len(track) == _STRETCH:
+                _move(sheet, entity, tracks.pop(entity))
     for entity, track in tracks.items():
-        sheet.column(
-            entity,
-            [time for time, _ in track],
-            rr.Transform3D.columns(
-                translation=np.array([pose.position for _, pose in track]),
-                quaternion=np.array([pose.orientation for _, pose in track]),
-            ),
-        )
+        _move(sheet, entity, track)
+
+
+def _move(sheet: Sheet, entity: str, track: Sequence[tuple[float, Pose]]) -> None:
+    columns = rr.Transform3D.columns(
+        translation=np.array([pose.position for _, pose in track]),
+        quaternion=np.array([pose.orientation for _, pose in track]),
+    )
+    sheet.column(entity, [time for time, _ in track], columns)
 
 
 def _believed(run: Run) -> frozenset[str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 from types import TracebackType
 
 import foxglove
@@ -23,6 +24,8 @@ PORT = 8765
 """Where Foxglove and Lichtblick look by themselves."""
 _BACKLOG = 8192
 """Messages that wait for a client at most: about a minute and a half of simulated time."""
+_GRACE = 0.5
+"""Wall seconds at the end in which clients take what waits for them."""
 
 _PASSING = frozenset(
     topic.name
@@ -42,6 +45,7 @@ class LiveFeed:
         self._channels: dict[str, foxglove.Channel] = {}
         self._last: dict[str, tuple[int, bytes]] = {}
         self._now = 0
+        self._met = False
         self._lock = threading.Lock()
         self._wanted: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         for topic in topics.FIXED:
@@ -78,9 +82,12 @@ class LiveFeed:
                 self._server.broadcast_time(at)
 
     def close(self) -> None:
-        self._wanted.put(None)
-        self._resender.join()
-        self._server.stop()
+        """Once; after it the port is free."""
+        if self._resender.is_alive():
+            self._wanted.put(None)
+            self._resender.join()
+            time.sleep(_GRACE if self._met else 0.0)
+            self._server.stop()
 
     def __enter__(self) -> LiveFeed:
         return self
@@ -104,6 +111,7 @@ class LiveFeed:
     def _resend(self) -> None:
         """In a thread of its own: the server's may not wait for the run's, and the run may stand still."""
         while (name := self._wanted.get()) is not None:
+            self._met = True
             with self._lock:
                 last = self._last.get(name)
                 if last is not None:
