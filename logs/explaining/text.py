@@ -250,11 +250,16 @@ def _sentence(text: str) -> str:
 
 
 def _wrapped(text: str, first: str, rest: str | None = None) -> Iterable[str]:
-    return textwrap.wrap(
-        text,
+    lines = textwrap.wrap(
+        _TOGETHER.sub("\N{NO-BREAK SPACE}", text),
         WIDTH,
         initial_indent=first,
         subsequent_indent=first if rest is None else rest,
         break_long_words=False,
         break_on_hyphens=False,
     )
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
+
+
+_TOGETHER = re.compile(r"(?<=\b[xy]) (?=-?\d)|(?<=\d) (?=(?:s|m|cm|mm|N)\b)")
+"""Spaces at which no line ends: between a number and its unit."""

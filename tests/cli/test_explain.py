@@ -1,0 +1,182 @@
+"""`picktree explain`: text for a reader, JSON for a program, exit codes."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from picktree.cli.app import answer
+from picktree.logs.recorder import Recorder
+from picktree.logs.records import NodeStatus, RunInfo, Tick, Transition, Tree, TreeNode
+from picktree.logs.session import RunRequest, Session
+from picktree.world.journal import Happened
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FAULTS = """\
+picktree: 1
+kind: faults
+faults:
+  - {fault: remove, when: {node: Grasp, start: 2, delay: 500 ms}, target: {nearest_to: object}}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of a run in which the second item is snatched away; do not change it."""
+    out = tmp_path_factory.mktemp("runs")
+    (out / "faults.yaml").write_text(FAULTS, encoding="utf-8")
+    text = (EXAMPLES / "one_pick.yaml").read_text(encoding="utf-8")
+    mission = out / "two_picks.yaml"
+    mission.write_text(text.replace("most: 1", "most: 2").replace(">= 1", ">= 2"), encoding="utf-8")
+    request = RunRequest(mission=mission, seed=3, backend="kinematic", faults=out / "faults.yaml", out=out)
+    return Session(request).run().folder
+
+
+def test_text(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert answer(["explain", str(folder)]) == 0
+    text = capfd.readouterr().out
+    program = re.search(r"step through it  (.*) replay", text)
+    assert program is not None
+    assert text.replace(str(folder), "LOG").replace(program.group(1), "picktree") == WHOLE
+
+
+def test_json(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert answer(["explain", str(folder), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert list(found) == ["outcome", "failures", "root_causes", "items", "look_at"]
+    assert {"status": "failure", "mission": "one pick", "items_sorted": 1, "items_total": 4}.items() <= found[
+        "outcome"
+    ].items()
+    (failure,) = found["failures"]
+    assert {"time", "node", "cause", "message", "evidence", "handled_by", "cured"} <= set(failure)
+    assert (failure["time"], failure["cause"], failure["cured"]) == (7.4, "grasp.missed", False)
+    assert failure["evidence"]["object"] == "green_can_1"
+    assert [cause["cause"] for cause in found["root_causes"]] == ["item.gone"]
+    assert [look["time"] for look in found["look_at"]] == [5.0, 7.4]
+
+
+def test_planted_faults_can_be_hidden(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert answer(["explain", str(folder)]) == 0
+    assert "a fault was planted: at 5.25 s: item_01 is snatched away" in capfd.readouterr().out
+    assert answer(["explain", str(folder), "--hide-faults"]) == 0
+    hidden = capfd.readouterr().out
+    assert "planted" not in hidden
+    assert "green_can_1 was taken away between 5.0 and 6.0 s" in hidden
+
+
+def test_a_log_that_is_none(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "log.mcap").write_bytes(b"not a log at all, whatever it is called")
+    assert answer(["explain", str(tmp_path)]) == 2
+    out, error = capfd.readouterr()
+    assert out == ""
+    assert error.startswith(f"{tmp_path / 'log.mcap'}: ")
+    assert error.count("\n") == 1
+
+
+def test_a_log_that_does_not_exist(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert answer(["explain", str(tmp_path / "no.mcap")]) == 2
+    assert capfd.readouterr().err == f"{tmp_path / 'no.mcap'}: there is no such log\n"
+
+
+def test_a_run_that_was_killed(folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    whole = (folder / "log.mcap").read_bytes()
+    (tmp_path / "log.mcap").write_bytes(whole[: len(whole) * 9 // 10])
+    assert answer(["explain", str(tmp_path), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["outcome"]["status"] == "killed"
+    assert "without a result: the process was killed" in found["outcome"]["sentence"]
+    assert found["outcome"]["items_total"] is None
+    assert len(found["outcome"]["notes"]) == 1
+    assert found["root_causes"][0]["cause"] == "run.killed"
+
+
+def many(path: Path, failures: int) -> Path:
+    """A log in which one node fails that often, and a loop passes over each."""
+    nodes = Tree((TreeNode("Main", "ForEach", "Main", "", ("Main/Grasp",)),
+                  TreeNode("Main/Grasp", "Grasp", "Grasp", "Main")))  # fmt: skip
+    status = (NodeStatus("Main", "ForEach", "RUNNING", True), NodeStatus("Main/Grasp", "Grasp", "IDLE", True))
+    script: Mapping[int, Sequence[Transition]] = {0: [Transition("Main", "RUNNING")]}
+    with Recorder(path, RunInfo("made up", "nowhere", "none", 0, "kinematic", 0.05)) as recorder:
+        recorder.tree(nodes)
+        for k in range(2 * failures + 2):
+            cause = ("grasp.missed", "grasp.slipped", "planning.no_path")[k // 2 % 3]
+            said = script.get(k) or (
+                [Transition("Main/Grasp", "RUNNING", subject=f"red_ball_{k % 8}")]
+                if k % 2
+                else [
+                    Transition("Main/Grasp", "FAILURE", cause=cause, origin="Main/Grasp", message="no luck")
+                ]
+            )
+            if k and k % 2 == 0:
+                recorder.entry(k * 0.05, Happened("handled", "passed over", "Main", {"cause": cause}))
+            recorder.tick(k * 0.05, Tick("RUNNING", "Main", status, (), tuple(said)))
+    return path
+
+
+def test_three_hundred_failures_are_told_in_groups(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    log = many(tmp_path / "log.mcap", 300)
+    assert answer(["explain", str(log)]) == 0
+    text = capfd.readouterr().out
+    assert "Failures (300: 300 passed over)" in text
+    assert text.count("Grasp of red_ball_") == 12 + text.split("Failures (")[0].count("Grasp of red_ball_")
+    assert "--all tells each failure by itself." in text
+    assert len(text.splitlines()) < 150
+    assert answer(["explain", str(log), "--all"]) == 0
+    whole = capfd.readouterr().out
+    assert len(re.findall(r"^ +[\d.]+ s  Grasp of red_ball_", whole, re.M)) == 300
+
+
+def test_help_comes_fast_and_names_the_command() -> None:
+    ran = subprocess.run(
+        [sys.executable, "-c", "from picktree.cli.app import answer; import sys;"
+         "answer(['explain', '--help']); assert 'numpy' not in sys.modules"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "Say why a run ended as it did" in ran.stdout
+
+
+WHOLE = """\
+failure: the mission ended in FAILURE: green_can_1: the fingers met and hold nothing (opening
+0.0 mm, load 0.00 N); 1 of 4 items are where they belong, 3 left
+one pick, scene sort_small, seed 3, kinematic: 7.4 s simulated
+
+Root cause
+  1  green_can_1 was taken away between 5.0 and 6.0 s: it is nowhere in the robot's world any
+     more.
+     [item.gone] This ended the run: 1 failure at 7.40 s.
+     - its true place is in the log until 5.00 s (x 0.47, y 0.15 m), and then no more
+     - the fingers met (0.0 mm) and hold nothing
+     - a fault was planted: at 5.25 s: item_01 is snatched away
+
+Failures (1: 1 ended the mission)
+     7.40 s  Grasp of green_can_1: grasp.missed
+             green_can_1: the fingers met and hold nothing (opening 0.0 mm, load 0.00 N)
+             belief: green_can_1 at x 0.47, y 0.15 m, last seen at 0.10 s
+             truth: green_can_1 is nowhere any more
+             planted: item_01 is snatched away (2.2 s before)
+             With it failed ForEach/Sequence, ForEach, Main/Sequence and Main. It reached the
+             root, and the mission ended with it at 7.40 s.
+
+Items (4, as the robot believed)
+  red_ball_1    left  0.15 s seen for the first time, at x 0.51, y -0.15 m (truly at x 0.51,
+                      y -0.15 m; it belongs into red_bin)
+  red_block_1   left  0.15 s seen for the first time, at x 0.47, y 0.02 m (truly at x 0.47,
+                      y 0.02 m; it belongs into red_bin)
+  green_can_1   left  0.15 s seen for the first time, at x 0.47, y 0.15 m; 7.40 s Grasp failed:
+                      grasp.missed (truly nowhere any more)
+  blue_plate_1  done  0.15 s seen; 3.25 s held; 4.70 s placed into blue_bin (truly in blue_bin,
+                      where it belongs)
+
+Look at
+     5.00 s  green_can_1: the item vanishes from the truth, and the belief keeps it
+     7.40 s  Grasp of green_can_1 fails: grasp.missed
+  step through it  picktree replay LOG --at 5.00
+  see it           picktree snapshot LOG --at 5.00 -o moment.png
+  the whole run    picktree report LOG -o report.html
+"""
