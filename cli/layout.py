@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +21,8 @@ def layout(
     from ..logs.whole_files import whole
 
     with Run(log) as run:
+        if run.recovered:
+            print(run.recovered, file=sys.stderr)
         made = make(run)
     if output is None:
         print(made.to_json_text(), end="")

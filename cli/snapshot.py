@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -26,8 +27,12 @@ def snapshot(
     ] = "belief",
 ) -> None:
     """Draw the scene at one moment of a run, from its log alone."""
+    from ..logs.run_log import RunLog
     from ..logs.snapshot import snapshot as draw
     from ..logs.view import parse_size, parse_view
 
-    draw(log, at, output, parse_size(size), parse_view(view), show=show)
+    with RunLog(log) as opened:
+        if opened.recovered:
+            print(opened.recovered, file=sys.stderr)
+        draw(opened, at, output, parse_size(size), parse_view(view), show=show)
     print(output)

@@ -72,10 +72,13 @@ class JoinedReading:
 
     @property
     def metadata(self) -> dict[str, dict[str, str]]:
-        """As the log began with them; what is new in later files is added."""
+        """As the log began with them; what is new in later files is added, but for how they hang together."""
         merged: dict[str, dict[str, str]] = {}
         for part in reversed(self._parts):
             merged.update(part.metadata)
+        if len(self._parts) > 1:
+            for name in (PART, NEXT):
+                merged.pop(name, None)
         return merged
 
     @property
