@@ -2,7 +2,7 @@
 
 import {
   BufferAttribute, BufferGeometry, Color, Group, Line, LineBasicMaterial, LineSegments, Matrix4, Mesh,
-  MeshBasicMaterial, MeshStandardMaterial, Quaternion, SphereGeometry, TubeGeometry, CatmullRomCurve3, Vector3,
+  MeshBasicMaterial, MeshLambertMaterial, Quaternion, SphereGeometry, TubeGeometry, CatmullRomCurve3, Vector3,
 } from "three";
 
 import { ghost, meshGeometry, shapeGeometry, solid } from "./models.js";
@@ -18,7 +18,7 @@ export class Robot {
     this.frames = section.links.map(() => new Group());
     this.frames.forEach((frame) => this.group.add(frame));
     for (const model of section.models) {
-      const material = new MeshStandardMaterial({ vertexColors: true, roughness: 0.5, metalness: 0.05 });
+      const material = new MeshLambertMaterial({ vertexColors: true });
       const mesh = new Mesh(meshGeometry(model), material);
       mesh.castShadow = true;
       mesh.receiveShadow = true;
@@ -202,7 +202,7 @@ export class Frustum {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(new Float32Array(points), 3));
     this.lines = new LineSegments(geometry, new LineBasicMaterial({ color: lineColour, transparent: true, opacity: 0.45 }));
-    this.body = new Mesh(shapeGeometry({ box: [0.05, 0.03, 0.03] }), new MeshStandardMaterial({ color: 0x444a55 }));
+    this.body = new Mesh(shapeGeometry({ box: [0.05, 0.03, 0.03] }), new MeshLambertMaterial({ color: 0x444a55 }));
     this.group.add(this.lines, this.body);
   }
 

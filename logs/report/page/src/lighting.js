@@ -24,8 +24,8 @@ export class Lighting {
   theme() {
     const dark = document.documentElement.dataset.theme === "dark";
     this.scene.background = new Color(colour("stage"));
-    this.sky.intensity = dark ? 0.75 : 1.6;
-    this.sun.intensity = dark ? 1.5 : 2.2;
+    this.sky.intensity = dark ? 0.7 : 1.45;
+    this.sun.intensity = dark ? 1.4 : 2;
     if (this.grid) {
       this.scene.remove(this.grid);
       this.grid.dispose();

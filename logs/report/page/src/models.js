@@ -2,7 +2,7 @@
 
 import {
   BoxGeometry, BufferAttribute, BufferGeometry, Color, CylinderGeometry, EdgesGeometry, Group, LineBasicMaterial,
-  LineSegments, Mesh, MeshStandardMaterial, SphereGeometry, SRGBColorSpace,
+  LineSegments, Mesh, MeshLambertMaterial, SphereGeometry, SRGBColorSpace,
 } from "three";
 
 export function shapeGeometry(shape) {
@@ -41,9 +41,10 @@ export function solid(look) {
   const obstacle = look.role === "obstacle";
   const mesh = new Mesh(
     shapeGeometry(look.shape),
-    new MeshStandardMaterial({
-      color: painted(look.colour), roughness: 0.55, metalness: 0,
-      transparent: obstacle, opacity: obstacle ? 0.35 : 1,
+    new MeshLambertMaterial({
+      color: painted(look.colour),
+      transparent: obstacle,
+      opacity: obstacle ? 0.35 : 1,
     }),
   );
   mesh.castShadow = !obstacle;
@@ -57,7 +58,7 @@ export function ghost(shape, lineColour) {
   const geometry = shapeGeometry(shape);
   const body = new Mesh(
     geometry,
-    new MeshStandardMaterial({ color: lineColour, transparent: true, opacity: 0.12, depthWrite: false, roughness: 1 }),
+    new MeshLambertMaterial({ color: lineColour, transparent: true, opacity: 0.12, depthWrite: false }),
   );
   const edges = new LineSegments(
     edgesOf(shape, geometry),

@@ -45,6 +45,7 @@ export class Stage {
 
   setUp() {
     const { renderer } = this;
+    renderer.debug.checkShaderErrors = false; // to ask would be to wait for them
     renderer.shadowMap.enabled = true;
     renderer.shadowMap.type = PCFShadowMap;
     renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
