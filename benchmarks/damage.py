@@ -9,6 +9,7 @@ python benchmarks/damage.py --files 1000
 from __future__ import annotations
 
 import argparse
+import os
 import random
 import resource
 import tempfile
@@ -34,6 +35,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()
     print(f"about {chosen.files * 0.6 / 60:.0f} CPU minutes", flush=True)
+    with Path(os.devnull).open() as nobody:
+        os.dup2(nobody.fileno(), 0)  # who asks for commands gets none
     rng = random.Random(chosen.seed)
     kinds: Counter[str] = Counter()
     codes: Counter[tuple[str, int]] = Counter()
@@ -79,11 +82,21 @@ def main() -> None:
 
 def _command(rng: random.Random, path: Path, folder: Path) -> list[str]:
     log = str(path)
+    if rng.random() < 0.1:  # these take long
+        film = [str(folder / "film.gif"), "--to", "0.2", "--size", "160x100", "--processes", "1"]
+        return rng.choice(
+            [
+                ["resim", log],
+                ["whatif", log, "--at", "3.0s", "--out", str(folder)],
+                ["video", log, "-o", *film],
+            ]
+        )
     return rng.choice(
         [
             ["snapshot", log, "--at", "1.0", "-o", str(folder / "picture.png")],
             ["explain", log],
             ["explain", log, "--json"],
+            ["replay", log],
             ["layout", log, "-o", str(folder / "layout.json")],
             ["diff", log, log],
             ["export", log, "--to", "csv", "-o", str(folder / "tables")],

@@ -28,6 +28,16 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return found
 
 
+def test_a_rotated_run_is_the_same_run(logs: list[Path], tmp_path: Path) -> None:
+    whole = run(MISSION, seed=1, backend="kinematic", out=tmp_path)
+    with RunLog(logs[0].parent) as log:
+        assert log.paths == (logs[1], logs[0])
+        assert log.digest() == log.result["digest"] == whole.digest
+        assert [at.time for at in log.ticks()] == pytest.approx(
+            [k * 0.05 for k in range(len(list(log.ticks())))]
+        )
+
+
 @pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 @pytest.mark.skipif(not (NODE / "node_modules").is_dir(), reason=f"run `npm ci` in {NODE}")
 def test_mcap_core_reads_every_topic_of_a_real_log(logs: list[Path], tmp_path: Path) -> None:
