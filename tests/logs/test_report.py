@@ -75,6 +75,16 @@ def test_command_writes_the_page_and_says_so(
     assert (said["file"], said["bytes"]) == (str(page), page.stat().st_size)
 
 
+def test_command_opens_the_page_when_asked(
+    troubled_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("typer.launch", opened.append)
+    page = tmp_path / "a page.html"
+    assert answer(["report", str(troubled_log), "-o", str(page), "--open"]) == 0
+    assert opened == [page.as_uri()]
+
+
 def test_command_refuses_what_it_cannot_write(
     troubled_log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

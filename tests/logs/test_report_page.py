@@ -116,6 +116,17 @@ def test_address_and_time_follow_each_other(report: Path, chromium: Chromium, fa
         assert told.problems == []
 
 
+def test_link_to_a_tick_is_copied(report: Path, chromium: Chromium) -> None:
+    kept = """Object.defineProperty(navigator, "clipboard", {
+      value: { writeText: async (text) => { globalThis.copied = text; } },
+    });"""
+    with chromium.page(report, at="#t=1.5", script=kept) as (page, told):
+        page.locator("#link").click()
+        wait_until(page, "globalThis.copied !== undefined")
+        assert page.evaluate("globalThis.copied") == f"{report.as_uri()}#t=1.5"
+        assert told.problems == []
+
+
 def test_sections_fold_and_stay_folded(report: Path, chromium: Chromium) -> None:
     with chromium.page(report) as (page, _):
         fold = page.locator("#panel-stage .fold")
@@ -149,6 +160,32 @@ def test_scene_moves_with_time_and_shows_what_was_taken_away(
         assert told.problems == []
 
 
+def test_scene_is_looked_at_from_all_sides(report: Path, chromium: Chromium) -> None:
+    with chromium.page(report, at="#t=2") as (page, told):
+        views = "picktreeReport.shell.panels.find((panel) => panel.name === 'stage').made.views"
+        wait_until(page, f"{views}.sized")
+        chooser = page.get_by_label("View", exact=True)
+        names = chooser.locator("option").all_inner_texts()
+        assert names[:5] == ["Overview", "Front", "Left", "Right", "Top"]
+        assert names[5:] == ["Camera overhead", "Follow the hand", "Your own view"]
+        places = []
+        for name in names[:-1]:
+            chooser.select_option(name)
+            places.append(tuple(page.evaluate(f"{views}.camera.position.toArray()")))
+        assert len(set(places)) == len(places)
+        page.keyboard.press("Shift+ArrowRight")  # it follows the hand now
+        wait_until(page, f"{views}.camera.position.x !== {places[-1][0]}")
+        chooser.select_option("Overview")
+        box = page.locator("#panel-stage canvas").bounding_box()
+        page.mouse.move(box["x"] + 80, box["y"] + 80)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 200, box["y"] + 80, steps=3)
+        page.mouse.up()
+        assert chooser.input_value() == "Your own view"
+        assert page.evaluate(f"{views}.camera.position.toArray()") != list(places[0])
+        assert told.problems == []
+
+
 def test_without_webgl_the_rest_works(report: Path, chromium: Chromium) -> None:
     without = """HTMLCanvasElement.prototype.getContext = ((known) => function (kind, ...rest) {
       return kind.startsWith("webgl") ? null : known.call(this, kind, ...rest);
@@ -172,6 +209,30 @@ def test_light_and_dark_follow_the_system_until_one_is_chosen(report: Path, chro
         page.reload()
         page.wait_for_selector("html[data-ready=yes]", state="attached")
         assert page.evaluate(theme) == "light"
+
+
+def test_page_of_a_cut_log_says_so_and_works(troubled_log: Path, tmp_path: Path, chromium: Chromium) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(troubled_log.read_bytes()[: troubled_log.stat().st_size // 2])
+    with Run(cut) as run:
+        write_report(run, tmp_path / "cut.html")
+        said = run.recovered
+    with chromium.page(tmp_path / "cut.html") as (page, told):
+        assert page.locator("#notes").inner_text() == said
+        assert page.locator("#head .outcome").inner_text() == "killed"
+        page.keyboard.press("End")
+        page.wait_for_timeout(200)
+        assert (told.problems, told.requests) == ([], [])
+
+
+def test_page_of_a_log_of_format_1_says_so_and_works(tmp_path: Path, chromium: Chromium) -> None:
+    with Run(Path(__file__).parent / "golden" / "small.mcap") as run:
+        write_report(run, tmp_path / "old.html")
+    with chromium.page(tmp_path / "old.html") as (page, told):
+        assert page.locator("#notes").inner_text().startswith("A log of format 1: ")
+        page.keyboard.press("End")
+        page.wait_for_timeout(200)
+        assert (told.problems, told.requests) == ([], [])
 
 
 @pytest.mark.parametrize("size", [(390, 844), (360, 640), (800, 600), (1280, 800), (1920, 1080)])
