@@ -92,7 +92,15 @@ def test_the_list_of_failures_leads_to_each_of_them(page: Any, failures: tuple[F
     wait_until(page, f"Math.abs({TIME} - {failures[0].time}) < 1e-6")
     wait_until(page, "document.querySelector('.story.chosen.present')?.dataset.number === '0'")
     stories.nth(0).locator("summary").click()
-    assert failures[0].sentence in stories.nth(0).inner_text()
+    told = stories.nth(0).inner_text()
+    assert failures[0].sentence in told
+    assert (
+        f"at {failures[0].fate_at:.2f} s by {'/'.join(failures[0].fate_by.split('/')[-2:])}.".replace(
+            "/", " › "
+        )
+        in told
+    )
+    assert "[object" not in told
     stories.nth(0).locator(".play").click()
     wait_until(page, "picktreeReport.player.playing")
     assert page.evaluate(TIME) < failures[0].time

@@ -87,7 +87,7 @@ export class Failures {
     const node = (path) => made("button", { class: "link", title: path, onclick: () => player.selectNode(path) }, path.split("/").slice(-2).join(" › "));
     const at = (time) => made("button", { class: "link", onclick: () => { player.pause(); player.seek(time); } }, seconds(time));
     if (story.sentence) yield made("p", {}, story.sentence);
-    if (story.remedy) yield made("p", { class: "remedy" }, story.remedy);
+    if (story.remedy) yield made("p", { class: "remedy" }, `What may help: ${story.remedy}.`);
     if (story.because_of !== null) {
       const other = story.because_of;
       yield made("p", {}, "It follows from ", made("button", { class: "link", onclick: () => player.selectFailure(other) }, `failure ${other + 1}`), ".");
@@ -95,7 +95,9 @@ export class Failures {
     yield made("h4", {}, "What became of it");
     const handled = story.handled_by.map((one) => made("li", {}, at(one.time), ` ${one.handler} in `, node(one.node), `, attempt ${one.attempt}: ${one.ended}`, one.seconds ? ` after ${one.seconds.toFixed(2)} s` : ""));
     if (handled.length) yield made("ul", {}, ...handled);
-    yield made("p", {}, `It ${FATE_PHRASES[story.fate] ?? story.fate}`, story.fate_at !== null ? [" at ", at(story.fate_at)] : "", story.fate_by ? [" by ", node(story.fate_by)] : "", ".");
+    const when = story.fate_at === null ? [] : [" at ", at(story.fate_at)];
+    const by = story.fate_by ? [" by ", node(story.fate_by)] : [];
+    yield made("p", {}, `It ${FATE_PHRASES[story.fate] ?? story.fate}`, ...when, ...by, ".");
     if (story.chain.length) {
       yield made("h4", {}, "How far it came");
       yield made("ol", { class: "chain" }, ...story.chain.map((link) => made("li", {}, node(link.path), ` ${link.outcome}`)));

@@ -14,7 +14,7 @@ export const PANELS = [
   { name: "failures", title: "Failures", Panel: Failures },
   { name: "lanes", title: "Lanes", wide: true, Panel: Lanes },
   { name: "tree", title: "Tree", wide: true, Panel: Tree },
-  { name: "board", title: "Belief and blackboard", Panel: Board },
+  { name: "board", title: "Belief and blackboard", wide: true, Panel: Board },
   { name: "images", title: "Camera", Panel: Images },
   { name: "events", title: "Events", Panel: Events },
   { name: "plots", title: "Plots", Panel: Plots },

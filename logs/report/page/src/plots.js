@@ -30,7 +30,7 @@ export class Plots {
     const closed = (recall(`plot.${plot.name}`) ?? (OPEN.has(plot.name) ? "open" : "closed")) === "closed";
     const box = made("div", { class: "plot-box" });
     const values = made("span", { class: "plot-values" });
-    const root = made("details", { class: "plot", "data-plot": plot.name },
+    const root = made("details", { class: `plot${plot.labels.length === 1 ? " single" : ""}`, "data-plot": plot.name },
       made("summary", {}, made("b", {}, plot.title), made("span", { class: "unit" }, plot.unit), values),
       box,
       plot.note ? made("p", { class: "plot-note" }, plot.note) : null,
