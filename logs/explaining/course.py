@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from ..records import Event
 from ..run_log import At
 from ..visits import HALTED, Visit
-from .explanation import Fate, Handling, Link
+from .explanation import FailureStory, Fate, Handling, Link
 from .family import Family
 
 BRANCHING = frozenset(
@@ -135,6 +135,17 @@ class Courses:
             return []
         label = GIVE_UP if noted is None else str(noted.record.data.get("handler", ""))
         return [Handling(parent.path, label, last.start, attempt, last.outcome, last.duration)]
+
+
+def time_lost(failures: Iterable[FailureStory]) -> float:
+    """Simulated s during which at least one of them was undecided; those that the log leaves open count
+    nothing."""
+    lost = until = 0.0
+    for story in sorted(failures, key=lambda story: story.time):
+        if story.fate_at is not None and story.fate_at > until:
+            lost += story.fate_at - max(story.time, until)
+            until = story.fate_at
+    return lost
 
 
 def _ended_by(parent: Visit, failing: Visit, came_from: Visit | None, visit: Visit) -> bool:

@@ -47,23 +47,25 @@ def with_transitions(ticks: Iterator[At[Tick]]) -> Iterator[At[Tick]]:
 def _end(node: NodeStatus, nodes: Sequence[NodeStatus]) -> Transition:
     if not node.ticked or node.status != "FAILURE":
         return Transition(node.path, node.status if node.ticked else "IDLE", message=node.message)
+    source = _origin(node, nodes) if node.cause else node
     return Transition(
         node.path,
         "FAILURE",
         cause=node.cause,
-        origin=_origin(node, nodes) if node.cause else "",
-        message=node.message,
-        evidence=node.evidence,
+        origin=source.path if node.cause else "",
+        message=source.message,
+        evidence=source.evidence,
     )
 
 
-def _origin(node: NodeStatus, nodes: Sequence[NodeStatus]) -> str:
-    """The lowest node below it that stands in the same failure."""
+def _origin(node: NodeStatus, nodes: Sequence[NodeStatus]) -> NodeStatus:
+    """The lowest node below it that stands in the same failure, or itself."""
     same = [
-        below.path
+        below
         for below in nodes
         if below.status == "FAILURE"
         and below.path.startswith(node.path + "/")
-        and (below.cause, below.message) == (node.cause, node.message)
+        and below.cause == node.cause
+        and node.message in ("", below.message)
     ]
-    return max(same, key=lambda path: path.count("/"), default=node.path)
+    return max(same, key=lambda below: below.path.count("/"), default=node)

@@ -6,6 +6,7 @@ from statistics import median
 
 from ..visits import HALTED, Visit
 from .case import Case, Finding
+from .course import time_lost
 from .evidence import number, word
 from .explanation import FailureStory, Outcome
 from .wording import counted, listed, seconds
@@ -57,7 +58,7 @@ def by_the_mission(case: Case, failure: FailureStory) -> Finding | None:
 
 def _under_way(case: Case) -> tuple[str, ...]:
     lost = [f for f in case.failures if f.fate != "cured"]
-    spent = sum(f.seconds_lost or 0.0 for f in case.failures)
+    spent = time_lost(case.failures)
     reasons: list[str] = []
     if case.failures:
         reasons.append(

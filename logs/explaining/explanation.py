@@ -136,6 +136,8 @@ class RootCause:
     """Id of the believed item that it is about; of the true one when it was never seen."""
     time: float | None = None
     """When it happened, as near as that is known, simulated s."""
+    seconds_lost: float = 0.0
+    """Simulated s during which a failure that it explains was undecided."""
     planted: tuple[str, ...] = ()
     """Faults that were planted in the simulation and concern the same items. They are told beside the cause,
     and the cause was found without them."""

@@ -15,6 +15,11 @@ AGAIN = 0.02
 """An item that is seen this far from where it was believed has moved, m."""
 
 
+TOLD = 1.0
+"""A failure this soon after the item left the hand tells of it, s."""
+_LOST = "no longer in the hand"
+
+
 def items_of(case: Case) -> tuple[ItemStory, ...]:
     """Every item that was ever believed in, and then those that were never seen."""
     found = [_story(case, id_) for id_, track in case.belief.tracks.items() if track.first.role == "item"]
@@ -25,7 +30,13 @@ def items_of(case: Case) -> tuple[ItemStory, ...]:
 def _story(case: Case, item: str) -> ItemStory:
     body = case.belief.tracks[item].bodies[-1]
     true = case.pairs.get(item)
-    events = [event for at in case.run.events for event in _events(at, item)]
+    failed = [f.time for f in case.failures if f.item == item]
+    events = [
+        event
+        for at in case.run.events
+        for event in _events(at, item)
+        if not event.what.startswith(_LOST) or not any(0.0 <= f - at.time < TOLD for f in failed)
+    ]
     events += [
         ItemEvent(f.time, f"{f.node.rsplit('/', 1)[-1]} failed: {f.cause}", f.node, f.number)
         for f in case.failures
@@ -110,7 +121,7 @@ def _change(data: Values) -> str:
         moved = _apart(before, after)
         return f"seen again, {distance(moved)} from where it was believed" if moved > AGAIN else ""
     if before.get("attached") and not after.get("attached") and reason != "placed":
-        return f"no longer in the hand: {reason}"
+        return f"{_LOST}: {reason}"
     return ""
 
 

@@ -9,6 +9,7 @@ from ..records import Event
 from ..run_log import At
 from .case import Case, Finding
 from .contacts import pressed_from_below, touched
+from .course import time_lost
 from .endings import by_the_mission, run_ended
 from .explanation import FailureStory, Outcome, RootCause
 from .obstructions import in_the_way
@@ -61,7 +62,7 @@ def root_causes_of(case: Case, outcome: Outcome, planted: Sequence[At[Event]]) -
     if ending is not None:
         groups.setdefault((ending.cause, ending.about), _Group()).findings.append(ending)
     found = [_root(case, group, outcome, planted) for group in groups.values()]
-    return tuple(sorted(found, key=lambda root: _order(root, case.failures)))
+    return tuple(sorted(found, key=_order))
 
 
 def _of_failures(case: Case) -> Mapping[int, Finding]:
@@ -123,6 +124,7 @@ def _root(case: Case, group: _Group, outcome: Outcome, planted: Sequence[At[Even
         reasons=tuple(reasons),
         item=first.item,
         time=first.time,
+        seconds_lost=time_lost(group.failures),
         planted=tuple(_planted(case, group, planted)),
     )
 
@@ -139,6 +141,5 @@ def _planted(case: Case, group: _Group, planted: Sequence[At[Event]]) -> list[st
     ]
 
 
-def _order(root: RootCause, failures: Sequence[FailureStory]) -> tuple[bool, bool, float, float]:
-    cost = sum(failures[n].seconds_lost or 0.0 for n in root.failures)
-    return (not root.ended_run, root.cause not in RUN, -cost, root.time or 0.0)
+def _order(root: RootCause) -> tuple[bool, bool, float, float]:
+    return (not root.ended_run, root.cause not in RUN, -root.seconds_lost, root.time or 0.0)

@@ -18,6 +18,8 @@ GROUPS = 12
 ITEMS = 30
 """Items up to which those that are done are told, too."""
 
+EVENTS = 9
+"""Events of an item that are told, unless all are asked for."""
 _BODY, _HANGING = " " * 13, " " * 15
 _FATES = {
     "cured": "cured",
@@ -96,7 +98,7 @@ class Page:
         told = f"[{cause.cause}] {weight}"
         if not failures:
             return f"{told}, and nothing failed."
-        lost = sum(f.seconds_lost or 0.0 for f in failures)
+        lost = cause.seconds_lost
         times = listed([seconds(f.time) for f in failures], 4)
         took = f", {lost:.0f} s lost" if lost >= 1.0 else ""
         return f"{told}: {counted(len(failures), 'failure')} at {times}{took}."
@@ -188,7 +190,7 @@ class Page:
         yield self._title(f"Items ({len(items)}, as the robot believed)")
         width = max((len(i.id) for i in shown), default=0)
         for item in shown:
-            yield from _wrapped(_timeline(item, width), "  ", " " * (width + 10))
+            yield from _wrapped(_timeline(item, width, everything), "  ", " " * (width + 10))
         if len(shown) < len(items):
             yield f"  … {len(items) - len(shown)} more, done without a word (--all)"
 
@@ -234,9 +236,12 @@ def _few(words: Sequence[str], most: int = 4) -> list[str]:
     return [*words[:most], f"{len(words) - most} other reasons"] if len(words) > most else [*words]
 
 
-def _timeline(item: ItemStory, width: int) -> str:
+def _timeline(item: ItemStory, width: int, everything: bool) -> str:
     done = item.state == "done" and all(e.failure is None for e in item.events)
-    events = "; ".join(f"{e.time:.2f} s {_BRIEF.sub('', e.what) if done else e.what}" for e in item.events)
+    told = [f"{e.time:.2f} s {_BRIEF.sub('', e.what) if done else e.what}" for e in item.events]
+    if len(told) > EVENTS and not everything:
+        told = [*told[: EVENTS - 3], f"… {len(told) - EVENTS + 1} more", *told[-2:]]
+    events = "; ".join(told)
     truth = f" ({item.truth})" if item.truth else ""
     return f"{item.id:<{width}}  {item.state:<5} {events}{truth}"
 
