@@ -130,7 +130,7 @@ def test_the_topics_of_the_panels_are_those_of_the_log(troubled_log: Path, made:
         assert log.topics[panels["RosOut!picktree0"]["topicToRender"]].schema == "foxglove.Log"
 
 
-def test_the_camera_sees_all_of_a_sphere(made: Layout) -> None:
+def test_the_camera_sees_all_of_a_sphere() -> None:
     centre, radius = np.array([0.3, -0.1, 0.4]), 0.7
     state = camera_state(centre, radius)
     # three.js: Spherical(distance, phi, theta) about y, turned by 90 degrees about x
@@ -138,7 +138,9 @@ def test_the_camera_sees_all_of_a_sphere(made: Layout) -> None:
     x, y, z = math.sin(phi) * math.sin(theta), math.cos(phi), math.sin(phi) * math.cos(theta)
     eye = np.array(state["targetOffset"]) + state["distance"] * np.array([x, -z, y])
     away = float(np.linalg.norm(eye - centre))
-    assert eye[0] > centre[0] and eye[2] > centre[2]  # in front of the robot, above
+    towards = (eye - centre) / away
+    assert math.degrees(math.atan2(towards[1], towards[0])) == pytest.approx(-30.0)  # before the robot
+    assert math.degrees(math.asin(towards[2])) == pytest.approx(25.0)
     half = math.degrees(math.asin(radius / away))
     assert 0.8 * state["fovy"] / 2 < half < state["fovy"] / 2
 
