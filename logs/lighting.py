@@ -131,6 +131,8 @@ class Shadows:
         edge = np.flatnonzero((lit == 0) & (depth <= np.take(cast.most, flat)))
         if len(edge):
             lit[edge] = self._reached(cast.nearest, u[edge], v[edge], depth[edge], samples, edge)
+        side = np.float32(self._side)
+        lit[(u < 0) | (v < 0) | (u >= side) | (v >= side)] = 1  # nothing beyond the map casts a shadow
         return lit
 
     def _seen(self, samples: Samples) -> tuple[Floats, Floats, Floats]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..world.values import Array, Pose, Vector3
+from .thinning import thinned
 
 Indices = NDArray[np.int64]
 
@@ -86,51 +87,8 @@ def _areas(corners: Array) -> Array:
     return np.stack([x, y, z], axis=1)
 
 
-def thinned(vertices: Array, faces: Indices, colours: Array, most: int) -> tuple[Array, Indices, Array]:
-    """At most `most` faces, by merging vertices that share a cell of a grid (Rossignac & Borrel 1993).
-
-    Each colour is thinned by itself, and all but the commonest are raised a little: trims and marks that
-    lay a hair above the body would otherwise sink into it.
-    """
-    if len(faces) <= most:
-        return vertices, faces, colours
-    palette, colour = np.unique(np.round(colours * 255).astype(np.int64), axis=0, return_inverse=True)
-    corners = np.unique(colour.repeat(3) * len(vertices) + faces.ravel(), return_inverse=True)
-    owner, vertex = np.divmod(corners[0], len(vertices))
-    vertices, faces = vertices[vertex], corners[1].reshape(-1, 3)
-
-    areas = _areas(vertices[faces])
-    cell = math.sqrt(float(np.linalg.norm(areas, axis=1).sum()) / 2 / most) * 0.7
-    low = vertices.min(axis=0)
-    while True:
-        cells = _cells(vertices - low, cell, owner)
-        merged = cells[faces]
-        a, b, c = merged[:, 0], merged[:, 1], merged[:, 2]
-        kept = (a != b) & (b != c) & (c != a)
-        if kept.sum() <= most:
-            break
-        cell *= 1.15
-    counts = np.bincount(cells)
-    means = np.stack([np.bincount(cells, weights=vertices[:, k]) / counts for k in range(3)], axis=1)
-    outward = np.zeros_like(means)
-    for k in range(3):
-        outward[:, k] = np.bincount(merged.ravel(), weights=areas[:, k].repeat(3), minlength=len(means))
-    commonest = int(np.bincount(colour).argmax())
-    raised = np.zeros(len(means))
-    raised[cells] = np.where(owner == commonest, 0.0, 0.25 * cell)
-    return means + unit(outward) * raised[:, None], merged[kept], (palette / 255)[colour[kept]]
-
-
-def _cells(offsets: Array, cell: float, owner: Indices) -> Indices:
-    """A number for each vertex (n, 3) ≥ 0, the same for all of one owner in one cell of the grid."""
-    grid = np.floor(offsets / cell).astype(np.int64)
-    keys = (owner << 48) | (grid[:, 0] << 32) | (grid[:, 1] << 16) | grid[:, 2]
-    _, cells = np.unique(keys, return_inverse=True)
-    return cells.astype(np.int64)
-
-
 def load_mesh(path: str, most: int) -> Mesh:
-    """A mesh file with at most `most` faces, in the file's own frame. OBJ keeps its materials' colours."""
+    """A mesh file with about `most` faces at most, in its own frame. OBJ keeps its materials' colours."""
     if path.lower().endswith(".obj"):
         vertices, faces, colours = _read_obj(Path(path))
     else:

@@ -11,7 +11,7 @@ from .glb import write_glb
 from .meshes import Mesh, joined, load_mesh, shape_mesh
 from .records import LinkMesh
 
-MOST_FACES = 3000
+MOST_FACES = 2000
 
 
 @lru_cache(maxsize=4)
