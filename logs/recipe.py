@@ -27,6 +27,8 @@ class Start:
     adopt: bool = False
     """The mission is another than the one of which the state was saved: what fits goes on, the rest begins
     anew."""
+    changed: tuple[str, ...] = ()
+    """Parameters that are set otherwise now: who runs and had read them reads them again."""
 
 
 @dataclass(frozen=True, slots=True)

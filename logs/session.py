@@ -10,9 +10,10 @@ from typing import Unpack
 from ..trees.adoption import Adoption
 from ..trees.builder import build
 from ..trees.debugger import Debugger
-from ..trees.mission import Mission
+from ..trees.mission import MAIN, Mission
 from ..trees.status import NodeStatus
 from ..trees.surroundings import surroundings
+from ..world.causes import Failure
 from ..world.errors import PicktreeError
 from ..world.journal import Happened, Plain
 from ..world.simulation.backends import build_hardware
@@ -201,12 +202,21 @@ class Session:
         restore(self.world, state)
         if start.adopt:
             self.adoption = self.tree.adopt(state.tree)
+            self._read_parameters(start.changed)
         else:
             self.tree.restore(state.tree)
         self._injector.restore(state.faults)
         if state.tally is not None:
             self.tally = Tally.resumed(state.tally)
         self._disagreed = state.disagreements
+
+    def _read_parameters(self, names: tuple[str, ...]) -> None:
+        try:
+            self.tree.read_again({f"{MAIN}/{name}" for name in names})
+        except Failure as failure:
+            raise PicktreeError(
+                f"the running mission does not take what was set: {failure.message}"
+            ) from None
 
     def _begin_again(self, scribe: Scribe) -> None:
         """The rest of the tick after which the checkpoint was taken."""

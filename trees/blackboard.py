@@ -71,6 +71,11 @@ class Namespace:
         """From now on `key` means the caller's `reference`."""
         self._wired[key] = (outer, reference)
 
+    def full_key(self, key: str) -> str:
+        """What the key is called on the blackboard."""
+        wired = self._wired.get(key)
+        return wired[0].full_key(wired[1].key) if wired else f"{self._prefix}/{key}"
+
     def has(self, key: str) -> bool:
         wired = self._wired.get(key)
         return wired[0].has(wired[1].key) if wired else f"{self._prefix}/{key}" in self._board

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, ClassVar, cast
 
 from py_trees.behaviour import Behaviour
@@ -267,6 +267,16 @@ class Node(Behaviour):
         for key, wired in self._wiring.ports.items():
             port = self.declaration.port(key)
             if isinstance(wired, Reference) and port is not None and port.direction == "in":
+                self._inputs[key] = self._read(port, wired)
+
+    def read_again(self, full_keys: Collection[str]) -> None:
+        """Read the inputs anew that come from these keys of the blackboard, while the node runs. Raises
+        Failure."""
+        for key, wired in self._wiring.ports.items():
+            port = self.declaration.port(key)
+            if not isinstance(wired, Reference) or port is None or port.direction != "in":
+                continue
+            if self._wiring.namespace.full_key(wired.key) in full_keys:
                 self._inputs[key] = self._read(port, wired)
 
     def output(self, key: str, value: object) -> None:

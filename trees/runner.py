@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import cast
 
@@ -183,6 +183,13 @@ class Tree:
         """
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
         return adopt(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
+
+    def read_again(self, full_keys: Collection[str]) -> None:
+        """Let the running nodes have what is on the blackboard now under these keys, which they had read when
+        they started. Raises Failure for a value that a node does not take."""
+        for node in self._nodes:
+            if node.state is NodeStatus.RUNNING:
+                node.read_again(full_keys)
 
     def look(self) -> TickReport:
         """The nodes as they stand, with what was written, began and ended since the last tick."""

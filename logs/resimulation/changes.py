@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -126,15 +126,19 @@ def _line_changes(what: str, before: str, after: str, most: int = 3) -> list[str
     blocks = [block for block in matcher.get_opcodes() if block[0] != "equal"]
     told: list[str] = []
     for _, a, b, c, d in blocks[:most]:
-        old, new = (" ".join(lines).strip() for lines in (ones[a:b], others[c:d]))
-        if old and new:
-            said = f"{_short(new)} instead of {_short(old)}"
-        else:
-            said = f"{_short(new)} is new" if new else f"{_short(old)} is gone"
-        told.append(f"{what} line {c + 1}: {said}")
+        told.append(f"{what} line {c + 1}: {_block_change(ones[a:b], others[c:d])}")
     if len(blocks) > most:
         told.append(f"{what}: {len(blocks) - most} more places")
     return told
+
+
+def _block_change(old: Sequence[str], new: Sequence[str]) -> str:
+    """What became of some lines, told by the first of them."""
+    if old and new:
+        counts = "" if len(old) == len(new) == 1 else f"{len(new)} lines instead of {len(old)}, "
+        return f"{counts}{_short(new[0])} instead of {_short(old[0])}"
+    lines, fate = (new, "new") if new else (old, "gone")
+    return f"{_short(lines[0])} is {fate}" if len(lines) == 1 else f"{len(lines)} lines are {fate}"
 
 
 def _short(text: str) -> str:

@@ -148,8 +148,11 @@ class Continuation:
         return f"{what}: {self.ticks} ticks{how}"
 
     def _apart(self, difference: Difference) -> Iterator[str]:
+        for line in self.parting:
+            yield (
+                line.replace(" s:", " s (A: recorded, B: what if):", 1) if line in self.parting[:1] else line
+            )
         yield from difference_lines(difference)
-        yield from self.parting
 
 
 def _outcome_json(outcome: RunOutcome) -> dict[str, Any]:

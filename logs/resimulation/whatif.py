@@ -101,7 +101,9 @@ def _started(recipe: Recipe, changed: Changed, changes: Changes) -> Recipe:
     state = start.state
     if changes.faults is not None or changes.no_faults:
         state = replace(state, faults=_fault_states(changed.recipe.faults, state.time))
-    return replace(changed.recipe, start=replace(start, state=state, adopt=changed.other_tree))
+    names = tuple(name for name in changes.settings if "." not in name)
+    start = replace(start, state=state, adopt=changed.other_tree, changed=names)
+    return replace(changed.recipe, start=start)
 
 
 def _fault_states(faults: FaultFile | None, time: float) -> tuple[FaultState, ...]:
