@@ -1,0 +1,151 @@
+"""`picktree whatif`: what it asks for, and what it answers to the shell."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from picktree.cli.app import answer
+from picktree.logs.comparing.outcome import RunOutcome
+from picktree.logs.resimulation.changes import Changes
+from picktree.logs.resimulation.comparison import Difference
+from picktree.logs.resimulation.continuation import Continuation, NodeFates
+from picktree.world.files.marks import Fault, Mark
+
+OUTCOME = RunOutcome(
+    log=Path("/runs/one/log.mcap"),
+    recovered="",
+    status="failure",
+    message="missed",
+    end=10.0,
+    items_total=4,
+    items_sorted=2,
+    items_done=2,
+    picks_tried=3,
+    picks_held=2,
+    failures={"grasp.missed": 1},
+    recoveries=0,
+    digest="0",
+)
+FOUND = Continuation(
+    log=Path("/runs/one/log.mcap"),
+    at_tick=200,
+    at=10.0,
+    checkpoint="checkpoint-0001.json",
+    start_tick=120,
+    start=6.0,
+    items_done=2,
+    changes=("mission line 3: `attempts: 2` instead of `attempts: 1`",),
+    nodes=NodeFates(9, ("Main/Sequence/Extra",), ()),
+    cut=False,
+    ticks=70,
+    recorded_ticks=80,
+    exact=True,
+    difference=Difference(191, 9.55, "/events", "", "kind", "", "log", "recovery"),
+    recorded=OUTCOME,
+    now=replace(OUTCOME, status="success", items_sorted=4, items_done=4, end=14.5, recoveries=1),
+    status="success",
+    parting=("they part at 9.55 s: Grasp ends otherwise", "  A  Main/Grasp", "  B  Main/Grasp"),
+    warnings=(Fault(Mark("other.yaml", 3, 1), "", "mind this", code="P310", severity="warning"),),
+    new_log=Path("/out/one/log.mcap"),
+)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[[Continuation], list[dict[str, Any]]]:
+    """Lets the command meet this result; what it asked for."""
+
+    def meet(found: Continuation) -> list[dict[str, Any]]:
+        orders: list[dict[str, Any]] = []
+
+        def what_if(log: str, at: str, **options: Any) -> Continuation:
+            options.pop("watcher")
+            orders.append({"log": log, "at": at, **options})
+            return found
+
+        monkeypatch.setattr("picktree.logs.resimulation.whatif.what_if", what_if)
+        return orders
+
+    return meet
+
+
+def test_both_outcomes_side_by_side(asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]) -> None:
+    orders = asked(FOUND)
+    line = ["whatif", "last", "--at", "10 s", "--mission", "other.yaml", "--set", "a=1", "--no-faults"]
+    assert answer([*line, "--out", "/out"]) == 0
+    told = capfd.readouterr()
+    assert told.out == (
+        "what if     /runs/one/log.mcap\n"
+        "goes on     from checkpoint-0001, the last checkpoint before tick 200 (10.00 s): "
+        "tick 120, 6.00 s, 2 items done\n"
+        "changed     mission line 3: `attempts: 2` instead of `attempts: 1`\n"
+        "nodes       9 go on as they were, 1 begin anew, 0 are gone\n"
+        "  anew      Main/Sequence/Extra\n"
+        "\n"
+        "                         recorded  what if\n"
+        "status                   failure   success\n"
+        "items sorted             2 of 4    4 of 4\n"
+        "items done, as believed  2         4\n"
+        "grasps held              2 of 3    2 of 3\n"
+        "simulated time           10.00 s   14.50 s\n"
+        "recoveries               0         1\n"
+        "failures                 1         1\n"
+        "  grasp.missed           1         1\n"
+        "\n"
+        "they part at 9.55 s (A: recorded, B: what if): Grasp ends otherwise\n"
+        "  A  Main/Grasp\n"
+        "  B  Main/Grasp\n"
+        "different from tick 191 on, 9.55 s: /events kind\n"
+        "  recorded  log\n"
+        "  now       recovery\n"
+        "new log     /out/one/log.mcap\n"
+    )
+    assert told.err.startswith("other.yaml:3:1: warning P310: mind this")
+    changes = Changes(Path("other.yaml"), None, {"a": "1"}, None, True)
+    assert orders == [{"log": "last", "at": "10 s", "changes": changes, "out": Path("/out")}]
+
+
+def test_nothing_changed(asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]) -> None:
+    same = replace(
+        FOUND,
+        start_tick=200,
+        changes=(),
+        nodes=None,
+        difference=None,
+        now=OUTCOME,
+        status="failure",
+        warnings=(),
+    )
+    asked(same)
+    assert answer(["whatif", "last", "--at", "200"]) == 1
+    assert capfd.readouterr().out.splitlines()[1:4] == [
+        "goes on     from checkpoint-0001, the tick that was asked for: tick 200, 6.00 s, 2 items done",
+        "changed     nothing",
+        "identical continuation: 70 ticks, byte for byte",
+    ]
+
+
+def test_an_interrupt_is_130(asked: Callable[..., Any]) -> None:
+    asked(replace(FOUND, status="interrupted"))
+    assert answer(["whatif", "last", "--at", "200"]) == 130
+
+
+def test_json_is_one_object(asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]) -> None:
+    asked(FOUND)
+    assert answer(["whatif", "last", "--at", "200", "--json"]) == 0
+    said = json.loads(capfd.readouterr().out)
+    assert said["start"] == {"checkpoint": "checkpoint-0001.json", "tick": 120, "time": 6.0, "items_done": 2}
+    assert (said["recorded"]["status"], said["now"]["status"]) == ("failure", "success")
+    assert said["nodes"] == {"kept": 9, "fresh": ["Main/Sequence/Extra"], "gone": []}
+
+
+def test_bad_input(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert answer(["whatif", str(tmp_path / "none.mcap"), "--at", "1"]) == 2
+    assert capfd.readouterr().err == f"{tmp_path}/none.mcap: there is no such log\n"
+    assert answer(["whatif", "last"]) == 2
+    assert "Missing option '--at'" in capfd.readouterr().err
