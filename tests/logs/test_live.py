@@ -54,18 +54,13 @@ def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(
         fixed = [topic.name for topic in topics.FIXED]
         client.wait_for(fixed)
         client.subscribe(fixed)
-        waiting = threading.Event()
         received: list[object] = []
-
-        def listen() -> None:
-            waiting.set()
-            received.extend(client.rest())
-
-        listener = threading.Thread(target=listen)
+        listener = threading.Thread(target=lambda: received.extend(client.rest()))
         listener.start()
-        waiting.wait()
-        time.sleep(0.2)  # until the server has heard of the subscriptions
         result = run(tmp_path / "live", feed)
+        patience = time.monotonic() + 20  # of a machine that has other things to do
+        while client.clock != round(result.sim_seconds * 1e9) and time.monotonic() < patience:
+            time.sleep(0.01)
         feed.close()  # not before the client has heard all
         listener.join()
     assert client.info["name"] == "one pick" and "time" in client.info["capabilities"]
@@ -121,7 +116,6 @@ def test_a_client_that_does_not_listen_holds_up_nothing(websocket: ModuleType, t
     with LiveFeed(0) as feed, websocket.Client(port_of(feed)) as client:
         client.wait_for([topic.name for topic in topics.FIXED])
         client.subscribe([topic.name for topic in topics.FIXED])
-        time.sleep(0.2)
         payload = bytes(200_000)
         began = time.perf_counter()
         for k in range(1000):  # 200 MB, which no socket holds

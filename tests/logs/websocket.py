@@ -31,6 +31,7 @@ class Client:
     info: dict[str, Any] = field(default_factory=dict[str, Any])
     clock: int = -1
     _topics: dict[int, str] = field(default_factory=dict[int, str])
+    _kept: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
 
     def __enter__(self) -> Client:
         self._socket = socket.create_connection(("127.0.0.1", self.port), timeout=10)
@@ -56,13 +57,17 @@ class Client:
             assert self.receive() is None
 
     def subscribe(self, topics: Iterable[str]) -> None:
+        """Returns when the server has heard of it."""
         wanted = [{"id": self.channels[t]["id"] + 1000, "channelId": self.channels[t]["id"]} for t in topics]
         self._topics.update({self.channels[t]["id"] + 1000: t for t in topics})
         self._send(_TEXT, json.dumps({"op": "subscribe", "subscriptions": wanted}).encode())
+        self._send(_PING, b"heard?")  # it is answered after what was sent before
+        while (frame := self._frame())[0] != _PONG:
+            self._kept.append(frame)
 
     def receive(self) -> Received | None:
         """The next message of a topic; None for what else the server has to say."""
-        opcode, data = self._frame()
+        opcode, data = self._kept.pop(0) if self._kept else self._frame()
         if opcode == _PING:
             self._send(_PONG, data)
         elif opcode == _TEXT:
