@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.scene.description import CatalogueEntry, SceneDescription
+from ...world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
 from ...world.scene.destinations import destination_rule
 from ...world.simulation.scorer import ItemScore, score
 from ...world.simulation.truth import TrueBody
@@ -141,6 +141,20 @@ class Case:
         entry = entry_of(self.scene, last.kind)
         form = entry.form if entry else "box"
         return TrueBody(ObjectId(id_), last.kind, form, last.shape, last.colour, last.pose, present=present)
+
+    @property
+    def fixtures(self) -> Mapping[str, Fixture]:
+        """Other than the table that things stand on."""
+        return {str(f.id): f for f in self.scene.fixtures if f.id != "table"} if self.scene else {}
+
+    @property
+    def bins(self) -> Mapping[str, Bin]:
+        return {str(b.id): b for b in self.scene.bins} if self.scene else {}
+
+    def believed_at(self, time: float) -> list[Body]:
+        """All bodies of the belief at that time."""
+        found = (self.belief.at(id_, time) for id_ in self.belief.tracks)
+        return [body for body in found if body is not None]
 
     def ports(self, path: str) -> Mapping[str, str]:
         """As the mission gives them to a node, the last version of it."""

@@ -1,4 +1,4 @@
-"""What stood in the way of hand and arm: fixtures, bins, neighbours, distance, a full bin, a small budget."""
+"""What stood in the way of hand and arm: fixtures, bins, neighbours, distance, a small budget."""
 
 from __future__ import annotations
 
@@ -6,28 +6,18 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-import numpy as np
-
-from ...world.manipulation.spots import heap, spots
-from ...world.scene.description import Bin, Fixture
-from ...world.scene.planning_scene import BeliefObject
-from ...world.shapes import extents
-from ...world.values import ObjectId, Pose
-from ..records import Body
+from ...world.values import Pose
+from .bins import APPROACH, NOWHERE, full_bin, no_way_to_bin
 from .case import Case, Finding
 from .evidence import number, word, words
 from .explanation import Choice, FailureStory
 from .reach import reachable
-from .wording import counted, listed, place, seconds
+from .standing import fixtures_around
+from .wording import counted, listed, place
 
 TOUCHES = re.compile(r"the hand would touch (.+)")
 PAIR = re.compile(r"(\S+) (?:only )?[\d.]+ mm (?:deep in|from) (\S+)")
 FAR = "is out of reach or in collision"
-NOWHERE = "cannot be put where it belongs"
-APPROACH = 0.08
-"""Height over a grasp from which the hand comes down, m."""
-OVER = 0.35
-"""Height over a bin's rim that the hand needs to let go of something, m."""
 
 
 def in_the_way(case: Case, failure: FailureStory) -> Finding | None:
@@ -36,7 +26,7 @@ def in_the_way(case: Case, failure: FailureStory) -> Finding | None:
         case "grasp.no_candidate":
             return _held_another(failure) or _no_grasp(case, failure)
         case "place.full":
-            return _full(case, failure, word(failure, "bin"))
+            return full_bin(case, failure, word(failure, "bin"))
         case "place.occupied":
             return _occupied(case, failure)
         case "planning.budget":
@@ -74,7 +64,7 @@ def _no_grasp(case: Case, failure: FailureStory) -> Finding | None:
         elif NOWHERE in reason:
             nowhere += count
     if nowhere >= max(far, touched.total()):
-        return _no_way_to_bin(case, failure, nowhere, total)
+        return no_way_to_bin(case, failure, nowhere, total)
     if far >= touched.total():
         return _far(case, failure, choice, far, total)
     tried = tuple(
@@ -89,7 +79,7 @@ def _touching(
     """By what it is that would be touched: something that was put there, a neighbour, a bin."""
     if not touched:
         return None
-    fixtures, bins = _fixtures(case), _bins(case)
+    fixtures, bins = case.fixtures, case.bins
     reasons = reasons or (failure.message,)
     about = failure.item or failure.node.rsplit("/", 1)[-1]
     most = [name for name, _ in touched.most_common()]
@@ -137,7 +127,7 @@ def _far(case: Case, failure: FailureStory, choice: Choice, far: int, total: int
             "configuration of the arm exists, collisions aside",
         )
         return Finding("item.out_of_reach", failure.item, title, reasons, failure.item, failure.time)
-    near = _near_fixtures(case, lies) if lies else []
+    near = fixtures_around(case, lies) if lies else []
     if near:
         title = f"{near[0]} stands in the way of the arm at {failure.item}"
         reasons = (
@@ -161,65 +151,9 @@ def _grasp_poses(case: Case, choice: Choice) -> list[Pose]:
     ]
 
 
-def _no_way_to_bin(case: Case, failure: FailureStory, refused: int, total: int) -> Finding | None:
-    """No grasp leads to the item's bin: because that is full, covered, or too far away."""
-    lies = (
-        case.belief.tracks[failure.item].before(failure.time) if failure.item in case.belief.tracks else None
-    )
-    target = _bins(case).get(case.destination(lies)) if lies else None
-    reasons = (f"from {refused} of {total} grasps {failure.item} {NOWHERE}",)
-    if lies is None or target is None:
-        return None
-    full = _full(case, failure, str(target.id), reasons)
-    if full is not None:
-        return full
-    over = _above(case, target)
-    if over:
-        title = f"{over} stands in the way over {target.id}: {failure.item} cannot be put there"
-        return Finding("scene.blocked", over, title, reasons, failure.item, failure.time)
-    arm = case.arm
-    x, y, z = target.pose.position
-    down = [
-        Pose.from_rpy((x, y, z + target.size[2] + APPROACH), (np.pi, 0.0, yaw))
-        for yaw in np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
-    ]
-    if arm is not None and not reachable(arm, down):
-        title = (
-            f"{target.id} stands where the arm does not reach it from above: {failure.item} cannot go there"
-        )
-        return Finding("bin.out_of_reach", str(target.id), title, reasons, failure.item, failure.time)
-    inside = [b.id for b in _believed(case, failure.time) if b.place == target.id]
-    if inside:
-        title = f"{target.id} is too crowded for {failure.item}: nowhere over it can the hand let go"
-        reasons = (*reasons, f"in it lie {listed(inside)}")
-        return Finding("bin.crowded", str(target.id), title, reasons, failure.item, failure.time)
-    title = f"{failure.item} cannot be let go over {target.id} without touching something"
-    return Finding("bin.hemmed_in", str(target.id), title, reasons, failure.item, failure.time)
-
-
-def _full(case: Case, failure: FailureStory, bin_id: str, reasons: tuple[str, ...] = ()) -> Finding | None:
-    """Whether what is believed to lie in the bin leaves no spot in it."""
-    target = _bins(case).get(bin_id)
-    if target is None:
-        return None
-    inside = [b for b in _believed(case, failure.time) if b.place == bin_id]
-    item = case.belief.at(failure.item, failure.time)
-    if failure.cause != "place.full":
-        heights = heap(target, [_object(b) for b in inside], None)
-        if item is None or spots(target, heights, item.shape, item.pose.rotation()):
-            return None
-    size = " × ".join(f"{s * 100:.0f}" for s in target.size)
-    title = (
-        f"{bin_id} was full when {failure.item} was to go there: {counted(len(inside), 'item')} "
-        f"{'lies' if len(inside) == 1 else 'lie'} in it, and it measures {size} cm"
-    )
-    told = (*reasons, f"in it at {seconds(failure.time)}: {listed([b.id for b in inside], 8) or 'nothing'}")
-    return Finding("bin.full", bin_id, title, told, failure.item, failure.time)
-
-
 def _occupied(case: Case, failure: FailureStory) -> Finding | None:
     by = word(failure, "by")
-    cause = "scene.blocked" if by in _fixtures(case) else "place.occupied"
+    cause = "scene.blocked" if by in case.fixtures else "place.occupied"
     title = f"{by or 'something'} stands where {failure.item} should go"
     return Finding(cause, by or failure.node, title, (), failure.item, failure.time)
 
@@ -248,50 +182,6 @@ def _pairs(pairs: Sequence[str]) -> Counter[str]:
     return Counter(match.group(2).split("/")[0] for match in found if match)
 
 
-def _fixtures(case: Case) -> dict[str, Fixture]:
-    """Fixtures other than the table that things stand on."""
-    return {str(f.id): f for f in case.scene.fixtures if f.id != "table"} if case.scene else {}
-
-
-def _bins(case: Case) -> dict[str, Bin]:
-    return {str(b.id): b for b in case.scene.bins} if case.scene else {}
-
-
 def _role(case: Case, name: str) -> str:
     track = case.belief.tracks.get(name)
     return track.first.role if track else ""
-
-
-def _believed(case: Case, time: float) -> list[Body]:
-    found = (case.belief.at(id_, time) for id_ in case.belief.tracks)
-    return [body for body in found if body is not None]
-
-
-def _above(case: Case, target: Bin) -> str:
-    """The fixture that covers a bin, or reaches into the room over it; empty when none does."""
-    (x, y, z), (sx, sy, sz) = target.pose.position, target.size
-    low, high = (x - sx / 2, y - sy / 2, z + sz), (x + sx / 2, y + sy / 2, z + sz + OVER)
-    for name, fixture in _fixtures(case).items():
-        if _overlap(fixture, low, high):
-            return name
-    return ""
-
-
-def _near_fixtures(case: Case, lies: Body) -> list[str]:
-    """Fixtures in the column over an item, the hand's width around it."""
-    x, y, z = lies.pose.position
-    low, high = (x - OVER / 2, y - OVER / 2, z), (x + OVER / 2, y + OVER / 2, z + 2 * OVER)
-    return [name for name, fixture in _fixtures(case).items() if _overlap(fixture, low, high)]
-
-
-def _overlap(fixture: Fixture, low: Sequence[float], high: Sequence[float]) -> bool:
-    least, most = extents(fixture.shape, fixture.pose.rotation())
-    at = np.array(fixture.pose.position)
-    return bool(np.all(at + least < np.array(high)) and np.all(at + most > np.array(low)))
-
-
-def _object(body: Body) -> BeliefObject:
-    return BeliefObject(
-        ObjectId(body.id), "item", body.kind, body.form, body.shape, body.colour, body.pose,
-        body.sigma_position, body.sigma_angle, body.confidence, body.last_seen, place=body.place,
-    )  # fmt: skip

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from ..records import Body
 from .case import Case, Finding
 from .evidence import number, numbers
 from .explanation import FailureStory
@@ -77,7 +76,7 @@ def too_heavy(case: Case, failure: FailureStory) -> Finding | None:
     """Whether what the hand held, or was about to lift, pulled it down much harder than it should weigh."""
     if failure.cause not in ("world.disturbed", "safety.force_limit", "control.tracking"):
         return None
-    held = next((b for b in _believed(case, failure.time) if b.attached), None)
+    held = next((b for b in case.believed_at(failure.time) if b.attached), None)
     entry = None if held is None else case.entry(held.id)
     if held is None or entry is None:
         return None
@@ -92,11 +91,6 @@ def too_heavy(case: Case, failure: FailureStory) -> Finding | None:
         "or was held fast",
     )
     return Finding("item.heavy", case.pairs.get(held.id, held.id), title, reasons, held.id, failure.time)
-
-
-def _believed(case: Case, time: float) -> list[Body]:
-    found = (case.belief.at(id_, time) for id_ in case.belief.tracks)
-    return [body for body in found if body is not None]
 
 
 def _pull(failure: FailureStory) -> tuple[float, bool]:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections.abc import Sequence
+
+WIDTH = 96
+"""Columns of the text."""
 
 
 def distance(metres: float) -> str:
@@ -45,3 +50,20 @@ def listed(words: Sequence[str], most: int = 5) -> str:
     if len(words) > most:
         words = [*words[: most - 1], f"{len(words) - most + 1} more"]
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
+
+
+def wrapped(text: str, first: str, rest: str | None = None) -> list[str]:
+    """Lines of at most `WIDTH` columns that begin with `first`, all but the first of them with `rest`."""
+    lines = textwrap.wrap(
+        _TOGETHER.sub("\N{NO-BREAK SPACE}", text),
+        WIDTH,
+        initial_indent=first,
+        subsequent_indent=first if rest is None else rest,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
+
+
+_TOGETHER = re.compile(r"(?<=\b[xy]) (?=-?\d)|(?<=\d) (?=(?:s|m|cm|mm|N)\b)")
+"""Spaces at which no line ends: between a number and its unit."""
