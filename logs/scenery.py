@@ -110,13 +110,13 @@ class Scenery:
     def _line(self, picture: Picture, points: Array) -> None:
         pixels = self._pixels(points)
         if pixels is not None:
-            wide = self._wide(2)
+            wide = self._wide(1.5)
             cv2.polylines(picture, [pixels], False, (255, 255, 255), wide + 2, cv2.LINE_AA, 4)
             cv2.polylines(picture, [pixels], False, PATH_LINE, wide, cv2.LINE_AA, 4)
             end = (int(pixels[-1, 0]), int(pixels[-1, 1]))
             cv2.circle(picture, end, 16 * (wide + 2), PATH_LINE, cv2.FILLED, cv2.LINE_AA, 4)
 
-    def _wide(self, pixels: int) -> int:
+    def _wide(self, pixels: float) -> int:
         """A line's width on this picture, of that on one 600 pixels high."""
         return max(1, round(pixels * self._size[1] / 600))
 
