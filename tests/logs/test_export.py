@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import pytest
+from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
 from picktree.logs import Run
@@ -184,3 +185,18 @@ def test_without_pyarrow_the_extra_is_named(
         "An export to Parquet needs the extra 'parquet': pip install 'picktree[parquet]'"
     )
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
+def test_another_reader_of_csv_finds_the_same(table: Table[Any], folders: dict[str, Path]) -> None:
+    """pyarrow's, which guesses the types as pandas does."""
+    read = arrow_csv.read_csv(
+        folders["csv"] / f"{table.name}.csv",
+        parse_options=arrow_csv.ParseOptions(newlines_in_values=True),
+    )
+    typed = parquet.read_table(folders["parquet"] / f"{table.name}.parquet")
+    assert read.schema.names == typed.schema.names
+    assert read.num_rows == typed.num_rows
+    for column in table.columns:
+        if column.kind in ("int", "float", "bool"):
+            assert read.column(column.name).to_pylist() == typed.column(column.name).to_pylist()
