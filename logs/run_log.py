@@ -123,6 +123,14 @@ class RunLog:
     def close(self) -> None:
         self._file.close()
 
+    def require_beginning(self) -> None:
+        """Raises PicktreeError when this is a later file of a rotated log, opened by its own name."""
+        if self.part > 1:
+            raise PicktreeError(
+                f"{self.path}: part {self.part} of a log in several files, which begins in the middle of the "
+                "run; give the run's folder"
+            )
+
     def __enter__(self) -> RunLog:
         return self
 

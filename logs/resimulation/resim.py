@@ -47,11 +47,7 @@ def resimulate(
         times = run.ticks.times
         if not times:
             raise PicktreeError(f"{run.path}: the log holds no tick: there is nothing to run again")
-        if run.log.part > 1:
-            raise PicktreeError(
-                f"{run.path}: part {run.log.part} of a log in several files, which begins in the middle of "
-                "the run; give the run's folder"
-            )
+        run.log.require_beginning()
         last = parse_tick(until, run, "--until") if until else None
         limit = Comparison(run, None if last is None else times[last]).until
         keep = out if out is not None or not changes else Path(away)

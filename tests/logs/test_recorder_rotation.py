@@ -154,6 +154,18 @@ def test_a_file_by_itself_checks_its_own_digest(rotated: Path) -> None:
         assert last.digest() == last.result["digest"]
 
 
+def test_what_needs_the_beginning_of_a_run_is_told_that_it_is_not_there(rotated: Path) -> None:
+    path = rotated / "log-0002.mcap"
+    with RunLog(rotated) as log, RunLog(path) as part:
+        log.require_beginning()
+        with pytest.raises(PicktreeError) as raised:
+            part.require_beginning()
+    assert str(raised.value) == (
+        f"{path}: part 2 of a log in several files, which begins in the middle of the run; give the run's "
+        "folder"
+    )
+
+
 def test_a_missing_file_is_said(copied: Path, whole: Path) -> None:
     (copied / "log-0002.mcap").unlink()
     with RunLog(copied) as log, RunLog(whole) as one:
