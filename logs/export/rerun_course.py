@@ -9,6 +9,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from ..run import Run
+from .from_run import about
 from .rerun_sheet import Sheet
 
 _IDLE = "IDLE"
@@ -33,12 +34,19 @@ _COLOURS = (0xE0443EFF, 0x2E9E5BFF, 0x3D8BFDFF, 0xC98A1AFF, 0x8E5BD0FF, 0x17A2A8
 def write_course(sheet: Sheet, run: Run) -> None:
     _lanes(sheet, run)
     _signals(sheet, run)
+    sheet.always("/about", rr.TextDocument(_about(run), media_type="text/markdown"))
     for at in run.lines:
         text = f"{at.record.message}  [{at.record.name}]" if at.record.name else at.record.message
         sheet.at(at.time, "/log", rr.TextLog(text, level=_LEVELS.get(at.record.level, at.record.level)))
     for at in run.events:
         text = f"{at.record.kind}: {at.record.message}"
         sheet.at(at.time, f"/events/{at.record.kind}", rr.TextLog(text, level="INFO"))
+
+
+def _about(run: Run) -> str:
+    """What the run was, and what came of it, as a table."""
+    words = [(row.key, row.value.replace("|", "\\|").replace("\n", " ")) for row in about(run)]
+    return "\n".join(["| | |", "|---|---|", *(f"| {key} | {value} |" for key, value in words)])
 
 
 _LEVELS = {"WARNING": "WARN", "FATAL": "CRITICAL"}

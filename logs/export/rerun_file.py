@@ -59,7 +59,7 @@ def blueprint(run: Run) -> rrb.Blueprint:
                     ),
                 ),
                 rrb.Vertical(
-                    rrb.Tabs(*images),
+                    rrb.Tabs(*images, rrb.TextDocumentView(origin="/about", name="Run")),
                     rrb.TextLogView(origin="/log", name="Failures and recoveries"),
                     rrb.TextLogView(origin="/events", contents=_EVENTS, name="Events"),
                 ),

@@ -128,6 +128,13 @@ def test_images_plans_and_texts_are_there(run: Run, read: Read) -> None:
     assert [text for _, (text,) in picks] == [f"pick: {p.object}: held" for p in run.picks if p.held]
 
 
+def test_the_recording_says_what_run_it_is(read: Read) -> None:
+    ((time, (text,)),) = read.column("/about", "TextDocument:text")
+    assert time is None
+    assert text.startswith("| | |\n|---|---|\n| mission | one pick |\n| scene | sort_small |\n")
+    assert "\n| status | success |" in text
+
+
 def test_reruns_command_verifies_it(rrd: Path) -> None:
     command = Path(sys.executable).parent / "rerun"
     done = subprocess.run([command, "rrd", "verify", rrd], capture_output=True, text=True, check=False)
