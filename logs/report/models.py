@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import struct
+
 import numpy as np
 
 from ...world.colours import COLOURS
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..glb import read_glb
-from ..meshes import Mesh, shape_mesh, smoothed, thinned
+from ..meshes import Mesh, shape_mesh, smoothed
 from ..messages import UNKNOWN_COLOUR
 from ..records import LinkMesh
+from ..thinning import thinned
 from .packing import Packable, quantised
 
 MOST_FACES = 3000
@@ -22,10 +25,12 @@ def packed_link(model: LinkMesh) -> Packable:
     """The model of a link; None when it is of another kind than those that picktree writes."""
     try:
         mesh = read_glb(model.glb)
-    except (ValueError, KeyError, IndexError):
+    except (ValueError, KeyError, IndexError, struct.error):
         return None
     if len(mesh.faces) > MOST_FACES:
-        mesh = smoothed(*thinned(mesh.vertices, mesh.faces, mesh.colours, MOST_FACES))
+        # The file has a vertex for each of its normals; corners that meet are to be one again.
+        places, same = np.unique(np.round(mesh.vertices / GRAIN), axis=0, return_inverse=True)
+        mesh = smoothed(*thinned(places * GRAIN, same.ravel()[mesh.faces], mesh.colours, MOST_FACES))
     return {"link": model.link, **packed_mesh(mesh)}
 
 

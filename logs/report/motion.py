@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
@@ -11,7 +12,7 @@ import numpy as np
 from ..records import Body
 from ..run import Run
 from .bodies import Believed, Frames, Sampled, believed_of, frames_of, truths_of
-from .matching import matched
+from .matching import matched, track
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,7 +26,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """How far the truth was from the belief, at a tick at which the log tells the truth."""
+    """How far the truth was from the belief, from a tick on."""
 
     tick: int
     object: str
@@ -36,6 +37,8 @@ class Deviation:
     """Between both positions, m; NaN where one of both is not there."""
 
 
+_FINE = 5e-4
+"""Changes of a distance below this are none, m."""
 _MOTIONS: WeakKeyDictionary[Run, Motion] = WeakKeyDictionary()
 
 
@@ -49,13 +52,23 @@ def motion_of(run: Run) -> Motion:
 
 
 def deviations(motion: Motion) -> Iterator[Deviation]:
-    """At every sample of the truth, body by body."""
+    """Body by body: at every sample of the truth, and between two of them, where the scene shows it
+    interpolated, whenever the distance has become another."""
     for truth, partner in zip(motion.truths, motion.partners, strict=True):
+        samples = frozenset(truth.ticks.tolist())
         one = None if partner is None else motion.believed[partner]
-        for tick, pose in zip(truth.ticks.tolist(), truth.poses, strict=True):
-            there = one is not None and bool(one.present[tick])
-            if one is None or not there:
-                yield Deviation(tick, "", truth.body, float("nan"))
-            else:
-                apart = float(np.linalg.norm(one.track[tick, :3] - pose[:3]))
-                yield Deviation(tick, one.id, truth.body, apart)
+        if one is None:
+            yield from (Deviation(tick, "", truth.body, math.nan) for tick in sorted(samples))
+            continue
+        poses = track(truth, one, motion.frames.ticks)
+        apart = np.linalg.norm(one.track[:, :3] - poses[:, :3], axis=1).tolist()
+        present = one.present.tolist()
+        told = math.nan
+        for tick in range(min(samples), max(samples) + 1):
+            if (
+                tick in samples
+                or math.isnan(apart[tick]) != math.isnan(told)
+                or abs(apart[tick] - told) > _FINE
+            ):
+                told = apart[tick]
+                yield Deviation(tick, one.id if present[tick] else "", truth.body, told)

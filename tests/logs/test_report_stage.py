@@ -8,14 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.logs.records import Body
+from picktree.logs.glb import write_glb
+from picktree.logs.meshes import joined, shape_mesh
+from picktree.logs.records import Body, LinkMesh
 from picktree.logs.report.bodies import Believed, Look, Sampled, spans
 from picktree.logs.report.matching import matched, track
+from picktree.logs.report.models import MOST_FACES, packed_link
 from picktree.logs.report.motion import motion_of
+from picktree.logs.report.packing import Quantised
 from picktree.logs.report.poses import between, composed, continuous, filled, inverse, row
 from picktree.logs.report.stage import pack_stage
 from picktree.logs.run import Run
-from picktree.world.shapes import Box
+from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose
 
 STILL = row(Pose())
@@ -174,3 +178,18 @@ def test_an_item_that_a_fault_took_away_is_gone_from_that_tick_on(troubled_log: 
         item = taken.record.data["item"]
         assert presence.pop(item) == [[0, tick]]
         assert set(map(str, presence.values())) == {str([[0, len(run.ticks) - 1]])}
+
+
+def test_heavy_models_are_thinned_and_foreign_ones_left_out() -> None:
+    balls = [shape_mesh(Sphere(0.05)).placed(Pose((0.2 * k, 0.0, 0.0))) for k in range(3)]
+    heavy = joined(balls)
+    assert len(heavy.faces) > 2 * MOST_FACES
+    packed = packed_link(LinkMesh("link", write_glb(heavy)))
+    assert isinstance(packed, dict)
+    faces, vertices = packed["faces"], packed["vertices"]
+    assert isinstance(faces, np.ndarray) and isinstance(vertices, Quantised)
+    assert MOST_FACES < len(faces) <= 3 * MOST_FACES
+    places = vertices.levels * vertices.step
+    away = np.linalg.norm(places - np.round(places / 0.2) * 0.2 * [1, 0, 0], axis=1)
+    assert np.abs(away - 0.05).max() < 0.004  # on the balls still
+    assert packed_link(LinkMesh("link", b"glTF of others")) is None
