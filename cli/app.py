@@ -27,6 +27,7 @@ from .nodes import nodes
 from .output import painter
 from .rehearse import rehearse
 from .render import render
+from .replay import replay
 from .report import report
 from .resim import resim
 from .run import run
@@ -54,6 +55,7 @@ app.command()(new)
 app.command()(nodes)
 app.command()(rehearse)
 app.command()(render)
+app.command()(replay)
 app.command()(report)
 app.command()(resim)
 app.command()(run)

@@ -12,7 +12,7 @@ from ..trees.status import NodeStatus
 from ..trees.types import show
 from ..world.causes import Failure
 from ..world.files.expressions import Expression
-from ..world.scene.planning_scene import BeliefObject
+from .belief_text import belief_line
 
 MARKS: Mapping[NodeStatus, str] = {
     NodeStatus.IDLE: "·",
@@ -108,7 +108,7 @@ def belief_lines(tree: Tree, part: str) -> Iterator[str]:
     if not objects:
         yield f"no object is called {part!r}" if part else "no object is known yet"
     for o in objects:
-        yield _object(o, world.clock.now)
+        yield belief_line(o, world.clock.now)
 
 
 def breakpoint_lines(breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
@@ -116,13 +116,6 @@ def breakpoint_lines(breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
         yield "no breakpoints; `break PATH` sets one"
     for number, breakpoint_ in breakpoints.items():
         yield f"{number}: {breakpoint_.when} {breakpoint_.path}"
-
-
-def _object(o: BeliefObject, now: float) -> str:
-    x, y, z = o.pose.position
-    place = "in the hand" if o.attached else o.place or "somewhere"
-    seen = f"seen {now - o.last_seen:.1f} s ago, confidence {o.confidence:.2f}"
-    return f"{o.id}: {o.colour} {o.kind}, {o.role}, {place}, at ({x:.3f}, {y:.3f}, {z:.3f}) m, {seen}"
 
 
 def _said(node: Node) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self
@@ -20,7 +20,7 @@ _PERIOD = 0.1
 """Wall seconds between two pictures of the live view."""
 _NEWS = 30.0
 """Simulated seconds between two lines when nothing else is to be said."""
-_MARKS = {
+MARKS = {
     "IDLE": ("·", "dim"),
     "RUNNING": ("▶", "bold cyan"),
     "SUCCESS": ("✓", "green"),
@@ -142,15 +142,49 @@ def deepest_running(nodes: Sequence[NodeReport]) -> str:
     return next((node.path for node in reversed(nodes) if node.status == "RUNNING"), "nothing")
 
 
-def tree_rows(structure: Sequence[NodeInfo], nodes: Sequence[NodeReport], room: int) -> list[Text]:
-    """A row for each node that runs or has a running parent, at most `room` of them: the running ones
-    and those nearest to the last of them are kept."""
+class Shown(Protocol):
+    """A node of the tree: of a mission that runs, or of a log."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def id(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def parent(self) -> str | None:
+        """None or empty for the root."""
+        ...
+
+
+class Status(Protocol):
+    """How a node stands after a tick."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def cause(self) -> str | None:
+        """None or empty when there is none."""
+        ...
+
+    @property
+    def message(self) -> str: ...
+
+
+def tree_rows(
+    structure: Sequence[Shown], nodes: Sequence[Status], room: int, also: Collection[str] = ()
+) -> list[Text]:
+    """A row for each node that runs or has a running parent, and for the paths `also`; at most `room` of
+    them: the running ones and those nearest to the last of them are kept."""
     reports = {node.path: node for node in nodes}
     depths = _depths(structure)
     shown = [
         info
         for info in structure
-        if info.parent is None
+        if not info.parent
+        or info.path in also
         or reports[info.path].status == "RUNNING"
         or reports[info.parent].status == "RUNNING"
     ]
@@ -161,15 +195,15 @@ def tree_rows(structure: Sequence[NodeInfo], nodes: Sequence[NodeReport], room: 
     return [_row(shown[index], reports[shown[index].path], depths[shown[index].path]) for index in kept]
 
 
-def _depths(structure: Sequence[NodeInfo]) -> Mapping[str, int]:
+def _depths(structure: Sequence[Shown]) -> Mapping[str, int]:
     depths: dict[str, int] = {}
     for info in structure:
-        depths[info.path] = 0 if info.parent is None else depths[info.parent] + 1
+        depths[info.path] = depths[info.parent] + 1 if info.parent else 0
     return depths
 
 
-def _row(info: NodeInfo, report: NodeReport, depth: int) -> Text:
-    mark, style = _MARKS[report.status]
+def _row(info: Shown, report: Status, depth: int) -> Text:
+    mark, style = MARKS[report.status]
     row = Text("  " * depth, no_wrap=True)
     row.append(f"{mark} {info.id}", style=style)
     if info.name != info.id:

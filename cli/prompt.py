@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TextIO
+from typing import TextIO, TypeVar
 
 from ..world.errors import PicktreeError
 from ..world.files.nearest import nearest
+
+Out = TypeVar("Out", bound=TextIO)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +50,15 @@ class Prompt:
             self._last = line
             if line and self.carry_out(line):
                 return True
+
+    @contextmanager
+    def into(self, out: Out) -> Generator[Out]:
+        """Say everything into `out` instead, for as long."""
+        before, self._out = self._out, out
+        try:
+            yield out
+        finally:
+            self._out = before
 
     def carry_out(self, line: str) -> bool:
         """One command. Bad input is told, not raised."""

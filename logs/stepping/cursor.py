@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import bisect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 from ...world.errors import PicktreeError
-from ..records import Event, Joints, Plan, Scene, Tree, TreeNode, WrenchReading
+from ..records import Control, Event, Joints, Plan, Scene, Tree, TreeNode, WrenchReading
 from ..run import Run, TickAt
 from ..run_log import At
 from ..visits import Visit
@@ -110,6 +110,15 @@ class Cursor:
         self._go(sorted(where(visit) for visit in visits), f"{edge} of {node}", back=back)
         return next(visit for visit in visits if where(visit) == self.number)
 
+    def next_stop(self, stops: Collection[tuple[str, Edge]], *, back: bool = False) -> None:
+        """To the next tick in which one of these nodes (by path) began or ended."""
+        edges = [
+            move.tick
+            for move in self.course.moves
+            if (move.transition.path, "begin" if move.transition.status == "RUNNING" else "end") in stops
+        ]
+        self._go(edges, "breakpoint that is met", back=back)
+
     def next_item(self, item: str, *, back: bool = False) -> Visit:
         """To the next tick in which a node began that is about this object."""
         visits = [visit for visit in self.course.visits if visit.item == item]
@@ -122,15 +131,15 @@ class Cursor:
 
     @cached_property
     def failures(self) -> tuple[Visit, ...]:
-        """The visits that failed by themselves, in the order of the failures."""
+        """The visits that failed by themselves, in the order of the failures; within a tick from below."""
         failed = [visit for visit in self.course.visits if visit.failed_itself]
-        return tuple(sorted(failed, key=lambda visit: visit.last))
+        return tuple(sorted(failed, key=lambda visit: (visit.last, -visit.path.count("/"))))
 
     @property
     def failure(self) -> Visit | None:
-        """The last failure at the cursor or before."""
+        """The last failure at the cursor or before; of several in one tick the lowest."""
         before = [visit for visit in self.failures if visit.last <= self.number]
-        return before[-1] if before else None
+        return next((visit for visit in before if visit.last == before[-1].last), None)
 
     @property
     def visits(self) -> tuple[Visit, ...]:
@@ -164,6 +173,24 @@ class Cursor:
     @property
     def wrench(self) -> WrenchReading | None:
         return next((at.record for at in self.run.log.wrenches(self.time, self.time)), None)
+
+    @property
+    def control(self) -> Control | None:
+        """None in older logs."""
+        return next((at.record for at in self.run.log.controls(self.time, self.time)), None)
+
+    @cached_property
+    def fingers(self) -> tuple[str, ...]:
+        """Names of the gripper's joints, each at a half of its opening; empty when the log does not tell."""
+        if "robot.yaml" not in self.run.log.attachments:
+            return ()
+        import yaml
+
+        try:
+            robot: Any = yaml.safe_load(self.run.log.attachment("robot.yaml"))
+            return tuple(str(name) for name in robot["gripper"]["joints"])
+        except (yaml.YAMLError, KeyError, TypeError):
+            return ()
 
     def changes(self, since: int | None = None) -> Changes:
         """What happened since the tick of that number; by default, and when that lies ahead, in this tick."""

@@ -34,11 +34,13 @@ def begins(path: str, subject: str = "", **inputs: object) -> Transition:
     return Transition(path, "RUNNING", {**({"object": subject} if subject else {}), **inputs}, subject)
 
 
-def ends(path: str, status: str = "SUCCESS", cause: str = "", **evidence: object) -> Transition:
+def ends(
+    path: str, status: str = "SUCCESS", cause: str = "", origin: str = "", **evidence: object
+) -> Transition:
+    """`origin`: the node that the failure comes from; by default this one."""
     message = f"{path} failed" if cause else ""
-    return Transition(
-        path, status, cause=cause, origin=path if cause else "", message=message, evidence=evidence
-    )
+    came = (origin or path) if cause else ""
+    return Transition(path, status, cause=cause, origin=came, message=message, evidence=evidence)
 
 
 def tree(*nodes: str, **ports: str) -> Tree:
