@@ -86,8 +86,7 @@ def main() -> int:
     begun = time.perf_counter()
     different = 0
     print(
-        f"{'seed':>4}  {'status':<10}  {'items':>6}  {'sim s':>6}  {'ticks':>5}  {'digest':<12}  resim",
-        flush=True,
+        "seed  status       items   sim s  ticks  digest        resim; what-if without a change", flush=True
     )
     with tempfile.TemporaryDirectory(prefix="picktree-") as folder:
         for seed in range(given.runs):
@@ -98,9 +97,8 @@ def main() -> int:
                 f"{row.digest:<12}  {row.resim}; {row.continuation} ({row.cpu:.0f} CPU s)",
                 flush=True,
             )
-    print(
-        f"{given.runs - different} of {given.runs} identical; {time.perf_counter() - begun:.0f} s of wall time"
-    )
+    wall = time.perf_counter() - begun
+    print(f"{given.runs - different} of {given.runs} identical; {wall:.0f} s of wall time")
     return 1 if different else 0
 
 
