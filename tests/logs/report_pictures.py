@@ -42,10 +42,18 @@ class Shot:
     """Run in the page before the picture is taken."""
 
 
+CLOSE = """(() => {
+  const { views } = picktreeReport.shell.panels.find((panel) => panel.name === "stage").made;
+  views.chooser.value = "Follow the hand";
+  views.look(views.chooser.value);
+})()"""
+TREE = """(() => {
+  document.querySelector(".column.wide").scrollTop = document.getElementById("panel-tree").offsetTop - 330;
+})()"""
 SHOTS = (
     Shot("report", (1280, 860), "#t=3.9"),
-    Shot("report-failure", (1280, 860), "#failure=1"),
-    Shot("report-dark", (1280, 860), "#failure=2", dark=True),
+    Shot("report-failure", (1280, 860), "#failure=1", script=CLOSE),
+    Shot("report-dark", (1280, 860), "#failure=2", dark=True, script=TREE),
     Shot("report-phone", (390, 844), "#failure=1", scale=1.5),
 )
 
