@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,25 @@ def test_another_seed_is_another_table(
     said = json.loads(capfd.readouterr().out)
     assert said["settings"] == [{"name": "seed", "a": 3, "b": 4}]
     assert {pair["basis"] for pair in said["item_pairs"]} <= {"order"}
+
+
+def test_the_python_of_its_page_runs(
+    plain: Path,
+    faulty: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    page = (EXAMPLES.parent / "docs" / "compare.md").read_text()
+    found = re.search(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    assert found is not None
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / "a").symlink_to(plain)
+    (tmp_path / "runs" / "b").symlink_to(faulty)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(found[1], "compare.md", "exec"), {})
+    shown = capfd.readouterr().out
+    assert "Parting(time=" in shown and "Difference(tick=" in shown and "SUCCESS FAILURE" in shown
 
 
 def test_what_is_no_log_is_refused(plain: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

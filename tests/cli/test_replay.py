@@ -21,6 +21,7 @@ import pytest
 
 from picktree.cli.app import answer
 from picktree.cli.replay_prompt import ReplayPrompt
+from picktree.cli.replay_screen import KEYS
 from picktree.logs import Run
 from picktree.logs.records import Transition, Write
 from picktree.logs.stepping.cursor import Cursor
@@ -256,6 +257,30 @@ def test_words_are_completed(log: Path) -> None:
         assert prompt.completions("to red") == ["red_block_1"]
         assert prompt.completions("to Main/Part/P") == [PLACE]
         assert prompt.completions("belief ") == ["red_block_1"]
+
+
+PAGE = (Path(__file__).parents[2] / "docs" / "replay.md").read_text(encoding="utf-8")
+
+
+def test_its_page_names_all_commands_and_keys(log: Path) -> None:
+    keys, commands = PAGE.split("## Commands")
+    with Run(log) as run:
+        names = [name.strip() for name in ReplayPrompt(Cursor(run), input, io.StringIO()).completions("")]
+    listed = "\n".join(line for line in commands.splitlines() if line.startswith("|"))
+    assert [name for name in names if not re.search(rf"`{name}[ `]", listed)] == []
+    drawn = {"right": "→", "left": "←", "pagedown": "PgDn", "pageup": "PgUp", "down": "↓", "up": "↑"}
+    drawn |= {"home": "Home", "end": "End"}
+    wanted = [drawn.get(key, key) for key in KEYS if key not in ("n", "p")]  # these are ↓ and ↑, too
+    assert [key for key in wanted if f"`{key}`" not in keys] == []
+
+
+def test_the_python_of_its_page_runs(
+    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = re.search(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
+    assert found is not None
+    exec(compile(found[1].replace('"last"', repr(str(log))).replace("5.0", "0.1"), "replay.md", "exec"), {})
+    assert "Main/Part/Grasp grasp.missed {'Main/item': 'red_block_1'}\nSUCCESS" in capsys.readouterr().out
 
 
 # The command.

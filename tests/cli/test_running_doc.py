@@ -10,9 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from picktree.cli.app import answer, app
-from picktree.cli.debug import PROMPT, DebugPrompt
+from picktree.cli.debug import DebugPrompt
 
 ROOT = Path(__file__).parents[2]
+PROMPT = DebugPrompt.text
 PAGE = (ROOT / "docs" / "running.md").read_text(encoding="utf-8")
 
 
