@@ -19,7 +19,8 @@ def video(
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILM", help="A .mp4 or .gif file.")],
     start: Annotated[float, typer.Option("--from", metavar="SECONDS", min=0.0, help="Simulated time.")] = 0.0,
     end: Annotated[
-        float | None, typer.Option("--to", metavar="SECONDS", show_default="the end of the run")
+        float | None,
+        typer.Option("--to", metavar="SECONDS", help="Simulated time.", show_default="the end of the run"),
     ] = None,
     speed: Annotated[
         float, typer.Option(metavar="TIMES", help="Simulated seconds in one of the film.")

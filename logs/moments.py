@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bisect
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -112,13 +112,14 @@ def moments(
     *,
     show: Show = "belief",
     hold: float = 2.0,
-    note: str = "",
+    speed: float = 1.0,
     bar: bool = False,
 ) -> Iterator[Frame]:
     """The moments at `times` (rising, simulated s) within `span`.
 
-    A failure is shown for `hold` simulated seconds. `bar`: with how much of the span has passed, and where it
-    failed. Raises PicktreeError where the log holds nothing of what is to be shown.
+    A failure is shown for `hold` simulated seconds; `speed` is said when it is not 1; `bar` adds how much of
+    the span has passed, and where it failed. Raises PicktreeError where the log holds nothing of what is to
+    be shown.
     """
     start, end = span
     story = Story(log, start, end)
@@ -127,6 +128,7 @@ def moments(
     truths = _Latest(log.truth_at(start), log.truths(start, end))
     plans = _Latest[Plan](None, log.plans(max(0.0, start - 10.0), end))
     items = Items(log, end)
+    note = " · ".join(_notes(show, speed))
     long = max(end - start, 1e-9)
     shares = ((failed.time - start) / long for failed in story.failures)
     marks = tuple(share for share in shares if bar and share >= 0)
@@ -178,6 +180,16 @@ class Items:
         return f"{number} item{'' if number == 1 else 's'} done"
 
 
+def _notes(show: Show, speed: float) -> Iterator[str]:
+    """What has to be said for the picture not to be misread."""
+    if show == "both":
+        yield "outlines: truth"
+    elif show == "truth":
+        yield "truth"
+    if speed != 1:
+        yield f"{speed:g}×"
+
+
 def _with_fixtures(scene: Scene, belief: At[Scene] | None) -> Scene:
     """Fixtures stand in the belief, should they be missing beside the truth."""
     return scene if scene.fixed or belief is None else Scene(scene.bodies, belief.record.fixed)
@@ -201,5 +213,5 @@ def _tip(tick: Tick) -> tuple[str, str, str]:
 def _failures(tick: Tick) -> dict[str, Trouble]:
     """Of nodes whose statuses say so, without those that only pass one on from below."""
     failing = {n.path: n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked}
-    passing: Callable[[str], bool] = lambda path: any(p.startswith(f"{path}/") for p in failing)  # noqa: E731
-    return {path: Trouble(n.cause, n.message) for path, n in failing.items() if not passing(path)}
+    above = {path.rpartition("/")[0] for path in failing}
+    return {path: Trouble(n.cause, n.message) for path, n in failing.items() if path not in above}

@@ -108,10 +108,8 @@ def film(
     times = [min(start + k * request.speed / fps, end) for k in range(count)]
 
     def pictures(some: list[float], painters: Painters) -> Iterator[Picture]:
-        note = " · ".join(_notes(request))
-        frames = moments(
-            log, some, (start, end), show=request.show, hold=HOLD * request.speed, note=note, bar=True
-        )
+        hold, speed = HOLD * request.speed, request.speed
+        frames = moments(log, some, (start, end), show=request.show, hold=hold, speed=speed, bar=True)
         return painters.pictures(frames)
 
     setup = Setup(log.robot_model(), request.view, size)
@@ -153,15 +151,6 @@ def _span(log: RunLog, request: FilmRequest) -> tuple[float, float]:
     if request.start < 0 or request.start >= end:
         raise PicktreeError(f"from {request.start:g} s to {end:g} s there is nothing to film")
     return request.start, end
-
-
-def _notes(request: FilmRequest) -> Iterator[str]:
-    if request.show == "both":
-        yield "outlines: truth"
-    elif request.show == "truth":
-        yield "truth"
-    if request.speed != 1:
-        yield f"{request.speed:g}×"
 
 
 def _counted(

@@ -10,6 +10,7 @@ import pytest
 
 from picktree.logs.moments import moments
 from picktree.logs.run_log import RunLog
+from picktree.logs.scenery import Show
 from picktree.logs.session import RunRequest, Session
 from picktree.logs.video.filming import FilmRequest, film
 from picktree.logs.video.painters import Painters, Setup
@@ -105,6 +106,17 @@ def test_belief_truth_or_both_are_shown(picked: Path) -> None:
     assert len(true.solid.bodies) > 0 and true.solid.fixed == believed.solid.fixed
     assert both.solid == believed.solid and both.outlined is not None
     assert both.outlined.bodies == true.solid.bodies
+
+
+def test_what_else_must_be_known_of_a_picture_is_said(picked: Path) -> None:
+    with RunLog(picked) as log:
+
+        def note(show: Show, speed: float) -> str:
+            return next(moments(log, [0.0], (0.0, 0.0), show=show, speed=speed)).caption.note
+
+        assert note("belief", 1.0) == ""
+        assert note("truth", 0.5) == "truth · 0.5×"
+        assert note("both", 4.0) == "outlines: truth · 4×"
 
 
 def test_the_planned_path_is_shown_while_it_is_followed(picked: Path) -> None:
