@@ -33,6 +33,14 @@ trees:
       give_up: [{SafeRetreat: {hand: open}}]
 """
 SCENE = "picktree: 1\nkind: scene\nbase: sort_small\n"
+PLATE_FIRST = (
+    SCENE
+    + """spawn:
+  - {of: {plate: 1}, colours: [green], area: {min: [0.36, -0.1], max: [0.42, 0.1]}}
+  - {of: {block: 1, ball: 1}, colours: [red, blue], area: {min: [0.5, -0.2], max: [0.62, 0.2]}}
+"""
+)
+"""The nearest item is taken first."""
 FAULTS = "picktree: 1\nkind: faults\nfaults:\n"
 
 BUDGET = '''
@@ -116,8 +124,9 @@ PLANTED = (
         "an item is snatched out of its bin after it was placed; nothing fails",
         ("item.gone",),
         says=("bin",),
+        scene=PLATE_FIRST,
         faults=FAULTS
-        + "  - {fault: remove, when: {node: Grasp, start: 4, delay: 300 ms}, target: {kind: plate}}\n",
+        + "  - {fault: remove, when: {node: Grasp, start: 3, delay: 300 ms}, target: {kind: plate}}\n",
     ),
     Planted(
         "pushed",
@@ -132,9 +141,10 @@ PLANTED = (
         "an item is flung out of its bin after it was placed",
         ("item.left_bin",),
         says=("bin",),
+        scene=PLATE_FIRST,
         faults=FAULTS
         + "  - {fault: bump, when: {node: Grasp, start: 3, delay: 300 ms}, target: {kind: plate},\n"
-        "     velocity: [0, 1.0, 2.2]}\n",
+        "     velocity: [0.4, -1.0, 2.2]}\n",
         backend="physics",
     ),
     Planted(

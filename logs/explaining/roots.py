@@ -19,6 +19,9 @@ from .weights import not_held, too_heavy
 from .whereabouts import elsewhere, misjudged
 from .wording import seconds
 
+DISPLACING = frozenset({"item.moved", "item.left_bin", "item.pushed_by_arm"})
+PLACES = frozenset({"item.out_of_reach", "item.beside_bin", "item.crowded", "item.hemmed_in"})
+"""Causes that an item has where it lies: what brought it there is the root of them."""
 RUN = frozenset({"run.limit", "run.interrupted", "run.killed", "run.crashed", "tree.condition"})
 
 
@@ -69,6 +72,8 @@ def _of_failures(case: Case) -> Mapping[int, Finding]:
     """The finding for each failure; one that follows from another has that one's."""
     camera = camera_off(case) if case.failures else None
     found: dict[int, Finding] = {}
+    displaced: dict[str, Finding] = {}
+    """What brought a true item to where it lies now."""
     for failure in case.failures:
         if failure.because_of is not None:
             found[failure.number] = found[failure.because_of]
@@ -87,7 +92,18 @@ def _of_failures(case: Case) -> Mapping[int, Finding]:
                 or touched(case, failure)
                 or _as_it_says(failure)
             )
+        finding, true = found[failure.number], case.pairs.get(failure.item, "")
+        if finding.cause in DISPLACING:
+            displaced[true] = finding
+        elif finding.cause in PLACES and true in displaced and not _held_since(case, true, displaced[true]):
+            found[failure.number] = displaced[true]
     return found
+
+
+def _held_since(case: Case, true: str, displaced: Finding) -> bool:
+    """Whether the robot had the item in its hand after it had been moved there."""
+    names = case.believed.get(true, ())
+    return any(p.held and p.object in names and p.time > (displaced.time or 0.0) for p in case.run.picks)
 
 
 def by_the_mission_first(case: Case, failure: FailureStory) -> Finding | None:

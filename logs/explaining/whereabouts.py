@@ -22,8 +22,8 @@ MISPLACED = 0.012
 """A belief this far from the truth while the item was seen is wrong, m."""
 BESIDE = 0.12
 """The hand this near to an item may have pushed it, m."""
-TOUCHED = 3.0
-"""Force at the wrist that tells of a touch, N."""
+TOUCHED = 6.0
+"""Force at the wrist that tells of a touch, N: more than the hand's own weight gives when it is swung."""
 NOWHERE = "it is nowhere in the robot's world any more"
 EMPTY = 0.002
 """Fingers that are closer than this hold nothing, m."""
@@ -90,7 +90,7 @@ def _moved(case: Case, failure: FailureStory, item: str, true: str, reached: flo
     now = None if moving is None else case.truth.tracks[true].before(moving.end)
     if moving is None or now is None or apart(now, believed) < MISPLACED:
         return None
-    pushed = by_the_arm(case, true, moving)
+    pushed, told = by_the_arm(case, true, moving)
     verb = "the arm pushed it" if pushed else "it had moved"
     title = (
         f"{item} was not where it was believed to be: {verb} by {distance(moving.way)} "
@@ -101,11 +101,14 @@ def _moved(case: Case, failure: FailureStory, item: str, true: str, reached: flo
         f"when the hand got there at {seconds(reached)}"
     ]
     reasons.append(f"truly it was at {place(now.pose.position)}, {distance(apart(now, believed))} away")
-    reasons.append(
-        pushed or "the hand was not near it and felt nothing then: something else than the arm moved it"
-    )
+    reasons.append(told)
     reasons += _felt_nothing(failure)
     cause = "item.pushed_by_arm" if pushed else "item.moved"
+    lay = case.truth.tracks[true].before(moving.start)
+    inside = "" if lay is None else case.bin_at(lay)
+    if inside and not pushed and case.bin_at(now) != inside:
+        cause = "item.left_bin"
+        title = f"{item} left {inside} again after it had been placed, {between(moving.start, moving.end)}"
     return Finding(cause, true, title, tuple(reasons), item, moving.start)
 
 
@@ -135,23 +138,29 @@ def way_since(case: Case, true: str, seen: float, until: float) -> Moving | None
     return Moving(rested, max(begun, rested), max(way, far))
 
 
-def by_the_arm(case: Case, true: str, moving: Moving) -> str:
-    """What speaks for the arm having moved the item; empty when nothing does."""
-    body = case.truth.tracks[true].before(moving.start)
-    if body is None:
-        return ""
-    x, y, z = body.pose.position
-    nearest = math.inf
-    for time in np.arange(moving.start, moving.end + 1e-6, 0.1):
-        hand = case.hand(float(time))
-        if hand is not None:
-            nearest = min(nearest, math.dist(hand, (x, y, z)))
+def by_the_arm(case: Case, true: str, moving: Moving) -> tuple[bool, str]:
+    """Whether the arm moved the item, and what tells so."""
+    track = case.truth.tracks[true]
+    body, after = track.before(moving.start) or track.first, track.after(moving.end) or track.bodies[-1]
+    times = np.arange(moving.start, moving.end + 1e-6, 0.1)
+    hands = [hand for hand in (case.hand(float(time)) for time in times) if hand is not None]
+    if not hands:
+        return False, "where the hand was then is not in the log"
+    nearest = min(math.dist(hand, body.pose.position) for hand in hands)
+    if nearest > BESIDE:
+        return False, f"something else than the arm moved it: the hand was {distance(nearest)} away, or more"
     wrenches = case.run.wrenches
     here = (wrenches.times >= moving.start) & (wrenches.times <= moving.end)
     felt = float(np.linalg.norm(wrenches.forces[here], axis=1).max()) if bool(here.any()) else 0.0
-    if nearest > BESIDE or felt < TOUCHED:
-        return ""
-    return f"the hand was {distance(nearest)} from it then, and felt {force(felt)}"
+    if felt < TOUCHED:
+        return False, f"something else than the arm moved it: the hand felt no more than {force(felt)} then"
+    left = min(math.dist(hand, after.pose.position) for hand in hands)
+    if left > 2 * BESIDE and body.form not in ("sphere", "cylinder"):
+        return (
+            False,
+            f"something else than the arm moved it: the hand did not follow it ({distance(left)} away)",
+        )
+    return True, f"the hand was {distance(nearest)} from it then, and felt {force(felt)}"
 
 
 def misjudged(case: Case, failure: FailureStory) -> Finding | None:
