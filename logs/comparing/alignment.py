@@ -8,7 +8,7 @@ that it continues. Times are simulated seconds.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ..run import Run
@@ -17,6 +17,7 @@ from .items import ItemMatch, match_items
 from .nodes import NodeMatch, match_nodes
 from .pair import EPSILON, Pair, differences
 from .parting import Parting, Sides, find_parting
+from .visits import BothVisits, both_visits
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,16 @@ class Alignment:
     only_b: tuple[Visit, ...]
     parting: Parting | None
     """None when nothing differs."""
+    derived: bool = False
+    """Whether the visits follow from the statuses after each tick, because one log is of format 1."""
+
+    @property
+    def visits_a(self) -> tuple[Visit, ...]:
+        return (*(pair.a for pair in self.pairs), *self.only_a)
+
+    @property
+    def visits_b(self) -> tuple[Visit, ...]:
+        return (*(pair.b for pair in self.pairs), *self.only_b)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +64,16 @@ class _Side:
 def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     """Pair the visits of two runs, from the first tick on that both have at `since` or later.
 
-    A log of format 1 has no visits, and nothing of it is paired.
+    A log of format 1 does not tell when nodes began and ended: both runs are then taken at the statuses after
+    each tick, and what nodes read is not compared.
     """
     since = max(since, *(run.ticks.times[0] for run in (a, b) if run.ticks.times), 0.0)
     items, nodes = match_items(a, b, since=since), match_nodes(a, b)
     # What only B has must not be taken for what A calls by the same name.
     names = {**{name: f"{name} of B" for name in items.only_b}, **items.a_by_b}
-    side_a, side_b = _side(a, since, {}, {}), _side(b, since, names, nodes.a_by_b)
+    both = both_visits(a, b)
+    side_a = _side(both.a, _resumed(a, both), since, {}, {})
+    side_b = _side(both.b, _resumed(b, both), since, names, nodes.a_by_b)
     index_b = {key: m for m, key in enumerate(side_b.keys)}
     partners = {n: index_b[key] for n, key in enumerate(side_a.keys) if key in index_b}
     pairs: list[Pair] = []
@@ -71,16 +85,27 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     only_a = tuple(visit for n, visit in enumerate(side_a.visits) if n not in partners)
     only_b = tuple(visit for m, visit in enumerate(side_b.visits) if m not in taken)
     sides = Sides(pairs, only_a, only_b, _end(a), _end(b), nodes)
-    return Alignment(since, items, nodes, tuple(pairs), only_a, only_b, find_parting(sides))
+    return Alignment(since, items, nodes, tuple(pairs), only_a, only_b, find_parting(sides), both.derived)
 
 
-def _side(run: Run, since: float, items: Mapping[str, str], nodes: Mapping[str, str]) -> _Side:
+def _resumed(run: Run, both: BothVisits) -> frozenset[str]:
+    """The nodes that had begun before the first tick of the log."""
+    return frozenset() if both.derived or not run.ticks else frozenset(under_way(run.ticks[0].record))
+
+
+def _side(
+    of_run: Sequence[Visit],
+    already: frozenset[str],
+    since: float,
+    items: Mapping[str, str],
+    nodes: Mapping[str, str],
+) -> _Side:
     counts: Counter[tuple[str, str]] = Counter()
     visits: list[Visit] = []
     keys: list[Key] = []
     resumed: set[int] = set()
-    before = set(under_way(run.ticks[0].record)) if run.visits else set[str]()
-    for visit in run.visits:
+    before = set(already)
+    for visit in of_run:
         if visit.end < since - EPSILON:
             continue
         item, path = items.get(visit.item, visit.item), nodes.get(visit.path, visit.path)

@@ -29,8 +29,6 @@ class RunDiff:
     set_up: SetUp
     first: Difference | None
     """The first simulated value that differs. When the trees do, apart from what is told of their nodes."""
-    no_visits: Literal["", "a", "b", "both"]
-    """The side whose log is too old to tell when nodes began and ended; what follows is empty then."""
     alignment: Alignment
     """Holds where they part."""
     time: TimeSpent
@@ -54,7 +52,6 @@ def diff(a: Run, b: Run) -> RunDiff:
         outcome_of(b),
         compare_set_up(a, b),
         first,
-        _no_visits(a, b),
         alignment,
         time_spent(alignment),
         causes(alignment),
@@ -69,9 +66,3 @@ def _verdict(alignment: Alignment, first: Difference | None) -> Verdict:
     if first.missing and first.ended:
         return "cut"
     return "alike" if alignment.pairs and alignment.parting is None else "apart"
-
-
-def _no_visits(a: Run, b: Run) -> Literal["", "a", "b", "both"]:
-    if not a.visits:
-        return "a" if b.visits else "both"
-    return "" if b.visits else "b"

@@ -35,7 +35,7 @@ def to_json(diff: RunDiff) -> dict[str, Any]:
             "ports": [asdict(change) for change in nodes.rewired],
         },
         "first_value": None if diff.first is None else asdict(diff.first),
-        "no_visits": diff.no_visits,
+        "derived": diff.alignment.derived,
         "parting": None if diff.alignment.parting is None else _parting(diff.alignment.parting),
         "time": {
             "by_type": [_time(change) for change in diff.time.by_type],

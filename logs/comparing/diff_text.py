@@ -72,10 +72,9 @@ def _verdict(diff: RunDiff) -> Iterator[str]:
             yield "every node did the same at the same times, but values differ"
         case "apart":
             pass
-    if diff.no_visits:
-        sides = {"a": "the log A is", "b": "the log B is", "both": "both logs are"}[diff.no_visits]
-        yield f"{sides} too old to tell when nodes began and ended: they are compared as far as it goes"
-    elif diff.alignment.parting is not None:
+    if diff.alignment.derived:
+        yield "a log of format 1: beginnings and ends are derived from the statuses after each tick"
+    if diff.alignment.parting is not None:
         yield from parting_lines(diff.alignment.parting)
     if diff.first is not None and diff.verdict != "cut":
         yield from first_value_lines(diff.first)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from ..run import Run
+from ..visits import Visit
 from .alignment import Alignment
 from .items import Basis
 
@@ -54,7 +56,7 @@ class ItemChange:
 def item_changes(a: Run, b: Run, alignment: Alignment) -> tuple[ItemChange, ...]:
     """All items of both runs, in the order in which A discovered them; what only B knew last."""
     match = alignment.items
-    ours, theirs = _ends(a), _ends(b)
+    ours, theirs = _ends(a, alignment.visits_a), _ends(b, alignment.visits_b)
     basis = {pair.a: pair for pair in match.pairs}
     changes: list[ItemChange] = []
     for name, end in ours.items():
@@ -64,7 +66,7 @@ def item_changes(a: Run, b: Run, alignment: Alignment) -> tuple[ItemChange, ...]
     return tuple(changes)
 
 
-def _ends(run: Run) -> dict[str, ItemEnd]:
+def _ends(run: Run, visits: Sequence[Visit]) -> dict[str, ItemEnd]:
     """Of everything of the role `item` that was ever believed in, in the order of discovery."""
     done = {str(e.record.data["object"]): e for e in run.events if e.record.kind == "item_done"}
     last = run.log.belief_at(run.end)
@@ -78,16 +80,16 @@ def _ends(run: Run) -> dict[str, ItemEnd]:
             into = str(event.record.data.get("into", body.place))
             state = "done" if body.place in ("", into) else "left"
             place = body.place or into
-        visits = [visit for visit in run.visits if visit.item == name]
+        about = [visit for visit in visits if visit.item == name]
         ends[name] = ItemEnd(
             name,
             state,
             place,
-            visits[0].start if visits else None,
+            min((visit.start for visit in about), default=None),
             event.time if event and state == "done" else None,
-            _covered([(visit.start, visit.end) for visit in visits]),
+            _covered([(visit.start, visit.end) for visit in about]),
             sum(pick.object == name for pick in run.picks),
-            sum(visit.failed_itself for visit in visits),
+            sum(visit.failed_itself for visit in about),
         )
     return ends
 

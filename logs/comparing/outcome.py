@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..explaining.derived import derived_visits
 from ..run import Run
 
 KILLED = "killed"
@@ -40,7 +41,7 @@ class RunOutcome:
 
 def outcome_of(run: Run) -> RunOutcome:
     result = run.result
-    failures = Counter(visit.cause for visit in run.visits if visit.failed_itself)
+    failures = Counter(visit.cause for visit in run.visits or derived_visits(run.log) if visit.failed_itself)
     kinds = Counter(at.record.kind for at in run.events)
     return RunOutcome(
         log=run.path,

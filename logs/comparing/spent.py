@@ -64,22 +64,22 @@ class TimeSpent:
 
 def time_spent(alignment: Alignment) -> TimeSpent:
     inner = _inner(alignment)
-    leaves_a = [visit for visit in _side_a(alignment) if visit.path not in inner[0]]
-    leaves_b = [visit for visit in _side_b(alignment) if visit.path not in inner[1]]
+    leaves_a = [visit for visit in alignment.visits_a if visit.path not in inner[0]]
+    leaves_b = [visit for visit in alignment.visits_b if visit.path not in inner[1]]
     path_in_a = alignment.nodes.a_by_b
     return TimeSpent(
         _changes(_grouped(leaves_a, lambda v: v.id), _grouped(leaves_b, lambda v: v.id)),
         _changes(
-            _grouped(_side_a(alignment), lambda v: v.path),
-            _grouped(_side_b(alignment), lambda v: path_in_a.get(v.path, v.path)),
+            _grouped(alignment.visits_a, lambda v: v.path),
+            _grouped(alignment.visits_b, lambda v: path_in_a.get(v.path, v.path)),
         ),
     )
 
 
 def causes(alignment: Alignment) -> tuple[CountChange, ...]:
     """How often a node failed by itself with each cause, all causes of both runs by name."""
-    ours = Counter(visit.cause for visit in _side_a(alignment) if visit.failed_itself)
-    theirs = Counter(visit.cause for visit in _side_b(alignment) if visit.failed_itself)
+    ours = Counter(visit.cause for visit in alignment.visits_a if visit.failed_itself)
+    theirs = Counter(visit.cause for visit in alignment.visits_b if visit.failed_itself)
     return tuple(CountChange(cause, ours[cause], theirs[cause]) for cause in sorted({*ours, *theirs}))
 
 
@@ -87,19 +87,11 @@ def ways(alignment: Alignment) -> tuple[WayChange, ...]:
     """What came of each node, where that is not the same number of times; in the order of A's tree, what only
     B has last."""
     path_in_a = alignment.nodes.a_by_b
-    ours = Counter((visit.path, visit.outcome) for visit in _side_a(alignment))
-    theirs = Counter((path_in_a.get(v.path, v.path), v.outcome) for v in _side_b(alignment))
+    ours = Counter((visit.path, visit.outcome) for visit in alignment.visits_a)
+    theirs = Counter((path_in_a.get(v.path, v.path), v.outcome) for v in alignment.visits_b)
     order = {pair.a.path: n for n, pair in enumerate(alignment.nodes.pairs)}
     keys = sorted({*ours, *theirs}, key=lambda key: (order.get(key[0], len(order)), key))
     return tuple(WayChange(*key, ours[key], theirs[key]) for key in keys if ours[key] != theirs[key])
-
-
-def _side_a(alignment: Alignment) -> list[Visit]:
-    return [*(pair.a for pair in alignment.pairs), *alignment.only_a]
-
-
-def _side_b(alignment: Alignment) -> list[Visit]:
-    return [*(pair.b for pair in alignment.pairs), *alignment.only_b]
 
 
 def _inner(alignment: Alignment) -> tuple[set[str], set[str]]:

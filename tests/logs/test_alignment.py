@@ -208,7 +208,7 @@ def test_what_ends_in_the_first_tick_of_a_resumed_run_had_been_under_way(tmp_pat
     assert (found.only_a, found.only_b, found.parting) == ((), (), None)
 
 
-def test_a_log_without_visits_has_none_to_pair(tmp_path: Path) -> None:
+def test_a_log_in_which_nothing_begins_has_nothing_to_pair(tmp_path: Path) -> None:
     a = record(tmp_path / "a.mcap", NODES, 9, {})
     found = aligned(a, record(tmp_path / "b.mcap", NODES, 7, SORTED))
     assert (found.pairs, found.only_a) == ((), ())
