@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
 from picktree.logs import Run
@@ -132,6 +133,10 @@ def test_each_file_opens_by_itself_with_all_that_it_needs(whole: Path, rotated: 
             "/bt/tree", "/bt/tick", "/joint_states", "/tf", "/wrench", "/scene/robot", "/scene/objects",
         }  # fmt: skip
         assert {message.time for message in part.messages(end=start)} == {round(start * 1e9)}
+        for message in part.messages(["/scene/robot", "/scene/objects", "/truth/objects"], end=start):
+            update = SceneUpdate.FromString(message.data)
+            stamps = {e.timestamp.ToNanoseconds() for e in (*update.entities, *update.deletions)}
+            assert stamps == {message.time}
         assert list(part.messages(start=start + 0.01)) == list(one.messages(None, start + 0.01, part.end))
 
 
