@@ -80,7 +80,8 @@ class Comparison:
         self._other_tree = other_tree
         self._now = -1
         self._taken: Counter[str] = Counter()
-        self._digest = Digest()
+        continues = run.info.continues
+        self._digest = Digest(bytes.fromhex(continues.digest)) if continues else Digest()
 
     @property
     def digest(self) -> str:

@@ -29,6 +29,8 @@ class Resimulation:
     """What was changed on purpose, in a sentence each."""
     until: float | None
     """Simulated s up to which was compared; None: to the end."""
+    last_tick: int
+    """Number of the last tick of the record that was compared, 0 for its first."""
     ticks: int
     """That are the same, from the first on."""
     recorded_ticks: int
@@ -109,7 +111,7 @@ class Resimulation:
         if self.cut and self.ticks == self.recorded_ticks:
             what += " up to where the recorded run was cut off"
         elif self.until is not None:
-            what += f" up to tick {self.recorded_ticks - 1}"
+            what += f" up to tick {self.last_tick}"
         said = f"{what}: {self.ticks} ticks, {self.seconds:.2f} simulated s"
         if self.changes:
             return said

@@ -24,6 +24,7 @@ SAME = Resimulation(
     cut=False,
     changes=(),
     until=None,
+    last_tick=115,
     ticks=116,
     recorded_ticks=116,
     seconds=5.75,
