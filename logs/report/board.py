@@ -135,7 +135,7 @@ def _truth(motion: Motion) -> Packable:
         "true": words.numbers([one.body.id for one in believed]),
         "distance": quantised(np.array([1000.0 * one.distance for one in believed]), 0.1),
         "gone": _gone(motion),
-        "unknown": [{"tick": tick, "bodies": list(bodies)} for tick, bodies in _changes(told, motion)],
+        "unknown": [{"tick": tick, "bodies": list(bodies)} for tick, bodies in unknown_bodies(told, motion)],
         "words": list(words.texts),
     }
 
@@ -150,7 +150,7 @@ def _gone(motion: Motion) -> list[Packable]:
     ]
 
 
-def _changes(told: Sequence[Deviation], motion: Motion) -> Iterator[tuple[int, tuple[str, ...]]]:
+def unknown_bodies(told: Sequence[Deviation], motion: Motion) -> Iterator[tuple[int, tuple[str, ...]]]:
     """Ticks at which other bodies are unknown to the robot than before, and which they are from then on."""
     ends = {truth.body.id: int(truth.ticks[-1]) for truth in motion.truths}
     last = max(ends.values(), default=0)

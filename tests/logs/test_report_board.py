@@ -7,15 +7,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from picktree.logs import Run
-from picktree.logs.records import Plan, Write
-from picktree.logs.report.board import pack_board, sightings, yaw_and_tilt
+from picktree.logs.records import Body, Plan, Write
+from picktree.logs.report.board import pack_board, sightings, unknown_bodies, yaw_and_tilt
+from picktree.logs.report.bodies import Frames, Sampled
 from picktree.logs.report.events import happenings, plan_words
 from picktree.logs.report.failures import pack_failures, plain
-from picktree.logs.report.motion import deviations, motion_of
+from picktree.logs.report.motion import Motion, deviations, motion_of
 from picktree.logs.report.packing import Section
+from picktree.world.shapes import Box
 from picktree.world.values import Pose
 
 from .scripted_log import Seen, begins, record, tree
@@ -80,6 +83,21 @@ def test_the_truth_beside_the_belief_says_how_far_off_and_what_was_taken_away(tr
     assert truth["unknown"][0]["tick"] == 0
     assert len(truth["unknown"][0]["bodies"]) == 4
     assert truth["unknown"][1]["bodies"] == []
+
+
+def test_what_is_taken_away_unseen_is_unknown_no_longer() -> None:
+    shape = Box((0.04, 0.04, 0.04))
+    stays, taken = (Body(name, "block", "box", "red", shape, Pose()) for name in ("item_0", "item_1"))
+    samples = {stays.id: (0, 20, 40), taken.id: (0, 20, 30)}
+    truths = [
+        Sampled(body, np.array(samples[body.id]), np.zeros((3, 7))) for body in (stays, taken)
+    ]  # fmt: skip
+    motion = Motion(Frames({}, 41), [], truths, [None, None])
+    told = sorted(deviations(motion), key=lambda one: one.tick)
+    assert list(unknown_bodies(told, motion)) == [
+        (0, ("red block (item_0)", "red block (item_1)")),
+        (30, ("red block (item_0)",)),
+    ]
 
 
 @pytest.mark.parametrize(

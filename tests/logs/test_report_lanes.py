@@ -15,9 +15,10 @@ from picktree.logs.records import Tree, TreeNode, Write
 from picktree.logs.report.lanes import OUTCOMES, item_spans, pack_lanes
 from picktree.logs.report.nodes import RunNode, nodes_of
 from picktree.logs.report.packing import Section
-from picktree.logs.report.tick_table import ABSENT, STATUSES, tick_table
+from picktree.logs.report.tick_table import ABSENT, STATUSES, TICKED, tick_table
 from picktree.logs.report.tree import pack_tree
 from picktree.logs.session import RunRequest, Session
+from picktree.trees.loader import parse_mission
 from picktree.world.errors import PicktreeError
 
 from .scripted_log import begins, ends, record, tree
@@ -120,6 +121,18 @@ def test_bands_of_items_span_the_outermost_visit_about_them(loop_log: Path) -> N
     ]
 
 
+def test_a_second_try_within_the_work_on_an_item_is_no_band_of_its_own(tmp_path: Path) -> None:
+    script = {
+        0: [begins("Main"), begins("Main/ForEach")],
+        1: [Write("Main/item", "a", "Main/ForEach"), begins("Main/ForEach/Sequence"), begins(GRASP, "a")],
+        3: [ends(GRASP, "FAILURE", "grasp.missed"), begins(GRASP, "a")],
+        5: [ends(GRASP), ends("Main/ForEach/Sequence")],
+    }
+    with Run(record(tmp_path / "log.mcap", LOOP, 7, script)) as run:
+        (span,) = item_spans(run.visits)
+    assert (span.item, span.first, span.last, span.outcome) == ("a", 1, 5, "SUCCESS")
+
+
 def test_nodes_in_a_row_about_one_item_are_one_band_and_the_next_round_is_another(tmp_path: Path) -> None:
     nodes = tree("Main", "Main/Grasp", "Main/Place")
     script = {
@@ -152,9 +165,10 @@ def test_statuses_are_those_of_every_tick(troubled_log: Path) -> None:
         statuses = packed["statuses"]
         assert statuses.shape == (len(packed["paths"]), len(run.ticks))
         for tick in run.ticks:
-            assert [STATUSES[code] for code in statuses[:, tick.number]] == [
-                node.status for node in tick.record.nodes
-            ]
+            nodes = tick.record.nodes
+            assert [STATUSES[code] for code in statuses[:, tick.number]] == [node.status for node in nodes]
+            ticked = tick_table(run).codes[:, tick.number] >= TICKED
+            assert ticked.tolist() == [node.ticked for node in nodes]
         lanes = data(pack_lanes(run))
         assert [node["path"] for node in lanes["nodes"]] == packed["paths"]
         assert len(lanes["visits"]["node"]) == len(run.visits)
@@ -182,6 +196,15 @@ def test_without_a_mission_that_can_be_read_the_tree_is_drawn_as_recorded(loop_l
         ("Grasp", "action"),
         ("Place", "action"),
     ]
+
+
+def test_a_mission_that_is_not_the_one_that_ran_is_not_drawn(tmp_path: Path) -> None:
+    other = "picktree: 1\nkind: mission\nname: other\ntrees:\n  Main:\n    Sequence:\n      - AlwaysSuccess\n"
+    log = record(tmp_path / "log.mcap", LOOP, 2, {0: [begins("Main")]}, files={"mission.yaml": other})
+    with Run(log) as run:
+        (drawn,) = data(pack_tree(run))["charts"]
+    assert drawn["chart"]["trees"]["Main"]["root"]["id"] == "ForEach"
+    assert parse_mission(other, tmp_path / "mission.yaml").name == "other"
 
 
 def test_an_edited_mission_has_a_chart_for_each_of_its_trees(tmp_path: Path) -> None:
