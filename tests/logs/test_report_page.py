@@ -219,7 +219,12 @@ def test_page_of_a_cut_log_says_so_and_works(troubled_log: Path, tmp_path: Path,
         said = run.recovered
     with chromium.page(tmp_path / "cut.html") as (page, told):
         assert page.locator("#notes").inner_text() == said
-        assert page.locator("#head .outcome").inner_text() == "killed"
+        assert page.locator("#head").inner_text().split("\n")[-2:] == ["killed", "About"]
+        page.get_by_text("About", exact=True).click()
+        facts = page.locator(".about dl")
+        assert "the log ends at " in facts.inner_text()
+        page.mouse.click(700, 400)
+        assert not facts.is_visible()
         page.keyboard.press("End")
         page.wait_for_timeout(200)
         assert (told.problems, told.requests) == ([], [])

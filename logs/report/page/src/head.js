@@ -8,11 +8,14 @@ export class Head {
   constructor(element, run) {
     const { outcome } = run;
     const facts = run.facts.map(([name, value]) => [made("dt", {}, name), made("dd", {}, value)]).flat();
+    const about = made("details", { class: "about" }, made("summary", {}, "About"), made("dl", {}, ...facts));
+    addEventListener("click", (event) => (about.open &&= about.contains(event.target)));
+    about.addEventListener("keydown", (event) => (about.open &&= event.key !== "Escape"));
     element.append(
       made("h1", {}, run.mission, made("small", {}, run.remark)),
       made("span", { class: "outcome", "data-kind": outcome.kind, title: outcome.sentence }, outcome.word),
-      outcome.items ? made("span", { class: "items" }, outcome.items) : null,
-      made("details", { class: "about" }, made("summary", {}, "About"), made("dl", {}, ...facts)),
+      made("span", { class: "items" }, outcome.items),
+      about,
       made("span", { class: "space" }),
       made("button", { class: "icon", id: "theme", title: "Light or dark", "aria-label": "Light or dark", onclick: switchTheme }, icon("theme")),
       made("button", { class: "icon", id: "ask", title: "Keys (?)", "aria-label": "Keys" }, icon("help")),
