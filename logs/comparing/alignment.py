@@ -12,12 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ..run import Run
-from ..visits import Key, Visit, under_way
+from ..visits import Key, Visit
 from .items import ItemMatch, match_items
 from .nodes import NodeMatch, match_nodes
 from .pair import EPSILON, Pair, differences
 from .parting import Parting, Sides, find_parting
-from .visits import BothVisits, both_visits
+from .visits import both_visits
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Alignment:
     """
 
     since: float
-    """Time of the first tick that is compared."""
+    """Simulated s from which on they are compared; 0.0: from the beginning."""
     items: ItemMatch
     nodes: NodeMatch
     pairs: tuple[Pair, ...]
@@ -62,18 +62,22 @@ class _Side:
 
 
 def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
-    """Pair the visits of two runs, from the first tick on that both have at `since` or later.
+    """Pair the visits of two runs: what is at `since` (simulated s) or later.
 
+    When a log begins later than a run does, as one that goes on from a checkpoint, both are compared from
+    after its first tick on, which is how things stood at the checkpoint.
     A log of format 1 does not tell when nodes began and ended: both runs are then taken at the statuses after
     each tick, and what nodes read is not compared.
     """
-    since = max(since, *(run.ticks.times[0] for run in (a, b) if run.ticks.times), 0.0)
+    begun = max((run.ticks.times[0] for run in (a, b) if run.ticks.times), default=0.0)
+    if begun > EPSILON:
+        since = max(since, begun + a.info.tick / 2)
     items, nodes = match_items(a, b, since=since), match_nodes(a, b)
     # What only B has must not be taken for what A calls by the same name.
     names = {**{name: f"{name} of B" for name in items.only_b}, **items.a_by_b}
     both = both_visits(a, b)
-    side_a = _side(both.a, _resumed(a, both), since, {}, {})
-    side_b = _side(both.b, _resumed(b, both), since, names, nodes.a_by_b)
+    side_a = _side(both.a, since, {}, {})
+    side_b = _side(both.b, since, names, nodes.a_by_b)
     index_b = {key: m for m, key in enumerate(side_b.keys)}
     partners = {n: index_b[key] for n, key in enumerate(side_a.keys) if key in index_b}
     pairs: list[Pair] = []
@@ -88,14 +92,8 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     return Alignment(since, items, nodes, tuple(pairs), only_a, only_b, find_parting(sides), both.derived)
 
 
-def _resumed(run: Run, both: BothVisits) -> frozenset[str]:
-    """The nodes that had begun before the first tick of the log."""
-    return frozenset() if both.derived or not run.ticks else frozenset(under_way(run.ticks[0].record))
-
-
 def _side(
     of_run: Sequence[Visit],
-    already: frozenset[str],
     since: float,
     items: Mapping[str, str],
     nodes: Mapping[str, str],
@@ -104,13 +102,11 @@ def _side(
     visits: list[Visit] = []
     keys: list[Key] = []
     resumed: set[int] = set()
-    before = set(already)
     for visit in of_run:
         if visit.end < since - EPSILON:
             continue
         item, path = items.get(visit.item, visit.item), nodes.get(visit.path, visit.path)
-        if visit.start < since - EPSILON or visit.path in before:
-            before.discard(visit.path)
+        if visit.start < since - EPSILON:
             # There is one such visit of a node. What it is about, a run from a checkpoint cannot tell.
             resumed.add(len(visits))
             visits.append(replace(visit, start=since, attempt=0))

@@ -42,10 +42,14 @@ class RunDiff:
 
 
 def diff(a: Run, b: Run) -> RunDiff:
-    """Compare two runs of whatever missions, finished or cut. Raises PicktreeError for a damaged log."""
-    alignment, first = align(a, b), first_difference(a, b)
+    """Compare two runs of whatever missions, finished or cut; from the first tick on that both have, as of a
+    run and another that goes on from its checkpoint. Raises PicktreeError for a damaged log."""
+    alignment = align(a, b)
+    since = alignment.since or None
+    first = first_difference(a, b, since=since)
     if first is not None and first.topic == topics.TREE.name:
-        first = first_difference(a, b, without=(topics.TREE.name, topics.TICK.name)) or first
+        told = (topics.TREE.name, topics.TICK.name)
+        first = first_difference(a, b, since=since, without=told) or first
     return RunDiff(
         _verdict(alignment, first),
         outcome_of(a),

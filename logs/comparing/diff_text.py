@@ -59,10 +59,17 @@ def _head(diff: RunDiff) -> Iterator[str]:
             yield f"   {run.recovered.removeprefix(f'{run.log}: ')}"
 
 
+def _from(diff: RunDiff) -> str:
+    """From where on they are compared, when that is not the beginning."""
+    return f"from {diff.alignment.since:.3f} " if diff.alignment.since else ""
+
+
 def _verdict(diff: RunDiff) -> Iterator[str]:
+    if diff.alignment.since and diff.verdict != "identical":
+        yield f"compared from {diff.alignment.since:.3f} s on: one log begins there"
     match diff.verdict:
         case "identical":
-            yield f"identical: every simulated message is the same, up to {diff.a.end:.2f} s"
+            yield f"identical: every simulated message is the same, {_from(diff)}up to {diff.a.end:.2f} s"
             return
         case "cut":
             assert diff.first is not None

@@ -56,7 +56,8 @@ class ItemChange:
 def item_changes(a: Run, b: Run, alignment: Alignment) -> tuple[ItemChange, ...]:
     """All items of both runs, in the order in which A discovered them; what only B knew last."""
     match = alignment.items
-    ours, theirs = _ends(a, alignment.visits_a), _ends(b, alignment.visits_b)
+    ours = _ends(a, alignment.visits_a, alignment.since)
+    theirs = _ends(b, alignment.visits_b, alignment.since)
     basis = {pair.a: pair for pair in match.pairs}
     changes: list[ItemChange] = []
     for name, end in ours.items():
@@ -66,13 +67,17 @@ def item_changes(a: Run, b: Run, alignment: Alignment) -> tuple[ItemChange, ...]
     return tuple(changes)
 
 
-def _ends(run: Run, visits: Sequence[Visit]) -> dict[str, ItemEnd]:
-    """Of everything of the role `item` that was ever believed in, in the order of discovery."""
-    done = {str(e.record.data["object"]): e for e in run.events if e.record.kind == "item_done"}
+def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]:
+    """Of everything of the role `item` that was believed in from `since` on, in the order of discovery."""
+    done = {
+        str(event.record.data["object"]): event
+        for event in run.events
+        if event.record.kind == "item_done" and event.time >= since
+    }
     last = run.log.belief_at(run.end)
     believed = {body.id: body for body in last.record.bodies} if last else {}
     ends: dict[str, ItemEnd] = {}
-    for name in _discovered(run):
+    for name in _discovered(run, since):
         body, event = believed.get(name), done.get(name)
         state: State = "gone" if body is None else "held" if body.attached else "left"
         place = "" if body is None else "in the hand" if body.attached else body.place
@@ -88,15 +93,16 @@ def _ends(run: Run, visits: Sequence[Visit]) -> dict[str, ItemEnd]:
             min((visit.start for visit in about), default=None),
             event.time if event and state == "done" else None,
             _covered([(visit.start, visit.end) for visit in about]),
-            sum(pick.object == name for pick in run.picks),
+            sum(pick.object == name and pick.time >= since for pick in run.picks),
             sum(visit.failed_itself for visit in about),
         )
     return ends
 
 
-def _discovered(run: Run) -> list[str]:
+def _discovered(run: Run, since: float) -> list[str]:
     found: dict[str, None] = {}
-    for at in run.log.beliefs():
+    known = run.log.belief_at(since)
+    for at in run.log.beliefs(known.time if known else since):
         for body in at.record.bodies:
             if body.role == "item":
                 found.setdefault(body.id)

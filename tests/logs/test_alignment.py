@@ -190,22 +190,29 @@ def test_a_run_from_a_checkpoint_aligns_with_the_one_that_it_continues(tmp_path:
     script[10] = [ends("Main")]
     seen = [Seen("red_block_1", 0.4)]
     a = record(tmp_path / "a.mcap", LOOP, 11, script, seen=seen)
-    b = record(tmp_path / "b.mcap", LOOP, 11, script, seen=seen, first=5, running=["Main"])
-    found = aligned(a, b, since=0.2)
-    assert found.since == pytest.approx(0.25)
+    going_on = {tick: said for tick, said in script.items() if tick > 4}  # it begins with how things stood
+    b = record(tmp_path / "b.mcap", LOOP, 11, going_on, seen=seen, first=4, running=["Main"])
+    found = aligned(a, b)
+    assert found.since == pytest.approx(0.225)
     assert (found.only_a, found.only_b, found.parting) == ((), (), None)
     assert [(p.a.path, p.a.attempt, p.b.attempt, p.differs) for p in found.pairs] == [
         ("Main", 0, 0, ()), (PART, 1, 1, ()), (GRASP_PART, 1, 1, ()), (PLACE_PART, 1, 1, ()),
     ]  # fmt: skip
+    assert aligned(a, b, since=0.21).since == found.since
 
 
-def test_what_ends_in_the_first_tick_of_a_resumed_run_had_been_under_way(tmp_path: Path) -> None:
-    script = {**changed(t0=[begins("Main"), begins(GRASP, "red_block_1")])}
-    a = record(tmp_path / "a.mcap", NODES, 9, script)
-    b = record(tmp_path / "b.mcap", NODES, 9, script, first=4, running=["Main", GRASP])
-    found = aligned(a, b)
-    assert [pair.a.path for pair in found.pairs] == ["Main", GRASP, PLACE]
-    assert (found.only_a, found.only_b, found.parting) == ((), (), None)
+def test_a_part_of_two_whole_runs(tmp_path: Path) -> None:
+    """What is under way at the beginning of the part is paired, and what differs before does not matter."""
+    a = record(tmp_path / "a.mcap", NODES, 9, SORTED)
+    b = record(
+        tmp_path / "b.mcap", NODES, 9, changed(t4=[ends(GRASP, "FAILURE"), begins(PLACE, "red_block_1")])
+    )
+    assert aligned(a, b).parting is not None
+    found = aligned(a, b, since=0.22)
+    assert [(pair.a.path, pair.a.attempt, pair.a.start) for pair in found.pairs] == [
+        ("Main", 0, 0.22), (PLACE, 0, 0.22)
+    ]  # fmt: skip
+    assert found.parting is None
 
 
 def test_a_log_in_which_nothing_begins_has_nothing_to_pair(tmp_path: Path) -> None:

@@ -207,6 +207,24 @@ def test_another_tree_is_not_the_first_value_that_differs(tmp_path: Path, good: 
     assert "  nodes only in B:\n    Main/Look\n" in to_text(found)
 
 
+def test_a_run_that_goes_on_from_a_checkpoint_is_compared_from_there(good: Path, tmp_path: Path) -> None:
+    missed = [ends(PLACE, "FAILURE", "place.missed"), ends("Main", "FAILURE", "place.missed", PLACE)]
+    script = {4: [ends(GRASP)], 8: missed}
+    other = record(
+        tmp_path / "b.mcap", NODES, 9, script, first=4, running=["Main", PLACE], seen=SEEN,
+        files={"mission.yaml": "a\nb\nc\n"},
+    )  # fmt: skip
+    found = compared(good, other)
+    assert found.first is not None and found.first.tick == 8
+    assert to_text(found).splitlines()[5:7] == [
+        "compared from 0.225 s on: one log begins there",
+        "they part at 0.40 s: Place ends otherwise, fails with another cause",
+    ]
+    assert [(change.a.busy, change.b.busy) for change in found.items if change.a and change.b] == [
+        (pytest.approx(0.175), pytest.approx(0.175))
+    ]
+
+
 def test_of_old_logs_the_visits_are_derived(tmp_path: Path, good: Path) -> None:
     found = compared(GOLDEN, good)
     assert found.alignment.derived
