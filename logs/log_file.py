@@ -17,8 +17,8 @@ from .records import Tick
 from .rotation import NEXT, PART, PartInfo, Rotation, part_path
 from .topics import Topic
 
-_BEAT = 0.25
-_AGE = 0.5
+_BEAT = 0.2
+_AGE = 0.3
 """Wall seconds: how often a look is taken, and after how long a message must not wait any more. Together with
 the time that a checkpoint takes they stay below a second."""
 
