@@ -75,6 +75,7 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     items, nodes = match_items(a, b, since=since), match_nodes(a, b)
     # What only B has must not be taken for what A calls by the same name.
     names = {**{name: f"{name} of B" for name in items.only_b}, **items.a_by_b}
+    called = {pair.a: pair.b for pair in items.pairs}
     both = both_visits(a, b)
     side_a = _side(both.a, since, {}, {})
     side_b = _side(both.b, since, names, nodes.a_by_b)
@@ -84,6 +85,8 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     for n, m in partners.items():
         one, other = side_a.visits[n], side_b.visits[m]
         resumed = n in side_a.resumed or m in side_b.resumed
+        if resumed and one.item and not other.item:
+            other = replace(other, item=called.get(one.item, one.item))
         pairs.append(Pair(one, other, differences(one, other, names, resumed=resumed)))
     taken = set(partners.values())
     only_a = tuple(visit for n, visit in enumerate(side_a.visits) if n not in partners)
