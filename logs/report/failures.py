@@ -10,10 +10,7 @@ from .packing import Packable, Section
 
 
 def pack_failures(run: Run) -> Section:
-    """All of `run.explanation`, field by field. A log of format 1 does not tell beginnings and ends."""
-    if run.log.format < 2:
-        sentence = "This log is of format 1: it does not tell which nodes began and ended, nor why."
-        return Section("failures", {"empty": sentence})
+    """All of `run.explanation`, field by field."""
     return Section("failures", plain(run.explanation))
 
 

@@ -100,7 +100,7 @@ def _notes(run: Run) -> list[str]:
         notes.append(run.recovered)
     if run.log.format < 2:
         notes.append(
-            "A log of format 1: it does not tell when nodes began and ended, so failures, lanes and "
-            "recoveries are not shown."
+            "A log of format 1: it does not tell when nodes began and ended. Failures and lanes are what the "
+            "statuses of its ticks tell."
         )
     return notes

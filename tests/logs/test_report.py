@@ -120,7 +120,7 @@ def test_log_of_format_1_is_reported_with_less(tmp_path: Path) -> None:
         section = pack_run(run).data
         assert isinstance(section, dict)
         assert section["notes"] == [
-            "A log of format 1: it does not tell when nodes began and ended, so failures, lanes and "
-            "recoveries are not shown."
+            "A log of format 1: it does not tell when nodes began and ended. Failures and lanes are what the "
+            "statuses of its ticks tell."
         ]
         write_report(run, tmp_path / "r.html")

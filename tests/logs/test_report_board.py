@@ -147,12 +147,10 @@ def test_failures_are_the_explanation_field_by_field(troubled_log: Path) -> None
     assert packed["outcome"]["status"] == run.explanation.outcome.status
 
 
-def test_a_log_of_format_1_says_why_it_has_no_failures(sample: Any) -> None:
+def test_a_log_of_format_1_has_the_failures_that_its_statuses_tell(sample: Any) -> None:
     with Run(sample.GOLDEN / "small.mcap") as run:
-        packed = data(pack_failures(run))
-    assert packed == {
-        "empty": "This log is of format 1: it does not tell which nodes began and ended, nor why."
-    }
+        (story,) = data(pack_failures(run))["failures"]
+    assert (story["node"], story["cause"], story["time"]) == ("/Main/Grasp", "grasp.missed", 1.5)
 
 
 def test_plain_values_of_any_kind() -> None:
