@@ -69,7 +69,8 @@ def main() -> None:
                 print(f"file {number}, {damage.__name__}: kept as {kept}")
                 raise
             slowest = max(slowest, time.process_time() - began)
-            kinds["read but for what is lost" if "lost" in said or "recovered" in said else "an error"] += 1
+            read = "the rest is whole" in said or "recovered up to byte" in said
+            kinds["read but for what is lost" if read else "an error"] += 1
             if answered is not None:
                 codes[arguments[0], answered.code] += 1
                 if answered.code != 2 and not answered.told:

@@ -34,9 +34,10 @@ class RecordFile:
         return self._stream.read(length)
 
     def record(self, offset: int) -> tuple[int, bytes]:
-        """Opcode and content of the record at `offset`. Raises EOFError or struct.error when the file ends
-        before the record does."""
-        opcode, length = HEAD.unpack(self.read(offset, HEAD.size))
+        """Opcode and content of the record at `offset`. Raises EOFError when the file ends before the record
+        does."""
+        head = self.read(offset, HEAD.size)
+        opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, self.size)
         if length > self.size - offset - HEAD.size:
             raise EOFError("the file ends inside a record")
         return opcode, self._stream.read(length)

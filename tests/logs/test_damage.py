@@ -219,6 +219,23 @@ def test_a_huge_chunk_takes_no_memory(log_path: Path, tmp_path: Path) -> None:
     assert peak < 50_000_000
 
 
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"\x89MCAP0\r\n", "damaged at byte 8: the file ends without its summary"),
+        (b"\x89MCAP0\r\n" * 2, "damaged at byte 8: the file ends inside a record"),
+        (b"\x89MCAP0\r\n" + bytes(30), "damaged at byte 8: a record of the unknown kind 0"),
+        (b"", "not a log: it does not begin as an MCAP file does"),
+    ],
+)
+def test_a_file_with_nothing_in_it_says_why(tmp_path: Path, data: bytes, why: str) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(data)
+    with pytest.raises(PicktreeError) as raised:
+        RunLog(path)
+    assert str(raised.value) == f"{path}: {why}"
+
+
 def test_what_is_no_log_is_told_so(tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("not a log at all")
