@@ -114,7 +114,9 @@ def by_the_mission_first(case: Case, failure: FailureStory) -> Finding | None:
 def _as_it_says(failure: FailureStory) -> Finding:
     """Nothing else in the log tells more: the failure's own words."""
     about = failure.item or failure.node
-    title = f"{failure.node.rsplit('/', 1)[-1]} failed: {failure.message or failure.sentence}"
+    said = failure.message or failure.sentence
+    of = f" of {failure.item}" if failure.item and failure.item not in said else ""
+    title = f"{failure.node.rsplit('/', 1)[-1]}{of} failed: {said}"
     reasons = ("nothing else in the log tells where it came from",)
     return Finding(failure.cause, about, title, reasons, failure.item, failure.time)
 

@@ -10,6 +10,8 @@ from .explanation import Explanation, ItemStory, RootCause
 from .text_failures import Stories
 from .wording import counted, listed, seconds, wrapped
 
+CAUSES = 8
+"""Root causes that are told, unless all are asked for."""
 ITEMS = 30
 """Items up to which those that are done are told, too."""
 
@@ -40,7 +42,7 @@ class Page:
             *(line for note in notes for line in wrapped(f"Note: {note}", "")),
         ]
         for part in (
-            self._causes(),
+            self._causes(everything),
             Stories(found.failures, self._names, self._paint).lines(everything),
             self._items(everything),
             self._look(),
@@ -59,14 +61,15 @@ class Page:
     def _title(self, text: str) -> str:
         return self._paint(text, "place")
 
-    def _causes(self) -> Iterator[str]:
+    def _causes(self, everything: bool) -> Iterator[str]:
         causes = self._found.root_causes
         if not causes:
             if self._found.outcome.status == "success" and not self._found.failures:
                 yield self._title("Nothing failed.")
             return
         yield self._title("Root cause" if len(causes) == 1 else f"Root causes ({len(causes)})")
-        for number, cause in enumerate(causes, 1):
+        shown = causes if everything else causes[:CAUSES]
+        for number, cause in enumerate(shown, 1):
             mark = self._paint(f"{number}", "error" if cause.ended_run else "warning")
             first, *rest = wrapped(_sentence(cause.title), "     ")
             yield f"  {mark}  {first.strip()}"
@@ -76,6 +79,9 @@ class Page:
                 yield from wrapped(f"- {reason}", "     ", "       ")
             for planted in cause.planted:
                 yield from wrapped(f"- a fault was planted: {planted}", "     ", "       ")
+
+        if len(shown) < len(causes):
+            yield f"  … {counted(len(causes) - len(shown), 'more root cause')} that cost less (--all)"
 
     def _cost(self, cause: RootCause) -> str:
         """What came of it."""
@@ -89,7 +95,7 @@ class Page:
             )
         told = f"[{cause.cause}] {weight}"
         if not failures:
-            return f"{told}, and nothing failed."
+            return f"{told}." if self._found.failures else f"{told}, and nothing failed."
         lost = cause.seconds_lost
         times = listed([seconds(f.time) for f in failures], 4)
         took = f", {lost:.0f} s lost" if lost >= 1.0 else ""

@@ -96,12 +96,12 @@ def test_a_failing_handler_follows_from_what_it_handles(tmp_path: Path) -> None:
             0: START,
             10: [*fails(GRASP, DO), recovery()],
             11: [begins(CURE)],
-            15: [*fails(CURE, cause="perception.not_found"), *fails(GRASP, RECOVER, LOOP)[1:]],
+            15: [*fails(CURE, cause="control.timeout"), *fails(GRASP, RECOVER, LOOP)[1:]],
         },
     )
     assert [(h.handler, h.ended) for h in first.handled_by] == [("grasp.*", "FAILURE")]
     assert (first.fate, first.fate_by, first.because_of) == ("ended", LOOP, None)
-    assert (second.cause, second.because_of, second.fate) == ("perception.not_found", 0, "ended")
+    assert (second.cause, second.because_of, second.fate) == ("control.timeout", 0, "ended")
     assert links(second) == [(RECOVER, "FAILURE"), (LOOP, "FAILURE")]
 
 
