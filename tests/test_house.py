@@ -139,7 +139,8 @@ def test_picktree_commands_of_the_readme_run_in_their_order(tmp_path: Path) -> N
         ran = subprocess.run(
             [sys.executable, "-m", "picktree", *words[1:]], cwd=tmp_path, capture_output=True, text=True
         )
-        assert ran.returncode == 0, f"{shlex.join(words)}\n{ran.stdout}\n{ran.stderr}"
+        answers = (0, 1) if "--faults" in words else (0,)  # what is planted may well cost the goal
+        assert ran.returncode in answers, f"{shlex.join(words)}\n{ran.stdout}\n{ran.stderr}"
     assert (tmp_path / "moment.png").read_bytes().startswith(b"\x89PNG")
 
 
