@@ -74,6 +74,7 @@ class Continuation:
         """For a terminal, without a line's end."""
         lines = [
             f"what if     {self.log}",
+            *([f"the log     {self.recorded.recovered}"] if self.recorded.recovered else []),
             f"goes on     {self._from()}",
             *(f"changed     {line}" for line in self.changes or ("nothing",)),
             *self._fates(),

@@ -46,6 +46,7 @@ def record(folder: Path, backend: Backend) -> RunResult:
         out=folder,
         backend=backend,
         verify=backend == "kinematic",
+        limit=60.0 if backend == "kinematic" else 12.0,
     )
     return Session(request).run()
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from picktree.logs.resimulation.changes import Changes
+from picktree.logs.resimulation.continuation import Continuation
 from picktree.logs.resimulation.whatif import what_if
 from picktree.logs.result import RunResult
 from picktree.logs.run import Run
@@ -94,11 +95,16 @@ def test_the_same_mission_goes_on_identically(failed: RunResult, tmp_path: Path)
     ]
 
 
-def test_another_recovery_turns_the_outcome(failed: RunResult, tmp_path: Path) -> None:
-    careful = tmp_path / "careful.yaml"
-    careful.write_text(CAREFUL)
+@pytest.fixture(scope="module")
+def turned(failed: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Continuation:
+    folder = tmp_path_factory.mktemp("turned")
+    (folder / "careful.yaml").write_text(CAREFUL)
     end = f"{failed.sim_seconds:.2f}s"
-    found = what_if(failed.log, end, changes=Changes(mission=careful), out=tmp_path)
+    return what_if(failed.log, end, changes=Changes(mission=folder / "careful.yaml"), out=folder)
+
+
+def test_another_recovery_turns_the_outcome(turned: Continuation) -> None:
+    found = turned
     assert (found.checkpoint, found.items_done) == ("checkpoint-0002.json", 2)
     assert (found.recorded.status, found.recorded.items_sorted) == ("failure", 2)
     assert (found.now.status, found.now.items_sorted) == ("success", 4)
@@ -119,10 +125,8 @@ def test_another_recovery_turns_the_outcome(failed: RunResult, tmp_path: Path) -
         assert run.result.items.sorted == 4
 
 
-def test_what_is_said_of_it(failed: RunResult, tmp_path: Path) -> None:
-    careful = tmp_path / "careful.yaml"
-    careful.write_text(CAREFUL)
-    found = what_if(failed.log, "210", changes=Changes(mission=careful), out=tmp_path)
+def test_what_is_said_of_it(turned: Continuation) -> None:
+    found = turned
     text = found.to_text()
     assert "changed     mission line 14: 8 lines instead of 3, `Recover:` instead of `Sequence:`\n" in text
     assert "nodes       6 go on as they were, 7 begin anew, 3 are gone\n" in text
@@ -158,10 +162,8 @@ def test_before_the_first_checkpoint_it_begins_anew(failed: RunResult, tmp_path:
     )
 
 
-def test_a_what_if_of_a_what_if(failed: RunResult, tmp_path: Path) -> None:
-    careful = tmp_path / "careful.yaml"
-    careful.write_text(CAREFUL)
-    first = what_if(failed.log, "210", changes=Changes(mission=careful), out=tmp_path)
+def test_a_what_if_of_a_what_if(turned: Continuation, tmp_path: Path) -> None:
+    first = turned
     second = what_if(first.new_log, f"{first.now.end:.2f}s", out=tmp_path)
     assert (second.identical, second.exact, second.items_done) == (True, True, 3)
     assert second.now.digest == first.now.digest
