@@ -187,7 +187,7 @@ PLANTED = (
         ("scene.blocked",),
         says=("lid",),
         scene=SCENE + "fixtures:\n  lid: {box: [0.3, 0.3, 0.02], at: [0.42, 0.48, 0.2]}\n"
-        "spawn:\n  - {of: {block: 2}, colours: [red], gap: 50 mm,\n"
+        "spawn:\n  - {of: {plate: 1}, colours: [red], gap: 50 mm,\n"
         "     area: {min: [0.4, -0.2], max: [0.6, 0.1]}}\n",
     ),
     Planted(
