@@ -26,7 +26,8 @@ def run(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Parameter of the mission.")
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or port as SortOne/Grasp.force."),
     ] = None,
     faults: Annotated[Path | None, typer.Option(metavar="FILE", help="Faults to inject.")] = None,
     out: Annotated[

@@ -14,6 +14,7 @@ import pytest
 from picktree.cli.app import answer
 from picktree.cli.output import program
 from picktree.logs.result import RunResult
+from picktree.logs.rotation import Rotation
 from picktree.world.errors import PicktreeError
 
 HEAVY = {
@@ -52,7 +53,8 @@ def test_unknown_command_is_bad_input(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_request_carries_every_option(stage: Any) -> None:
     line = "run m.yaml --scene dense --seed 5 --set a=1 --set b=x=y --faults f.yaml --out o --verify --watch"
-    assert answer([*line.split(), "--backend", "kinematic"]) == 0
+    rotating = ["--rotate-mb", "2", "--rotate-minutes", "1.5"]
+    assert answer([*line.split(), "--backend", "kinematic", *rotating]) == 0
     assert stage.requests == [
         {
             "mission": Path("m.yaml"),
@@ -64,6 +66,7 @@ def test_request_carries_every_option(stage: Any) -> None:
             "backend": "kinematic",
             "verify": True,
             "watch": True,
+            "rotation": Rotation(2_000_000, 90.0),
         }
     ]
 
@@ -162,7 +165,7 @@ from conftest import RESULT
 from picktree.cli.app import answer
 
 class Session:
-    def __init__(self, request, watcher=None, debugger=None): pass
+    def __init__(self, request, watcher=None, debugger=None, feed=None): pass
     def run(self):
         print("printed in Python")
         os.write(1, b"printed in C\\n")

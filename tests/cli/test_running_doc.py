@@ -36,12 +36,12 @@ def test_its_conversation_is_what_the_debugger_says(
 
 
 def test_its_tables_name_all_options_and_commands() -> None:
-    options, commands = (
-        [word.split()[0] for word in re.findall(r"^\| `([^`]+)` \|", part, re.MULTILINE)]
-        for part in PAGE.split("## Debug")
-    )
+    running, debugging = PAGE.split("## Debug")
+    told = re.findall(r"^\| (`--[^|]+) \|", running, re.MULTILINE)
+    options = {option for cell in told for option in re.findall(r"`(--[\w-]+)", cell)}
+    commands = [word.split()[0] for word in re.findall(r"^\| `([^`]+)` \|", debugging, re.MULTILINE)]
     shown = CliRunner().invoke(app, ["run", "--help"], prog_name="picktree").output
-    assert {*options, "--help"} == set(re.findall(r"^  (--\w+)", shown, re.MULTILINE))
+    assert {*options, "--help"} == set(re.findall(r"^  (--[\w-]+)", shown, re.MULTILINE))
     prompt = DebugPrompt(lambda _: "", io.StringIO())
     assert commands == [name.strip() for name in prompt.completions("")]
 
