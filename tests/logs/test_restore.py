@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.logs.checkpoints import RunState
+from picktree.logs.checkpoints import RunState, take
 from picktree.logs.mcap_reading import RawMessage
 from picktree.logs.resimulation.messages import simulated_messages
 from picktree.logs.resimulation.older import completed
@@ -87,6 +87,16 @@ def test_each_checkpoint_goes_on_byte_for_byte(recorded: Recorded, tmp_path: Pat
             new = [told(m) for m in simulated_messages(other.log)]
             assert new == [told(m) for m in simulated_messages(run.log, time)]
             assert new
+
+
+def test_what_goes_on_is_in_the_state_of_the_checkpoint(recorded: Recorded, tmp_path: Path) -> None:
+    for name in recorded.checkpoints():
+        state = recorded.state(name)
+        assert state.recording is not None and state.bins_seen and state.streams
+        session = Session(recorded.from_checkpoint(name, state), out=tmp_path)
+        injector = session._injector  # pyright: ignore[reportPrivateUsage]
+        taken = take(session.world, session.tree, session.hardware, injector, session.tally, state.recording)
+        assert taken == state
 
 
 def test_a_continued_log_stands_alone(recorded: Recorded, tmp_path: Path) -> None:
