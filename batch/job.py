@@ -4,17 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..logs.mission_record import mission_files
-from ..logs.request import RunRequest
-from ..trees.mission import Mission
-from ..world.robot.load import load_robot
-from ..world.scene.load import load_scene
-from ..world.shapes import ConvexMesh
-from .load import load_variant_mission
+from ..logs.recipe_record import installed_meshes, recipe_files
+from ..logs.request import RunRequest, read_recipe
 from .plan import Plan, Variant
 
 
@@ -31,17 +25,7 @@ class Job:
 
     def request(self, plan: Plan, out: Path) -> RunRequest:
         """As a run; `out` is the folder in which the run's own folder is made."""
-        return RunRequest(
-            mission=self.variant.mission,
-            scene=self.variant.scene,
-            seed=self.seed,
-            parameters=self.variant.settings,
-            faults=self.variant.faults,
-            out=out,
-            backend=plan.backend,
-            verify=plan.verify,
-            limit=plan.limits.simulated,
-        )
+        return _request(plan, self.variant, self.seed, out)
 
 
 def jobs_of(plan: Plan) -> tuple[Job, ...]:
@@ -59,32 +43,27 @@ def _id(content: str, seed: int) -> str:
 
 def _content(plan: Plan, variant: Variant) -> str:
     """A fingerprint of everything but the seed on which the outcome depends."""
+    recipe = read_recipe(_request(plan, variant, 0, None))
     said = {
         "settings": dict(variant.settings),
-        "backend": plan.backend,
-        "verify": plan.verify,
-        "limit": plan.limits.simulated,
-        "files": dict(_files(variant)),
+        "backend": recipe.backend,
+        "verify": recipe.verify,
+        "limit": recipe.limit,
+        "files": {file.name: hashlib.sha256(file.data).hexdigest() for file in recipe_files(recipe)},
+        "robot": {name: word.partition(" ")[0] for name, word in installed_meshes(recipe.robot).items()},
     }
     return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
 
-def _files(variant: Variant) -> Iterator[tuple[str, str]]:
-    mission: Mission = load_variant_mission(variant)
-    for file in mission_files(mission):
-        yield file.name, _hash(file.content)
-    name = variant.scene or mission.scene or ""
-    scene = load_scene(name, None if variant.scene else variant.mission.parent)
-    robot = load_robot(scene.robot, Path(scene.source).parent)
-    yield "scene", _hash(scene.text)
-    yield "robot", _hash(robot.text)
-    yield "urdf", _hash(Path(robot.urdf).read_bytes())
-    for entry in scene.catalogue:
-        if isinstance(entry.shape, ConvexMesh):
-            yield f"mesh/{entry.shape.source}", _hash(Path(entry.shape.source).read_bytes())
-    if variant.faults is not None:
-        yield "faults", _hash(variant.faults.read_bytes())
-
-
-def _hash(content: str | bytes) -> str:
-    return hashlib.sha256(content.encode() if isinstance(content, str) else content).hexdigest()
+def _request(plan: Plan, variant: Variant, seed: int, out: Path | None) -> RunRequest:
+    return RunRequest(
+        mission=variant.mission,
+        scene=variant.scene,
+        seed=seed,
+        parameters=variant.settings,
+        faults=variant.faults,
+        out=out,
+        backend=plan.backend,
+        verify=plan.verify,
+        limit=plan.limits.simulated,
+    )

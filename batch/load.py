@@ -9,7 +9,6 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from ..trees.check import MissionCheck, check_mission
-from ..trees.mission import Mission
 from ..trees.settings import read_settings
 from ..trees.surroundings import Surroundings, load_surroundings
 from ..world.errors import PicktreeError
@@ -17,7 +16,7 @@ from ..world.faults.load import load_faults
 from ..world.files.checked import Checker
 from ..world.files.document import Document, Fault, FileError, open_document
 from ..world.scene.load import scene_names
-from .plan import Limits, Plan, Variant
+from .plan import Limits, Plan
 from .schema import NO_FAULTS, PlanFile
 
 
@@ -127,14 +126,6 @@ def _misfits(plan: Plan, name: str) -> Iterator[str]:
             except PicktreeError as error:
                 yield f"{path.name}: {error}" if len(plan.missions) > 1 else str(error)
                 return
-
-
-def load_variant_mission(variant: Variant) -> Mission:
-    """The mission of a variant of a checked plan. Raises FileError when it was edited since."""
-    check = _checked(variant.mission, variant.scene)
-    if check.mission is None:
-        raise FileError([fault for fault in check.faults if fault.severity == "error"])
-    return check.mission
 
 
 def _plan(file: PlanFile, source: Path) -> Plan:

@@ -96,8 +96,6 @@ class RunResult:
     """Whether planning and perception took simulated time."""
     disagreements: int | None = None
     """Trajectories that the second collision checker judged otherwise; None when it did not judge."""
-    moment: float | None = None
-    """Simulated seconds of what is worth a look, as the first failure; None: the end."""
 
     @property
     def reached(self) -> bool:

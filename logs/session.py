@@ -153,7 +153,7 @@ class Session:
             for happened in self._injector.tick():
                 world.journal.note(happened)
             entries = world.journal.take()
-            self.tally.take(world.clock.now, entries, report.nodes, tree.leaves)
+            self.tally.take(entries, report.nodes, tree.leaves)
             with self._stopwatch.measure("logging"):
                 scribe.tick(report, entries, self.hardware)
             if self._watcher:
@@ -357,7 +357,6 @@ class Session:
             message=failure.message if failure else "",
             thinking_charged=self.scene.thinking.collision_check > 0.0 and self.scene.thinking.image > 0.0,
             disagreements=self._disagreements if self.recipe.verify else None,
-            moment=tally.first_failure,
         )
 
 

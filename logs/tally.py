@@ -35,7 +35,6 @@ class TallyState:
     failures: dict[str, int]
     recovered: dict[str, int]
     cured: dict[str, int]
-    first_failure: float | None
 
 
 @dataclass
@@ -58,9 +57,6 @@ class Tally:
     cured: Counter[str] = field(default_factory=Counter[str])
     """By cause: how often the branch then succeeded."""
 
-    first_failure: float | None = None
-    """Simulated seconds of the first failure of a leaf."""
-
     def state(self) -> TallyState:
         return TallyState(
             self.tried,
@@ -71,7 +67,6 @@ class Tally:
             dict(self.failures),
             dict(self.recovered),
             dict(self.cured),
-            self.first_failure,
         )
 
     @classmethod
@@ -86,12 +81,9 @@ class Tally:
             Counter(state.failures),
             Counter(state.recovered),
             Counter(state.cured),
-            state.first_failure,
         )
 
-    def take(
-        self, now: float, entries: Iterable[Entry], nodes: Iterable[Reported], leaves: frozenset[str]
-    ) -> None:
+    def take(self, entries: Iterable[Entry], nodes: Iterable[Reported], leaves: frozenset[str]) -> None:
         """Count what one tick brought; `leaves` are the paths of the nodes without children."""
         for entry in entries:
             if isinstance(entry, Happened):
@@ -99,8 +91,6 @@ class Tally:
         for node in nodes:
             if node.cause and node.ticked and node.status == "FAILURE" and node.path in leaves:
                 self.failures[node.cause] += 1
-                if self.first_failure is None:
-                    self.first_failure = now
 
     def _happened(self, event: Happened) -> None:
         match event.kind:

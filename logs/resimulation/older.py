@@ -36,7 +36,7 @@ def tally_of(run: Run, time: float) -> Tally:
     for at in run.log.ticks(end=time):
         now = events.get(at.time, ())
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
-        tally.take(at.time, now, at.record.nodes, leaves)
+        tally.take(now, at.record.nodes, leaves)
     return tally
 
 

@@ -26,7 +26,6 @@ RESULT = RunResult(
     folder=Path("/runs/a run"),
     failures={"grasp.missed": 2, "control.tracking": 1},
     recoveries={"grasp.missed": 2},
-    moment=4.5,
 )
 
 

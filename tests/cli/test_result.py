@@ -41,7 +41,6 @@ def test_text_of_a_run_without_a_pick(result: RunResult) -> None:
         thinking_charged=False,
         folder=Path("/runs/1"),
         log=Path("/runs/1/log.mcap"),
-        moment=None,
     )
     lines = poor.to_text().splitlines()
     assert lines[0] == "failure: the tree ended in FAILURE: perception.not_found: no item is in view"
