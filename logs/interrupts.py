@@ -13,7 +13,9 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 class Interrupts:
     """While it is entered, both signals raise KeyboardInterrupt, but not before a held section is over.
 
-    Outside the main thread, where Python delivers no signals, it changes nothing.
+    A library that calls back from C++ may swallow the exception; it comes again at the end of each held
+    section, until somebody who caught it says `settle`. Outside the main thread, where Python delivers no
+    signals, it changes nothing.
     """
 
     def __init__(self) -> None:
@@ -45,14 +47,15 @@ class Interrupts:
         """`failing`: another exception is on its way, which goes first."""
         self._held -= 1
         if self._pending and not self._held and not failing:
-            self._pending = False
             raise KeyboardInterrupt
 
+    def settle(self) -> None:
+        """The interrupt was heard, and what is done now is done about it."""
+        self._pending = False
+
     def _arrived(self, number: int, frame: FrameType | None) -> None:
-        if self._held:
-            self._pending = True
-        else:
-            self._pending = False
+        self._pending = True
+        if not self._held:
             raise KeyboardInterrupt
 
 

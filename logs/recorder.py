@@ -147,9 +147,14 @@ class Recorder:
         self._file.start_heartbeat()
         return self
 
+    def settle(self) -> None:
+        """An interrupt was heard; it is raised no more."""
+        self._interrupts.settle()
+
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.settle()
         try:
             self._file.stop_heartbeat()
             if not (self._file.failed and isinstance(error, PicktreeError)):  # that error has said it

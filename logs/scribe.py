@@ -168,6 +168,10 @@ class Scribe:
         name = f"checkpoint-{self._checkpoints:04d}.json"
         self._recorder.attach(name, state.to_json(), "application/json", slot="checkpoint")
 
+    def settle(self) -> None:
+        """The interrupt that came was heard: what is written now is the run's end."""
+        self._recorder.settle()
+
     def last(self, hardware: Simulation) -> None:
         """The truth at the end."""
         self._recorder.truth(self._world.clock.now, _present(hardware))

@@ -124,6 +124,7 @@ class Session:
             try:
                 status = self._loop(scribe, total)
             except KeyboardInterrupt:
+                scribe.settle()
                 status = "interrupted"
             except PicktreeError as error:
                 if scribe.failed:

@@ -87,7 +87,7 @@ def test_page_begins_with_the_set_up() -> None:
 
 def test_page_goes_through_all_steps() -> None:
     verbs = [line.split()[1] for line in commands() if line.startswith("picktree ")]
-    steps = ["new", "render", "check", "explain-code", "nodes", "rehearse", "run", "snapshot"]
+    steps = ["new", "render", "check", "explain-code", "nodes", "rehearse", "run", "explain", "snapshot"]
     assert list(dict.fromkeys(verbs)) == steps
     assert {block.language for block in blocks()} == {"sh", "text", "diff"}
 

@@ -34,8 +34,8 @@ MEASURING = {
     "logs/video/filming.py",
 }
 """Who may look at a clock of this machine, to put what it says into the record or a folder's name; of a run
-that is watched, not to look at the mission's files at every tick, to pace it and to wait for viewers; and, once
-a run is over, to say how long a report, a film or a comparison took."""
+that is watched, not to look at the mission's files at every tick, to pace it and to wait for viewers; once a
+run is over, to say how long a report, a film or a comparison took."""
 CLOCKS = {"time", "datetime", "sched", "timeit", "asyncio"}
 
 

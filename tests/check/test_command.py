@@ -254,7 +254,7 @@ def test_a_run_shows_the_faults_of_its_files_in_the_same_way(
     (folder / "a.yaml").write_text(WRONG)
 
     class Session:
-        def __init__(self, request: dict[str, Any], *watchers: object) -> None:
+        def __init__(self, request: dict[str, Any], *watchers: object, **others: object) -> None:
             load_scene(request["scene"])
 
     module = ModuleType("picktree.logs.session")

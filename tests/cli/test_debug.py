@@ -7,6 +7,7 @@ import io
 import json
 import os
 import pty
+import select
 import subprocess
 import sys
 import time
@@ -357,11 +358,14 @@ def test_at_a_terminal_tab_completes_and_ctrl_c_interrupts(tmp_path: Path) -> No
 
 
 def _own_terminal() -> None:
-    """Make the terminal the process's own, so that Ctrl-C reaches it as a signal."""
+    """Make the terminal the process's own, so that Ctrl-C reaches it as a signal, also when whoever started
+    the tests ignores it."""
     import fcntl
+    import signal
     import termios
 
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _until(terminal: int, end: str | None) -> str:
@@ -369,6 +373,8 @@ def _until(terminal: int, end: str | None) -> str:
     shown, began = "", time.monotonic()
     while end is None or not shown.endswith(end):
         assert time.monotonic() - began < 60, shown
+        if not select.select([terminal], [], [], 1.0)[0]:
+            continue
         try:
             piece = os.read(terminal, 4096)
         except OSError as error:

@@ -9,6 +9,7 @@ import os
 import pty
 import re
 import select
+import signal
 import struct
 import subprocess
 import sys
@@ -322,6 +323,17 @@ def test_what_is_no_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().err == f"{tmp_path}/none.mcap: there is no such log\n"
 
 
+def _own_terminal() -> None:
+    """Make the terminal the process's own; whoever started the tests may have ignored Ctrl-C."""
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _without_a_size() -> dict[str, str]:
+    """The environment without what would count for more than the terminal's size."""
+    return {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+
+
 class Terminal:
     """The command at a terminal of 30 rows and 100 columns."""
 
@@ -333,7 +345,7 @@ class Terminal:
         self.process = subprocess.Popen(
             [sys.executable, "-m", "picktree", "replay", str(log)],
             stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0), env={**os.environ, "TERM": kind},
+            preexec_fn=_own_terminal, env={**_without_a_size(), "TERM": kind},
         )  # fmt: skip
 
     def press(self, keys: bytes) -> None:

@@ -1,5 +1,6 @@
 """Signals come through, but never in the middle of a write."""
 
+import contextlib
 import os
 import signal
 
@@ -28,8 +29,18 @@ def test_a_failure_in_a_held_section_goes_before_a_signal() -> None:
             _ = 1 / 0
         with pytest.raises(KeyboardInterrupt), interrupts.held():
             pass
+        interrupts.settle()
         with interrupts.held():
-            pass  # it has been raised once
+            pass  # it has been heard
+
+
+def test_an_interrupt_that_a_library_swallows_comes_again() -> None:
+    with Interrupts() as interrupts:
+        with contextlib.suppress(KeyboardInterrupt):  # as what a planner in C++ makes of it
+            os.kill(os.getpid(), signal.SIGINT)
+            signal.pause()
+        with pytest.raises(KeyboardInterrupt), interrupts.held():
+            pass
 
 
 def test_outside_of_sections_a_signal_comes_at_once_and_handlers_are_put_back() -> None:

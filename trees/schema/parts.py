@@ -6,7 +6,7 @@ import json
 import re
 from typing import Final, TypeAlias
 
-from ...world.files.document import FORMAT
+from ...world.files.document import FORMAT, KINDS
 from ...world.files.quantities import example, spellings
 from ..references import ATTRIBUTES
 from ..types import Range
@@ -48,7 +48,7 @@ def header(kind: str) -> dict[str, Schema]:
     """The two keys with which every file begins."""
     return {
         "picktree": {"const": FORMAT, "description": "The version of the format of the file."},
-        "kind": {"const": kind, "description": "What the file is: mission, scene, robot, faults, cases or plan."},
+        "kind": {"const": kind, "description": f"What the file is: {', '.join(KINDS[:-1])} or {KINDS[-1]}."},
     }
 
 
