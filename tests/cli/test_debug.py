@@ -358,14 +358,11 @@ def test_at_a_terminal_tab_completes_and_ctrl_c_interrupts(tmp_path: Path) -> No
 
 
 def _own_terminal() -> None:
-    """Make the terminal the process's own, so that Ctrl-C reaches it as a signal, also when whoever started
-    the tests ignores it."""
+    """Make the terminal the process's own, so that Ctrl-C reaches it as a signal."""
     import fcntl
-    import signal
     import termios
 
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _until(terminal: int, end: str | None) -> str:

@@ -9,7 +9,6 @@ import os
 import pty
 import re
 import select
-import signal
 import struct
 import subprocess
 import sys
@@ -324,9 +323,8 @@ def test_what_is_no_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 def _own_terminal() -> None:
-    """Make the terminal the process's own; whoever started the tests may have ignored Ctrl-C."""
+    """Make the terminal the process's own, so that Ctrl-C reaches it as a signal."""
     fcntl.ioctl(0, termios.TIOCSCTTY, 0)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _without_a_size() -> dict[str, str]:
