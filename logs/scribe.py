@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -73,7 +74,8 @@ class Scribe:
             files=fingerprints(recipe, files),
             continues=start.continues if start else None,
         )
-        self._recorder = recorder = Recorder(
+        self._files, self._structure = files, structure
+        self._recorder = Recorder(
             path,
             info,
             rotation=session.rotation,
@@ -81,7 +83,24 @@ class Scribe:
             tap=tap,
             feed=feed,
         )
-        for file in files:
+
+    def __enter__(self) -> Scribe:
+        with ExitStack() as stack:
+            stack.enter_context(self._recorder)
+            self._begin()
+            stack.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._recorder.__exit__(kind, error, trace)
+
+    def _begin(self) -> None:
+        """What the run is made from, the tree and the robot."""
+        recorder, session = self._recorder, self._session
+        recipe, structure, start = session.recipe, self._structure, session.recipe.start
+        for file in self._files:
             recorder.attach(file.name, file.content, file.media_type)
         recorder.attach(circumstances.SOURCES, circumstances.sources_to_text(circumstances.sources()))
         recorder.fixed(recipe.scene.fixtures, recipe.scene.bins)
@@ -94,15 +113,6 @@ class Scribe:
         with recorder.preamble():
             recorder.tree(_tree(structure), state.time)
             recorder.robot_model(link_meshes(recipe.robot.urdf), state.time)
-
-    def __enter__(self) -> Scribe:
-        self._recorder.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._recorder.__exit__(kind, error, trace)
 
     @property
     def digest(self) -> str:

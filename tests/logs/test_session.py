@@ -78,6 +78,26 @@ def test_an_interrupted_run_has_a_result_and_a_whole_log(tmp_path: Path) -> None
         assert log.digest() == result.digest
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_before_the_first_tick_leaves_a_whole_log(
+    number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(urdf: str) -> None:
+        os.kill(os.getpid(), number)
+        signal.pause()
+
+    monkeypatch.setattr("picktree.logs.scribe.link_meshes", interrupted)
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt):
+        Session(request(tmp_path)).run()
+    assert signal.getsignal(number) is before
+    (path,) = tmp_path.glob("*/log.mcap")
+    with RunLog(path) as log:
+        assert not log.recovered
+        assert log.result["ended"] == "KeyboardInterrupt"
+        assert "Main" in {node.path for node in log.tree().nodes}
+
+
 def test_the_scene_and_parameters_of_a_run_can_be_chosen(tmp_path: Path) -> None:
     chosen = request(tmp_path, "sort_by_colour", scene="sort_small", parameters={"rounds": "1"})
     with RunLog(Session(chosen).run().log) as log:
