@@ -2,125 +2,17 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Generator
-from contextlib import contextmanager
-from datetime import datetime
 from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated
 
 import typer
 
-from ..world.errors import PicktreeError
-from .output import keep_stdout, program
-
-if TYPE_CHECKING:
-    from ..batch.batch import Batch
-    from ..batch.plan import Plan
+from .batch_run import run
+from .output import program
 
 batch = typer.Typer(help="Run many jobs, and ask what came of them.", no_args_is_help=True)
+batch.command()(run)
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The batch's folder.")]
-
-
-@batch.command()
-def run(
-    plan: Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.")] = None,
-    mission: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried."),
-    ] = None,
-    seeds: Annotated[str, typer.Option(metavar="SEEDS", help="0:100 is half open; 3,7 is good, too.")] = "0",
-    scene: Annotated[
-        list[str] | None,
-        typer.Option(metavar="SCENE", help="Scenes to be tried, for the missions' own."),
-    ] = None,
-    faults: Annotated[
-        list[str] | None, typer.Option(metavar="FILE", help="Faults file, or none; several are tried.")
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=A,B", help="Values to be tried, as SortOne/Grasp.force=15,30."),
-    ] = None,
-    backend: Annotated[
-        Literal["physics", "kinematic"], typer.Option(help="kinematic: objects follow the gripper.")
-    ] = "physics",
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Judge every trajectory by a second collision checker.")
-    ] = False,
-    limit: Annotated[str, typer.Option(metavar="TIME", help="Simulated time of a job.")] = "3600 s",
-    wall_limit: Annotated[str, typer.Option(metavar="TIME", help="Wall time of a job.")] = "3600 s",
-    memory: Annotated[str, typer.Option(metavar="SIZE", help="Memory of a job.")] = "4 GB",
-    keep: Annotated[
-        Literal["all", "failures", "none"], typer.Option(help="Whose logs stay on the disk.")
-    ] = "failures",
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="The batch's folder.", show_default="in runs/")
-    ] = None,
-    resume: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Go on with the batch in this folder.")
-    ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print an event a line, as JSON.")] = False,
-) -> None:
-    """Run every combination of missions, scenes, faults and settings with every seed.
-
-    Ctrl-C once finishes what runs, twice stops at once; --resume goes on. Exit code 0: every job reached its
-    goal; 1: one did not.
-    """
-    given = [plan is not None, bool(mission), resume is not None]
-    if sum(given) != 1:
-        raise PicktreeError("give one of: a plan file, --mission FILE, --resume DIR")
-    answer = keep_stdout() if json else None
-
-    from ..batch.batch import Batch
-    from ..batch.load import load_plan, plan_of
-    from ..batch.local import LocalExecutor
-    from ..batch.summary import summarise
-    from .batch_progress import EventLines, progress
-    from .run import parse_parameters
-
-    if resume is not None:
-        made = Batch.resume(resume)
-    else:
-        asked = (
-            load_plan(plan)
-            if plan is not None
-            else plan_of(
-                {
-                    "name": (mission or [Path()])[0].stem,
-                    "missions": [str(file.absolute()) for file in mission or []],
-                    "seeds": seeds,
-                    "scenes": scene,
-                    "faults": [
-                        name if name == "none" else str(Path(name).absolute()) for name in faults or []
-                    ],
-                    "set": {name: value.split(",") for name, value in parse_parameters(set_ or []).items()},
-                    "backend": backend,
-                    "verify": verify,
-                    "limit": limit,
-                    "wall_limit": wall_limit,
-                    "memory": memory,
-                    "keep": keep,
-                }
-            )
-        )
-        made = Batch.create(out or _new_folder(asked), asked)
-    onlooker = EventLines(answer) if answer is not None else progress(made.folder)
-    with made, LocalExecutor(workers) as executor, _stopped_by_signals(made), onlooker as seen:
-        complete = made.run(executor, seen)
-        summary = summarise(made.store)
-    if answer is None:
-        print(summary.to_text())
-        print(f"\nresults       {made.folder.absolute()}")
-        print(f"look at them  {program()} batch query {made.folder} 'SELECT * FROM worst'")
-    else:
-        with answer:
-            seen.summary(summary)  # type: ignore[union-attr]
-    if not complete:
-        raise typer.Exit(130)
-    if not summary.reached:
-        raise typer.Exit(1)
 
 
 @batch.command()
@@ -186,23 +78,3 @@ def compare(
     print(found.to_json_text() if json else f"{found.to_text(program())}\n", end="")
     if found.differ:
         raise typer.Exit(1)
-
-
-def _new_folder(plan: Plan) -> Path:
-    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    return Path("runs") / f"batch-{plan.name.replace('/', '-')}-{stamp}"
-
-
-@contextmanager
-def _stopped_by_signals(made: Batch) -> Generator[None]:
-    def stop(number: int, frame: FrameType | None) -> None:
-        made.stop()
-
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number in before:
-        signal.signal(number, stop)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
