@@ -88,6 +88,7 @@ def assemble(
         grip=grip,
         eyes=eyes,
         queries=queries,
+        feed=hardware.feed,
         handling=Handling(),
         tick=TICK,
     )

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .values import Array, GripperState, JointState, Pose, Wrench
+from .values import Array, GripperState, JointState, ObjectId, Pose, Wrench
 
 
 class Clock(Protocol):
@@ -90,6 +90,39 @@ class Camera(Protocol):
     def capture(self) -> RgbdImage: ...
 
 
+@dataclass(frozen=True, slots=True)
+class FeedSignals:
+    """What the feed tells the robot over its lines."""
+
+    exhausted: bool = True
+    """Nothing more will come."""
+    busy: bool = False
+    """Items are set down, a belt runs or a bin is exchanged, or would be if the arm were out of the way."""
+    obstructed: bool = False
+    """The feed waits for the arm to leave the place."""
+    deliveries: int = 0
+    """How often something was set down, or a belt has stopped with something new, since the run began."""
+    exchanges: Mapping[ObjectId, int] = field(default_factory=dict[ObjectId, int])
+    """How often each bin was exchanged for an empty one."""
+
+
+class Feed(Protocol):
+    """Whoever brings items and takes full bins away: people, a feeder, belts. It hears and tells by lines
+    that are high or low, never what was brought or where it lies: cameras see that."""
+
+    def ready(self) -> None:
+        """Say that the robot is done with what lies there: what waits for that may come, belts may run."""
+        ...
+
+    def exchange(self, bin_id: ObjectId) -> None:
+        """Ask for an empty bin in this one's place. Asked again meanwhile, it is one request."""
+        ...
+
+    def read(self) -> FeedSignals:
+        """The lines in this control period."""
+        ...
+
+
 class Hardware(Protocol):
     """Everything that a `World` stands on. `step` lets one control period pass."""
 
@@ -103,6 +136,8 @@ class Hardware(Protocol):
     def wrench(self) -> WrenchSensor: ...
     @property
     def cameras(self) -> Mapping[str, Camera]: ...
+    @property
+    def feed(self) -> Feed: ...
     @property
     def period(self) -> float:
         """Length of a control period, s."""

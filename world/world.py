@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .facts import facts, to_do
 from .handling import Handling
+from .no_feed import NoFeed
 
 if TYPE_CHECKING:  # so that who only names the type, as a plug-in does, does not wait for planner and robot
     from .attempts import Attempts
@@ -18,7 +19,7 @@ if TYPE_CHECKING:  # so that who only names the type, as a plug-in does, does no
     from .journal import Journal
     from .motion.fcl_queries import SceneQueries
     from .motion.service import PlanService
-    from .protocols import Clock
+    from .protocols import Clock, Feed
     from .robot.model import RobotModel
     from .scene.description import SceneDescription
     from .scene.planning_scene import BeliefObject, PlanningScene
@@ -44,6 +45,7 @@ class World:
     grip: Grip
     eyes: Eyes
     queries: SceneQueries
+    feed: Feed = field(default_factory=NoFeed)
     handling: Handling = field(default_factory=Handling)
     tick: float = 0.05
     """Seconds between two ticks of the tree."""

@@ -11,7 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import PicktreeError
-from ..protocols import Camera
+from ..no_feed import NoFeed
+from ..protocols import Camera, Feed
 from ..robot.description import RobotDescription
 from ..robot.model import RobotModel, pose_of
 from ..scene.description import SceneDescription
@@ -115,6 +116,7 @@ class KinematicHardware:
         self.arm = KinematicArm(self.model, period)
         self.gripper = KinematicGripper(robot.gripper, self.bodies)
         self.wrench = KinematicWrench()
+        self.feed: Feed = NoFeed()
         stage = Stage(scene, robot, items, period)
         self.cameras: Mapping[str, Camera] = MappingProxyType(
             {c.name: KinematicCamera(c, stage, self.bodies, self.clock, self._posture) for c in scene.cameras}

@@ -10,7 +10,8 @@ from types import MappingProxyType
 import numpy as np
 
 from ..errors import PicktreeError
-from ..protocols import Camera, Clock
+from ..no_feed import NoFeed
+from ..protocols import Camera, Clock, Feed
 from ..robot.description import RobotDescription
 from ..scene.description import SceneDescription
 from ..streams import Streams
@@ -82,6 +83,7 @@ class PhysicsHardware:
         self.arm = PhysicsArm(senses, self._body)
         self.gripper = PhysicsGripper(senses, self._body)
         self.wrench = PhysicsWrench(senses)
+        self.feed: Feed = NoFeed()
         if start is None:
             self._build({name: item.pose for name, item in self._items.items()})
             self._settle()
