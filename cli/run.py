@@ -14,7 +14,7 @@ from ..world.errors import PicktreeError
 from .output import keep_stdout, program
 
 if TYPE_CHECKING:
-    from ..logs.recorder import Feed
+    from ..logs.recorder import Listener
     from ..trees.debugger import Debugger
     from .live import View
 
@@ -86,9 +86,10 @@ def run(
         watch=watch,
         rotation=Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0),
     )
-    with _view(to_stderr=json, lines=debug) as view, _feed(live, live_port) as feed:
+    with _view(to_stderr=json, lines=debug) as view, _live_view(live, live_port) as live_view:
         watcher = view if pace is None else Paced(view, pace)
-        result = Session(request, watcher, _debugger(to_stderr=json) if debug else None, feed=feed).run()
+        debugger = _debugger(to_stderr=json) if debug else None
+        result = Session(request, watcher, debugger, listener=live_view).run()
     if answer is None:
         print(result.to_text(program()))
     else:
@@ -119,18 +120,18 @@ def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
 
 
 @contextmanager
-def _feed(wanted: bool, port: int) -> Generator[Feed | None]:
-    """The live feed, if it is wanted; where it is goes to stderr."""
+def _live_view(wanted: bool, port: int) -> Generator[Listener | None]:
+    """The live view, if it is wanted; where it is goes to stderr."""
     if not wanted:
         yield None
         return
     from ..logs.extras import extra
 
-    with extra("live", "foxglove", "A live feed"):
-        from ..logs.live.feed import LiveFeed
-    with LiveFeed(port) as feed:
-        print(f"live feed at {feed.url}", file=sys.stderr, flush=True)
-        yield feed
+    with extra("live", "foxglove", "A live view"):
+        from ..logs.live.view import LiveView
+    with LiveView(port) as live_view:
+        print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
+        yield live_view
 
 
 def _debugger(*, to_stderr: bool) -> Debugger:

@@ -6,19 +6,19 @@ import math
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 from ..world.errors import PicktreeError
 from ..world.journal import CandidatesRanked, Entry, Happened, ImageTaken, PlanMade
 from ..world.protocols import RgbdImage
 from ..world.scene.description import Bin, Fixture
 from ..world.scene.planning_scene import BeliefChange, BeliefObject
-from ..world.shapes import ConvexMesh, Shape
-from ..world.values import GripperState, JointState, ObjectId, Pose, Wrench
-from . import messages, topics
+from ..world.values import GripperState, JointState, Pose, Wrench
+from . import conversions, messages, topics
+from .conversions import TrueBody
 from .digest import Digest
 from .images import encode_colour, encode_depth
 from .interrupts import Interrupts
@@ -26,9 +26,6 @@ from .json_records import encode
 from .log_file import LogFile
 from .records import (
     FORMAT,
-    Body,
-    Candidate,
-    Candidates,
     Control,
     Event,
     Joints,
@@ -36,10 +33,8 @@ from .records import (
     LogLine,
     NodeStatus,
     Part,
-    Plan,
     RunInfo,
     Scene,
-    Stage,
     Tick,
     Timing,
     Tree,
@@ -55,25 +50,8 @@ EVERY = 1.0
 _WARNINGS = frozenset({"recovery", "safety_stop", "fault"})
 """Kinds of event that the log line topic repeats for people, as warnings."""
 
-Feed: TypeAlias = Callable[[Topic, int, bytes], None]
+Listener: TypeAlias = Callable[[Topic, int, bytes], None]
 """Is shown messages: topic, simulated ns, payload."""
-
-
-class TrueBody(Protocol):
-    """What the simulation says of a body that it spawned."""
-
-    @property
-    def id(self) -> ObjectId | str: ...
-    @property
-    def kind(self) -> str: ...
-    @property
-    def form(self) -> str: ...
-    @property
-    def colour(self) -> str: ...
-    @property
-    def shape(self) -> Shape: ...
-    @property
-    def pose(self) -> Pose: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,10 +88,10 @@ class Recorder:
         rotation: Rotation = NEVER,
         resumed: RecordingState | None = None,
         tap: Callable[[str, int, bytes], None] | None = None,
-        feed: Feed | None = None,
+        listener: Listener | None = None,
     ) -> None:
         """`resumed`: the run goes on from a checkpoint, and so does its digest. `tap` is shown each message
-        that is part of the digest: topic, time in ns, payload; `feed` every message, once it is written."""
+        that is part of the digest: topic, time in ns, payload; `listener` every message that is written."""
         self.path = path.absolute()
         self._file = LogFile(
             self.path, rotation=rotation, checkpoint=checkpoint, chunk_bytes=chunk_bytes, wall=wall
@@ -121,7 +99,7 @@ class Recorder:
         self._interrupts = Interrupts()
         self._resumed = resumed
         self._tap = tap
-        self._feed = feed
+        self._listener = listener
         self._preamble = False
         self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
         self._transforms = messages.Transforms()
@@ -314,10 +292,10 @@ class Recorder:
         changed = False
         for change in changes:
             changed = True
-            self._event(now, _change_event(change))
+            self._event(now, conversions.changed(change))
         if changed or now - self._believed >= EVERY - 1e-6:
             self._believed = now
-            scene = Scene(tuple(_believed(o) for o in objects), self._fixed)
+            scene = Scene(tuple(conversions.believed(o) for o in objects), self._fixed)
             self._write(topics.OBJECTS, now, self._beliefs.encode(_ns(now), scene))
 
     def truth_due(self, now: float) -> bool:
@@ -328,7 +306,7 @@ class Recorder:
         """The simulator's truth, for the analyst only."""
         self._true = now
         scene = Scene(
-            tuple(Body(b.id, b.kind, b.form, b.colour, _portable(b.shape), b.pose) for b in bodies),
+            tuple(map(conversions.real, bodies)),
             self._fixed,
         )
         self._write(topics.TRUTH, now, self._truths.encode(_ns(now), scene))
@@ -339,9 +317,9 @@ class Recorder:
         """Whatever the journal holds."""
         match entry:
             case PlanMade():
-                self._write(topics.PLAN, now, encode(_plan(entry)))
+                self._write(topics.PLAN, now, encode(conversions.planned(entry)))
             case CandidatesRanked():
-                self._write(topics.CANDIDATES, now, encode(_candidates(entry)))
+                self._write(topics.CANDIDATES, now, encode(conversions.ranked(entry)))
             case ImageTaken(image, findings):
                 self.image(now, image)
                 self._event(now, Event("image", f"image from {image.camera}", "", {"findings": findings}))
@@ -376,8 +354,8 @@ class Recorder:
                 if self._tap is not None:
                     self._tap(topic.name, at, data)
             self._file.message(topic, at, data)
-        if self._feed is not None:
-            self._feed(topic, at, data)
+        if self._listener is not None:
+            self._listener(topic, at, data)
 
 
 def _ns(seconds: float) -> int:
@@ -391,71 +369,6 @@ def _camera_frame(camera: str) -> str:
 def _origins(failing: Sequence[NodeStatus]) -> list[NodeStatus]:
     """The failing nodes below which none of the others is: where the failure came from."""
     return [n for n in failing if not any(other.path.startswith(n.path + "/") for other in failing)]
-
-
-def _believed(o: BeliefObject) -> Body:
-    return Body(
-        id=o.id,
-        kind=o.kind,
-        form=o.form,
-        colour=o.colour,
-        shape=_portable(o.shape),
-        pose=o.pose,
-        role=o.role,
-        place=o.place,
-        attached=o.attached,
-        confidence=o.confidence,
-        sigma_position=o.sigma_position,
-        sigma_angle=o.sigma_angle,
-        last_seen=o.last_seen,
-    )
-
-
-def _portable(shape: Shape) -> Shape:
-    """The same shape on every machine: of the file of a mesh only the name."""
-    return replace(shape, source=Path(shape.source).name) if isinstance(shape, ConvexMesh) else shape
-
-
-def _change_event(change: BeliefChange) -> Event:
-    known = change.after or change.before
-    subject = "" if known is None else str(known.id)
-    return Event(
-        "belief",
-        f"{subject}: {change.reason}",
-        "",
-        {
-            "version": change.version,
-            "object": subject,
-            "reason": change.reason,
-            "before": None if change.before is None else _believed(change.before),
-            "after": None if change.after is None else _believed(change.after),
-        },
-    )
-
-
-def _plan(made: PlanMade) -> Plan:
-    return Plan(
-        made.request,
-        made.planner,
-        made.checks,
-        made.thinking,
-        made.outcome,
-        made.message,
-        made.duration,
-        made.path,
-        made.tool_path,
-    )
-
-
-def _candidates(ranked: CandidatesRanked) -> Candidates:
-    return Candidates(
-        ranked.purpose,
-        ranked.object,
-        tuple(Stage(name, count) for name, count in ranked.stages.items()),
-        tuple(
-            Candidate(c.name, c.pose.position, c.pose.orientation, c.score, c.verdict) for c in ranked.tried
-        ),
-    )
 
 
 def _run_words(run: RunInfo) -> dict[str, str]:

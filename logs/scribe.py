@@ -20,7 +20,7 @@ from . import circumstances, records
 from .checkpoints import RunState
 from .mission_record import mission_files, plugin_versions
 from .recipe_record import fingerprints, recipe_files
-from .recorder import Feed, Recorder, RecordingState
+from .recorder import Listener, Recorder, RecordingState
 from .result import RunResult
 from .robot_meshes import link_meshes
 
@@ -43,7 +43,7 @@ class Scribe:
         session: Session,
         structure: tuple[NodeInfo, ...],
         tap: Tap | None = None,
-        feed: Feed | None = None,
+        listener: Listener | None = None,
     ) -> None:
         self._session = session
         self._world = session.world
@@ -81,7 +81,7 @@ class Scribe:
             rotation=session.rotation,
             resumed=start.state.recording if start else None,
             tap=tap,
-            feed=feed,
+            listener=listener,
         )
 
     def __enter__(self) -> Scribe:

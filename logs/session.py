@@ -26,7 +26,7 @@ from .checkpoints import RunState, restore, take
 from .edits import Edits, FileEdits
 from .following import Following, Revisions
 from .recipe import LIMIT, Recipe
-from .recorder import Feed
+from .recorder import Listener
 from .records import NodeTime, Timing
 from .request import RunOptions, RunRequest, make_folder, read_recipe
 from .result import FormCount, ItemCount, PickCount, RunResult, RunStatus, WallSeconds
@@ -59,13 +59,13 @@ class Session:
         out: Path | None = None,
         revisions: Revisions | None = None,
         tap: Tap | None = None,
-        feed: Feed | None = None,
+        listener: Listener | None = None,
     ) -> None:
         """A request says itself where its record goes; of a recipe `out` does, as there.
 
         `edits` tells of edited files, by default the disk when the request is to watch them; `revisions`
         gives other versions of the mission itself, as a log has them. `tap` is shown every message that is
-        part of the digest, `feed` every message, once it is written.
+        part of the digest, `listener` every message, once it is written.
         """
         self.rotation = NEVER
         if isinstance(request, RunRequest):
@@ -105,7 +105,7 @@ class Session:
         self.tree.on_start.append(self._injector.node_started)
         self._revisions = self._follow(edits) if edits is not None else revisions
         self._tap = tap
-        self._feed = feed
+        self._listener = listener
         self._stopping = False
         self.folder = make_folder(out, recipe.mission.document.path.stem, recipe.seed)
 
@@ -118,7 +118,7 @@ class Session:
         (SIGINT, SIGTERM) ends the run with the status `interrupted`."""
         structure = self.tree.structure()
         total = len(self.hardware.truth())
-        with Scribe(self.folder / LOG, self, structure, self._tap, self._feed) as scribe:
+        with Scribe(self.folder / LOG, self, structure, self._tap, self._listener) as scribe:
             if self._watcher:
                 self._watcher.started(structure, self.folder)
             try:

@@ -54,7 +54,7 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
             request: dict[str, Any],
             watcher: object = None,
             debugger: object = None,
-            feed: object = None,
+            listener: object = None,
         ) -> None:
             stage.requests.append(request)
             stage.debuggers.append(debugger)

@@ -1,4 +1,4 @@
-"""The live feed, met by a WebSocket client: the log's own bytes, also for who comes late."""
+"""The live view, met by a WebSocket client: the log's own bytes, also for who comes late."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from types import ModuleType
 import pytest
 
 from picktree.logs import topics
-from picktree.logs.live.feed import LiveFeed
 from picktree.logs.live.pace import Paced
+from picktree.logs.live.view import LiveView
 from picktree.logs.recorder import Recorder
 from picktree.logs.result import RunResult
 from picktree.logs.run_log import RunLog
@@ -38,30 +38,30 @@ def websocket() -> ModuleType:
     return module
 
 
-def port_of(feed: LiveFeed) -> int:
-    return int(feed.url.rsplit(":", 1)[1])
+def port_of(view: LiveView) -> int:
+    return int(view.url.rsplit(":", 1)[1])
 
 
-def run(out: Path, feed: LiveFeed | None = None) -> RunResult:
+def run(out: Path, view: LiveView | None = None) -> RunResult:
     request = RunRequest(EXAMPLES / "one_pick.yaml", backend="kinematic", out=out)
-    return Session(request, feed=feed).run()
+    return Session(request, listener=view).run()
 
 
 def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(
     websocket: ModuleType, tmp_path: Path
 ) -> None:
-    with LiveFeed(0, "one pick") as feed, websocket.Client(port_of(feed)) as client:
+    with LiveView(0, "one pick") as view, websocket.Client(port_of(view)) as client:
         fixed = [topic.name for topic in topics.FIXED]
         client.wait_for(fixed)
         client.subscribe(fixed)
         received: list[object] = []
         listener = threading.Thread(target=lambda: received.extend(client.rest()))
         listener.start()
-        result = run(tmp_path / "live", feed)
+        result = run(tmp_path / "live", view)
         patience = time.monotonic() + 20  # of a machine that has other things to do
         while client.clock != round(result.sim_seconds * 1e9) and time.monotonic() < patience:
             time.sleep(0.01)
-        feed.close()  # not before the client has heard all
+        view.close()  # not before the client has heard all
         listener.join()
     assert client.info["name"] == "one pick" and "time" in client.info["capabilities"]
     assert client.clock == round(result.sim_seconds * 1e9)
@@ -79,7 +79,7 @@ def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(
 
 
 def test_the_schemas_are_those_of_the_log(websocket: ModuleType) -> None:
-    with LiveFeed(0) as feed, websocket.Client(port_of(feed)) as client:
+    with LiveView(0) as view, websocket.Client(port_of(view)) as client:
         client.wait_for([topics.TICK.name, topics.TF.name])
     assert json.loads(client.channels["/bt/tick"]["schema"]) == json.loads(topics.TICK.schema_data())
     assert base64.b64decode(client.channels["/tf"]["schema"] + "==") == topics.TF.schema_data()
@@ -92,11 +92,11 @@ def test_who_comes_late_is_sent_what_still_holds(
     states = ["/bt/tree", "/bt/tick", "/scene/robot", "/scene/objects", "/truth/objects", "/tf", *cameras]
     passing = ["/events", "/log", "/plan", "/candidates", "/timing", "/wrench"]
     scene = PlanningScene([sample.TABLE], [sample.BIN])
-    with LiveFeed(0) as feed, Recorder(tmp_path / "log.mcap", sample.RUN, feed=feed) as recorder:
+    with LiveView(0) as view, Recorder(tmp_path / "log.mcap", sample.RUN, listener=view) as recorder:
         sample.start(recorder)
         for k in range(45):
             sample.step(recorder, scene, k)
-        with websocket.Client(port_of(feed)) as client:  # while the run stands still
+        with websocket.Client(port_of(view)) as client:  # while the run stands still
             client.wait_for([*states, *passing])
             client.subscribe([*states, *passing])
             received = client.messages(len(states))
@@ -113,13 +113,13 @@ def test_who_comes_late_is_sent_what_still_holds(
 
 
 def test_a_client_that_does_not_listen_holds_up_nothing(websocket: ModuleType, tmp_path: Path) -> None:
-    with LiveFeed(0) as feed, websocket.Client(port_of(feed)) as client:
+    with LiveView(0) as view, websocket.Client(port_of(view)) as client:
         client.wait_for([topic.name for topic in topics.FIXED])
         client.subscribe([topic.name for topic in topics.FIXED])
         payload = bytes(200_000)
         began = time.perf_counter()
         for k in range(1000):  # 200 MB, which no socket holds
-            feed(topics.ROBOT, k, payload)
+            view(topics.ROBOT, k, payload)
         assert time.perf_counter() - began < 5
 
 
@@ -129,9 +129,9 @@ def test_a_port_that_is_taken_is_one_sentence() -> None:
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(PicktreeError) as raised:
-            LiveFeed(port)
+            LiveView(port)
     assert str(raised.value) == (
-        f"no live feed on port {port}: something else listens there; give another with --live-port"
+        f"no live view on port {port}: something else listens there; give another with --live-port"
     )
 
 

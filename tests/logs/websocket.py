@@ -1,4 +1,4 @@
-"""A WebSocket client of its own, so that the live feed is met as a viewer meets it: RFC 6455 on a socket."""
+"""A WebSocket client of its own, so that the live view is met as a viewer meets it: RFC 6455 on a socket."""
 
 from __future__ import annotations
 

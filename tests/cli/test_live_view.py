@@ -18,7 +18,7 @@ def test_a_run_says_where_its_feed_is(tmp_path: Path, capsys: pytest.CaptureFixt
     line = ["run", str(EXAMPLES / "one_pick.yaml"), "--backend", "kinematic", "--out", str(tmp_path)]
     assert answer([*line, "--live", "--live-port", "0", "--pace", "1000"]) == 0
     told = capsys.readouterr()
-    assert told.err.startswith("live feed at ws://127.0.0.1:")
+    assert told.err.startswith("live view at ws://127.0.0.1:")
     assert "success: the goal is reached" in told.out
 
 
@@ -31,7 +31,7 @@ def test_a_port_that_is_taken_stops_before_anything_moves(
         port = taken.getsockname()[1]
         assert answer(["run", "m.yaml", "--live", "--live-port", str(port)]) == 2
     assert capsys.readouterr().err == (
-        f"no live feed on port {port}: something else listens there; give another with --live-port\n"
+        f"no live view on port {port}: something else listens there; give another with --live-port\n"
     )
     assert stage.requests == []
 
@@ -39,10 +39,10 @@ def test_a_port_that_is_taken_stops_before_anything_moves(
 def test_without_the_sdk_the_extra_is_named(
     stage: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.delitem(sys.modules, "picktree.logs.live.feed", raising=False)
+    monkeypatch.delitem(sys.modules, "picktree.logs.live.view", raising=False)
     monkeypatch.setitem(sys.modules, "foxglove", None)
     assert answer(["run", "m.yaml", "--live"]) == 2
-    assert capsys.readouterr().err == ("A live feed needs the extra 'live': pip install 'picktree[live]'\n")
+    assert capsys.readouterr().err == ("A live view needs the extra 'live': pip install 'picktree[live]'\n")
     assert stage.requests == []
 
 

@@ -1,4 +1,4 @@
-"""The live feed: every message of the log, as it is recorded, over a Foxglove WebSocket on this machine.
+"""The live view: every message of the log, as it is recorded, over a Foxglove WebSocket on this machine.
 
 It is shown the recorder's own bytes, so it has the log's topics, schemas and times. A client that comes late
 is sent the last message of each topic that tells a state. Nothing in here holds up the run: what a client
@@ -34,7 +34,7 @@ _PASSING = frozenset(
 """Topics of what happens at a moment; the last message of all others still holds when a client comes."""
 
 
-class LiveFeed:
+class LiveView:
     """Serves from its beginning until it is closed; a context manager.
 
     Raises PicktreeError when the port cannot be had. `port` 0 takes any that is free.
@@ -62,9 +62,9 @@ class LiveFeed:
             )
         except (RuntimeError, OverflowError) as error:
             raise PicktreeError(
-                f"no live feed on port {port}: {_reason(error)}; give another with --live-port"
+                f"no live view on port {port}: {_reason(error)}; give another with --live-port"
             ) from None
-        self._resender = threading.Thread(target=self._resend, name="live feed", daemon=True)
+        self._resender = threading.Thread(target=self._resend, name="live view", daemon=True)
         self._resender.start()
 
     @property
@@ -89,7 +89,7 @@ class LiveFeed:
             time.sleep(_GRACE if self._met else 0.0)
             self._server.stop()
 
-    def __enter__(self) -> LiveFeed:
+    def __enter__(self) -> LiveView:
         return self
 
     def __exit__(
