@@ -67,9 +67,9 @@ class Batch:
         except OSError as error:
             raise PicktreeError(f"{folder}: the folder cannot be made: {error.strerror}") from None
         lock = _locked(folder)
-        jobs = jobs_of(plan)
         if (folder / NAME).exists():
             raise PicktreeError(f"{folder}: there is a batch already; go on with it by --resume {folder}")
+        jobs = jobs_of(plan, folder)
         write_plan(plan, folder)
         return cls(folder, plan, jobs, Store.create(folder / NAME, jobs), lock)
 
@@ -77,18 +77,13 @@ class Batch:
     def resume(cls, folder: Path) -> Batch:
         """The batch in that folder, with what is missing or crashed still to do.
 
-        Raises PicktreeError when there is none, another process runs it, or a file of it was edited since.
+        It runs what it ran when it began, whatever became of the files since. Raises PicktreeError when there
+        is none, or another process runs it.
         """
         plan = read_plan(folder)
         lock = _locked(folder)
-        jobs, store = jobs_of(plan), Store(folder / NAME)
-        if tuple(job.id for job in jobs) != store.job_ids():
-            store.close()
-            raise PicktreeError(
-                f"{folder}: a mission, scene, robot or faults file was edited since the batch began, "
-                "so its jobs would be others; undo that, or begin a new batch"
-            )
-        return cls(folder, plan, jobs, store, lock)
+        store = Store(folder / NAME)
+        return cls(folder, plan, store.jobs(), store, lock)
 
     def __enter__(self) -> Batch:
         return self
@@ -157,7 +152,8 @@ class Batch:
 
     def _order(self, job: Job, attempt: int) -> Order:
         folder, limits = self.folder / "jobs" / f"{job.id}-{attempt}", self.plan.limits
-        return Order(job.id, attempt, job.request(self.plan, folder), folder, limits.wall, limits.memory)
+        recipe = job.recipe_in(self.folder)
+        return Order(job.id, attempt, recipe, job.seed, folder, limits.wall, limits.memory)
 
     def _take_in(self) -> None:
         """Record what workers had finished when the batch was ended before it could."""

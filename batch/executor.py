@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
-from ..logs.request import RunRequest
-
 
 @dataclass(frozen=True, slots=True)
 class Order:
@@ -18,7 +16,9 @@ class Order:
     """Its id."""
     attempt: int
     """1 for the first."""
-    request: RunRequest
+    recipe: Path
+    """File with all that it runs but the seed; see `logs.resimulation.recipe_file`."""
+    seed: int
     folder: Path
     """Of this try alone; the run's folder is made in it."""
     wall: float

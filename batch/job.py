@@ -7,9 +7,14 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..logs.recipe import Recipe
 from ..logs.recipe_record import installed_meshes, recipe_files
 from ..logs.request import RunRequest, read_recipe
+from ..logs.resimulation.recipe_file import write_recipe
 from .plan import Plan, Variant
+
+RECIPES = "recipes"
+"""Folder of a batch with all that its jobs run, once for each variant."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,18 +27,29 @@ class Job:
     """Its place in the plan, from 0."""
     variant: Variant
     seed: int
+    recipe: str
+    """Hash over all of that but the seed, which names the file that holds it."""
 
-    def request(self, plan: Plan, out: Path) -> RunRequest:
-        """As a run; `out` is the folder in which the run's own folder is made."""
-        return _request(plan, self.variant, self.seed, out)
+    def recipe_in(self, folder: Path) -> Path:
+        """What it runs, as the batch in `folder` keeps it."""
+        return folder / RECIPES / f"{self.recipe}.zip"
 
 
-def jobs_of(plan: Plan) -> tuple[Job, ...]:
-    """Every job of a checked plan, seeds together by variant. Raises FileError for an edited file."""
+def jobs_of(plan: Plan, folder: Path) -> tuple[Job, ...]:
+    """Every job of a checked plan, seeds together by variant. What they run is put into the batch's `folder`.
+
+    Raises FileError for a file that was edited since it was checked, PicktreeError when one cannot be
+    written.
+    """
     jobs: list[Job] = []
     for variant in plan.variants():
-        content = _content(plan, variant)
-        jobs += (Job(_id(content, seed), len(jobs) + k, variant, seed) for k, seed in enumerate(plan.seeds))
+        recipe = read_recipe(_request(plan, variant))
+        content = _content(variant, recipe)
+        jobs += (
+            Job(_id(content, seed), len(jobs) + k, variant, seed, content[:16])
+            for k, seed in enumerate(plan.seeds)
+        )
+        write_recipe(recipe, jobs[-1].recipe_in(folder))
     return tuple(jobs)
 
 
@@ -41,9 +57,8 @@ def _id(content: str, seed: int) -> str:
     return hashlib.sha256(f"{content} seed {seed}".encode()).hexdigest()[:16]
 
 
-def _content(plan: Plan, variant: Variant) -> str:
+def _content(variant: Variant, recipe: Recipe) -> str:
     """A fingerprint of everything but the seed on which the outcome depends."""
-    recipe = read_recipe(_request(plan, variant, 0, None))
     said = {
         "settings": dict(variant.settings),
         "backend": recipe.backend,
@@ -55,14 +70,12 @@ def _content(plan: Plan, variant: Variant) -> str:
     return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
 
-def _request(plan: Plan, variant: Variant, seed: int, out: Path | None) -> RunRequest:
+def _request(plan: Plan, variant: Variant) -> RunRequest:
     return RunRequest(
         mission=variant.mission,
         scene=variant.scene,
-        seed=seed,
         parameters=variant.settings,
         faults=variant.faults,
-        out=out,
         backend=plan.backend,
         verify=plan.verify,
         limit=plan.limits.simulated,

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ..world.errors import PicktreeError
 from .job import Job
+from .plan import Variant
 from .rows import FailureRow, ItemRow, JobRow, JobRows, PickRow, PlanRow, TimingRow
 from .tables import TABLES, VERSION
 
@@ -89,8 +90,8 @@ class Store:
         with closing(_connect(beside)) as connection, connection:
             connection.executescript(TABLES)
             connection.executemany(
-                "INSERT INTO jobs (job, number, variant, mission, scene, faults, settings, seed) "
-                "VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO jobs (job, number, variant, mission, scene, faults, settings, seed, recipe) "
+                "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 (
                     (
                         job.id,
@@ -101,6 +102,7 @@ class Store:
                         str(job.variant.faults or ""),
                         json.dumps(dict(job.variant.settings)),
                         job.seed,
+                        job.recipe,
                     )
                     for job in jobs
                 ),
@@ -118,9 +120,28 @@ class Store:
     def close(self) -> None:
         self._connection.close()
 
-    def job_ids(self) -> tuple[str, ...]:
+    def jobs(self) -> tuple[Job, ...]:
         """In the order of the plan."""
-        return tuple(row[0] for row in self._connection.execute("SELECT job FROM jobs ORDER BY number"))
+        found = self._connection.execute(
+            "SELECT job, number, mission, scene, faults, settings, variant, seed, recipe FROM jobs "
+            "ORDER BY number"
+        )
+        return tuple(
+            Job(
+                job,
+                number,
+                Variant(
+                    Path(mission),
+                    scene or None,
+                    Path(faults) if faults else None,
+                    json.loads(settings),
+                    label,
+                ),
+                seed,
+                recipe,
+            )
+            for job, number, mission, scene, faults, settings, label, seed, recipe in found
+        )
 
     def to_do(self) -> frozenset[str]:
         """Ids of the jobs that were not run, or crashed."""

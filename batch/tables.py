@@ -1,6 +1,6 @@
 """The tables and views of a batch's results, as SQL."""
 
-VERSION = 1
+VERSION = 2
 """Of the tables, in `PRAGMA user_version`."""
 
 TABLES = """
@@ -13,6 +13,7 @@ CREATE TABLE jobs (
     faults TEXT NOT NULL,         -- path; empty: none
     settings TEXT NOT NULL,       -- JSON object
     seed INTEGER NOT NULL,
+    recipe TEXT NOT NULL,         -- hash of all that it runs but the seed; recipes/HASH.zip holds it
     status TEXT NOT NULL DEFAULT 'waiting',
                                   -- success, incomplete, failure, timeout, crashed; waiting: not yet run
     message TEXT NOT NULL DEFAULT '',

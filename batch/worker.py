@@ -9,6 +9,7 @@ import sys
 import traceback
 from multiprocessing.connection import Connection
 
+from ..logs.resimulation.recipe_file import RecipeFile
 from ..logs.session import Session
 from ..world.errors import PicktreeError
 from .executor import Event, Failed, Finished, Order, Stopped
@@ -39,11 +40,12 @@ def carry_out(order: Order) -> Event:
     """Run it and write the result's rows. Never raises for what a run does."""
     try:
         order.folder.mkdir(parents=True, exist_ok=True)
-        session = Session(order.request)
-        result = session.run()
-        if result.status == "interrupted":
-            return Stopped(order)
-        rows = harvest(session, result.folder, order.attempt)
+        with RecipeFile(order.recipe) as kept:
+            session = Session(kept.recipe(order.seed), out=order.folder)
+            result = session.run()
+            if result.status == "interrupted":
+                return Stopped(order)
+            rows = harvest(session, result.folder, order.attempt)
         _write_whole(order, rows.to_json())
     except KeyboardInterrupt:
         return Stopped(order)

@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Protocol, cast
 
 import yaml
 
@@ -28,14 +28,40 @@ from ...world.robot.load import parse_robot, robot_names
 from ...world.scene.description import SceneDescription
 from ...world.scene.load import parse_scene
 from ..recipe_record import ROBOT_MESHES, plain_reference
-from ..run_log import RunLog
+
+
+class Names(Protocol):
+    """What the files of a run were called, as `RunInfo` tells."""
+
+    @property
+    def mission(self) -> str: ...
+    @property
+    def scene(self) -> str: ...
+    @property
+    def robot(self) -> str: ...
+    @property
+    def files(self) -> Mapping[str, str]: ...
+
+
+class Kept(Protocol):
+    """Where the files of a run are kept: its log, or a recipe of a batch."""
+
+    @property
+    def path(self) -> Path: ...
+    @property
+    def run(self) -> Names: ...
+    @property
+    def attachments(self) -> tuple[str, ...]: ...
+    def attachment(self, name: str) -> bytes:
+        """Raises PicktreeError when it is not there."""
+        ...
 
 
 class Unpacking:
-    """Reads the files of one log. All methods raise PicktreeError for what the log does not hold, and
+    """Reads the files of one run. All methods raise PicktreeError for what the log does not hold, and
     FileError where this version of picktree no longer takes a file."""
 
-    def __init__(self, log: RunLog, folder: Path) -> None:
+    def __init__(self, log: Kept, folder: Path) -> None:
         self._log = log
         self._folder = folder
         self._names = log.attachments

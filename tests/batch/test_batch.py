@@ -160,3 +160,16 @@ def test_a_faulty_plan_is_refused_before_anything_runs(tmp_path: Path, line: str
     found = check_plan_file(read_document(text, tmp_path / "plan.yaml", "plan"))
     assert [str(each).removeprefix(f"{tmp_path}/plan.yaml:") for each in found.faults] == [fault]
     assert found.plan is None
+
+
+def test_a_batch_runs_what_it_began_with_whatever_becomes_of_the_files(tmp_path: Path) -> None:
+    mission = troubled(tmp_path, "pass")
+    folder = tmp_path / "batch"
+    with Batch.create(folder, Plan("trouble", (mission,), (0, 1), backend="kinematic")) as batch:
+        ids = [job.id for job in batch.jobs]
+    (tmp_path / "trouble.py").write_text("raise SystemExit('an edit half done')\n")
+    mission.unlink()
+    moved = tmp_path / "elsewhere"
+    folder.rename(moved)
+    seen = run(Batch.resume(moved), workers=1)
+    assert [(ended.job.id, ended.row.status) for ended in seen.ends] == [(each, "success") for each in ids]

@@ -47,7 +47,7 @@ def store(folder: Path, rows: dict[int, JobRow], values: tuple[str, ...] = ("15"
     folder.mkdir()
     plan = Plan("test", (Path("/m/sort.yaml"),), tuple(range(seeds)), settings={"Grasp.force": values})
     jobs = [
-        Job(f"{n:016x}", n, variant, seed)
+        Job(f"{n:016x}", n, variant, seed, "recipe")
         for n, (variant, seed) in enumerate((v, s) for v in plan.variants() for s in plan.seeds)
     ]
     made = Store.create(folder / NAME, jobs)
