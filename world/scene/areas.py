@@ -1,9 +1,10 @@
-"""Whether the items of a spawn entry can stand in their area at all; the spawner settles where."""
+"""Whether items that are set down on a table can stand in their area at all; the spawner settles where."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -22,6 +23,15 @@ Outline = tuple[float, float]
 """Area of an item's footprint with half the gap around it, m², and its greatest reach from the centre, m."""
 
 
+class Load(Protocol):
+    """An entry of a file whose items are set down together. What could not be read raises `Unread`."""
+
+    @property
+    def of(self) -> dict[str, int]: ...
+    @property
+    def lying(self) -> float: ...
+
+
 def check_spawn(
     check: Checker,
     n: int,
@@ -32,20 +42,39 @@ def check_spawn(
 ) -> None:
     """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read."""
     loc: Location = ("spawn", n)
+    check_kinds(check, loc, entry, catalogue)
+    with check.readable():
+        if check_area(check, loc, entry.area, fixtures, workspace):
+            check_crowding(check, loc, entry, entry.area, entry.gap, catalogue)
+
+
+def check_kinds(
+    check: Checker, loc: Location, entry: Load, catalogue: Mapping[str, CatalogueEntry | None]
+) -> None:
+    """Whether the catalogue has what the entry asks for."""
     with check.readable():
         for name in entry.of:
             if name not in catalogue:
                 hint = nearest(name, catalogue)
                 message = f"the catalogue has no {describe(name)}"
                 check.fault((*loc, "of", name), message, hint, code="P410", key=True)
-    with check.readable():
-        (x0, y0), (x1, y1) = entry.area.min, entry.area.max
-        if x1 <= x0 or y1 <= y0:
-            message = "the area is empty: 'max' must be greater than 'min' along x and y"
-            check.fault((*loc, "area"), message, code="P411")
-            return
-        _check_place(check, loc, entry.area, fixtures, workspace)
-        _check_crowding(check, loc, entry, catalogue)
+
+
+def check_area(
+    check: Checker,
+    loc: Location,
+    area: AreaFile,
+    fixtures: Sequence[Fixture] | None,
+    workspace: Bounds | None,
+) -> bool:
+    """Whether the area is one at all; faults also when it lies where nothing can be set down or reached."""
+    (x0, y0), (x1, y1) = area.min, area.max
+    if x1 <= x0 or y1 <= y0:
+        message = "the area is empty: 'max' must be greater than 'min' along x and y"
+        check.fault((*loc, "area"), message, code="P411")
+        return False
+    _check_place(check, loc, area, fixtures, workspace)
+    return True
 
 
 def _check_place(
@@ -68,12 +97,18 @@ def _check_place(
         check.fault((*loc, "area"), message, "items stand on a table", code="P413")
 
 
-def _check_crowding(
-    check: Checker, loc: Location, entry: SpawnFile, catalogue: Mapping[str, CatalogueEntry | None]
+def check_crowding(
+    check: Checker,
+    loc: Location,
+    entry: Load,
+    area: AreaFile,
+    gap: float,
+    catalogue: Mapping[str, CatalogueEntry | None],
 ) -> None:
-    (x0, y0), (x1, y1) = entry.area.min, entry.area.max
+    """Whether all items of the entry fit into the area together."""
+    (x0, y0), (x1, y1) = area.min, area.max
     outlines = [
-        (entry.of[name], _outline(known.shape, entry.gap, entry.lying))
+        (entry.of[name], _outline(known.shape, gap, entry.lying))
         for name in entry.of
         if (known := catalogue.get(name)) is not None
     ]
@@ -81,11 +116,11 @@ def _check_crowding(
         return
     needed = sum(number * area for number, (area, _) in outlines)
     reach = max(reach for _, (_, reach) in outlines)
-    offered = (x1 - x0 + 2 * reach + entry.gap) * (y1 - y0 + 2 * reach + entry.gap)
+    offered = (x1 - x0 + 2 * reach + gap) * (y1 - y0 + 2 * reach + gap)
     if needed > CROWDED * offered:
         count = sum(entry.of.values())
         message = (
-            f"{count} items with gaps of {1000 * entry.gap:g} mm do not fit: "
+            f"{count} items with gaps of {1000 * gap:g} mm do not fit: "
             f"they need {needed:.3f} m², and the area with its rim has {offered:.3f} m²"
         )
         hint = "enlarge the area, or ask for fewer items or smaller gaps"

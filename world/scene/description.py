@@ -7,6 +7,7 @@ from typing import Literal, TypeAlias
 
 from ..shapes import Box, Shape
 from ..values import Bounds, ObjectId, Pose, Vector3
+from .feed import Belt, Delivery, Exchange
 
 Form: TypeAlias = Literal["box", "cylinder", "sphere", "plate", "mesh"]
 
@@ -162,11 +163,21 @@ class SceneDescription:
     checkpoint_every: int = 4
     """Items between two checkpoints."""
     goal: str | None = None
-    """An expression over `total`, `sorted`, `misplaced`, `left`; default: all are sorted."""
+    """An expression over `total`, `sorted`, `misplaced`, `left`; default: all are sorted, and nothing is
+    outstanding."""
     source: str = ""
     """Path of the file."""
     text: str = ""
     """The file as it was read, for the log."""
+    belts: tuple[Belt, ...] = ()
+    """Which of the fixtures are belts."""
+    deliveries: tuple[Delivery, ...] = ()
+    """What is brought while a run goes on."""
+    exchange: Exchange | None = None
+    """None: nobody exchanges bins."""
 
     def entry(self, kind: str) -> CatalogueEntry:
         return next(e for e in self.catalogue if e.kind == kind)
+
+    def fixture(self, name: str) -> Fixture:
+        return next(f for f in self.fixtures if f.id == name)

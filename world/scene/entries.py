@@ -34,12 +34,16 @@ def check_body(check: Checker, name: str, entry: FixtureFile) -> None:
     with check.readable():
         if which == "bin" and entry.rpy is not None:
             check.fault((*loc, "rpy"), "a bin stands upright: give its 'yaw'", code="P405", key=True)
+        if which == "belt" and entry.rpy is not None:
+            check.fault((*loc, "rpy"), "a belt lies level: give its 'yaw'", code="P405", key=True)
     with check.readable():
         _check_walls(check, loc, entry, which)
+    with check.readable():
+        _check_drive(check, loc, entry, which)
 
 
 def _check_walls(check: Checker, loc: Location, entry: FixtureFile, which: str | None) -> None:
-    if which == "box" and entry.wall is not None:
+    if which not in (None, "bin") and entry.wall is not None:
         check.fault((*loc, "wall"), "only a bin has walls", code="P112", key=True)
     if which == "bin" and entry.wall is None:
         check.fault(
@@ -52,11 +56,32 @@ def _check_walls(check: Checker, loc: Location, entry: FixtureFile, which: str |
             check.fault((*loc, "wall"), message, "'bin' is the outside", code="P404")
 
 
+def _check_drive(check: Checker, loc: Location, entry: FixtureFile, which: str | None) -> None:
+    for key, value, hint in (
+        ("speed", entry.speed, "how fast the belt runs, as 80 mm/s"),
+        ("eye", entry.eye, "where the light barrier crosses the belt, from its middle, as 0.4 m"),
+    ):
+        if which == "belt" and value is None:
+            check.fault(loc, f"{key!r} is missing", hint, code="P105", key=True)
+        if which not in (None, "belt") and value is not None:
+            check.fault((*loc, key), f"only a belt has {key!r}", code="P112", key=True)
+    if which == "belt" and entry.belt is not None and entry.eye is not None:
+        half = entry.belt[0] / 2
+        if abs(entry.eye) >= half:
+            message = f"{check.written((*loc, 'eye'), entry.eye, 'm')} from its middle is not on the belt"
+            hint = f"it reaches from {-half:g} m to {half:g} m"
+            check.fault((*loc, "eye"), message, hint, code="P421")
+
+
 def body(name: str, entry: FixtureFile) -> Fixture | Bin:
-    """A fixture or a bin without faults."""
+    """A fixture or a bin without faults. A belt is a fixture, too."""
     pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
     if entry.bin is not None and entry.wall is not None:
         return Bin(ObjectId(name), entry.bin, entry.wall, pose, entry.colour)
+    if entry.belt is not None:
+        return Fixture(
+            ObjectId(name), Box(entry.belt), pose.shifted((0.0, 0.0, entry.belt[2] / 2)), entry.colour
+        )
     assert entry.box is not None
     return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour)
 

@@ -29,11 +29,14 @@ from .description import (
 )
 from .destinations import can_hold, rule_names
 from .entries import body, camera, check_body, check_camera, kind
+from .feed import Exchange
+from .feeding import belt, check_belts, check_feed, delivery
 from .schema import (
     SECTIONS,
     CameraFile,
     CatalogueFile,
     DestinationFile,
+    FeedFile,
     FixtureFile,
     RestFile,
     SpawnFile,
@@ -131,6 +134,7 @@ class _Parts:
         self.cameras = check.each(CameraFile, "cameras", most=MAX_ENTRIES)
         self.kinds = check.each(CatalogueFile, "catalogue", most=MAX_ENTRIES)
         self.spawn = check.sequence(SpawnFile, "spawn", most=MAX_ENTRIES)
+        self.feed = check.sequence(FeedFile, "feed", most=MAX_ENTRIES)
         self.destinations = check.sequence(DestinationFile, "destinations", most=MAX_ENTRIES)
         self.catalogue: Mapping[str, CatalogueEntry | None] = {}
         self.robot: Path | None = None
@@ -151,6 +155,7 @@ class _Parts:
             if check.full:
                 break
             check_spawn(check, n, entry, self.catalogue, fixtures, workspace)
+        self._check_feed(fixtures, workspace)
         for n, entry in enumerate(self.destinations):
             self._check_destination(n, entry)
         with check.readable():
@@ -182,6 +187,9 @@ class _Parts:
             goal=rest.goal,
             source=str(own.path),
             text=_text(own, self.document),
+            belts=tuple(belt(name, entry) for name, entry in self.bodies.items() if entry.belt is not None),
+            deliveries=tuple(delivery(entry, self.bodies) for entry in self.feed),
+            exchange=Exchange(rest.exchange.takes) if rest.exchange is not None else None,
         )
 
     def _robot(self, name: str) -> Path | None:
@@ -195,7 +203,11 @@ class _Parts:
     def _fixtures(self) -> list[Fixture] | None:
         """None when one of them cannot be read."""
         with self.checker.readable():
-            bodies = [body(name, entry) for name, entry in self.bodies.items() if entry.box is not None]
+            bodies = [
+                body(name, entry)
+                for name, entry in self.bodies.items()
+                if entry.box is not None or entry.belt is not None
+            ]
             return [fixture for fixture in bodies if isinstance(fixture, Fixture)]
         return None
 
@@ -208,6 +220,18 @@ class _Parts:
             message = "the workspace is empty: 'max' must be greater than 'min' along x, y and z"
             self.checker.fault(("limits", "workspace"), message, code="P415")
         return None
+
+    def _check_feed(self, fixtures: list[Fixture] | None, workspace: Bounds | None) -> None:
+        check = self.checker
+        for n, entry in enumerate(self.feed):
+            if check.full:
+                return
+            check_feed(check, n, entry, self.catalogue, self.bodies, fixtures, workspace)
+        check_belts(check, self.bodies, self.feed, workspace)
+        with check.readable():
+            if self.rest.exchange is not None and not any(map(self._may_be_bin, self.bodies)):
+                message, hint = "there is no bin that could be exchanged", "a fixture with 'bin'"
+                check.fault(("exchange",), message, hint, code="P425", key=True, severity="warning")
 
     def _check_destination(self, n: int, rule: DestinationFile) -> None:
         check = self.checker
@@ -228,7 +252,8 @@ class _Parts:
 
     def _may_be_bin(self, name: str) -> bool:
         with self.checker.readable():
-            return self.bodies[name].bin is not None or self.bodies[name].box is None
+            entry = self.bodies[name]
+            return entry.bin is not None or (entry.box is None and entry.belt is None)
         return True
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Annotated, ClassVar, cast, get_args
+from typing import Annotated, ClassVar, Literal, cast, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, WithJsonSchema
 
@@ -12,6 +12,7 @@ from ..colours import ITEM_COLOURS, PLAIN_COLOURS
 from ..files.checked import (
     Angle,
     Angles,
+    Duration,
     FileModel,
     Flag,
     Force,
@@ -29,7 +30,7 @@ from ..files.nearest import nearest
 from ..files.wording import describe
 from .description import Form, Limits, SensorNoise, Thinking
 
-SECTIONS = ("fixtures", "cameras", "catalogue", "spawn", "destinations")
+SECTIONS = ("fixtures", "cameras", "catalogue", "spawn", "feed", "destinations")
 """The parts of a scene file that are read entry by entry; the rest is `RestFile`."""
 FORMS: tuple[Form, ...] = get_args(Form)
 
@@ -63,6 +64,14 @@ def _as_mapping(key: str, given: object) -> BeforeValidator:
     return BeforeValidator(wrap, json_schema_input_type=given)
 
 
+def _clear(value: object) -> object:
+    """What stands for no time: the robot says when."""
+    if isinstance(value, str) and value != "clear":
+        hint = "it is clear, {every: 45 s} or {at: [10 s, 60 s]}"
+        raise Wrong(f"{describe(value)} is no time for a load", hint, code="P108")
+    return None if value == "clear" else value
+
+
 def _names(known: Iterable[str]) -> WithJsonSchema:
     return WithJsonSchema({"enum": list(known)})
 
@@ -78,6 +87,10 @@ Pixels = Annotated[int, Strict(), Field(ge=16, le=2048)]
 Count = Annotated[int, Strict(), Field(ge=1, le=200)]
 Corner = tuple[Length, Length]
 Cost = Annotated[float, quantity("s", least=0, most=10)]
+BeltSpeed = Annotated[float, quantity("m/s", least=0.005, most=0.5)]
+Spacing = Annotated[float, quantity("m", least=0.01, most=10)]
+Period = Annotated[float, quantity("s", least=1, most=86400)]
+Total = Annotated[int, Strict(), Field(ge=1, le=1_000_000)]
 
 
 class CylinderFile(FileModel):
@@ -106,15 +119,19 @@ class MeshFile(FileModel):
 
 
 class FixtureFile(FileModel):
-    """A body that never moves: a box as a table or shelf, or a bin to put items into."""
+    """A body that stays where it is: a box as a table or shelf, a bin to put items into, or a belt with items
+    on it."""
 
-    one_of: ClassVar[tuple[str, ...]] = ("box", "bin")
+    one_of: ClassVar[tuple[str, ...]] = ("box", "bin", "belt")
     """Exactly one of these is given."""
 
     box: Sizes | None = None
-    """Edge lengths along x, y, z; `at` is its centre. Either this or `bin`."""
+    """Edge lengths along x, y, z; `at` is its centre. Either this, `bin` or `belt`."""
     bin: Sizes | None = None
     """Outside lengths of an open bin along x, y, z; `at` is the centre of its underside. Needs `wall`."""
+    belt: Sizes | None = None
+    """Length, width and height of a belt that runs along its own +x; `at` is the centre of its underside.
+    Needs `speed` and `eye`."""
     at: Vector
     """Where it stands: x, y, z in the world."""
     rpy: Angles | None = None
@@ -123,6 +140,10 @@ class FixtureFile(FileModel):
     """How it is turned about the world's z, where that is all. Not beside `rpy`."""
     wall: Size | None = None
     """Thickness of a bin's walls and floor."""
+    speed: BeltSpeed | None = None
+    """Of a belt while it runs."""
+    eye: Length | None = None
+    """Where the light barrier crosses a belt, from its middle along +x: there it stops for the robot."""
     colour: PlainColour = "grey"
     """What cameras see: an unsaturated colour, so that it is told from items."""
 
@@ -211,6 +232,56 @@ class SpawnFile(FileModel):
     """Dropped from 10 cm in any orientation instead of set down: items roll, and lean on one another."""
 
 
+class WhenFile(FileModel):
+    """The times at which a load comes."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("every", "at")
+    """Exactly one of these is given."""
+
+    every: Period | None = None
+    """From one load to the next; the first comes after so much time."""
+    at: Annotated[tuple[Duration, ...], Field(min_length=1)] | None = None
+    """Simulated times since the run began, ascending."""
+
+
+class FeedFile(FileModel):
+    """Items that are brought while a run goes on: loads on the table, or single items on a belt."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("area", "belt")
+    """Exactly one of these is given."""
+
+    of: Annotated[dict[str, Count], Field(min_length=1)]
+    """How many of each kind of the catalogue are in one load; for a belt the shares of a mixture."""
+    colours: Annotated[tuple[ItemColour, ...], Field(min_length=1)]
+    """Given out in turn, shuffled."""
+    area: AreaFile | None = None
+    """Where on the table a load is set down, wherever it is free. Either this or `belt`."""
+    belt: str | None = None
+    """The belt, by its name under `fixtures`, at whose upstream end items are set down one by one."""
+    gap: Annotated[float, quantity("m", least=0, most=1)] | None = None
+    """Free distance on the table to any other item as seen from above; 25 mm unless given."""
+    lying: Share = 0.0
+    """Share of the cylinders that lie on their side."""
+    tumbled: Flag | None = None
+    """Dropped on the table from 10 cm in any orientation instead of set down."""
+    when: Annotated[
+        WhenFile | None, BeforeValidator(_clear, json_schema_input_type=Literal["clear"] | WhenFile | None)
+    ] = None
+    """When a load comes: `clear`, that is when the robot says that it is done with what lies there (unless
+    given), `{every: 45 s}` or `{at: [10 s, 60 s]}`. A belt runs whenever the robot is ready."""
+    spacing: Spacing | None = None
+    """Of a belt's way from one item to the next, on average; 150 mm unless given."""
+    total: Total | None = None
+    """How many items come in all; without it they come for ever."""
+
+
+class ExchangeFile(FileModel):
+    """Somebody who puts an empty bin in a full one's place when the robot asks."""
+
+    takes: Annotated[float, quantity("s", above=0, most=3600)]
+    """How long that takes while the arm is out of the way."""
+
+
 class DestinationFile(FileModel):
     """A rule that says where items belong. The first that holds for an item counts."""
 
@@ -279,6 +350,8 @@ class RestFile(FileModel):
     goal: str | None = None
     """When a run has reached its goal: an expression of the numbers of items total, sorted, misplaced and
     left; every item at its destination unless given."""
+    exchange: ExchangeFile | None = None
+    """Who exchanges full bins; without it nobody does."""
 
 
 class SceneFile(RestFile):
@@ -292,5 +365,7 @@ class SceneFile(RestFile):
     """The kinds of items by name."""
     spawn: list[SpawnFile] | None = None
     """Items that are set down at random."""
+    feed: list[FeedFile] | None = None
+    """Items that are brought while a run goes on."""
     destinations: list[DestinationFile] | None = None
     """Rules that say where items belong; an item for which none holds stays where it is."""

@@ -1,0 +1,69 @@
+"""What is brought while a run goes on, by which belts, and how bins are exchanged: values of a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+from ..values import ObjectId
+
+if TYPE_CHECKING:
+    from .description import Spawn
+
+
+@dataclass(frozen=True, slots=True)
+class Belt:
+    """A fixture that carries what lies on it along its own +x while it runs."""
+
+    id: ObjectId
+    """Its box is the fixture of this name."""
+    speed: float
+    """m/s"""
+    eye: float
+    """Where a light barrier crosses it: from its middle along +x, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clear:
+    """A load comes when the robot says that it is done with what lies there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Every:
+    """A load comes whenever so much time has passed since the beginning, s."""
+
+    period: float
+
+
+@dataclass(frozen=True, slots=True)
+class At:
+    """A load comes at each of these simulated times, s, ascending."""
+
+    times: tuple[float, ...]
+
+
+When: TypeAlias = Clear | Every | At
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """An entry of the feed. `load` is what comes at a time, as an entry of `spawn`; for a belt the mixture
+    from which single items are drawn, over the whole of the belt's top."""
+
+    load: Spawn
+    when: When = Clear()
+    """For a belt always `Clear`: it runs when the robot is ready."""
+    total: int | None = None
+    """Items in all; None: for ever."""
+    belt: ObjectId | None = None
+    """The belt at whose upstream end the items are set down; None: on the table."""
+    spacing: float = 0.15
+    """Of the belt's way from one item to the next, on average, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """Somebody puts an empty bin in a full one's place when the robot asks."""
+
+    seconds: float
+    """How long that takes."""
