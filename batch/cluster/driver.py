@@ -1,0 +1,94 @@
+"""The process that speaks with Ray for a batch.
+
+Ray takes a process over: it has signal handlers, threads and output of its own, and ends the process when the
+cluster is gone. So the batch's own process does not load it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+
+import ray
+
+from ...world.errors import PicktreeError
+from .connection import connect
+from .crew import Crew
+from .messages import STOP, News, Refused, Said, Settings
+
+_LAST = 15.0
+"""Wall s that taking leave may last; then the process ends, and with it a cluster that it started."""
+
+
+def main(batch: Connection) -> None:
+    """Serve the batch at the other end until that is gone."""
+    settings: Settings = batch.recv()
+    os.chdir(settings.folder)  # Ray has its workers look for modules where it is started
+    try:
+        try:
+            connect(settings.address, settings.workers, settings.folder)
+            asyncio.run(_serve(batch, settings))
+        except PicktreeError as error:
+            with suppress(OSError):
+                batch.send(Refused(str(error)))
+    finally:
+        ray.shutdown()
+        os.chdir("/")
+        shutil.rmtree(settings.folder, ignore_errors=True)
+
+
+async def _serve(batch: Connection, settings: Settings) -> None:
+    def tell(news: News) -> None:
+        with suppress(OSError):  # the batch is gone, as its end of the connection tells
+            batch.send(news)
+
+    crew = Crew(settings.here, settings.workers, tell)
+    gone = asyncio.Event()
+    loop = asyncio.get_running_loop()
+
+    def hear(said: Said | None) -> None:
+        if said is None:
+            gone.set()
+        elif said == STOP:
+            crew.stop()
+        else:
+            crew.give(said)
+
+    threading.Thread(target=_listen, args=(batch, loop, hear), daemon=True).start()
+    service = asyncio.create_task(_work(crew))
+    over = asyncio.create_task(gone.wait())
+    await asyncio.wait((service, over), return_when=asyncio.FIRST_COMPLETED)
+    over.cancel()
+    service.cancel()
+    await crew.close()
+    with suppress(asyncio.CancelledError):
+        await service
+
+
+async def _work(crew: Crew) -> None:
+    await crew.gather()
+    await crew.watch()
+
+
+def _listen(batch: Connection, loop: asyncio.AbstractEventLoop, hear: Callable[[Said | None], None]) -> None:
+    """In a thread of its own: waits for what the batch says."""
+    while True:
+        try:
+            said: Said | None = batch.recv()
+        except (EOFError, OSError):
+            said = None
+        with suppress(RuntimeError):  # the loop is over
+            loop.call_soon_threadsafe(hear, said)
+        if said is None:
+            threading.Timer(_LAST, os._exit, (1,)).start()
+            return
+
+
+if __name__ == "__main__":
+    main(Connection(int(sys.argv[1])))

@@ -1,0 +1,67 @@
+"""What of picktree a machine has, so that no job runs on one that would run another."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import socket
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Final
+
+from ...logs.circumstances import sources, versions
+from ...trees.registry import GROUP
+
+_ROOT: Final = Path(__file__).resolve().parents[2]
+_BESIDES: Final = ("batch", "batch/cluster", "logs/resimulation", "logs/explaining")
+"""Folders with code of a worker that is none of a run, and so not among `sources`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Installed:
+    """Equal on two machines that give the same rows for the same job, as far as this can be told."""
+
+    versions: Mapping[str, str]
+    """Of the libraries, of installed plug-ins, and of Python."""
+    sources: Mapping[str, str]
+    """Beginning of the SHA-256 of each file of picktree, by its path."""
+    host: str
+    pid: int
+
+
+def installed() -> Installed:
+    """Here."""
+    plugins = {entry.dist.name: entry.dist.version for entry in entry_points(group=GROUP) if entry.dist}
+    besides = {
+        f"{folder}/{file.name}": hashlib.sha256(file.read_bytes()).hexdigest()[:12]
+        for folder in _BESIDES
+        for file in sorted((_ROOT / folder).glob("*.py"))
+    }
+    python = "{}.{}".format(*sys.version_info)
+    return Installed(
+        {"python": python, **versions(), **plugins},
+        {**sources(), **besides},
+        socket.gethostname(),
+        os.getpid(),
+    )
+
+
+def difference(here: Installed, there: Installed) -> str:
+    """Why no job is given there; empty when nothing speaks against it."""
+    names = sorted({*here.versions, *there.versions})
+    others = [
+        f"{name} {there.versions.get(name, 'missing')}, here {here.versions.get(name, 'missing')}"
+        for name in names
+        if here.versions.get(name) != there.versions.get(name)
+    ]
+    if others:
+        return f"it has {'; '.join(others)}"
+    files = sorted(
+        name for name in {*here.sources, *there.sources} if here.sources.get(name) != there.sources.get(name)
+    )
+    if files:
+        return f"its picktree is another: {', '.join(files[:3])}{' and more' if len(files) > 3 else ''}"
+    return ""
