@@ -24,7 +24,9 @@ class Order:
     wall: float
     """Wall s that it may take."""
     memory: int
-    """Bytes of resident memory that it may take."""
+    """Bytes of resident memory that it may take, with the processes that it starts."""
+    disk: int = 10 * 10**9
+    """Bytes that it may write."""
 
     @property
     def result(self) -> Path:

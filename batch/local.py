@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
 import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 
 from .executor import Event, Failed, Order, Stopped
+from .processes import how_it_ended
 from .worker import READY, THREADS, serve
 
-_LOOK = 0.5
-"""Wall s between two looks at what the workers take."""
-_GRACE = 15.0
-"""Wall s that a run has for breaking off before its worker is killed."""
-_PAGE = os.sysconf("SC_PAGE_SIZE")
+_GRACE = 5.0
+"""Wall s that a worker has for ending a job before it is killed."""
 
 
 @dataclass
@@ -28,8 +24,6 @@ class _Worker:
     process: BaseProcess
     orders: Connection
     order: Order | None = None
-    ready: bool = False
-    began: float = 0.0
     stopped_at: float | None = None
 
 
@@ -40,7 +34,6 @@ class LocalExecutor:
         """By default one for each core that this process may use."""
         self._slots = slots if slots is not None else len(os.sched_getaffinity(0))
         self._workers: list[_Worker] = []
-        self._looked = 0.0
 
     def __enter__(self) -> LocalExecutor:
         return self
@@ -59,20 +52,19 @@ class LocalExecutor:
                 raise ValueError("every worker is busy")
             worker = _started()
             self._workers.append(worker)
-        worker.order, worker.began, worker.stopped_at = order, time.monotonic(), None
+        worker.order = order
         with suppress(OSError):  # it has died: `wait` finds out
             worker.orders.send(order)
 
     def wait(self, seconds: float) -> Sequence[Event]:
         until = time.monotonic() + seconds
         while True:
-            left = until - time.monotonic()
             sources = [source for w in self._workers for source in (w.orders, w.process.sentinel)]
             if sources:
-                wait(sources, max(0.0, min(left, _LOOK)))
+                wait(sources, max(0.0, until - time.monotonic()))
             events = [event for worker in list(self._workers) for event in self._heard(worker)]
-            events += self._overdue()
-            if events or left <= 0 or not sources:
+            self._kill_overdue()
+            if events or not sources or time.monotonic() >= until:
                 return events
 
     def stop(self) -> None:
@@ -85,7 +77,7 @@ class LocalExecutor:
         for worker in self._workers:
             worker.orders.close()
             if worker.order is not None:
-                worker.process.kill()
+                worker.process.terminate()
         for worker in self._workers:
             worker.process.join(_GRACE)
             if worker.process.exitcode is None:
@@ -95,56 +87,37 @@ class LocalExecutor:
 
     def _heard(self, worker: _Worker) -> list[Event]:
         """What a worker says, or that it is gone."""
-        try:
+        with suppress(EOFError, OSError):
             if worker.orders.poll():
                 said: Event | str = worker.orders.recv()
                 if isinstance(said, str):
-                    worker.ready, worker.began = said == READY, time.monotonic()
+                    assert said == READY
                     return []
                 worker.order = None
                 return [said]
-        except (EOFError, OSError):
-            pass
-        if worker.process.exitcode is None:
-            return []
-        return self._gone(worker, _how_it_ended(worker.process.exitcode))
+        return [] if worker.process.exitcode is None else self._gone(worker, worker.process.exitcode)
 
-    def _overdue(self) -> list[Event]:
-        """The orders that are over their limits; their workers are killed."""
-        now = time.monotonic()
-        if now - self._looked < _LOOK:
-            return []
-        self._looked = now
-        events: list[Event] = []
-        for worker in [w for w in self._workers if w.order is not None]:
-            order = worker.order
-            assert order is not None
-            reason = ""
-            if worker.stopped_at is not None:
-                reason = "it did not break off" if now - worker.stopped_at > _GRACE else ""
-            elif worker.ready and now - worker.began > order.wall:
-                reason = f"it took more than {order.wall:g} s of wall time"
-            elif _resident(worker.process.pid) > order.memory:
-                reason = f"it took more than {order.memory / 1e6:.0f} MB of memory"
-            if reason:
+    def _kill_overdue(self) -> None:
+        """The workers that were told to stop and do not."""
+        for worker in self._workers:
+            if worker.stopped_at is not None and time.monotonic() - worker.stopped_at > _GRACE:
                 worker.process.kill()
-                worker.process.join()
-                events += self._gone(worker, reason)
-        return events
 
-    def _gone(self, worker: _Worker, reason: str) -> list[Event]:
+    def _gone(self, worker: _Worker, code: int) -> list[Event]:
         self._workers.remove(worker)
         worker.orders.close()
         order = worker.order
         if order is None:
             return []
-        return [Stopped(order) if worker.stopped_at is not None else Failed(order, reason)]
+        if worker.stopped_at is not None:
+            return [Stopped(order)]
+        return [Failed(order, f"its worker {how_it_ended(code)}")]
 
 
 def _started() -> _Worker:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=serve, args=(theirs,), name="picktree-worker", daemon=True)
+    process = context.Process(target=serve, args=(theirs,), name="picktree-worker")
     with _one_thread_each():
         process.start()
     theirs.close()
@@ -164,20 +137,3 @@ def _one_thread_each() -> Generator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
-
-
-def _how_it_ended(code: int) -> str:
-    if code >= 0:
-        return f"its worker ended with exit code {code}"
-    try:
-        return f"its worker was ended by {signal.Signals(-code).name}"
-    except ValueError:
-        return f"its worker was ended by signal {-code}"
-
-
-def _resident(pid: int | None) -> int:
-    """Bytes of memory that a process holds; 0 when it is no more."""
-    try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * _PAGE
-    except (OSError, IndexError, ValueError):
-        return 0

@@ -1,75 +1,91 @@
-"""The worker's side: one process that carries out one order after the other."""
+"""The worker's side: one process that has everything loaded and sees to one order after the other."""
 
 from __future__ import annotations
 
-import ctypes
+import gc
 import os
 import signal
-import sys
-import traceback
+from contextlib import suppress
+from importlib import import_module
 from multiprocessing.connection import Connection
+from types import FrameType
+from typing import NoReturn
 
-from ..logs.resimulation.recipe_file import RecipeFile
-from ..logs.session import Session
-from ..world.errors import PicktreeError
-from .executor import Event, Failed, Finished, Order, Stopped
-from .harvest import harvest
+from .executor import Event, Order
+from .processes import die_with_parent, take_in_orphans
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 """What tells the numerical libraries how many threads they may start."""
 READY = "ready"
-"""What a worker says once it has loaded all that it needs; its time counts from then."""
-_PR_SET_PDEATHSIG = 1
+"""What a worker says once it has loaded all that it needs."""
+
+_MODULES = (
+    "pybullet",
+    "picktree.recovery",
+    "picktree.skills",
+    "picktree.world.simulation.kinematic",
+    "picktree.world.simulation.physics",
+    "picktree.batch.contained",
+)
+
+
+class _Told(BaseException):
+    """The batch tells the worker to break off, or is gone."""
 
 
 def serve(orders: Connection) -> None:
-    """Carry out what comes, until the other side is closed."""
-    _die_with_parent()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the batch to deal with
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # outside of a run there is nothing to break off
-    orders.send(READY)
-    while True:
+    """Carry out what comes, each order in a process of its own, until the other side is closed.
+
+    On SIGTERM, and when the batch's process is gone, it ends with all that is under way.
+    """
+    os.setsid()  # Ctrl-C is for the batch to deal with
+    die_with_parent(signal.SIGTERM)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries greet when they are loaded
+    take_in_orphans()
+    _load()
+    with suppress(EOFError, OSError, _Told):
+        orders.send(READY)
+        while True:
+            orders.send(_seen_to(orders.recv()))
+    os._exit(0)  # without the farewells of libraries, which would stand in the batch's output
+
+
+def _seen_to(order: Order) -> Event:
+    from .contained import Contained
+
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+    before = signal.signal(signal.SIGTERM, _told)
+    try:
+        under_way = Contained(order)
         try:
-            order: Order = orders.recv()
-        except EOFError:
-            return
-        orders.send(carry_out(order))
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+            return under_way.event()
+        finally:
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+            under_way.end()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
 
 
-def carry_out(order: Order) -> Event:
-    """Run it and write the result's rows. Never raises for what a run does."""
-    try:
-        order.folder.mkdir(parents=True, exist_ok=True)
-        with RecipeFile(order.recipe) as kept:
-            session = Session(kept.recipe(order.seed), out=order.folder)
-            result = session.run()
-            if result.status == "interrupted":
-                return Stopped(order)
-            rows = harvest(session, result.folder, order.attempt)
-        _write_whole(order, rows.to_json())
-    except KeyboardInterrupt:
-        return Stopped(order)
-    except PicktreeError as error:
-        return Failed(order, str(error))
-    except Exception as error:  # noqa: BLE001 - one job's fault must not cost another
-        traceback.print_exc(file=sys.stderr)
-        return Failed(order, f"{type(error).__name__}: {error}")
-    return Finished(order)
+def _told(number: int, frame: FrameType | None) -> NoReturn:
+    raise _Told
 
 
-def _write_whole(order: Order, data: bytes) -> None:
-    beside = order.result.with_suffix(".part")
-    try:
-        with beside.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(order.result)
-    except OSError as error:
-        raise PicktreeError(f"{order.result}: the result cannot be written: {error.strerror}") from None
+def _load() -> None:
+    """Everything that a job would load in its own time, and what is the same for all of them."""
+    for module in _MODULES:
+        import_module(module)
+    from ..logs.circumstances import revision, sources
+    from ..logs.recipe_record import installed_meshes
+    from ..logs.robot_meshes import link_meshes
+    from ..world.robot.load import load_robot, robot_names
 
-
-def _die_with_parent() -> None:
-    """A worker whose batch is gone has nobody to answer to. Linux only; elsewhere it ends after its job."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    for name in robot_names():
+        robot = load_robot(name)
+        link_meshes(robot.urdf)
+        installed_meshes(robot)
+    revision()
+    sources()
+    gc.collect()
+    gc.freeze()  # what is shared with the jobs' processes stays shared

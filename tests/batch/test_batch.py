@@ -96,9 +96,9 @@ def test_a_batch_is_run_by_one_process_at_a_time(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("doing", "reason"),
     [
-        ("os.kill(os.getpid(), signal.SIGSEGV)", "its worker was ended by SIGSEGV"),
-        ("os._exit(7)", "its worker ended with exit code 7"),
-        ("self.hoard = bytearray(900_000_000); time.sleep(60)", "it took more than 700 MB of memory"),
+        ("os.kill(os.getpid(), signal.SIGSEGV)", "its process was ended by SIGSEGV, at trouble.py:12 in run"),
+        ("os._exit(7)", "its process ended with exit code 7"),
+        ("self.hoard = bytearray(900_000_000); time.sleep(60)", "it took more than 700 MB of memory, at trouble.py:12 in run"),
     ],
 )
 def test_a_job_that_ends_its_worker_costs_itself_alone(tmp_path: Path, doing: str, reason: str) -> None:
@@ -125,7 +125,7 @@ def test_a_job_that_hangs_is_ended_at_its_limit(tmp_path: Path) -> None:
         limits=Limits(wall=3.0),
     )
     seen = run(Batch.create(tmp_path / "batch", asked), workers=1)
-    assert seen.again == ["it took more than 3 s of wall time"]
+    assert seen.again == ["it took more than 3 s of wall time, at trouble.py:12 in run"]
     assert [ended.row.status for ended in seen.ends] == ["crashed"]
 
 

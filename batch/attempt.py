@@ -1,0 +1,49 @@
+"""One try at a job: the run, and the rows that are taken from it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+
+from ..logs.resimulation.recipe_file import RecipeFile
+from ..logs.session import Session
+from ..world.errors import PicktreeError
+from .executor import Event, Failed, Finished, Order, Stopped
+from .harvest import harvest
+
+
+def carry_out(order: Order) -> Event:
+    """Run it and write the result's rows. Never raises for what a run does."""
+    try:
+        order.folder.mkdir(parents=True, exist_ok=True)
+        with RecipeFile(order.recipe) as kept:
+            session = Session(kept.recipe(order.seed), out=order.folder)
+            result = session.run()
+            if result.status == "interrupted":
+                return Stopped(order)
+            rows = harvest(session, result.folder, order.attempt)
+        _write_whole(order, rows.to_json())
+    except KeyboardInterrupt:
+        return Stopped(order)
+    except SystemExit as end:
+        return Failed(order, f"it called sys.exit({end.code!r})")
+    except PicktreeError as error:
+        return Failed(order, str(error))
+    except BaseException as error:  # noqa: BLE001 - one job's fault must not cost another
+        traceback.print_exc(file=sys.stderr)
+        said = str(error)
+        return Failed(order, f"{type(error).__name__}: {said}" if said else type(error).__name__)
+    return Finished(order)
+
+
+def _write_whole(order: Order, data: bytes) -> None:
+    beside = order.result.with_suffix(".part")
+    try:
+        with beside.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(order.result)
+    except OSError as error:
+        raise PicktreeError(f"{order.result}: the result cannot be written: {error.strerror}") from None
