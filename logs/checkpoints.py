@@ -13,6 +13,7 @@ from ..trees.runner import Tree
 from ..world.control.loop import ControlState
 from ..world.control.motion import Way
 from ..world.errors import PicktreeError
+from ..world.noticed import NoticedState
 from ..world.perception.view import BinView
 from ..world.scene.planning_scene import SceneSnapshot
 from ..world.simulation.backends import Simulation
@@ -58,6 +59,8 @@ class RunState:
     disagreements: int = 0
     """Trajectories that the second collision checker judged otherwise by then."""
     recording: RecordingState | None = None
+    noticed: NoticedState = NoticedState()
+    """What the robot has heard of its feed by then."""
 
     def to_json(self) -> bytes:
         return _ADAPTER.dump_json(self)
@@ -111,6 +114,7 @@ def take(
         tally=tally.state(),
         disagreements=disagreements,
         recording=recording,
+        noticed=world.noticed.state(),
     )
 
 
@@ -130,6 +134,8 @@ def restore(world: World, state: RunState) -> None:
     world.attempts.restore(state.attempts)
     world.streams.restore(state.streams)
     world.thinking.owed = state.thinking_owed
+    world.journal.items_done = state.items_done
+    world.noticed.restore(state.noticed)
     world.eyes.looks = state.looks
     world.eyes.bins = {
         name: BinView(np.array([[math.nan if h is None else h for h in row] for row in rows]))

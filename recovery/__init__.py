@@ -4,6 +4,7 @@ from ..trees.node import Node
 from .recover import Recover
 from .recovery_node import RecoveryNode
 from .safe_retreat import SafeRetreat
+from .set_aside import SetAside
 
-NODES: tuple[type[Node], ...] = (Recover, RecoveryNode, SafeRetreat)
+NODES: tuple[type[Node], ...] = (Recover, RecoveryNode, SafeRetreat, SetAside)
 """What the entry point `picktree.nodes` offers."""

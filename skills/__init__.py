@@ -1,11 +1,22 @@
 """The skills that come with picktree: leaves that move the robot or look through its cameras."""
 
 from ..trees.node import Node
+from .await_items import AwaitItems
+from .exchange_bin import ExchangeBin
 from .go_to import GoTo
 from .grasp import Grasp
 from .gripper import CloseGripper, OpenGripper
 from .observe import Observe
 from .place import Place
 
-NODES: tuple[type[Node], ...] = (Observe, Grasp, Place, GoTo, OpenGripper, CloseGripper)
+NODES: tuple[type[Node], ...] = (
+    Observe,
+    Grasp,
+    Place,
+    GoTo,
+    OpenGripper,
+    CloseGripper,
+    AwaitItems,
+    ExchangeBin,
+)
 """What the entry point `picktree.nodes` offers."""

@@ -9,6 +9,7 @@ from ..trees.ports import In, Out, port
 from ..trees.references import Binding
 from ..trees.skill import CAMERA, Skill, Steps
 from ..world.causes import Cause, Failure, Family, perception
+from ..world.manipulation.feeding import notice_exchanges
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -41,7 +42,11 @@ class Observe(Skill):
 
     def run(self, world: World) -> Steps:
         yield from world.control.settle()
+        notice_exchanges(world, self.path)
+        world.noticed.deliveries = world.feed.read().deliveries
         summary = yield from world.eyes.look(self.camera)
+        for gone in summary.removed:
+            world.attempts.forget(gone)
         if self.expect and self.expect not in summary.seen:
             raise Failure(
                 perception.NOT_FOUND,

@@ -11,6 +11,7 @@ from ..world.causes import Failure, control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
 from ..world.manipulation.dropping import let_go
+from ..world.manipulation.feeding import notice_exchanges
 from ..world.manipulation.holding import Hold, released
 from ..world.manipulation.reaching import lower, withdraw
 from ..world.manipulation.spots import STEPS, Spot, blocked, heap, put_down_poses, release_poses, spots
@@ -71,6 +72,7 @@ class Place(Skill):
         return ()
 
     def run(self, world: World) -> Steps:
+        notice_exchanges(world, self.path)
         held = yield from self._held(world)
         if self.at:
             plan = yield from self._over_point(world, held)

@@ -57,6 +57,11 @@ class Node(Behaviour):
     uses: ClassVar[tuple[Resource, ...]] = ()
     hand_after: ClassVar[Hand] = "unchanged"
     """What is in the hand after its success, for the linter."""
+    empties: ClassVar[str] = ""
+    """The input that names a bin which is empty after its success, for rehearsals."""
+    played: ClassVar[bool] = True
+    """Whether a stand-in takes its place in a rehearsal; not of a leaf that asks and changes the belief only.
+    """
     by_turns: ClassVar[bool] = False
     """Whether it runs one child at a time and leaves it alone until it ends, for the linter."""
     steady: ClassVar[bool] = False

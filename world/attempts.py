@@ -43,6 +43,11 @@ class Attempts:
     def clear(self, node: str, subject: str) -> None:
         self._tried.pop(f"{node}|{subject}", None)
 
+    def forget(self, subject: str) -> None:
+        """An object is gone for good: nothing that was tried on it is of use any more."""
+        for key in [key for key in self._tried if key.rpartition("|")[2] == subject]:
+            del self._tried[key]
+
     def state(self) -> dict[str, list[str]]:
         return {key: list(names) for key, names in self._tried.items()}
 

@@ -109,6 +109,15 @@ class world:
     ANY = Family("world")
 
 
+class feed:
+    LATE = Cause("feed.late", "Nothing came within the time.", "wait on, or see to the feed")
+    NO_EXCHANGE = Cause(
+        "feed.no_exchange", "No empty bin came within the time.", "wait on, or see to who exchanges bins"
+    )
+    OBSTRUCTED = Cause("feed.obstructed", "The feed waits for the arm to leave.", "retreat safely")
+    ANY = Family("feed")
+
+
 class tree:
     TIMEOUT = Cause("tree.timeout", "The branch took longer than its time.", "give it more time")
     ATTEMPTS = Cause("tree.attempts", "All attempts are used up.", "allow more attempts")
@@ -123,7 +132,7 @@ class internal:
 
 
 FAMILIES: tuple[type, ...] = (
-    perception, planning, grasp, place, insert, push, control, safety, world, tree, internal
+    perception, planning, grasp, place, insert, push, control, safety, world, feed, tree, internal
 )  # fmt: skip
 OUR_PREFIXES = tuple(family.__name__ for family in FAMILIES)
 """First words of our own causes."""

@@ -15,6 +15,8 @@ FACTS: Mapping[str, type[bool] | type[int] | type[float] | type[str]] = {
     "holding": bool,
     "held_object": str,
     "stopped": bool,
+    "feed_exhausted": bool,
+    "items_done": int,
     "time": float,
 }
 """Their names and types."""
@@ -33,9 +35,12 @@ def to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
 
 
 def facts(
-    scene: PlanningScene, *, looked: bool, stopped: bool, now: float
+    scene: PlanningScene, *, looked: bool, stopped: bool, exhausted: bool, done: int, now: float
 ) -> Mapping[str, bool | int | float | str]:
-    """Their values. `items_left` is true before anybody has looked, too: nothing is known of the table."""
+    """Their values. `items_left` is true before anybody has looked, too: nothing is known of the table.
+
+    `exhausted`: the feed's line says that nothing more will come; `done`: items placed so far.
+    """
     held = scene.held
     left = len(to_do(scene))
     return {
@@ -44,5 +49,7 @@ def facts(
         "holding": held is not None,
         "held_object": held.id if held else "",
         "stopped": stopped,
+        "feed_exhausted": exhausted,
+        "items_done": done,
         "time": now,
     }

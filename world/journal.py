@@ -77,9 +77,13 @@ class Journal:
 
     def __init__(self) -> None:
         self._entries: list[Entry] = []
+        self.items_done = 0
+        """How often an item was placed, as the robot believes; part of the state."""
 
     def note(self, entry: Entry) -> None:
         self._entries.append(entry)
+        if isinstance(entry, Happened) and entry.kind == "item_done":
+            self.items_done += 1
 
     def take(self) -> tuple[Entry, ...]:
         entries = tuple(self._entries)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from .facts import facts, to_do
 from .handling import Handling
 from .no_feed import NoFeed
+from .noticed import Noticed
 
 if TYPE_CHECKING:  # so that who only names the type, as a plug-in does, does not wait for planner and robot
     from .attempts import Attempts
@@ -46,6 +47,7 @@ class World:
     eyes: Eyes
     queries: SceneQueries
     feed: Feed = field(default_factory=NoFeed)
+    noticed: Noticed = field(default_factory=Noticed)
     handling: Handling = field(default_factory=Handling)
     tick: float = 0.05
     """Seconds between two ticks of the tree."""
@@ -60,5 +62,7 @@ class World:
             self.scene,
             looked=self.eyes.looks > 0,
             stopped=self.control.monitor.stopped is not None,
+            exhausted=self.feed.read().exhausted,
+            done=self.journal.items_done,
             now=self.clock.now,
         )

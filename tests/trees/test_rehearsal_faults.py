@@ -165,7 +165,7 @@ def test_a_pattern_after_others_that_fit_all_that_it_fits() -> None:
         ("objects: {a: {role: thing}}", "P108 5:25: cases.it.objects.a.role: 'thing' is not known here "
          "(known: item, obstacle)"),
         ("facts: {time: 3}", "P711 5:13: cases.it.facts.time: the time passes by itself, tick by tick "
-         "(known: items_left, items_to_do, holding, held_object, stopped)"),
+         "(known: items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done)"),
         ("facts: {holding: 1}",
          "P711 5:22: cases.it.facts.holding: the fact 'holding' is true or false, not 1"),
         ("facts: {items_to_do: true}",
@@ -222,7 +222,7 @@ def test_the_world_of_a_case(line: str, fault: str) -> None:
         ("{handled: [{by: Recover}]}", "P105 5:24: cases.it.expect.handled[0]: 'cause' is missing"),
         ("{facts: {done: true}}",
          "P711 5:22: cases.it.expect.facts.done: there is no fact 'done' (known: items_left, items_to_do, "
-         "holding, held_object, stopped, time)"),
+         "holding, held_object, stopped, feed_exhausted, items_done, time)"),
         ("{blackboard: {itms: []}}", "P715 5:27: cases.it.expect.blackboard.itms: Main has no key 'itms' "
          "(did you mean 'items'?)"),
         ("{blackboard: {Sort/item: a}}", "P715 5:27: cases.it.expect.blackboard.Sort/item: no sub-tree of "
@@ -372,7 +372,7 @@ def test_loading_raises_with_all_errors(tmp_path: Path) -> None:
         load_cases(file, mission_of("Main: {Go: {}}"))
     assert str(caught.value).replace(f"{tmp_path}/", "").splitlines() == [
         "cases.yaml:3:22: cases.it.facts.a: there is no fact 'a' "
-        "(known: items_left, items_to_do, holding, held_object, stopped)",
+        "(known: items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done)",
         "cases.yaml:3:28: cases.it.facts.b: there is no fact 'b' "
-        "(known: items_left, items_to_do, holding, held_object, stopped)",
+        "(known: items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done)",
     ]

@@ -10,6 +10,6 @@ from picktree.world.scene.planning_scene import PlanningScene
 
 @pytest.mark.parametrize("looked", [True, False])
 def test_names_and_types_are_as_declared(looked: bool) -> None:
-    found = facts(PlanningScene((), ()), looked=looked, stopped=False, now=1.5)
+    found = facts(PlanningScene((), ()), looked=looked, stopped=False, exhausted=True, done=3, now=1.5)
     assert {name: type(value) for name, value in found.items()} == FACTS
     assert found["items_left"] is not looked

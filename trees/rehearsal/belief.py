@@ -22,6 +22,7 @@ from ..declaration import Hand, NodeDeclaration, Resource
 from .case import EMPTY_HAND, Effects, Objects
 from .schema import ObjectFile
 
+GONE = "taken away with its bin"
 TABLE = "table"
 HAND = "hand"
 UNKNOWN = "unknown"
@@ -37,6 +38,8 @@ class Belief:
     """The planning scene of a rehearsal with the facts that follow from it, and those that a case sets."""
 
     def __init__(self, scene: SceneDescription | None) -> None:
+        self._exhausted = True
+        self._done = 0
         self._rule = destination_rule(scene.destinations if scene else ())
         self._catalogue = {entry.kind: entry for entry in scene.catalogue} if scene else {}
         self._known_bins = scene is not None
@@ -49,7 +52,14 @@ class Belief:
         )
 
     def facts(self, now: float) -> Mapping[str, bool | int | float | str]:
-        found = facts(self.scene, looked=self._looked, stopped=self._stopped, now=now)
+        found = facts(
+            self.scene,
+            looked=self._looked,
+            stopped=self._stopped,
+            exhausted=self._exhausted,
+            done=self._done,
+            now=now,
+        )
         return {**found, **self._set}
 
     def to_do(self) -> list[str]:
@@ -107,6 +117,8 @@ class Belief:
             self._fill(leaf, inputs, of_itself=of_itself)
         elif hand == "empty":
             self._empty(leaf, inputs)
+        if leaf.empties:
+            self._take_away(str(inputs.get(leaf.empties)))
 
     def failed(self, cause: Cause) -> None:
         """What the cause says of the world by itself."""
@@ -144,12 +156,23 @@ class Belief:
         place = next(
             (str(inputs[p.key]) for p in leaf.inputs if p.names == "bin" and inputs.get(p.key)), TABLE
         )
-        if place != TABLE and self._known_bins and place not in self.scene.bins:
-            raise Failure(world.UNKNOWN_OBJECT, f"there is no bin {place!r}", known=list(self.scene.bins))
+        if place != TABLE:
+            self._refuse_unknown(place)
         if wanted is not None and (held is None or held.id != wanted):
             holds = f"holds {held.id!r}" if held else "is empty"
             raise Contradiction(f"{leaf.id} lets go of {wanted!r} while the hand {holds}")
+        self._done += wanted is not None
         self.let_go(place)
+
+    def _take_away(self, bin_id: str) -> None:
+        self._refuse_unknown(bin_id)
+        for belief in self.scene.objects:
+            if belief.place == bin_id:
+                self.scene.remove(belief.id, GONE)
+
+    def _refuse_unknown(self, bin_id: str) -> None:
+        if self._known_bins and bin_id not in self.scene.bins:
+            raise Failure(world.UNKNOWN_OBJECT, f"there is no bin {bin_id!r}", known=list(self.scene.bins))
 
     # Objects.
 

@@ -35,8 +35,9 @@ class Role:
 
 
 def is_played(node: type[Node]) -> bool:
-    """Whether a stand-in takes the node's place: a leaf that is not of the language itself."""
-    return node not in _OWN and not node.declaration.slots
+    """Whether a stand-in takes the node's place: a leaf that is not of the language itself, unless it does
+    nothing but change the belief."""
+    return node.played and node not in _OWN and not node.declaration.slots
 
 
 def follows_from_belief(port: PortDeclaration, uses: tuple[Resource, ...]) -> bool:

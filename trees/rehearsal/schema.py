@@ -97,8 +97,8 @@ _LEAVES = (
 _PARAMETERS = "Values of the mission's parameters, the ports of Main."
 _OBJECTS = "What is in the belief when the mission begins, by id."
 _FACTS = (
-    "Facts (items_left, items_to_do, holding, held_object, stopped) that have a value of the case's own; "
-    "the others follow from the belief."
+    "Facts (items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done) that have a "
+    "value of the case's own; the others follow from the belief."
 )
 
 

@@ -1,0 +1,93 @@
+"""ExchangeBin: ask for an empty bin in a full one's place, and wait until it stands there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..trees.ports import In, port
+from ..trees.skill import Doing, Skill, Steps
+from ..world.causes import Failure, feed
+from ..world.causes import world as world_causes
+from ..world.manipulation.feeding import fill_of, notice_exchanges
+from ..world.scene.description import Bin
+from ..world.values import ObjectId
+
+if TYPE_CHECKING:
+    from ..world.world import World
+
+
+class ExchangeBin(Skill):
+    """Ask for an empty bin in a full one's place, and wait until it stands there.
+
+    With `fill` it asks only for a bin whose heap, as seen, is at least so high, and succeeds at once for
+    another. What was believed to lie in the bin goes with it. The arm must be clear of the bin, also with an
+    item in the hand: nobody reaches below it.
+    """
+
+    example = """
+    ExchangeBin: {bin: red_bin, fill: 0.6}
+    """
+
+    bin: In[ObjectId] = port("the bin that is to be exchanged", names="bin")
+    level: In[float] = port(
+        "ask only when the heap is so high, as a share of the bin's depth; 0 for always",
+        key="fill",
+        default=0.0,
+        least=0,
+        most=1,
+    )
+    longest: In[float] = port("how long it waits at most", unit="s", default=120.0, above=0)
+    clearance: In[float] = port(
+        "how long somebody may wait for the arm to leave before it fails", unit="s", default=5.0, least=0
+    )
+    causes = (feed.NO_EXCHANGE, feed.OBSTRUCTED, world_causes.UNKNOWN_OBJECT)
+    empties = "bin"
+
+    def run(self, world: World) -> Steps:
+        bin_ = self._bin(world)
+        if self.bin in notice_exchanges(world, self.path):
+            return  # at an earlier request, for which nobody waited to the end
+        full = fill_of(world, bin_)
+        if full < self.level:
+            self.feedback_message = f"{self.bin} is {full:.0%} full"
+            return
+        world.feed.exchange(self.bin)
+        yield from self._wait(world, full)
+
+    def _bin(self, world: World) -> Bin:
+        found = world.scene.bins.get(self.bin)
+        if found is None:
+            raise Failure(
+                world_causes.UNKNOWN_OBJECT, f"there is no bin {self.bin!r}", known=list(world.scene.bins)
+            )
+        return found
+
+    def _wait(self, world: World, full: float) -> Doing[None]:
+        began = world.clock.now
+        obstructed_since: float | None = None
+        while True:
+            yield
+            if self.bin in notice_exchanges(world, self.path):
+                return
+            signals, waited = world.feed.read(), world.clock.now - began
+            if not signals.obstructed:
+                obstructed_since = None
+            elif obstructed_since is None:
+                obstructed_since = world.clock.now
+            elif world.clock.now - obstructed_since >= self.clearance:
+                raise Failure(
+                    feed.OBSTRUCTED,
+                    f"{self.bin} has not been exchanged for {self.clearance:g} s: the arm is over it",
+                    bin=self.bin,
+                    waited=waited,
+                    fill=full,
+                )
+            if waited >= self.longest:
+                raise Failure(
+                    feed.NO_EXCHANGE,
+                    f"no empty bin came in the place of {self.bin} within {self.longest:g} s",
+                    bin=self.bin,
+                    waited=waited,
+                    fill=full,
+                    busy=signals.busy,
+                )

@@ -1,0 +1,211 @@
+"""Waiting for items and having bins exchanged, against a feed that does as it is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from picktree.world.manipulation.feeding import fill_of
+from picktree.world.perception.view import BinView
+from picktree.world.values import ObjectId, Pose
+
+from .cell import Cell, items, mission
+from .scripted_feed import ScriptedFeed
+
+LOOK = 'Observe: {camera: overhead, objects: "{items}"}'
+RED = ObjectId("red_bin")
+
+
+def cell_with(body: str, **feed: Any) -> tuple[Cell, ScriptedFeed]:
+    """A cell with one block on its table, and a feed."""
+    cell = Cell(mission(body), items(block=1))
+    scripted = ScriptedFeed(cell.world.clock, **feed)
+    cell.world = replace(cell.world, feed=scripted)
+    cell.start(mission(body))
+    return cell, scripted
+
+
+def outcome(cell: Cell) -> tuple[str, str, float]:
+    """Status, failure and simulated time of the end."""
+    cell.finish()
+    failure = cell.tree.failure
+    told = f"{failure.cause}: {failure.message}" if failure else ""
+    return cell.tree.status.value, told, round(cell.world.clock.now, 2)
+
+
+def test_it_says_that_it_is_ready_and_waits_for_what_comes() -> None:
+    cell, feed = cell_with("AwaitItems", loads=2)
+    assert outcome(cell) == ("SUCCESS", "", 1.0)
+    assert feed.heard == ["ready"]
+    assert cell.world.facts()["feed_exhausted"] is False
+
+
+def test_of_an_exhausted_feed_nothing_is_awaited() -> None:
+    cell, feed = cell_with("AwaitItems", loads=0)
+    assert outcome(cell) == ("SUCCESS", "", 0.0)
+    assert feed.heard == []
+    assert cell.world.facts()["feed_exhausted"] is True
+
+
+def test_what_came_during_work_is_not_awaited_but_what_was_looked_at_is() -> None:
+    cell, feed = cell_with("AwaitItems", loads=1)
+    feed.deliveries = 1
+    assert outcome(cell) == ("SUCCESS", "", 0.0)
+    assert feed.heard == []
+    cell.start(mission(f"Sequence: [{{{LOOK}}}, AwaitItems]"))
+    feed.deliveries, looked = 2, cell.world.clock.now
+    assert outcome(cell)[:2] == ("SUCCESS", "")
+    assert feed.heard == ["ready"]
+    assert cell.world.clock.now > looked + 1.0
+
+
+def test_nothing_comes() -> None:
+    cell, _ = cell_with("AwaitItems: {longest: 3 s}", loads=1, delay=None)
+    assert outcome(cell) == ("FAILURE", "feed.late: nothing came within 3 s", 3.0)
+    assert cell.tree.failure is not None
+    evidence = {"waited": pytest.approx(3.0), "busy": False, "obstructed": False, "deliveries": 0}
+    assert cell.tree.failure.evidence == evidence
+
+
+def test_the_arm_is_in_the_way() -> None:
+    cell, feed = cell_with("AwaitItems: {clearance: 2 s}", loads=1, obstructed_until=60.0)
+    cause = "feed.obstructed: the feed has waited 2 s for the arm to leave, and sets nothing down"
+    assert outcome(cell)[:2] == ("FAILURE", cause)
+    assert cell.world.clock.now == pytest.approx(2.0, abs=0.2)
+    # Less than that is no failure, and what is ready stays ready.
+    cell, feed = cell_with("AwaitItems: {clearance: 2 s}", loads=1, obstructed_until=1.5)
+    assert outcome(cell) == ("SUCCESS", "", 1.5)
+    assert feed.heard == ["ready"]
+
+
+def placed(body: str, **feed: Any) -> tuple[Cell, ScriptedFeed, str]:
+    """A cell whose block was placed into red_bin, with a mission that is still to begin."""
+    cell, scripted = cell_with(LOOK, **feed)
+    cell.finish()
+    (block,) = [o.id for o in cell.world.scene.objects]
+    cell.start(
+        mission(f"Sequence: [{{Grasp: {{object: {block}}}}}, {{Place: {{object: {block}, into: red_bin}}}}]")
+    )
+    cell.finish()
+    assert cell.tree.failure is None
+    cell.start(mission(body))
+    cell.events.clear()
+    return cell, scripted, block
+
+
+def test_what_lay_in_an_exchanged_bin_is_gone_with_all_that_was_known_of_it() -> None:
+    cell, feed, block = placed("ExchangeBin: {bin: red_bin}")
+    world = cell.world
+    assert world.facts()["items_done"] == 1
+    world.eyes.bins[RED] = BinView(np.full((3, 3), 0.04))
+    world.attempts.failed("Main/Grasp", block, "top 0")
+    world.attempts.failed("Main/Grasp", "another", "top 0")
+    began = world.clock.now
+    assert outcome(cell)[:2] == ("SUCCESS", "")
+    assert world.clock.now - began == pytest.approx(1.0)
+    assert feed.heard == ["exchange red_bin"]
+    assert world.scene.objects == ()
+    assert RED not in world.eyes.bins
+    assert world.attempts.state() == {"Main/Grasp|another": ["top 0"]}
+    assert fill_of(world, world.scene.bins[RED]) == 0.0
+    assert cell.happened("bin_emptied") == [
+        "bin_emptied: red_bin is exchanged for an empty one; 1 item is gone with it"
+    ]
+    assert world.facts()["items_done"] == 1
+
+
+def test_the_reason_is_in_the_change_of_the_belief() -> None:
+    cell, _, block = placed("ExchangeBin: {bin: red_bin}")
+    while cell.running or cell.tree.status.value == "IDLE":
+        cell.tree.tick()
+        changes = cell.world.scene.take_changes()
+        if changes:
+            break
+        cell.wait()
+    assert [(c.before and c.before.id, c.after, c.reason) for c in changes] == [
+        (block, None, "taken away with its bin")
+    ]
+
+
+def test_only_a_bin_that_is_so_full_is_exchanged() -> None:
+    cell, feed = cell_with("ExchangeBin: {bin: red_bin, fill: 0.5}", loads=0)
+    cell.world.eyes.bins[RED] = BinView(np.full((3, 3), 0.045))
+    assert outcome(cell) == ("SUCCESS", "", 0.0)
+    assert feed.heard == []
+    cell.start(mission("ExchangeBin: {bin: red_bin, fill: 0.5}"))
+    cell.world.eyes.bins[RED] = BinView(np.full((3, 3), 0.055))
+    assert outcome(cell)[:2] == ("SUCCESS", "")
+    assert feed.heard == ["exchange red_bin"]
+
+
+def test_what_is_in_the_hand_stays_there() -> None:
+    cell, _ = cell_with(LOOK)
+    cell.finish()
+    (block,) = [o.id for o in cell.world.scene.objects]
+    cell.start(mission(f"Sequence: [{{Grasp: {{object: {block}}}}}, {{ExchangeBin: {{bin: red_bin}}}}]"))
+    assert outcome(cell)[:2] == ("SUCCESS", "")
+    held = cell.world.scene.held
+    assert held is not None
+    assert held.id == block
+
+
+def test_no_empty_bin_comes() -> None:
+    cell, _ = cell_with("ExchangeBin: {bin: red_bin, longest: 4 s}", delay=None)
+    told = "feed.no_exchange: no empty bin came in the place of red_bin within 4 s"
+    assert outcome(cell) == ("FAILURE", told, 4.0)
+
+
+def test_an_exchange_that_nobody_waited_for_to_the_end_is_heard_of_later() -> None:
+    cell, feed, _ = placed("ExchangeBin: {bin: red_bin, clearance: 0.5 s}", obstructed_until=90.0)
+    told = "feed.obstructed: red_bin has not been exchanged for 0.5 s: the arm is over it"
+    assert outcome(cell)[:2] == ("FAILURE", told)
+    feed.obstructed_until = 0.0
+    for _ in range(20):
+        cell.wait()
+    cell.start(mission("ExchangeBin: {bin: red_bin}"))
+    began = cell.world.clock.now
+    assert outcome(cell)[:2] == ("SUCCESS", "")
+    assert cell.world.clock.now == began
+    assert feed.heard == ["exchange red_bin"]
+    assert cell.world.scene.objects == ()
+
+
+def test_a_bin_that_nobody_knows() -> None:
+    cell, _ = cell_with('Sequence: [{SetBlackboard: {value: pink_bin, output_key: "{b}"}},'
+                        ' {ExchangeBin: {bin: "{b}"}}]')  # fmt: skip
+    assert outcome(cell)[:2] == ("FAILURE", "world.unknown_object: there is no bin 'pink_bin'")
+
+
+def test_an_item_is_set_aside_at_the_second_time_and_stays_where_it_is_seen() -> None:
+    cell, _ = cell_with(LOOK)
+    cell.finish()
+    (before,) = cell.world.scene.objects
+    aside = f"SetAside: {{object: {before.id}, after: 2}}"
+    cell.start(mission(aside))
+    assert outcome(cell)[0] == "SUCCESS"
+    assert cell.world.facts()["items_to_do"] == 1
+    cell.start(mission(aside))
+    assert outcome(cell)[0] == "SUCCESS"
+    cell.start(mission(LOOK))
+    assert outcome(cell)[0] == "SUCCESS"
+    assert cell.happened("set_aside") == [f"set_aside: {before.id} is left where it lies"]
+    (after,) = cell.world.scene.objects
+    assert (after.id, after.place) == (before.id, "aside")
+    assert after.pose.distance(before.pose) < 0.005
+    assert cell.world.facts()["items_to_do"] == 0
+    assert cell.tree.blackboard.save()["Main/items"] == []
+    assert cell.world.attempts.state() == {}
+
+
+def test_what_is_in_the_hand_cannot_be_set_aside_and_what_is_gone_need_not() -> None:
+    cell, _ = cell_with(LOOK)
+    cell.finish()
+    (block,) = [o.id for o in cell.world.scene.objects]
+    cell.world.scene.attach(block, Pose())
+    cell.start(mission(f"SetAside: {{object: {block}}}"))
+    assert outcome(cell)[:2] == ("FAILURE", f"place.missed: {block} is in the hand: let go of it first")
+    cell.start(mission("SetAside: {object: red_can_9}"))
+    assert outcome(cell)[:2] == ("SUCCESS", "")

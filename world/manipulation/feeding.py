@@ -1,0 +1,55 @@
+"""What the belief makes of the feed's lines: a bin that was exchanged is empty."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..journal import Happened
+from ..scene.description import Bin
+from ..values import ObjectId
+from .spots import heap
+
+if TYPE_CHECKING:
+    from ..world import World
+
+GONE = "taken away with its bin"
+"""Why an object leaves the belief when its bin is exchanged."""
+
+
+def notice_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
+    """Let the belief follow exchanges that it does not know of yet; the bins that are empty now.
+
+    What was believed in such a bin goes, with what was tried on it, and so does the heap that was seen.
+    """
+    bins = world.noticed.exchanged(world.feed.read())
+    for bin_id in bins:
+        inside = [o.id for o in world.scene.objects if o.place == bin_id and not o.attached]
+        for object_id in inside:
+            world.scene.remove(object_id, GONE)
+            world.attempts.forget(object_id)
+        world.eyes.bins.pop(bin_id, None)
+        world.journal.note(
+            Happened(
+                "bin_emptied",
+                f"{bin_id} is exchanged for an empty one; {_counted(len(inside))} gone with it",
+                node,
+                {"bin": bin_id, "objects": [str(object_id) for object_id in inside]},
+            )
+        )
+    return bins
+
+
+def fill_of(world: World, bin_: Bin) -> float:
+    """How full a bin is, from what was seen and what is believed to lie in it: the mean height of its heap
+    over the height of its inside, each cell counting up to the rim. 0 … 1"""
+    seen = world.eyes.bins.get(bin_.id)
+    heights = heap(bin_, world.scene.objects, None if seen is None else seen.cells)
+    low, high = bin_.inside()
+    depth = high[2] - low[2]
+    return float(np.clip(heights, 0.0, depth).mean()) / depth
+
+
+def _counted(items: int) -> str:
+    return "1 item is" if items == 1 else f"{items} items are"
