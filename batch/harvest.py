@@ -6,12 +6,11 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..logs.records import Scene
 from ..logs.run import Run
-from ..logs.run_log import At
 from ..logs.session import Session
 from ..logs.visits import Visit
 from ..world.simulation.scorer import score
+from ..world.values import ObjectId, Vector3
 from .rows import FailureRow, ItemRow, JobRow, JobRows, Phase, PickRow, PlanRow, TimingRow
 
 _PHASES: dict[str, Phase] = {
@@ -50,7 +49,7 @@ def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
                 root_cause=explanation.root_causes[0].cause if explanation.root_causes else "",
                 look_at=f"{look[0].time:.2f} s: {look[0].why}" if look else "",
             ),
-            items=tuple(_items(session, next(run.log.truths(), None))),
+            items=tuple(_items(session, run)),
             picks=tuple(PickRow(p.time, p.object, p.held, p.node) for p in run.picks),
             failures=tuple(
                 FailureRow(
@@ -75,12 +74,12 @@ def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
         )
 
 
-def _items(session: Session, start: At[Scene] | None) -> Iterator[ItemRow]:
-    began = {body.id: body for body in start.record.bodies} if start else {}
+def _items(session: Session, run: Run) -> Iterator[ItemRow]:
+    arrivals = _arrivals(run, {body.id for body in session.hardware.truth()})
     scores = {item.id: item for item in score(session.hardware.truth(), session.scene).items}
     for body in session.hardware.truth():
         judged = scores[body.id]
-        x, y, _ = began[body.id].pose.position if body.id in began else body.pose.position
+        arrived, (x, y, _) = arrivals.get(body.id, (0.0, body.pose.position))
         yield ItemRow(
             str(body.id),
             body.kind,
@@ -88,10 +87,23 @@ def _items(session: Session, start: At[Scene] | None) -> Iterator[ItemRow]:
             body.colour,
             x,
             y,
+            arrived,
             judged.destination,
             judged.bin,
             judged.verdict,
         )
+
+
+def _arrivals(run: Run, wanted: set[ObjectId]) -> dict[ObjectId, tuple[float, Vector3]]:
+    """When and where each item was first, simulated s and m: at the start, or when a feed brought it."""
+    found: dict[ObjectId, tuple[float, Vector3]] = {}
+    for number, at in enumerate(run.log.truths()):
+        for body in at.record.bodies:
+            if body.id in wanted and body.id not in found:
+                found[ObjectId(body.id)] = (at.time if number else 0.0, body.pose.position)
+        if len(found) == len(wanted):
+            break
+    return found
 
 
 def _timings(run: Run) -> tuple[TimingRow, ...]:

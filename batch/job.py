@@ -45,10 +45,8 @@ def jobs_of(plan: Plan, folder: Path) -> tuple[Job, ...]:
     for variant in plan.variants():
         recipe = read_recipe(_request(plan, variant))
         content = _content(variant, recipe)
-        jobs += (
-            Job(_id(content, seed), len(jobs) + k, variant, seed, content[:16])
-            for k, seed in enumerate(plan.seeds)
-        )
+        for seed in plan.seeds:
+            jobs.append(Job(_id(content, seed), len(jobs), variant, seed, content[:16]))
         write_recipe(recipe, jobs[-1].recipe_in(folder))
     return tuple(jobs)
 

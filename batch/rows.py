@@ -18,7 +18,7 @@ JobStatus: TypeAlias = RunStatus | Literal["crashed", "refused"]
 
 @dataclass(frozen=True, slots=True)
 class ItemRow:
-    """One true item, and where the scorer found it. Positions in the world, m, at the start."""
+    """One true item, and where the scorer found it. `x`, `y`: in the world, m, when it arrived."""
 
     item: str
     kind: str
@@ -26,6 +26,8 @@ class ItemRow:
     colour: str
     x: float
     y: float
+    arrived: float
+    """Simulated s at which it was there first; 0.0: at the start."""
     destination: str | None
     bin: str | None
     verdict: Literal["sorted", "misplaced", "left"]
@@ -74,6 +76,17 @@ class TimingRow:
 
     phase: Phase
     seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class CrashRow:
+    """One try at a job that came to no result."""
+
+    attempt: int
+    reason: str
+    last_tick: int | None
+    folder: str
+    """Of the run with its log, below the batch's folder; empty when it was not kept."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,16 +6,16 @@ import csv
 import io
 import json
 import sqlite3
-from collections.abc import Iterable, Sequence
-from contextlib import closing
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 from ..world.errors import PicktreeError
 from .job import Job
 from .plan import Variant
-from .rows import FailureRow, ItemRow, JobRow, JobRows, PickRow, PlanRow, TimingRow
-from .tables import TABLES, VERSION
+from .rows import CrashRow, FailureRow, ItemRow, JobRow, JobRows, PickRow, PlanRow, TimingRow
+from .tables import VERSION, schema
 
 NAME = "results.sqlite"
 _CHILDREN = {
@@ -86,9 +86,10 @@ class Store:
         if path.exists():
             raise PicktreeError(f"{path.parent}: there is a batch already; go on with it by --resume")
         beside = path.with_suffix(".part")
-        beside.unlink(missing_ok=True)
+        for left in path.parent.glob(f"{beside.name}*"):  # of a creation that was cut short
+            left.unlink()
         with closing(_connect(beside)) as connection, connection:
-            connection.executescript(TABLES)
+            connection.executescript(schema())
             connection.executemany(
                 "INSERT INTO jobs (job, number, variant, mission, scene, faults, settings, seed, recipe) "
                 "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -156,29 +157,84 @@ class Store:
         )
         return tuple(JobRow(*row) for row in found)
 
-    def record(self, job: str, rows: JobRows) -> bool:
-        """Keep what a job came to, all of it or nothing. False when it was recorded before."""
+    def row(self, job: str) -> JobRow | None:
+        """What was recorded of a job; None when it was not run yet."""
+        names = [field.name for field in fields(JobRow)]
+        found = self._connection.execute(
+            f"SELECT {', '.join(names)} FROM jobs WHERE job = ? AND status <> 'waiting'", (job,)
+        ).fetchone()
+        return JobRow(*found) if found else None
+
+    def versions(self, job: str) -> dict[str, str]:
+        """What a job was run with."""
+        return dict(self._connection.execute("SELECT library, version FROM versions WHERE job = ?", (job,)))
+
+    def set_folder(self, job: str, folder: str) -> None:
+        """Where the run of a job is, below the batch's folder."""
+        with self._writing():
+            self._connection.execute("UPDATE jobs SET folder = ? WHERE job = ?", (folder, job))
+
+    def lost_tries(self) -> dict[str, int]:
+        """How many tries were lost of each job that has no result yet."""
+        return dict(
+            self._connection.execute(
+                "SELECT job, count(*) FROM crashes JOIN jobs USING (job) WHERE status = 'waiting' GROUP BY job"
+            )
+        )
+
+    def lose(self, job: str, crash: CrashRow) -> None:
+        """Keep that a try came to no result."""
+        with self._writing():
+            self._insert("crashes", CrashRow, job, [crash])
+
+    def begin_anew(self, job: str) -> None:
+        """Forget what was recorded of a job that crashed."""
+        with self._writing():
+            crashed = self._connection.execute(
+                "UPDATE jobs SET status = 'waiting', message = '', attempts = 0, last_tick = NULL, "
+                "look_at = '', folder = '' WHERE job = ? AND status = 'crashed'",
+                (job,),
+            )
+            if crashed.rowcount:
+                self._connection.execute("DELETE FROM crashes WHERE job = ?", (job,))
+
+    def record(self, job: str, rows: JobRows, crash: CrashRow | None = None) -> bool:
+        """Keep what a job came to, all of it or nothing. False when it was recorded before.
+
+        `crash`: its last try, where that came to no result.
+        """
         names = [field.name for field in fields(JobRow)]
         changes = ", ".join(f"{name} = ?" for name in names)
+        with self._writing():
+            changed = self._connection.execute(
+                f"UPDATE jobs SET {changes} WHERE job = ? AND status IN ('waiting', 'crashed')",
+                (*astuple(rows.job), job),
+            )
+            if changed.rowcount != 1:
+                return False
+            for table in (*_CHILDREN, "versions"):
+                self._connection.execute(f"DELETE FROM {table} WHERE job = ?", (job,))
+            for table, kind in _CHILDREN.items():
+                self._insert(table, kind, job, getattr(rows, table))
+            self._connection.executemany(
+                "INSERT INTO versions VALUES (?, ?, ?)",
+                [(job, library, version) for library, version in rows.versions.items()],
+            )
+            if crash is not None:
+                self._insert("crashes", CrashRow, job, [crash])
+        return True
+
+    @contextmanager
+    def _writing(self) -> Generator[None]:
+        """One change, all of it or nothing."""
         try:
             with self._connection:
-                changed = self._connection.execute(
-                    f"UPDATE jobs SET {changes} WHERE job = ? AND status IN ('waiting', 'crashed')",
-                    (*astuple(rows.job), job),
-                )
-                if changed.rowcount != 1:
-                    return False
-                for table in (*_CHILDREN, "versions"):
-                    self._connection.execute(f"DELETE FROM {table} WHERE job = ?", (job,))
-                for table, kind in _CHILDREN.items():
-                    self._insert(table, kind, job, getattr(rows, table))
-                self._connection.executemany(
-                    "INSERT INTO versions VALUES (?, ?, ?)",
-                    [(job, library, version) for library, version in rows.versions.items()],
-                )
+                yield
         except sqlite3.Error as error:
-            raise PicktreeError(f"{self.path}: the results cannot be written: {error}") from None
-        return True
+            raise PicktreeError(
+                f"{self.path}: the results cannot be written: {error}; nothing that was recorded is lost: "
+                f"mend that, and go on with --resume {self.path.parent}"
+            ) from None
 
     def query(self, sql: str) -> Table:
         """What a SELECT answers; nothing can be changed by it. Raises PicktreeError for faulty SQL."""

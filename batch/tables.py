@@ -1,87 +1,197 @@
-"""The tables and views of a batch's results, as SQL."""
+"""The tables of a batch's results: one declaration for the database, the exports and the documents."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..logs.export.columns import Column, Kind
+from .views import VIEWS
 
 VERSION = 2
-"""Of the tables, in `PRAGMA user_version`."""
+"""Of tables and views, in `PRAGMA user_version`."""
+_SQL: dict[Kind, str] = {"int": "INTEGER", "float": "REAL", "bool": "INTEGER", "text": "TEXT"}
 
-TABLES = """
-CREATE TABLE jobs (
-    job TEXT PRIMARY KEY,         -- hash over everything that the job runs
-    number INTEGER NOT NULL,      -- its place in the plan, from 0
-    variant TEXT NOT NULL,        -- what sets it apart from the other recipes of the plan
-    mission TEXT NOT NULL,        -- path
-    scene TEXT NOT NULL,          -- name or path; empty: the mission's own
-    faults TEXT NOT NULL,         -- path; empty: none
-    settings TEXT NOT NULL,       -- JSON object
-    seed INTEGER NOT NULL,
-    recipe TEXT NOT NULL,         -- hash of all that it runs but the seed; recipes/HASH.zip holds it
-    status TEXT NOT NULL DEFAULT 'waiting',
-                                  -- success, incomplete, failure, timeout, crashed; waiting: not yet run
-    message TEXT NOT NULL DEFAULT '',
-    digest TEXT NOT NULL DEFAULT '',
-    attempts INTEGER NOT NULL DEFAULT 0,  -- times that a worker tried it
-    items_total INTEGER, items_sorted INTEGER, items_misplaced INTEGER, items_left INTEGER,
-    picks_tried INTEGER, picks_held INTEGER,
-    sim_seconds REAL, cpu_seconds REAL, wall_seconds REAL,
-    last_tick INTEGER,            -- number of the last tick in the log
-    root_cause TEXT NOT NULL DEFAULT '',
-    look_at TEXT NOT NULL DEFAULT '',     -- one line on what to look at
-    folder TEXT NOT NULL DEFAULT ''       -- of the run with its log, below the batch; empty: not kept
-) STRICT;
-CREATE TABLE items (              -- true items, as the scorer found them
-    job TEXT NOT NULL REFERENCES jobs, item TEXT NOT NULL,
-    kind TEXT NOT NULL, form TEXT NOT NULL, colour TEXT NOT NULL,
-    x REAL NOT NULL, y REAL NOT NULL,     -- where it lay at the start, m, world
-    destination TEXT, bin TEXT,           -- where it belongs, and where it ended
-    verdict TEXT NOT NULL,                -- sorted, misplaced, left
-    PRIMARY KEY (job, item)
-) STRICT;
-CREATE TABLE picks (              -- closings of the fingers, as the robot felt them
-    job TEXT NOT NULL REFERENCES jobs, time REAL NOT NULL,  -- simulated s
-    object TEXT NOT NULL, held INTEGER NOT NULL, node TEXT NOT NULL
-) STRICT;
-CREATE TABLE failures (
-    job TEXT NOT NULL REFERENCES jobs, time REAL NOT NULL,
-    node TEXT NOT NULL, cause TEXT NOT NULL, message TEXT NOT NULL, item TEXT NOT NULL,
-    fate TEXT NOT NULL,           -- cured, passed_over, branched, ended, open
-    handled_by TEXT NOT NULL,     -- handlers that were tried, in order
-    seconds_lost REAL             -- simulated s until its fate was decided
-) STRICT;
-CREATE TABLE plans (              -- requests to the planner
-    job TEXT NOT NULL REFERENCES jobs, time REAL NOT NULL,
-    request TEXT NOT NULL, planner TEXT NOT NULL, outcome TEXT NOT NULL,
-    checks INTEGER NOT NULL, thinking REAL NOT NULL, duration REAL NOT NULL  -- s
-) STRICT;
-CREATE TABLE timings (            -- simulated s of a job by phase
-    job TEXT NOT NULL REFERENCES jobs,
-    phase TEXT NOT NULL,          -- observe, think, move, grasp, place, recover, other
-    seconds REAL NOT NULL,
-    PRIMARY KEY (job, phase)
-) STRICT;
-CREATE TABLE versions (           -- what a job was run with
-    job TEXT NOT NULL REFERENCES jobs, library TEXT NOT NULL, version TEXT NOT NULL,
-    PRIMARY KEY (job, library)
-) STRICT;
-CREATE INDEX failures_by_cause ON failures (cause);
-CREATE INDEX picks_by_job ON picks (job);
-CREATE INDEX plans_by_job ON plans (job);
-CREATE INDEX failures_by_job ON failures (job);
 
-CREATE VIEW success AS            -- how often each recipe reached its goal
-    SELECT variant, count(*) AS jobs, sum(status = 'success') AS successes,
-           sum(status = 'crashed') AS crashed, avg(sim_seconds) AS mean_sim_seconds
-    FROM jobs WHERE status <> 'waiting' GROUP BY variant ORDER BY min(number);
-CREATE VIEW picks_an_hour AS      -- objects held in a simulated hour, by job
-    SELECT job, variant, seed, picks_held * 3600.0 / sim_seconds AS rate
-    FROM jobs WHERE sim_seconds > 0 AND picks_held IS NOT NULL;
-CREATE VIEW causes AS             -- why things failed, the most frequent first
-    SELECT cause, count(*) AS failures, sum(fate = 'cured') AS cured,
-           count(DISTINCT job) AS jobs, sum(seconds_lost) AS seconds_lost
-    FROM failures GROUP BY cause ORDER BY count(*) DESC, cause;
-CREATE VIEW sorted_by_form AS
-    SELECT form, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items GROUP BY form;
-CREATE VIEW sorted_by_colour AS
-    SELECT colour, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items GROUP BY colour;
-CREATE VIEW worst AS              -- jobs that missed their goal, the most items missed first
-    SELECT seed, variant, status, items_total - items_sorted AS missed, root_cause, look_at, folder
-    FROM jobs WHERE status NOT IN ('waiting', 'success') ORDER BY missed DESC, number;
-"""
+@dataclass(frozen=True, slots=True)
+class TableOf:
+    """One table. `key`: the columns that name a row; empty where nothing does but its place."""
+
+    name: str
+    meaning: str
+    """What a row is."""
+    columns: tuple[Column, ...]
+    key: tuple[str, ...] = ()
+    index: tuple[str, ...] = ()
+    """Columns by which rows are looked up."""
+
+    def to_sql(self) -> str:
+        """CREATE statements; the comments stay in the database."""
+        declared = [_declared(column, default=self.name == "jobs") for column in self.columns]
+        width = max(map(len, declared)) + 1
+        lines = [
+            f"    {words + ',':<{width}}  -- {column.meaning}" + (f", {column.unit}" if column.unit else "")
+            for words, column in zip(declared, self.columns, strict=True)
+        ]
+        lines += [f"    PRIMARY KEY ({', '.join(self.key)}),"] if self.key else []
+        if self.name != "jobs":
+            lines.append("    FOREIGN KEY (job) REFERENCES jobs,")
+        # The last declaration goes without its comma.
+        last = lines[-1].partition(",  -- ")
+        lines[-1] = f"{last[0]}  -- {last[2]}" if last[1] else lines[-1].removesuffix(",")
+        made = [f"CREATE TABLE {self.name} (  -- {self.meaning}", *lines, ") STRICT;"]
+        made += [f"CREATE INDEX {self.name}_by_{name} ON {self.name} ({name});" for name in self.index]
+        return "\n".join(made)
+
+
+def _text(name: str, meaning: str, *, optional: bool = False) -> Column:
+    return Column(name, "text", optional, "", meaning)
+
+
+def _count(name: str, meaning: str, *, optional: bool = False) -> Column:
+    return Column(name, "int", optional, "", meaning)
+
+
+def _number(name: str, unit: str, meaning: str, *, optional: bool = False) -> Column:
+    return Column(name, "float", optional, unit, meaning)
+
+
+_JOB = _text("job", "id of the job")
+TABLES = (
+    TableOf(
+        "jobs",
+        "a job",
+        (
+            _text("job", "id: hash over everything that the job runs"),
+            _count("number", "its place in the plan, from 0"),
+            _text("variant", "recipe: what sets it apart from the others of the plan"),
+            _text("mission", "path"),
+            _text("scene", "name or path; empty: the mission's own"),
+            _text("faults", "path; empty: none"),
+            _text("settings", "JSON object"),
+            _count("seed", "of all its randomness"),
+            _text("recipe", "hash of all that it runs but the seed; recipes/HASH.zip holds it"),
+            _text("status", "success, incomplete, failure, timeout, crashed; waiting: not yet run"),
+            _text("message", "why it failed or crashed, in a sentence"),
+            _text("digest", "of all that happened; two equal runs have the same"),
+            _count("attempts", "times that a worker tried it"),
+            _count("items_total", "true items", optional=True),
+            _count("items_sorted", "in the bin where they belong", optional=True),
+            _count("items_misplaced", "in another bin", optional=True),
+            _count("items_left", "in no bin", optional=True),
+            _count("picks_tried", "closings of the fingers on an object", optional=True),
+            _count("picks_held", "of these, with the object between them", optional=True),
+            _number("sim_seconds", "s", "simulated time", optional=True),
+            _number("cpu_seconds", "s", "CPU time", optional=True),
+            _number("wall_seconds", "s", "wall time", optional=True),
+            _count("last_tick", "number of the last tick in the log", optional=True),
+            _text("root_cause", "of the first failure that was not cured"),
+            _text("look_at", "one line on what to look at"),
+            _text("folder", "of the run with its log, below the batch; empty: not kept"),
+        ),
+        key=("job",),
+    ),
+    TableOf(
+        "items",
+        "a true item, as the scorer found it",
+        (
+            _JOB,
+            _text("item", "name in the simulation"),
+            _text("kind", "in the scene's catalogue"),
+            _text("form", "box, cylinder, …"),
+            _text("colour", "name of the colour"),
+            _number("x", "m", "where it lay when it arrived, in the world"),
+            _number("y", "m", "where it lay when it arrived, in the world"),
+            _number("arrived", "s", "simulated time at which it was there first; 0: at the start"),
+            _text("destination", "bin where it belongs", optional=True),
+            _text("bin", "where it ended", optional=True),
+            _text("verdict", "sorted, misplaced, left"),
+        ),
+        key=("job", "item"),
+    ),
+    TableOf(
+        "picks",
+        "a closing of the fingers, as the robot felt it",
+        (
+            _JOB,
+            _number("time", "s", "simulated"),
+            _text("object", "as the robot calls it"),
+            Column("held", "bool", False, "", "whether it was between the fingers"),
+            _text("node", "path in the tree"),
+        ),
+        index=("job",),
+    ),
+    TableOf(
+        "failures",
+        "a failure, and what became of it",
+        (
+            _JOB,
+            _number("time", "s", "simulated"),
+            _text("node", "path in the tree"),
+            _text("cause", "as grasp.slipped"),
+            _text("message", "in a sentence"),
+            _text("item", "that it was about, as the robot calls it"),
+            _text("fate", "cured, passed_over, branched, ended, open"),
+            _text("handled_by", "handlers that were tried, in order"),
+            _number("seconds_lost", "s", "simulated time until its fate was decided", optional=True),
+        ),
+        index=("job", "cause"),
+    ),
+    TableOf(
+        "plans",
+        "a request to the planner",
+        (
+            _JOB,
+            _number("time", "s", "simulated"),
+            _text("request", "what was asked for"),
+            _text("planner", "that answered"),
+            _text("outcome", "found, or why not"),
+            _count("checks", "of collisions"),
+            _number("thinking", "s", "simulated time that it took"),
+            _number("duration", "s", "of the motion"),
+        ),
+        index=("job",),
+    ),
+    TableOf(
+        "timings",
+        "a phase of a job",
+        (
+            _JOB,
+            _text("phase", "observe, think, move, grasp, place, recover, other"),
+            _number("seconds", "s", "simulated time spent in it"),
+        ),
+        key=("job", "phase"),
+    ),
+    TableOf(
+        "crashes",
+        "a try at a job that came to no result; of a job that succeeded when it was tried again, too",
+        (
+            _JOB,
+            _count("attempt", "1 for the first"),
+            _text("reason", "why it ended, and where it was then"),
+            _count("last_tick", "number of the last tick in its log", optional=True),
+            _text("folder", "of the run with its log, below the batch; empty: not kept"),
+        ),
+        key=("job", "attempt"),
+    ),
+    TableOf(
+        "versions",
+        "a library that a job was run with",
+        (_JOB, _text("library", "name"), _text("version", "of it")),
+        key=("job", "library"),
+    ),
+)
+_DEFAULTS = {"status": "DEFAULT 'waiting'", "attempts": "DEFAULT 0"} | dict.fromkeys(
+    ("message", "digest", "root_cause", "look_at", "folder"), "DEFAULT ''"
+)
+"""Of a job that was not run yet."""
+
+
+def _declared(column: Column, *, default: bool) -> str:
+    words = [column.name, _SQL[column.kind], "" if column.optional else "NOT NULL"]
+    words.append(_DEFAULTS.get(column.name, "") if default else "")
+    return " ".join(word for word in words if word)
+
+
+def schema() -> str:
+    """SQL that makes all tables and views."""
+    return "\n".join([*(table.to_sql() for table in TABLES), *(view.to_sql() for view in VIEWS)])

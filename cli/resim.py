@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TextIO
 
 import typer
 
@@ -13,7 +13,9 @@ from .run import parse_parameters
 
 
 def resim(
-    log: Annotated[str, typer.Argument(metavar="LOG", help="Log file, run folder, or 'last'.")],
+    log: Annotated[
+        str, typer.Argument(metavar="LOG|DIR@JOB", help="Log file, run folder, 'last'; or a job of a batch.")
+    ],
     until: Annotated[
         str | None, typer.Option(metavar="TICK", help="Stop there: a tick (412) or a time (20.6s).")
     ] = None,
@@ -32,13 +34,21 @@ def resim(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the comparison as one JSON object.")] = False,
 ) -> None:
-    """Run a recorded run again, from its log alone, and compare. Exit code 0: identical; 1: it differs."""
+    """Run a recorded run again, from its log alone, and compare. Exit code 0: identical; 1: it differs.
+
+    DIR@JOB is a job of the batch in DIR: by its id or the beginning of it, or by seed=7 or LABEL,seed=7. It
+    is run again from what the batch recorded, and its log is put where the batch would have kept it.
+    """
     answer = keep_stdout() if json else None
     settings = parse_parameters(set_ or ())
     from ..world.errors import PicktreeError
 
     if faults is not None and no_faults:
         raise PicktreeError("--faults and --no-faults exclude each other")
+    if "@" in log and not Path(log).exists():
+        changed = until or mission or set_ or scene or faults or no_faults or seed is not None
+        _job_again(log, out, answer, alone=not changed)
+        return
     from ..logs.resimulation.changes import Changes
     from ..logs.resimulation.resim import resimulate
 
@@ -59,6 +69,30 @@ def resim(
         raise typer.Exit(1)
 
 
+def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bool) -> None:
+    from ..batch.remake import remake
+    from ..world.errors import PicktreeError
+
+    if not alone:
+        raise PicktreeError(
+            f"a job of a batch is run again as it was: for changes, first have its log by resim {where}, "
+            "then give that log"
+        )
+    progress = Progress()
+    try:
+        progress.say("running it again")
+        found = remake(where, out)
+    finally:
+        progress.clear()
+    if answer is None:
+        print(found.to_text())
+    else:
+        with answer:
+            answer.write(found.to_json_text())
+    if not found.identical:
+        raise typer.Exit(1)
+
+
 class Progress:
     """One line on a terminal that says how far it is; nothing elsewhere."""
 
@@ -66,8 +100,11 @@ class Progress:
         self._on = sys.stderr.isatty()
 
     def at(self, now: float, end: float) -> None:
+        self.say(f"running it again: {now:.1f} of {end:.1f} s")
+
+    def say(self, text: str) -> None:
         if self._on:
-            print(f"\r\x1b[2Krunning it again: {now:.1f} of {end:.1f} s", end="", file=sys.stderr, flush=True)
+            print(f"\r\x1b[2K{text}", end="", file=sys.stderr, flush=True)
 
     def clear(self) -> None:
         if self._on:

@@ -98,7 +98,10 @@ def test_a_batch_is_run_by_one_process_at_a_time(tmp_path: Path) -> None:
     [
         ("os.kill(os.getpid(), signal.SIGSEGV)", "its process was ended by SIGSEGV, at trouble.py:12 in run"),
         ("os._exit(7)", "its process ended with exit code 7"),
-        ("self.hoard = bytearray(900_000_000); time.sleep(60)", "it took more than 700 MB of memory, at trouble.py:12 in run"),
+        (
+            "self.hoard = bytearray(900_000_000); time.sleep(60)",
+            "it took more than 700 MB of memory, at trouble.py:12 in run",
+        ),
     ],
 )
 def test_a_job_that_ends_its_worker_costs_itself_alone(tmp_path: Path, doing: str, reason: str) -> None:
@@ -167,6 +170,8 @@ def test_a_batch_runs_what_it_began_with_whatever_becomes_of_the_files(tmp_path:
     folder = tmp_path / "batch"
     with Batch.create(folder, Plan("trouble", (mission,), (0, 1), backend="kinematic")) as batch:
         ids = [job.id for job in batch.jobs]
+        assert [job.number for job in batch.jobs] == [0, 1]
+        assert batch.store.jobs() == batch.jobs
     (tmp_path / "trouble.py").write_text("raise SystemExit('an edit half done')\n")
     mission.unlink()
     moved = tmp_path / "elsewhere"

@@ -37,8 +37,8 @@ MISSED = replace(
 )
 SLIP = FailureRow(4.0, "Main/Grasp", "grasp.slipped", "it slipped", "can_1", "cured", "SafeRetreat", 2.5)
 ITEMS = (
-    ItemRow("item_0", "can", "cylinder", "red", 0.4, 0.1, "red_bin", "red_bin", "sorted"),
-    ItemRow("item_1", "can", "cylinder", "red", 0.5, 0.1, "red_bin", None, "left"),
+    ItemRow("item_0", "can", "cylinder", "red", 0.4, 0.1, 0.0, "red_bin", "red_bin", "sorted"),
+    ItemRow("item_1", "can", "cylinder", "red", 0.5, 0.1, 3.0, "red_bin", None, "left"),
 )
 
 

@@ -1,0 +1,121 @@
+"""Views on a batch's results: the questions that are asked every morning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+CELL = 0.05
+"""Side of a cell of the table, m."""
+_FAR = 1000
+"""Cells that no place lies beyond: a cast cuts towards zero, and every SQLite has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    name: str
+    question: str
+    select: str
+
+    def to_sql(self) -> str:
+        return f"CREATE VIEW {self.name} AS  -- {self.question}\n{self.select.strip()};"
+
+
+VIEWS = (
+    View(
+        "success",
+        "how often did each recipe reach its goal?",
+        """
+    SELECT variant, count(*) AS jobs, sum(status = 'success') AS successes,
+           sum(status = 'crashed') AS crashed, avg(sim_seconds) AS mean_sim_seconds
+    FROM jobs WHERE status <> 'waiting' GROUP BY variant ORDER BY min(number)""",
+    ),
+    View(
+        "picks_an_hour",
+        "how many objects does each job hold in a simulated hour?",
+        """
+    SELECT job, variant, seed, picks_held * 3600.0 / sim_seconds AS rate
+    FROM jobs WHERE sim_seconds > 0 AND picks_held IS NOT NULL""",
+    ),
+    View(
+        "cycle_time",
+        "where does each recipe spend its time?",
+        """
+    WITH held AS (SELECT variant, sum(picks_held) AS picks FROM jobs GROUP BY variant)
+    SELECT variant, phase, sum(seconds) AS seconds, sum(seconds) / nullif(picks, 0) AS seconds_a_pick,
+           sum(seconds) / sum(sum(seconds)) OVER (PARTITION BY variant) AS share
+    FROM timings JOIN jobs USING (job) JOIN held USING (variant)
+    GROUP BY variant, phase ORDER BY min(number), sum(seconds) DESC""",
+    ),
+    View(
+        "first_try",
+        "how often does the first grasp at an object hold?",
+        """
+    WITH tries AS (
+        SELECT job, held, row_number() OVER (PARTITION BY job, object ORDER BY time) AS try FROM picks
+    )
+    SELECT variant, sum(try = 1) AS objects, sum(try = 1 AND held) AS held_at_first,
+           avg(CASE try WHEN 1 THEN held END) AS share, count(*) AS tries
+    FROM tries JOIN jobs USING (job) GROUP BY variant ORDER BY min(number)""",
+    ),
+    View(
+        "causes",
+        "why do things fail, the most frequent first?",
+        """
+    SELECT cause, count(*) AS failures, sum(fate = 'cured') AS cured,
+           count(DISTINCT job) AS jobs, sum(seconds_lost) AS seconds_lost
+    FROM failures GROUP BY cause ORDER BY count(*) DESC, cause""",
+    ),
+    View(
+        "causes_by_recipe",
+        "why does each recipe fail?",
+        """
+    SELECT variant, cause, count(*) AS failures, sum(fate = 'cured') AS cured,
+           count(DISTINCT job) AS jobs, sum(seconds_lost) AS seconds_lost
+    FROM failures JOIN jobs USING (job) GROUP BY variant, cause ORDER BY min(number), count(*) DESC""",
+    ),
+    View(
+        "failures_by_seed",
+        "which seeds are hard for every recipe?",
+        """
+    SELECT seed, count(*) AS jobs, sum(status = 'success') AS successes,
+           sum((SELECT count(*) FROM failures WHERE failures.job = jobs.job)) AS failures,
+           sum(items_total - items_sorted) AS missed
+    FROM jobs WHERE status <> 'waiting' GROUP BY seed ORDER BY missed DESC, failures DESC, seed""",
+    ),
+    View(
+        "sorted_by_form",
+        "which forms are sorted?",
+        """
+    SELECT form, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items GROUP BY form""",
+    ),
+    View(
+        "sorted_by_colour",
+        "which colours are sorted?",
+        """
+    SELECT colour, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items GROUP BY colour""",
+    ),
+    View(
+        "sorted_by_place",
+        "where on the table are items sorted, in cells of 5 cm?",
+        f"""
+    SELECT (CAST(x / {CELL} + {_FAR} AS INTEGER) - {_FAR}) * {CELL} AS x,
+           (CAST(y / {CELL} + {_FAR} AS INTEGER) - {_FAR}) * {CELL} AS y,
+           count(*) AS items, sum(verdict = 'sorted') AS sorted
+    FROM items GROUP BY 1, 2 ORDER BY 1, 2""",
+    ),
+    View(
+        "slowest",
+        "which jobs took the most simulated time for a pick?",
+        """
+    SELECT seed, variant, status, sim_seconds / picks_held AS seconds_a_pick, sim_seconds, picks_held,
+           look_at, folder
+    FROM jobs WHERE picks_held > 0 ORDER BY seconds_a_pick DESC, number""",
+    ),
+    View(
+        "worst",
+        "which jobs missed their goal, the most items missed first?",
+        """
+    SELECT seed, variant, status, items_total - items_sorted AS missed, root_cause, look_at, folder
+    FROM jobs WHERE status NOT IN ('waiting', 'success') ORDER BY missed DESC, number""",
+    ),
+)

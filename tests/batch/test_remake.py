@@ -1,0 +1,133 @@
+"""A job whose log was dropped is run again from its row."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from picktree.batch.batch import Batch
+from picktree.batch.local import LocalExecutor
+from picktree.batch.plan import Plan
+from picktree.batch.remake import remake
+from picktree.batch.store import NAME, Store
+from picktree.cli.app import answer
+from picktree.world.errors import PicktreeError
+
+from .watching import Remembering
+
+ONE_PICK = Path(__file__).parents[2] / "examples/one_pick.yaml"
+
+
+@pytest.fixture(scope="module")
+def dropped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A batch of two recipes with two seeds each, the last job not run, that keeps no log."""
+    folder = tmp_path_factory.mktemp("dropped")
+    mission = folder / "mission.yaml"
+    shutil.copy(ONE_PICK, mission)
+    plan = Plan(
+        "two",
+        (mission,),
+        (3, 4),
+        settings={"Grasp.force": ("15 N", "30 N")},
+        backend="kinematic",
+        keep="none",
+    )
+    batch = Batch.create(folder / "batch", plan)
+    ended = iter(range(4))
+    seen = Remembering(at_end=lambda: batch.stop() if next(ended) == 2 else None)
+    with batch, LocalExecutor(1) as executor:
+        assert not batch.run(executor, seen)
+    mission.unlink()
+    return folder / "batch"
+
+
+@pytest.fixture
+def batch(dropped: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(dropped, tmp_path / "ba@tch"))
+
+
+def row(batch: Path, number: int, columns: str = "folder") -> tuple[object, ...]:
+    with Store(batch / NAME) as store:
+        return store.query(f"SELECT {columns} FROM jobs WHERE number = {number}").rows[0]
+
+
+def test_its_log_goes_where_the_batch_would_have_kept_it(
+    batch: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert not list(batch.glob("jobs/*/*"))
+    job, digest = row(batch, 1, "job, digest")
+    assert answer(["resim", f"{batch}@15 N,seed=4"]) == 0
+    (folder,) = row(batch, 1)
+    assert (batch / str(folder) / "log.mcap").is_file()
+    assert capsys.readouterr().out == (
+        f"job         {job}: seed 4, Grasp.force=15 N\n"
+        f"identical   success, digest {str(digest)[:16]} as recorded\n"
+        f"log         {batch / str(folder)}\n"
+    )
+    assert not list(batch.glob("jobs/.*"))
+    again = remake(f"{batch}@{str(job)[:6]}")
+    assert (again.identical, again.kept_before, again.log) == (True, True, batch / str(folder))
+    assert len(list(batch.glob("jobs/*/*"))) == 1
+
+
+def test_elsewhere_it_goes_into_a_folder_of_its_own(
+    batch: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert answer(["resim", f"{batch}@30 N,seed=3", "--out", str(tmp_path / "out"), "--json"]) == 0
+    said = json.loads(capfd.readouterr().out)
+    (run,) = (tmp_path / "out").iterdir()
+    assert (said["identical"], said["seed"], said["log"]) == (True, 3, str(run))
+    assert (run / "log.mcap").is_file()
+    assert row(batch, 2) == ("",)
+
+
+def test_another_run_than_the_recorded_one_is_not_taken_for_it(
+    batch: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Store(batch / NAME) as store:  # as if another machine had run it
+        store._connection.execute("UPDATE jobs SET digest = 'of another run' WHERE number = 0")
+        store._connection.execute("UPDATE versions SET version = '0.1' WHERE library = 'numpy'")
+        store._connection.commit()
+    assert answer(["resim", f"{batch}@15 N,seed=3"]) == 1
+    told = capsys.readouterr().out.splitlines()
+    assert told[1:3] == ["different", "  recorded  success, digest of another run"]
+    assert told[4].startswith("likely why  numpy: recorded 0.1, now ")
+    assert row(batch, 0) == ("",)
+    (kept,) = batch.glob("jobs/*/*/log.mcap")
+    assert told[-1] == f"log         {kept.parent}"
+
+
+@pytest.mark.parametrize(
+    ("named", "message"),
+    [
+        ("30 N,seed=4", "this job was not run yet; picktree batch run --resume {batch}"),
+        ("seed=9", "no job has the seed 9; 2 seeds from 3 to 4"),
+        ("seed=3", "name one recipe as {batch}@LABEL,seed=3 (one of Grasp.force=15 N; Grasp.force=30 N)"),
+        ("zz", "there is no such job; name it as a job's id or its beginning, seed=7, or LABEL,seed=7"),
+        ("", "there is no such job; name it as a job's id or its beginning, seed=7, or LABEL,seed=7"),
+    ],
+)
+def test_what_names_no_job_that_was_run_is_refused(dropped: Path, named: str, message: str) -> None:
+    where = f"{dropped}@{named}"
+    with pytest.raises(PicktreeError) as refused:
+        remake(where)
+    assert str(refused.value) == f"{where}: {message.format(batch=dropped)}"
+
+
+def test_a_job_is_not_changed_when_it_is_run_again(dropped: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert answer(["resim", f"{dropped}@15 N,seed=3", "--seed", "5"]) == 2
+    assert capsys.readouterr().err == (
+        "a job of a batch is run again as it was: for changes, first have its log by "
+        f"resim {dropped}@15 N,seed=3, then give that log\n"
+    )
+
+
+def test_a_recipe_that_is_damaged_is_not_run(batch: Path) -> None:
+    (recipe,) = {path for path in batch.glob("recipes/*.zip") if path.stem == row(batch, 0, "recipe")[0]}
+    recipe.write_bytes(recipe.read_bytes()[:-200])
+    with pytest.raises(PicktreeError) as refused:
+        remake(f"{batch}@15 N,seed=3")
+    assert str(refused.value) == (f"{batch}@15 N,seed=3: {recipe}: no recipe of a batch, or a damaged one")
