@@ -26,6 +26,7 @@ JOINT_FEEDBACK_IN_WORLD_SPACE: int
 WORLD_FRAME: int
 LINK_FRAME: int
 ACTIVATION_STATE_ENABLE_SLEEPING: int
+ACTIVATION_STATE_DISABLE_SLEEPING: int
 ACTIVATION_STATE_SLEEP: int
 ACTIVATION_STATE_WAKE_UP: int
 
@@ -127,6 +128,8 @@ def changeDynamics(
     frictionAnchor: int = ...,
     localInertiaDiagonal: Sequence[float] = ...,
     collisionMargin: float = ...,
+    jointLowerLimit: float = ...,
+    jointUpperLimit: float = ...,
     activationState: int = ...,
     sleepThreshold: float = ...,
     physicsClientId: int = ...,
@@ -198,9 +201,22 @@ def createMultiBody(
     basePosition: Sequence[float] = ...,
     baseOrientation: Sequence[float] = ...,
     *,
+    linkMasses: Sequence[float] = ...,
+    linkCollisionShapeIndices: Sequence[int] = ...,
+    linkVisualShapeIndices: Sequence[int] = ...,
+    linkPositions: Sequence[Vec3] = ...,
+    linkOrientations: Sequence[Vec4] = ...,
+    linkInertialFramePositions: Sequence[Vec3] = ...,
+    linkInertialFrameOrientations: Sequence[Vec4] = ...,
+    linkParentIndices: Sequence[int] = ...,
+    linkJointTypes: Sequence[int] = ...,
+    linkJointAxis: Sequence[Vec3] = ...,
     flags: int = ...,
     physicsClientId: int = ...,
 ) -> int: ...
+def rayTest(
+    rayFromPosition: Sequence[float], rayToPosition: Sequence[float], *, physicsClientId: int = ...
+) -> tuple[tuple[int, int, float, Vec3, Vec3], ...]: ...
 def getAABB(bodyUniqueId: int, linkIndex: int = ..., physicsClientId: int = ...) -> tuple[Vec3, Vec3]: ...
 def getOverlappingObjects(
     aabbMin: Sequence[float], aabbMax: Sequence[float], *, physicsClientId: int = ...

@@ -11,9 +11,10 @@ import numpy as np
 from ..colours import COLOURS
 from ..errors import PicktreeError
 from ..scene.description import Bin, Fixture, SceneDescription
-from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, bottom
+from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..values import Array, ObjectId, Pose, Vector3
 from .engine import pb
+from .footprints import floor_height
 from .spawn import SpawnedItem
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ ROLLING_FRICTION = 1e-3
 """m, also for spinning, of what is round: with less a lying cylinder gains energy from the solver and rolls
 away. What is flat has four contacts instead, and would make each step three times as dear."""
 ROUND = ("cylinder", "sphere", "mesh")
-FLOOR_DEPTH = 0.75
-"""The room's floor is so far below robot and fixtures, m."""
 MAX_PARTS = 16
 """`createCollisionShapeArray` silently drops what is beyond."""
 MOVING, ALL = 1, -1
@@ -36,8 +35,8 @@ FLOOR = ObjectId("floor")
 
 def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict[int, str]:
     """Floor, fixtures and bins, to be touched but not seen; their ids by pybullet's body number."""
-    lowest = min([base_in_world.position[2], *(bottom(f.shape, f.pose) for f in scene.fixtures)])
-    floor = Fixture(FLOOR, Box((10.0, 10.0, 0.1)), Pose((0.0, 0.0, lowest - FLOOR_DEPTH - 0.05)))
+    height = floor_height(scene.fixtures, base_in_world.position[2])
+    floor = Fixture(FLOOR, Box((10.0, 10.0, 0.1)), Pose((0.0, 0.0, height - 0.05)))
     bodies: dict[int, str] = {}
     for fixture in (floor, *scene.fixtures):
         check_body(fixture.id, fixture.shape, fixture.pose)

@@ -10,6 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ..errors import PicktreeError
 from ..values import ObjectId, Quaternion, Vector3
+from .belt_drive import BeltState
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +78,7 @@ class Checkpoint:
     items: tuple[BodyState, ...]
     initial: tuple[BodyState, ...]
     ledger: tuple[DynamicsChange, ...]
+    belts: tuple[BeltState, ...] = ()
 
     def to_plain(self) -> dict[str, Any]:
         """As JSON knows it. Floats survive exactly."""

@@ -10,10 +10,12 @@ from typing import TypeAlias
 import numpy as np
 
 from ..scene.description import Fixture
-from ..shapes import Box, Cylinder, Shape, Sphere, corners, top
+from ..shapes import Box, Cylinder, Shape, Sphere, bottom, corners, top
 from ..values import Array, Pose, Quaternion
 
 Point: TypeAlias = tuple[float, float]
+FLOOR_DEPTH = 0.75
+"""The room's floor is so far below robot and fixtures, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +100,11 @@ def _nearest(points: list[Point], polygon: list[Point]) -> float:
             share = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / square))
             least = min(least, math.hypot(x - ax - share * dx, y - ay - share * dy))
     return least
+
+
+def floor_height(fixtures: Iterable[Fixture], base_height: float) -> float:
+    """Height of the room's floor in the world, m; `base_height` is that of the robot's base."""
+    return min([base_height, *(bottom(f.shape, f.pose) for f in fixtures)]) - FLOOR_DEPTH
 
 
 def support_height(fixtures: Iterable[Fixture], x: float, y: float) -> float | None:

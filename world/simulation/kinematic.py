@@ -18,6 +18,9 @@ from ..robot.model import RobotModel, pose_of
 from ..scene.description import SceneDescription
 from ..shapes import corners
 from ..values import Array, JointState, ObjectId, Pose, Vector3, Wrench
+from .belt_drive import BeltDrive
+from .footprints import floor_height
+from .kinematic_belts import KinematicBelts
 from .kinematic_bodies import Bodies, Body, Prism
 from .kinematic_camera import KinematicCamera, Posture, Stage
 from .kinematic_gripper import GRAVITY, KinematicGripper
@@ -112,6 +115,8 @@ class KinematicHardware:
         bodies = (Body(i.id, i.entry, i.colour, i.pose, i.entry.friction) for i in items)
         self.bodies = Bodies(scene, bodies)
         self.bodies.settle()
+        floor = floor_height(scene.fixtures, robot.base_in_world.position[2])
+        self._belts = KinematicBelts(scene, self.bodies, floor, period)
         self.clock = KinematicClock(period)
         self.arm = KinematicArm(self.model, period)
         self.gripper = KinematicGripper(robot.gripper, self.bodies)
@@ -138,6 +143,7 @@ class KinematicHardware:
 
     def step(self) -> None:
         self.arm.step(self._on_tcp)
+        self._belts.step()
         self.clock.periods += 1
         self._sense()
 
@@ -149,6 +155,11 @@ class KinematicHardware:
         hardware = cls(scene, robot, seed)
         hardware.restore(checkpoint)
         return hardware
+
+    @property
+    def belts(self) -> Mapping[ObjectId, BeltDrive]:
+        """For whoever brings items: the robot has no word in it."""
+        return self._belts.drives
 
     def settings(self) -> Mapping[str, str]:
         """What the record should say about this simulation."""
@@ -201,6 +212,7 @@ class KinematicHardware:
             gripper.item_in_tcp,
             bodies.held,
             tuple(ItemState(b.id, b.pose, b.friction, b.entry.mass, b.present) for b in bodies.items),
+            self._belts.states(),
         )
         self.restore(saved)
         return saved
@@ -229,6 +241,7 @@ class KinematicHardware:
             ),
             saved.held,
         )
+        self._belts.restore(saved.belts)
         self._height = None
         self._sense(still=True)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from ..scene.description import CatalogueEntry, SceneDescription
 from ..shapes import Shape, extents
-from ..values import ObjectId, Pose
+from ..values import ObjectId, Pose, Vector3
 from .footprints import Footprint, distance, footprint
 
 SINKING = 0.005
@@ -46,6 +46,13 @@ class Prism:
             (x + float(lowest[0]), y + float(lowest[1]), z + float(lowest[2])),
             (x + float(highest[0]), y + float(highest[1]), z + float(highest[2])),
         )
+
+    def shifted(self, way: Vector3) -> Prism:
+        dx, dy, dz = way
+        cx, cy = self.outline.centre
+        (x0, y0, z0), (x1, y1, z1) = self.low, self.high
+        outline = self.outline.at((cx + dx, cy + dy))
+        return Prism(self.id, outline, (x0 + dx, y0 + dy, z0 + dz), (x1 + dx, y1 + dy, z1 + dz))
 
     def covers(self, x: float, y: float) -> bool:
         """Whether the point lies inside the outline."""
@@ -115,6 +122,26 @@ class Bodies:
         if body.present and body.id != self.held:
             self._prisms[body.id] = Prism.of(body.id, body.entry.shape, body.pose)
             self._measure()
+
+    def standing(self) -> tuple[tuple[Body, Prism], ...]:
+        """Who is present and not held."""
+        return tuple((self._items[name], prism) for name, prism in self._prisms.items())
+
+    def shift(self, items: Iterable[ObjectId], way: Vector3) -> None:
+        """These are moved so far along the level, whatever is there."""
+        for name in items:
+            body = self._items[name]
+            self._items[name] = replace(body, pose=body.pose.shifted(way))
+            self._prisms[name] = self._prisms[name].shifted(way)
+
+    def fall(self, item: ObjectId, floor: float) -> None:
+        """Straight down onto what stands below, or onto the floor, among whatever lies there already."""
+        body = self._items[item]
+        prism = Prism.of(item, body.entry.shape, body.pose)
+        if any(p.overlaps(prism) and p.high[2] <= prism.low[2] + SINKING for p in self._fixed):
+            self.drop(item)
+        else:
+            self.put(replace(body, pose=body.pose.shifted((0.0, 0.0, floor - prism.low[2]))))
 
     def carry(self, pose: Pose) -> None:
         """The held item moves with the fingers."""

@@ -9,6 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ..errors import PicktreeError
 from ..values import ObjectId, Pose
+from .belt_drive import BeltState
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,7 @@ class KinematicState:
     item_in_tcp: Pose | None
     held: ObjectId | None
     items: tuple[ItemState, ...]
+    belts: tuple[BeltState, ...] = ()
 
     def to_plain(self) -> dict[str, Any]:
         """As JSON knows it. Floats survive exactly."""

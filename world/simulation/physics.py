@@ -16,6 +16,8 @@ from ..robot.description import RobotDescription
 from ..scene.description import SceneDescription
 from ..streams import Streams
 from ..values import ObjectId, Pose, Vector3
+from .belt_drive import BeltDrive
+from .belts import Belts
 from .bodies import add_fixed, add_item, forget_contacts, set_friction, set_mass
 from .camera import PhysicsCamera, backgrounds
 from .checkpoint import BodyState, Checkpoint, DynamicsChange, RobotReading
@@ -73,7 +75,8 @@ class PhysicsHardware:
         self._ledger: list[DynamicsChange] = []
         self._gone: dict[ObjectId, BodyState] = {}
         self._numbers: dict[ObjectId, int] = {}
-        self._sleepers = Sleepers(client.id)
+        self._belts = Belts(scene, client.id, PERIOD)
+        self._sleepers = Sleepers(client.id, self._belts.running)
         self._bumps: dict[ObjectId, tuple[Vector3, Vector3]] = {}
         self._fixed: dict[int, str] = {}
         behind = backgrounds(scene)
@@ -111,6 +114,11 @@ class PhysicsHardware:
     def cameras(self) -> Mapping[str, Camera]:
         return self._cameras
 
+    @property
+    def belts(self) -> Mapping[ObjectId, BeltDrive]:
+        """For whoever brings items: the robot has no word in it."""
+        return self._belts.drives
+
     def settings(self) -> Mapping[str, str]:
         """What a record has to say about the physics."""
         return {
@@ -125,7 +133,9 @@ class PhysicsHardware:
 
     def step(self) -> None:
         self._body.before_step()
+        self._belts.before_step()
         pb.stepSimulation(self._client)
+        self._belts.after_step()
         if self._bumps:
             self._carry_out_bumps()
         senses = self._senses
@@ -162,6 +172,7 @@ class PhysicsHardware:
         self._ledger = list(saved.ledger)
         for change in self._ledger:
             self._apply(change)
+        self._belts.restore(saved.belts)
         self._sleepers.sleep([s.id for s in present if s.asleep])
         self._body.restore(saved.robot, saved.arm, saved.gripper)
         self._senses.reading = saved.robot
@@ -182,6 +193,7 @@ class PhysicsHardware:
             items=tuple(replace(self._state(name), asleep=name in asleep) for name in self._items),
             initial=self._initial,
             ledger=tuple(self._ledger),
+            belts=self._belts.states(),
         )
 
     def truth(self) -> tuple[TrueBody, ...]:
@@ -249,6 +261,8 @@ class PhysicsHardware:
         self._gone = {}
         self._bumps = {}
         self._sleepers.watch(self._numbers, self._fixed)
+        # Slabs wake nothing either while they stand, but never sleep themselves.
+        self._belts.build(self._fixed)
 
     def _settle(self) -> None:
         """Let everything come to rest before time 0."""

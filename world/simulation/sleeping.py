@@ -7,7 +7,7 @@ set items in motion, such as a body that is taken away or changed, has to say `w
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 
 from ..values import ObjectId, Quaternion, Vector3
 from .engine import pb
@@ -33,8 +33,10 @@ STILL = (0.0, 0.0, 0.0)
 class Sleepers:
     """Watches the items of one pybullet client; their poses alone decide who may sleep."""
 
-    def __init__(self, client: int) -> None:
+    def __init__(self, client: int, running: Callable[[], Collection[int]] = tuple) -> None:
+        """`running` tells which of the fixed bodies move now: what lies on them does not sleep."""
         self._client = client
+        self._running = running
         self._numbers: Mapping[ObjectId, int] = {}
         self._fixed: Collection[int] = ()
         self._places: dict[ObjectId, tuple[Vector3, Quaternion, int]] = {}
@@ -125,8 +127,9 @@ class Sleepers:
         return looks + 1 >= REST_LOOKS
 
     def _island(self, name: ObjectId) -> set[ObjectId] | None:
-        """The item and all that the engine would wake with it; None when the robot is among them."""
+        """The item and all that the engine would wake with it; None when the robot or what runs is there."""
         names = {body: each for each, body in self._numbers.items()}
+        running = self._running()
         found: set[ObjectId] = set()
         waiting = [name]
         while waiting:
@@ -141,7 +144,7 @@ class Sleepers:
             for body, _ in near:
                 if body in names:
                     waiting.append(names[body])
-                elif body not in self._fixed:
+                elif body not in self._fixed or body in running:
                     return None
         return found
 
