@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import sqlite3
 from collections.abc import Generator, Iterable, Sequence
-from contextlib import closing, contextmanager
-from dataclasses import astuple, dataclass, fields
+from contextlib import AbstractContextManager, closing, contextmanager
+from dataclasses import astuple, fields
 from pathlib import Path
 
 from ..world.errors import PicktreeError
+from .answers import Read, Table, answered, reading
 from .job import Job
 from .plan import Variant
 from .rows import CrashRow, FailureRow, ItemRow, JobRow, JobRows, PickRow, PlanRow, TimingRow
@@ -25,41 +24,6 @@ _CHILDREN = {
     "plans": PlanRow,
     "timings": TimingRow,
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """The answer to a query."""
-
-    columns: tuple[str, ...]
-    rows: tuple[tuple[object, ...], ...]
-
-    def to_text(self) -> str:
-        """Columns side by side, numbers to the right."""
-        cells = [[_cell(value) for value in row] for row in self.rows]
-        widths = [
-            max([len(column), *(len(row[n]) for row in cells)]) for n, column in enumerate(self.columns)
-        ]
-        right = [any(isinstance(row[n], int | float) for row in self.rows) for n in range(len(self.columns))]
-        lines = [list(self.columns), ["─" * width for width in widths], *cells]
-        return "\n".join(
-            "  ".join(
-                text.rjust(width) if aside else text.ljust(width)
-                for text, width, aside in zip(line, widths, right, strict=True)
-            ).rstrip()
-            for line in lines
-        )
-
-    def to_csv(self) -> str:
-        """RFC 4180, with a line of column names."""
-        text = io.StringIO(newline="")
-        writer = csv.writer(text)
-        writer.writerow(self.columns)
-        writer.writerows(self.rows)
-        return text.getvalue()
-
-    def to_json_text(self) -> str:
-        return json.dumps({"columns": self.columns, "rows": self.rows}, ensure_ascii=False) + "\n"
 
 
 class Store:
@@ -178,7 +142,8 @@ class Store:
         """How many tries were lost of each job that has no result yet."""
         return dict(
             self._connection.execute(
-                "SELECT job, count(*) FROM crashes JOIN jobs USING (job) WHERE status = 'waiting' GROUP BY job"
+                "SELECT job, count(*) FROM crashes JOIN jobs USING (job) WHERE status = 'waiting' "
+                "GROUP BY job"
             )
         )
 
@@ -238,13 +203,11 @@ class Store:
 
     def query(self, sql: str) -> Table:
         """What a SELECT answers; nothing can be changed by it. Raises PicktreeError for faulty SQL."""
-        try:
-            with closing(sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro", uri=True)) as connection:
-                cursor = connection.execute(sql)
-                columns = tuple(column[0] for column in cursor.description or ())
-                return Table(columns, tuple(cursor.fetchall()))
-        except sqlite3.Error as error:
-            raise PicktreeError(f"the query cannot be answered: {error}") from None
+        return answered(self.path, sql)
+
+    def reading(self) -> AbstractContextManager[Read]:
+        """See `answers.reading`."""
+        return reading(self.path)
 
     def _insert(self, table: str, kind: type, job: str, rows: Sequence[object]) -> None:
         names = [field.name for field in fields(kind)]
@@ -263,9 +226,3 @@ def _connect(path: Path) -> sqlite3.Connection:
     except sqlite3.Error as error:
         raise PicktreeError(f"{path}: the results cannot be opened: {error}") from None
     return connection
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return ""
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

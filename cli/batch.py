@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
+from ..world.errors import PicktreeError
 from .batch_run import run
 from .output import program
 
@@ -23,6 +24,8 @@ def query(
     csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
 ) -> None:
     """Answer a question in SQL. docs/batches.md lists tables and views."""
+    if json and csv:
+        raise PicktreeError("--json and --csv exclude each other")
     from ..batch.store import NAME, Store
 
     with Store(folder / NAME) as store:
@@ -63,6 +66,24 @@ def report(
 
     write_report(folder, output, runs)
     print(output)
+
+
+@batch.command()
+def export(
+    folder: Folder,
+    to: Annotated[Literal["csv", "parquet"], typer.Option("--to", help="Form of the files.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Folder for the files, one a table.")
+    ],
+    json: Annotated[bool, typer.Option("--json", help="Print what was written as one JSON object.")] = False,
+) -> None:
+    """Write every table as a CSV or Parquet file, for pandas, DuckDB or a spreadsheet."""
+    from ..batch.exporting import export as write
+    from ..batch.store import NAME, Store
+
+    with Store(folder / NAME) as store:
+        written = write(store, to, output)
+    print(written.to_json_text() if json else f"{written.to_text()}\n", end="")
 
 
 @batch.command()

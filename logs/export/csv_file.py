@@ -26,7 +26,7 @@ def write_csv(path: Path, table: Table[R], rows: Iterable[R]) -> int:
         writer = csv.writer(file, lineterminator="\r\n")
         writer.writerow([column.name for column in table.columns])
         for row in rows:
-            writer.writerow([_said(cell) for cell in cells(row)])
+            writer.writerow([said(cell) for cell in cells(row)])
             count += 1
     return count
 
@@ -47,7 +47,7 @@ def read_csv(path: Path, table: Table[R]) -> tuple[R, ...]:
         )
 
 
-def _said(cell: Cell) -> str:
+def said(cell: Cell) -> str:
     match cell:
         case None:
             return ""

@@ -16,13 +16,13 @@ R = TypeVar("R")
 
 _GROUP = 100_000
 """Rows that are held at a time: a run may last for hours."""
-_TYPES = {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "text": pa.string()}
+TYPES = {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "text": pa.string()}
 
 
 def write_parquet(path: Path, table: Table[R], rows: Iterable[R]) -> int:
     """How many rows were written. Raises OSError when the disk refuses."""
     schema = pa.schema(
-        [_field(column) for column in table.columns],
+        [field_of(column) for column in table.columns],
         metadata={"picktree.table": table.name, "picktree.row": table.meaning},
     )
     count = 0
@@ -30,7 +30,7 @@ def write_parquet(path: Path, table: Table[R], rows: Iterable[R]) -> int:
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
         while taken := [cells(row) for row in itertools.islice(waiting, _GROUP)]:
             arrays = [
-                pa.array([row[k] for row in taken], type=_TYPES[column.kind])
+                pa.array([row[k] for row in taken], type=TYPES[column.kind])
                 for k, column in enumerate(table.columns)
             ]
             writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
@@ -46,6 +46,6 @@ def read_parquet(path: Path, table: Table[R]) -> tuple[R, ...]:
     return tuple(table.row(**row) for row in read.to_pylist())
 
 
-def _field(column: Column) -> pa.Field:
+def field_of(column: Column) -> pa.Field:
     metadata = {"unit": column.unit, "meaning": column.meaning}
-    return pa.field(column.name, _TYPES[column.kind], nullable=column.optional, metadata=metadata)
+    return pa.field(column.name, TYPES[column.kind], nullable=column.optional, metadata=metadata)
