@@ -59,8 +59,6 @@ class NodeDeclaration:
     uses: tuple[Resource, ...] = ()
     slots: tuple[SlotDeclaration, ...] = ()
     hand_after: Hand = "unchanged"
-    empties: str = ""
-    """The input that names a bin which is empty after success."""
     example: str = ""
     """A node of this kind as a mission writes it, for the reference; it is checked."""
 
@@ -112,7 +110,6 @@ def declare(node: type[Node]) -> NodeDeclaration:
         node.uses,
         slots,
         node.hand_after,
-        node.empties,
         inspect.cleandoc(node.example),
     )
 

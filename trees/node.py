@@ -57,8 +57,6 @@ class Node(Behaviour):
     uses: ClassVar[tuple[Resource, ...]] = ()
     hand_after: ClassVar[Hand] = "unchanged"
     """What is in the hand after its success, for the linter."""
-    empties: ClassVar[str] = ""
-    """The input that names a bin which is empty after its success, for rehearsals."""
     played: ClassVar[bool] = True
     """Whether a stand-in takes its place in a rehearsal; not of a leaf that asks and changes the belief only.
     """
@@ -140,6 +138,11 @@ class Node(Behaviour):
     def hand_with(cls, ports: Mapping[str, Binding]) -> tuple[Hand, tuple[Hand, ...]]:
         """What is in the hand after success when its ports are wired so, and all that may be there else."""
         return cls.hand_after, ("unchanged", cls.hand_after)
+
+    @classmethod
+    def empties_with(cls, inputs: Mapping[str, object]) -> str:
+        """The bin that is empty after its success with such inputs, for rehearsals; empty text for none."""
+        return ""
 
     @classmethod
     def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:

@@ -9,6 +9,9 @@ from .scene.planning_scene import BeliefObject, PlanningScene
 ASIDE = "aside"
 """The place of an item that the mission has given up."""
 
+TAKEN_AWAY = "taken away with its bin"
+"""Why an object leaves the belief when its bin is exchanged for an empty one."""
+
 FACTS: Mapping[str, type[bool] | type[int] | type[float] | type[str]] = {
     "items_left": bool,
     "items_to_do": int,

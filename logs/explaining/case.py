@@ -78,6 +78,26 @@ class Case:
         return found
 
     @cached_property
+    def departed(self) -> Mapping[str, str]:
+        """True items taken away with their bin, and which bin that was: they count as lying in it."""
+        exchanges = self.events("bin_exchanged")
+        found: dict[str, str] = {}
+        for true in self.truth.tracks if exchanges else ():
+            gone = self.truth.gone(true)
+            if gone is None:
+                continue
+            lay = self.bin_at(self.truth.tracks[true].bodies[-1])
+            times = [at.time for at in exchanges if at.record.data.get("bin") == lay]
+            if any(gone[0] - 1e-6 <= time <= gone[1] + 1e-6 for time in times):
+                found[true] = lay
+        return found
+
+    def gone(self, true: str) -> tuple[float, float] | None:
+        """Between which times a true item vanished, s; None when it is there at the end, or when it was taken
+        away with its bin."""
+        return None if true in self.departed else self.truth.gone(true)
+
+    @cached_property
     def end(self) -> float:
         return self.run.ticks.times[-1] if self.run.ticks.times else self.run.end
 
@@ -137,7 +157,7 @@ class Case:
     def _true_body(self, id_: str) -> TrueBody:
         track = self.truth.tracks[id_]
         last = track.bodies[-1]
-        present = self.truth.gone(id_) is None
+        present = self.gone(id_) is None
         entry = entry_of(self.scene, last.kind)
         form = entry.form if entry else "box"
         return TrueBody(ObjectId(id_), last.kind, form, last.shape, last.colour, last.pose, present=present)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, cast
 
+from ...world.facts import TAKEN_AWAY
 from ...world.simulation.scorer import ItemScore
 from ..records import Event, Values
 from ..run_log import At
@@ -60,7 +61,10 @@ def _unseen(case: Case, true: str) -> ItemStory:
 def _state(case: Case, item: str) -> Literal["done", "held", "left", "gone"]:
     body = case.belief.at(item, case.end)
     if body is None:
-        return "gone"
+        last = case.belief.tracks[item].bodies[-1]
+        if case.departed.get(case.pairs.get(item, "")) != last.place:
+            return "gone"
+        return "done" if case.destination(last) == last.place else "left"
     if body.attached:
         return "held"
     destination = case.destination(body)
@@ -70,16 +74,16 @@ def _state(case: Case, item: str) -> Literal["done", "held", "left", "gone"]:
 def _truth(case: Case, true: str) -> str:
     """Where it really is in the end, in the scorer's words."""
     score: ItemScore | None = case.scores.get(true)
-    if case.truth.gone(true) is not None:
+    if case.gone(true) is not None:
         return "truly nowhere any more"
     body = case.truth.tracks[true].bodies[-1]
     lies = case.bin_at(body)
     where = f"in {lies}" if lies else f"at {place(body.pose.position)}"
-    if score is None:
-        return f"truly {where}"
-    if score.verdict == "sorted":
-        return f"truly {where}, where it belongs"
-    return f"truly {where}; it belongs into {score.destination}" if score.destination else f"truly {where}"
+    if score is not None and score.verdict == "sorted":
+        where += ", where it belongs"
+    elif score is not None and score.destination:
+        where += f"; it belongs into {score.destination}"
+    return f"truly {where}, and was taken away with it" if true in case.departed else f"truly {where}"
 
 
 def _events(at: At[Event], item: str) -> list[ItemEvent]:
@@ -114,7 +118,7 @@ def _change(data: Values) -> str:
     before, after = _body(data.get("before")), _body(data.get("after"))
     reason = str(data.get("reason", ""))
     if after is None:
-        return f"given up: {reason}"
+        return reason if reason == TAKEN_AWAY else f"given up: {reason}"
     if before is None:
         return f"seen for the first time, at {place(_position(after))}"
     if reason == "seen":

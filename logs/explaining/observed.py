@@ -57,7 +57,7 @@ def _really(case: Case, failure: FailureStory, true: str) -> Body | None:
 
 
 def _gone(case: Case, failure: FailureStory, true: str) -> bool:
-    gone = case.truth.gone(true)
+    gone = case.gone(true)
     return gone is not None and gone[1] <= failure.time + SAMPLED
 
 

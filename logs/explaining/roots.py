@@ -47,7 +47,7 @@ def root_causes_of(case: Case, outcome: Outcome, planted: Sequence[At[Event]]) -
     for true in _unsorted(case) if outcome.status != "success" else ():
         names = case.believed.get(true, ())
         done = placed_at(case, true)
-        if outcome.status not in ("success", "incomplete") and done is None and case.truth.gone(true) is None:
+        if outcome.status not in ("success", "incomplete") and done is None and case.gone(true) is None:
             continue  # the run was over before its turn came
         to_blame = [
             by_failure[f.number]

@@ -55,7 +55,7 @@ def _placed(case: Case, true: str, until: float = math.inf) -> tuple[float, str,
 
 
 def _gone_before_seen(case: Case, true: str) -> Finding | None:
-    gone = case.truth.gone(true)
+    gone = case.gone(true)
     if gone is None:
         return None
     title = f"{case.name_of(true)} was taken away before it was ever seen"
@@ -64,7 +64,7 @@ def _gone_before_seen(case: Case, true: str) -> Finding | None:
 
 
 def _taken(case: Case, true: str, into: str) -> Finding | None:
-    gone = case.truth.gone(true)
+    gone = case.gone(true)
     if gone is None:
         return None
     item = case.believed[true][-1]
@@ -139,7 +139,7 @@ def _left_bin(case: Case, true: str, item: str, into: str, time: float) -> Findi
 
 
 def _lies_in(case: Case, true: str, bin_id: str) -> bool:
-    return case.truth.gone(true) is None and case.bin_at(case.truth.tracks[true].bodies[-1]) == bin_id
+    return case.gone(true) is None and case.bin_at(case.truth.tracks[true].bodies[-1]) == bin_id
 
 
 def _crowded(bin_id: str, true: str, others: list[str]) -> tuple[str, str]:

@@ -68,7 +68,7 @@ def _reached(case: Case, failure: FailureStory) -> float:
 
 
 def _taken(case: Case, failure: FailureStory, true: str, reached: float) -> Finding | None:
-    gone = case.truth.gone(true)
+    gone = case.gone(true)
     if gone is None or gone[1] > max(reached, failure.time) + SAMPLED:
         return None
     item = failure.item

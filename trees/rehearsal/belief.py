@@ -12,7 +12,7 @@ from typing import Any
 
 from ...world.causes import Cause, Failure, matches, safety, world
 from ...world.causes import grasp as grasp_causes
-from ...world.facts import facts, to_do
+from ...world.facts import TAKEN_AWAY, facts, to_do
 from ...world.scene.description import CatalogueEntry, SceneDescription
 from ...world.scene.destinations import destination_rule
 from ...world.scene.planning_scene import BeliefObject, PlanningScene
@@ -22,7 +22,6 @@ from ..declaration import Hand, NodeDeclaration, Resource
 from .case import EMPTY_HAND, Effects, Objects
 from .schema import ObjectFile
 
-GONE = "taken away with its bin"
 TABLE = "table"
 HAND = "hand"
 UNKNOWN = "unknown"
@@ -38,7 +37,7 @@ class Belief:
     """The planning scene of a rehearsal with the facts that follow from it, and those that a case sets."""
 
     def __init__(self, scene: SceneDescription | None) -> None:
-        self._exhausted = True
+        self._exhausted = scene is None or not scene.deliveries
         self._done = 0
         self._rule = destination_rule(scene.destinations if scene else ())
         self._catalogue = {entry.kind: entry for entry in scene.catalogue} if scene else {}
@@ -117,8 +116,6 @@ class Belief:
             self._fill(leaf, inputs, of_itself=of_itself)
         elif hand == "empty":
             self._empty(leaf, inputs)
-        if leaf.empties:
-            self._take_away(str(inputs.get(leaf.empties)))
 
     def failed(self, cause: Cause) -> None:
         """What the cause says of the world by itself."""
@@ -164,11 +161,12 @@ class Belief:
         self._done += wanted is not None
         self.let_go(place)
 
-    def _take_away(self, bin_id: str) -> None:
+    def take_away(self, bin_id: str) -> None:
+        """An empty bin stands in the place of that one. Raises Failure when there is none of that name."""
         self._refuse_unknown(bin_id)
         for belief in self.scene.objects:
             if belief.place == bin_id:
-                self.scene.remove(belief.id, GONE)
+                self.scene.remove(belief.id, TAKEN_AWAY)
 
     def _refuse_unknown(self, bin_id: str) -> None:
         if self._known_bins and bin_id not in self.scene.bins:

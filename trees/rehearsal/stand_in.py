@@ -85,6 +85,9 @@ class StandIn(Node, abstract=True):
             given = {key: Constant(value, None) for key, value in inputs.items()}
             hand, _ = self.stands_for.hand_with({**self.wiring.ports, **given})
             self._stage.belief.succeeded(self.declaration, hand, inputs, of_itself=answer is None)
+            emptied = self.stands_for.empties_with(inputs)
+            if emptied:
+                self._stage.belief.take_away(emptied)
         self._write(answer)
         for port in self.declaration.outputs:
             if port.key in self.wiring.ports and (answer is None or port.key not in answer.outputs):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..facts import TAKEN_AWAY
 from ..journal import Happened
 from ..scene.description import Bin
 from ..values import ObjectId
@@ -13,9 +14,6 @@ from .spots import heap
 
 if TYPE_CHECKING:
     from ..world import World
-
-GONE = "taken away with its bin"
-"""Why an object leaves the belief when its bin is exchanged."""
 
 
 def notice_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
@@ -27,7 +25,7 @@ def notice_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
     for bin_id in bins:
         inside = [o.id for o in world.scene.objects if o.place == bin_id and not o.attached]
         for object_id in inside:
-            world.scene.remove(object_id, GONE)
+            world.scene.remove(object_id, TAKEN_AWAY)
             world.attempts.forget(object_id)
         world.eyes.bins.pop(bin_id, None)
         world.journal.note(
