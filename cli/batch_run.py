@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Generator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
@@ -17,7 +17,9 @@ from .output import keep_stdout, program
 
 if TYPE_CHECKING:
     from ..batch.batch import Batch
+    from ..batch.cluster.executor import RayExecutor
     from ..batch.executor import Executor
+    from ..batch.local import LocalExecutor
     from ..batch.plan import Plan
 
 
@@ -51,7 +53,20 @@ def run(
     keep: Annotated[
         Literal["all", "failures", "none"], typer.Option(help="Whose logs stay on the disk.")
     ] = "failures",
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.", show_default="one a core")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Jobs at once, at most.", show_default="one a core")
+    ] = None,
+    executor: Annotated[
+        Literal["local", "ray"], typer.Option(help="Who runs them: this machine, or a Ray cluster.")
+    ] = "local",
+    address: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="Running Ray cluster with this machine in it, or auto.",
+            show_default="one of this machine, for this batch",
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="The batch's folder.", show_default="in runs/")
     ] = None,
@@ -68,32 +83,47 @@ def run(
     given = [plan is not None, bool(mission), resume is not None]
     if sum(given) != 1:
         raise PicktreeError("give one of: a plan file, --mission FILE, --resume DIR")
+    if address is not None and executor == "local":
+        raise PicktreeError("--address is of a Ray cluster: add --executor ray")
     answer = keep_stdout() if json else None
 
     from ..batch.batch import Batch
     from ..batch.load import load_plan, plan_of
+
+    options = {
+        "scenes": scene,
+        "seeds": seeds,
+        "backend": backend,
+        "verify": verify,
+        "limit": limit,
+        "wall_limit": wall_limit,
+        "memory": memory,
+        "keep": keep,
+    }
+    resumed = Batch.resume(resume) if resume is not None else None
+    if resumed is not None:
+        asked = resumed.plan
+    elif plan is not None:
+        asked = load_plan(plan)
+    else:
+        asked = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
+    with _hands(executor, workers, address) as hands:
+        made = resumed or Batch.create(out or _new_folder(asked), asked)
+        _carry_out(made, hands, answer)
+
+
+def _hands(
+    executor: Literal["local", "ray"], workers: int | None, address: str | None
+) -> LocalExecutor | RayExecutor:
+    """Who carries the jobs out. A cluster is there then, before there is a batch."""
+    if executor == "ray":
+        from ..batch.cluster.executor import RayExecutor
+
+        return RayExecutor(workers, address)
+
     from ..batch.local import LocalExecutor
 
-    if resume is not None:
-        made = Batch.resume(resume)
-    else:
-        options = {
-            "scenes": scene,
-            "seeds": seeds,
-            "backend": backend,
-            "verify": verify,
-            "limit": limit,
-            "wall_limit": wall_limit,
-            "memory": memory,
-            "keep": keep,
-        }
-        asked = (
-            load_plan(plan)
-            if plan is not None
-            else plan_of(_matrix(mission or [], faults or [], set_ or [], options))
-        )
-        made = Batch.create(out or _new_folder(asked), asked)
-    _carry_out(made, LocalExecutor(workers), answer)
+    return LocalExecutor(workers)
 
 
 def _matrix(
@@ -111,13 +141,13 @@ def _matrix(
     }
 
 
-def _carry_out(made: Batch, workers: AbstractContextManager[Executor], answer: TextIO | None) -> None:
+def _carry_out(made: Batch, executor: Executor, answer: TextIO | None) -> None:
     """Run what is to do, show it, and end with the exit code that it comes to."""
     from ..batch.summary import summarise
     from .batch_progress import EventLines, progress
 
     onlooker = EventLines(answer) if answer is not None else progress(made.folder)
-    with made, workers as executor, _stopped_by_signals(made), onlooker as seen:
+    with made, _stopped_by_signals(made), onlooker as seen:
         complete = made.run(executor, seen)
         summary = summarise(made.store)
     if answer is None:

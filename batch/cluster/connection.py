@@ -40,6 +40,8 @@ def connect(address: str | None, workers: int | None, folder: Path) -> None:
     try:
         ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, RuntimeError, ValueError) as error:
+        if address == "auto":
+            raise PicktreeError("no Ray cluster runs here that --address auto could find") from None
         raise PicktreeError(f"the Ray cluster at {address} cannot be used: {_first_line(error)}") from None
 
 
@@ -68,7 +70,7 @@ def _start(cpus: int, folder: Path) -> None:
 def _require_answer(address: str) -> None:
     """Ray itself ends the process when it finds nobody there."""
     host, _, port = address.rpartition(":")
-    if not host or not port.isdigit():
+    if not host or "/" in address or not port.isdigit():
         raise PicktreeError(f"--address {address}: the address of a Ray cluster is HOST:PORT, or auto")
     try:
         socket.create_connection((host, int(port)), _ANSWER).close()

@@ -24,6 +24,8 @@ _AGAIN = 1.0
 """Wall s between losing a foreman and hiring another."""
 _FIRST = 60.0
 """Wall s within which some foreman is there."""
+_NOBODY = 300.0
+"""Wall s that nodes which all went have for coming back."""
 _LEAVE = 5.0
 """Wall s that a foreman has for leaving nothing behind."""
 _SLACK = 120.0
@@ -81,10 +83,15 @@ class Crew:
         self._count()
 
     async def watch(self) -> None:
-        """Hire on nodes that join, for as long as this runs."""
-        while True:
+        """Hire on nodes that join, for as long as this runs. Raises PicktreeError when nobody is left."""
+        alone = 0.0
+        while alone < _NOBODY:
             await asyncio.sleep(_WATCH)
             self._hire(await asyncio.to_thread(nodes))
+            alone = 0.0 if self._told else alone + _WATCH
+        raise PicktreeError(
+            f"the Ray cluster has had no node for {_NOBODY:.0f} s; --resume goes on when it has one again"
+        )
 
     def give(self, task: Task) -> None:
         self._tasks.put_nowait(task)
@@ -133,18 +140,18 @@ class Crew:
         """One slot of a node: a foreman, and another one when it is lost, while the node is there."""
         lost = 0
         while not post.refused:
-            hired, busy = Hired(post.node), False
+            hired, idle = Hired(post.node), False
             try:
                 self._meet(post, difference(self._here, await hired.installed()))
                 lost = 0
                 while not post.refused:
+                    idle = True
                     task = await self._tasks.get()
-                    busy = True
+                    idle = False
                     await self._see_to(task, hired)
-                    busy = False
-                await _dismiss(hired)
+                await _dismiss(hired, idle=True)
             except asyncio.CancelledError:
-                await _dismiss(hired, busy=busy)
+                await _dismiss(hired, idle=idle)
                 raise
             except RayError as error:
                 if post.node not in await asyncio.to_thread(nodes):
@@ -218,8 +225,8 @@ def _spread(there: list[Node], limit: int | None) -> Mapping[Node, int]:
     return found
 
 
-async def _dismiss(hired: Hired, *, busy: bool = False) -> None:
-    if not busy:
+async def _dismiss(hired: Hired, *, idle: bool) -> None:
+    if idle:
         with suppress(RayError, TimeoutError):
             async with asyncio.timeout(_LEAVE):
                 await hired.close()

@@ -109,10 +109,12 @@ class RayExecutor:
 
     def close(self) -> None:
         self._batch.close()
+        if not self._slots:
+            self._driver.kill()
         try:
             self._driver.wait(_LEAVE)
         except subprocess.TimeoutExpired:
-            self._driver.kill()  # a cluster that it started goes with it
+            self._driver.kill()  # what it started goes with it
             self._driver.wait()
         shutil.rmtree(self._folder, ignore_errors=True)
         self._output.unlink(missing_ok=True)
