@@ -1,10 +1,16 @@
 import numpy as np
 from numpy.typing import NDArray
 
+class AABB:
+    min_: NDArray[np.float64]
+    max_: NDArray[np.float64]
+
 class CollisionGeometry:
+    aabb_local: AABB
     def computeLocalAABB(self) -> None: ...
 
 class ConvexBase(CollisionGeometry):
+    def points(self) -> NDArray[np.float64]: ...
     @staticmethod
     def convexHull(points: StdVec_Vec3s, keep_triangles: bool, command: str) -> ConvexBase: ...
 

@@ -75,7 +75,7 @@ class Collision:
         self._margin_table = (margins or Margins()).table()
         self.checks = 0
         self._shapes = CoalShapes()
-        self._robot = _robot_geometry(model)
+        self._robot = robot_geometry(model)
         self._robot_pieces = tuple(_robot_piece(model, o) for o in self._robot)
         self._self_pairs = _self_pairs(model, self._robot, self._robot_pieces)
         self._tcp_joint, self._tcp_in_joint = _tcp(model.full)
@@ -235,7 +235,7 @@ class Collision:
         return self._full_q
 
 
-def _robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
+def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
     """The URDF's collision geometry on the joints of `model.full`; meshes as their convex hulls."""
     urdf = model.description.urdf
     folder = str(Path(urdf).parent)

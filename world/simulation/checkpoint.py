@@ -11,6 +11,8 @@ from pydantic import TypeAdapter, ValidationError
 from ..errors import PicktreeError
 from ..values import ObjectId, Quaternion, Vector3
 from .belt_drive import BeltState
+from .feeder import FeederState
+from .inventory import InventoryState
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +78,13 @@ class Checkpoint:
     gripper: GripperCommand
     robot: RobotReading
     items: tuple[BodyState, ...]
+    """All that did not leave with a bin, in the order of their numbers."""
     initial: tuple[BodyState, ...]
     ledger: tuple[DynamicsChange, ...]
     belts: tuple[BeltState, ...] = ()
+    inventory: InventoryState | None = None
+    """What came after the beginning and what left; None when nothing did, as in older logs."""
+    feeder: FeederState | None = None
 
     def to_plain(self) -> dict[str, Any]:
         """As JSON knows it. Floats survive exactly."""

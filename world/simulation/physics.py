@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from types import MappingProxyType
 
-import numpy as np
-
 from ..errors import PicktreeError
+from ..journal import Happened
 from ..no_feed import NoFeed
 from ..protocols import Camera, Clock, Feed
 from ..robot.description import RobotDescription
@@ -18,16 +17,19 @@ from ..streams import Streams
 from ..values import ObjectId, Pose, Vector3
 from .belt_drive import BeltDrive
 from .belts import Belts
-from .bodies import add_fixed, add_item, forget_contacts, set_friction, set_mass
+from .bodies import add_fixed
 from .camera import PhysicsCamera, backgrounds
-from .checkpoint import BodyState, Checkpoint, DynamicsChange, RobotReading
+from .checkpoint import Checkpoint, RobotReading
 from .client import Client
 from .devices import PERIOD, PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
 from .engine import pb
+from .feeder import Feeder, FeederState, has_feeder
 from .noise import BodyNoise
-from .robot_body import RobotBody, finite
-from .sleeping import EVERY, REST_LOOKS, Sleepers
-from .spawn import SpawnedItem, spawn_items
+from .physics_cell import PhysicsCell
+from .physics_items import PhysicsItems
+from .robot_body import RobotBody
+from .sleeping import EVERY, REST_LOOKS
+from .spawn import spawn_items
 from .truth import TrueBody
 
 GRAVITY = 9.81
@@ -71,13 +73,8 @@ class PhysicsHardware:
         self._body = RobotBody(robot, client, PERIOD)
         noise = BodyNoise(scene.noise, self._streams, len(robot.joints))
         self._senses = senses = Senses(noise, 0, RobotReading((), (), (), ()))
-        self._items: Mapping[ObjectId, SpawnedItem] = {i.id: i for i in spawn_items(scene, seed)}
-        self._ledger: list[DynamicsChange] = []
-        self._gone: dict[ObjectId, BodyState] = {}
-        self._numbers: dict[ObjectId, int] = {}
         self._belts = Belts(scene, client.id, PERIOD)
-        self._sleepers = Sleepers(client.id, self._belts.running)
-        self._bumps: dict[ObjectId, tuple[Vector3, Vector3]] = {}
+        self._items = PhysicsItems(scene, spawn_items(scene, seed), client.id, self._belts.running)
         self._fixed: dict[int, str] = {}
         behind = backgrounds(scene)
         self._cameras = MappingProxyType(
@@ -86,12 +83,17 @@ class PhysicsHardware:
         self.arm = PhysicsArm(senses, self._body)
         self.gripper = PhysicsGripper(senses, self._body)
         self.wrench = PhysicsWrench(senses)
-        self.feed: Feed = NoFeed()
+        self._feeder: Feeder | None = None
+        if has_feeder(scene):
+            self._feeder = Feeder(scene, PhysicsCell(robot, self._items, senses), seed, self._belts.drives)
+        self.feed: Feed = self._feeder or NoFeed()
         if start is None:
-            self._build({name: item.pose for name, item in self._items.items()})
+            self._empty()
+            self._items.spawn(self._fixed)
+            self._belts.build(self._fixed)
             self._settle()
             self._senses.reading = self._body.read()
-            self._initial = tuple(self._state(name) for name in self._items)
+            self._initial = tuple(replace(s, asleep=False) for s in self._items.states())
         else:
             self.restore(start)
 
@@ -136,12 +138,16 @@ class PhysicsHardware:
         self._belts.before_step()
         pb.stepSimulation(self._client)
         self._belts.after_step()
-        if self._bumps:
-            self._carry_out_bumps()
         senses = self._senses
         senses.step += 1
-        self._sleepers.stepped()
+        self._items.stepped()
         senses.reading = self._body.read()
+        if self._feeder is not None:
+            self._feeder.stepped(senses.step)
+
+    def take_events(self) -> tuple[Happened, ...]:
+        """What those who bring and take have done since it was asked last."""
+        return self._feeder.take_events() if self._feeder is not None else ()
 
     def checkpoint(self) -> Checkpoint:
         """Save → reset → rebuild → restore. The run goes on from what was saved, as a resumed run would:
@@ -154,35 +160,29 @@ class PhysicsHardware:
         """Take up a checkpoint of the same scene, robot and seed."""
         if saved.seed != self.seed:
             raise PicktreeError(f"the checkpoint is of seed {saved.seed}, but this run has seed {self.seed}")
-        for what, states in (("items", saved.items), ("initial items", saved.initial)):
-            if (ids := [s.id for s in states]) != list(self._items):
-                raise PicktreeError(
-                    f"the checkpoint's {what} are {ids}, but the scene spawns {list(self._items)}"
-                )
+        spawned = list(self._items.inventory.spawned)
+        if (ids := [s.id for s in saved.initial]) != spawned:
+            raise PicktreeError(f"the checkpoint's initial items are {ids}, but the scene spawns {spawned}")
         if sorted(saved.captures) != sorted(self._cameras):
             raise PicktreeError(
                 f"the checkpoint's cameras are {sorted(saved.captures)}, "
                 f"but the scene has {sorted(self._cameras)}"
             )
-        present = [s for s in saved.items if s.present]
-        self._build({s.id: Pose(s.position, s.orientation) for s in present})
-        for state in present:
-            pb.resetBaseVelocity(self._numbers[state.id], state.velocity, state.spin, self._client)
-        self._gone = {s.id: s for s in saved.items if not s.present}
-        self._ledger = list(saved.ledger)
-        for change in self._ledger:
-            self._apply(change)
+        self._empty()
+        self._items.restore(saved.items, saved.ledger, saved.inventory, self._fixed)
+        self._belts.build(self._fixed)
         self._belts.restore(saved.belts)
-        self._sleepers.sleep([s.id for s in present if s.asleep])
+        self._items.lull(saved.items)
         self._body.restore(saved.robot, saved.arm, saved.gripper)
         self._senses.reading = saved.robot
         self._senses.step = saved.step
         self._initial = saved.initial
         for name, camera in self._cameras.items():
             camera.captures = saved.captures[name]
+        if self._feeder is not None:
+            self._feeder.restore(saved.feeder or FeederState())
 
     def _save(self) -> Checkpoint:
-        asleep = self._sleepers.asleep()
         return Checkpoint(
             seed=self.seed,
             step=self._senses.step,
@@ -190,20 +190,22 @@ class PhysicsHardware:
             arm=self._body.command,
             gripper=self._body.grip,
             robot=self._senses.reading,
-            items=tuple(replace(self._state(name), asleep=name in asleep) for name in self._items),
+            items=self._items.states(),
             initial=self._initial,
-            ledger=tuple(self._ledger),
+            ledger=self._items.ledger,
             belts=self._belts.states(),
+            inventory=self._items.inventory.state(),
+            feeder=self._feeder.state() if self._feeder is not None else None,
         )
 
     def truth(self) -> tuple[TrueBody, ...]:
-        """Every item that was spawned, as it really is: for scorer, faults and the analyst's log only."""
-        return tuple(self._true(self._state(name)) for name in self._items)
+        """Every item that ever came, as it really is: for scorer, faults and the analyst's log only."""
+        return self._items.truth()
 
     @property
     def initial_truth(self) -> tuple[TrueBody, ...]:
         """As `truth` at time 0."""
-        return tuple(self._true(state) for state in self._initial)
+        return tuple(self._items.true(state) for state in self._initial)
 
     def true_tcp(self) -> Pose:
         """Where the tool really is in the world, for tests."""
@@ -218,30 +220,18 @@ class PhysicsHardware:
 
     def remove(self, item: str) -> None:
         """A fault: the item is snatched away."""
-        name = self._known(item)
-        self._gone[name] = _at_rest(self._state(name))
-        self._bumps.pop(name, None)
-        pb.removeBody(self._numbers.pop(name), self._client)
-        self._sleepers.wake_all()
+        self._items.remove(item)
 
     def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
         """A fault: the item becomes slippery, heavier or lighter, for good."""
-        change = DynamicsChange(self._known(item), friction, mass)
-        self._apply(change)
-        forget_contacts(self._numbers[change.item], self._client)
-        self._ledger.append(change)
-        self._sleepers.wake_all()
+        self._items.change_dynamics(item, friction, mass)
 
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
         """A fault: the item is hit and moves with `velocity`, m/s, and `spin`, rad/s, in the world."""
-        finite(np.array(velocity, dtype=np.float64), f"{item}: velocity", (3,))
-        finite(np.array(spin, dtype=np.float64), f"{item}: spin", (3,))
-        # Whoever sleeps has to be woken first, which takes a step.
-        self._bumps[self._known(item)] = (velocity, spin)
-        self._sleepers.wake_all()
+        self._items.bump(item, velocity, spin)
 
-    def _build(self, poses: Mapping[ObjectId, Pose]) -> None:
-        """An empty simulation, then everything in the same order as always."""
+    def _empty(self) -> None:
+        """A simulation without items and belts: everything else in the same order as always."""
         client = self._client
         pb.resetSimulation(physicsClientId=client)
         pb.setGravity(0, 0, -GRAVITY, physicsClientId=client)
@@ -255,76 +245,18 @@ class PhysicsHardware:
         )
         self._fixed = add_fixed(self.scene, self.robot.base_in_world, client)
         self._body.load()
-        self._numbers = {
-            name: add_item(item, poses[name], client) for name, item in self._items.items() if name in poses
-        }
-        self._gone = {}
-        self._bumps = {}
-        self._sleepers.watch(self._numbers, self._fixed)
-        # Slabs wake nothing either while they stand, but never sleep themselves.
-        self._belts.build(self._fixed)
 
     def _settle(self) -> None:
         """Let everything come to rest before time 0."""
         for _ in range(SETTLE_MOST):
             pb.stepSimulation(self._client)
-            self._sleepers.stepped()
-            if self._sleepers.quiet:
+            self._items.stepped()
+            if self._items.sleepers.quiet:
                 return
-
-    def _carry_out_bumps(self) -> None:
-        for name, (velocity, spin) in self._bumps.items():
-            pb.resetBaseVelocity(self._numbers[name], velocity, spin, self._client)
-        self._bumps.clear()
-
-    def _apply(self, change: DynamicsChange) -> None:
-        number = self._numbers.get(change.item)
-        if number is None:
-            return
-        if change.friction is not None:
-            set_friction(number, change.friction, self._client)
-        if change.mass is not None:
-            set_mass(number, self._items[change.item].entry.shape, change.mass, self._client)
-
-    def _state(self, name: ObjectId) -> BodyState:
-        if name in self._gone:
-            return self._gone[name]
-        number = self._numbers[name]
-        position, orientation = pb.getBasePositionAndOrientation(number, self._client)
-        velocity, spin = self._bumps.get(name) or pb.getBaseVelocity(number, self._client)
-        return BodyState(name, position, orientation, velocity, spin, present=True)
-
-    def _true(self, state: BodyState) -> TrueBody:
-        item = self._items[state.id]
-        entry = item.entry
-        return TrueBody(
-            state.id,
-            entry.kind,
-            entry.form,
-            entry.shape,
-            item.colour,
-            Pose(state.position, state.orientation),
-            state.velocity,
-            state.spin,
-            state.present,
-        )
-
-    def _known(self, item: str) -> ObjectId:
-        name = ObjectId(item)
-        if name not in self._items:
-            raise PicktreeError(f"there is no item {item!r}; known: {', '.join(self._items)}")
-        if name not in self._numbers:
-            raise PicktreeError(f"item {item!r} was taken away before")
-        return name
 
     def _name(self, body: int, link: int) -> str:
         if body == self._body.body:
             return self._body.links[link]
         if body in self._fixed:
             return self._fixed[body]
-        return next((name for name, number in self._numbers.items() if number == body), "?")
-
-
-def _at_rest(state: BodyState) -> BodyState:
-    still = (0.0, 0.0, 0.0)
-    return BodyState(state.id, state.position, state.orientation, still, still, present=False)
+        return self._items.name(body) or "?"

@@ -54,6 +54,11 @@ class Sleepers:
         self._asleep, self._dozing, self._steps = set(), {}, 0
         self._places = {name: (*self._pose(name), 0) for name in numbers}
 
+    def add(self, name: ObjectId) -> None:
+        """An item has come, awake; its body is in the mapping that is watched."""
+        self._set(self._numbers[name], pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
+        self._places[name] = (*self._pose(name), 0)
+
     def stepped(self) -> None:
         """To be called after each step."""
         self._steps += 1

@@ -1,9 +1,10 @@
-"""Where items stand when a run begins: drawn from the stream `spawn`, from scene and seed alone."""
+"""Where items stand when a run begins, drawn from the stream `spawn`: from scene and seed alone. Drawing and
+laying out a load serve what is brought later, too."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,18 @@ class SpawnedItem:
     """In the world; the lowest point touches what is below, or hangs above it when dropped."""
     dropped: bool
     """It falls from `pose` instead of standing there."""
+    brought_by: int | None = None
+    """Which entry of the feed has brought it; None: it was there when the run began."""
+
+
+@dataclass(frozen=True, slots=True)
+class LooseItem:
+    """An item before it has a place."""
+
+    kind: str
+    colour: str
+    turn: Quaternion
+    """Its orientation in the world."""
 
 
 def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
@@ -41,31 +54,66 @@ def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
     Raises PicktreeError when an area is too small for its items or nothing is below it.
     """
     streams = Streams(seed)
-    taken = _standing(scene)
+    taken = standing(scene)
     items: list[SpawnedItem] = []
     for n, spawn in enumerate(scene.spawn):
+        where = f"{scene.source or scene.name}: spawn[{n}]"
         rng = streams.at("spawn", n)
-        entries = [scene.entry(kind) for kind, number in spawn.counts for _ in range(number)]
-        colours = _colours(spawn, len(entries), rng)
-        turns = _turns(spawn, entries, rng)
-        outlines = [footprint(e.shape, q) for e, q in zip(entries, turns, strict=True)]
-        places = _layout(spawn, outlines, taken, rng, f"{scene.source or scene.name}: spawn[{n}]")
-        for entry, colour, turn, place in zip(entries, colours, turns, places, strict=True):
-            x, y = float(place[0]), float(place[1])
-            z = support_height(scene.fixtures, x, y)
-            if z is None:
-                raise PicktreeError(
-                    f"{scene.source or scene.name}: spawn[{n}]: no fixture is below ({x:.3f}, {y:.3f}); "
-                    "the area must lie over a table"
-                )
-            z += TUMBLE_HEIGHT if spawn.tumbled else 0.0
-            pose = Pose((x, y, z - bottom(entry.shape, Pose(orientation=turn))), turn)
-            items.append(SpawnedItem(ObjectId(f"item_{len(items):02d}"), entry, colour, pose, spawn.tumbled))
+        load = draw_load(scene, spawn, rng)
+        outlines = [footprint(scene.entry(item.kind).shape, item.turn) for item in load]
+        places = lay_out(spawn, outlines, taken, rng)
+        if places is None:
+            raise too_small(where, spawn, len(load))
+        for item, place in zip(load, places, strict=True):
+            name = item_id(len(items))
+            items.append(set_down(scene, spawn, item, place, name, where))
         taken += [o.at(p) for o, p in zip(outlines, places, strict=True)]
     return tuple(items)
 
 
-def _standing(scene: SceneDescription) -> list[Footprint]:
+def item_id(number: int) -> ObjectId:
+    """The items of a run are numbered in the order in which they came into it."""
+    return ObjectId(f"item_{number:02d}")
+
+
+def draw_load(scene: SceneDescription, spawn: Spawn, rng: np.random.Generator) -> list[LooseItem]:
+    """The items of an entry in the order of its kinds."""
+    entries = [scene.entry(kind) for kind, number in spawn.counts for _ in range(number)]
+    colours = _colours(spawn, len(entries), rng)
+    turns = _turns(spawn, entries, rng)
+    return [LooseItem(e.kind, c, q) for e, c, q in zip(entries, colours, turns, strict=True)]
+
+
+def set_down(
+    scene: SceneDescription, spawn: Spawn, item: LooseItem, place: Array, name: ObjectId, where: str
+) -> SpawnedItem:
+    """The item over `place` (2,), touching what is below it or hanging above when it is dropped.
+
+    Raises PicktreeError when nothing is below; `where` is the entry's place for the message.
+    """
+    x, y = float(place[0]), float(place[1])
+    z = support_height(scene.fixtures, x, y)
+    if z is None:
+        raise PicktreeError(
+            f"{where}: no fixture is below ({x:.3f}, {y:.3f}); the area must lie over a table"
+        )
+    entry = scene.entry(item.kind)
+    z += TUMBLE_HEIGHT if spawn.tumbled else 0.0
+    pose = Pose((x, y, z - bottom(entry.shape, Pose(orientation=item.turn))), item.turn)
+    return SpawnedItem(name, entry, item.colour, pose, spawn.tumbled)
+
+
+def too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:
+    """That an area has no room for its items."""
+    low, high = _corners(spawn)
+    size = " × ".join(f"{s:.2f}" for s in high - low)
+    return PicktreeError(
+        f"{where}: the area of {size} m is too small for {items} items with a gap of "
+        f"{spawn.gap * 1000:.0f} mm; make it larger, or ask for fewer items or a smaller gap"
+    )
+
+
+def standing(scene: SceneDescription) -> list[Footprint]:
     """Outlines of bins, and of fixtures that stand on another fixture."""
     bins = [
         footprint(box, pose.orientation).at(pose.position[:2]) for b in scene.bins for box, pose in b.parts()
@@ -103,37 +151,50 @@ def _turns(spawn: Spawn, entries: Sequence[CatalogueEntry], rng: np.random.Gener
     return turns
 
 
-def _layout(
+def lay_out(
+    spawn: Spawn, outlines: Sequence[Footprint], taken: Sequence[Footprint], rng: np.random.Generator
+) -> list[Array] | None:
+    """Centres (2,) such that no two outlines are closer than the gap; the widest is placed first. None when
+    there is no room for all."""
+    for _ in range(LAYOUTS):
+        places = _thrown(spawn, outlines, taken, rng, all_or_none=True)
+        if len(places) == len(outlines):
+            return [places[k] for k in range(len(outlines))]
+    return _relaxed(spawn, outlines, taken, rng)
+
+
+def lay_out_some(
+    spawn: Spawn, outlines: Sequence[Footprint], taken: Sequence[Footprint], rng: np.random.Generator
+) -> Mapping[int, Array]:
+    """As `lay_out` for as many as find room: centres by the number of the outline."""
+    places = lay_out(spawn, outlines, taken, rng)
+    if places is not None:
+        return dict(enumerate(places))
+    return _thrown(spawn, outlines, taken, rng, all_or_none=False)
+
+
+def _thrown(
     spawn: Spawn,
     outlines: Sequence[Footprint],
     taken: Sequence[Footprint],
     rng: np.random.Generator,
-    where: str,
-) -> list[Array]:
-    """Centres (2,) such that no two outlines are closer than the gap; the widest is placed first."""
+    *,
+    all_or_none: bool,
+) -> dict[int, Array]:
+    """Each outline where one of so many darts finds room; `all_or_none` ends with the first without."""
     low, high = _corners(spawn)
-    order = sorted(range(len(outlines)), key=lambda k: -outlines[k].reach)
-    for _ in range(LAYOUTS):
-        places: dict[int, Array] = {}
-        for k in order:
-            others = [*taken, *(outlines[j].at(p) for j, p in places.items())]
-            for _ in range(DARTS):
-                spot = rng.uniform(low, high)
-                if _clear(outlines[k].at(spot), others, spawn.gap):
-                    places[k] = spot
-                    break
-            else:
+    places: dict[int, Array] = {}
+    for k in sorted(range(len(outlines)), key=lambda k: -outlines[k].reach):
+        others = [*taken, *(outlines[j].at(p) for j, p in places.items())]
+        for _ in range(DARTS):
+            spot = rng.uniform(low, high)
+            if _clear(outlines[k].at(spot), others, spawn.gap):
+                places[k] = spot
                 break
-        if len(places) == len(outlines):
-            return [places[k] for k in range(len(outlines))]
-    relaxed = _relaxed(spawn, outlines, taken, rng)
-    if relaxed is None:
-        size = " × ".join(f"{s:.2f}" for s in high - low)
-        raise PicktreeError(
-            f"{where}: the area of {size} m is too small for {len(outlines)} items with a gap of "
-            f"{spawn.gap * 1000:.0f} mm; make it larger, or ask for fewer items or a smaller gap"
-        )
-    return relaxed
+        else:
+            if all_or_none:
+                break
+    return places
 
 
 def _corners(spawn: Spawn) -> tuple[Array, Array]:

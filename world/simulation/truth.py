@@ -25,7 +25,11 @@ class TrueBody:
     spin: Vector3 = (0.0, 0.0, 0.0)
     """rad/s"""
     present: bool = True
-    """False when a fault has taken it away; the pose is then where it was last."""
+    """False when a fault or somebody with its bin has taken it away; the pose is where it was last."""
+    taken_with: ObjectId | None = None
+    """The bin with which it left when that was exchanged."""
+    brought_by: int | None = None
+    """Which entry of the feed has brought it; None: it was there when the run began."""
 
     @classmethod
     def of(cls, item_id: ObjectId, entry: CatalogueEntry, colour: str, pose: Pose) -> TrueBody:
