@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, Protocol, TypeAlias
 
+from ..journal import Happened
 from ..protocols import Hardware
 from ..robot.description import RobotDescription
 from ..scene.description import SceneDescription
@@ -21,6 +22,10 @@ class Saved(Protocol):
 
 class Simulation(Hardware, Faulty, Protocol):
     """Simulated hardware: it knows the truth, lets faults happen, can be saved, says how it is set."""
+
+    def take_events(self) -> tuple[Happened, ...]:
+        """What those who bring items and exchange bins have done since it was asked last."""
+        ...
 
     def checkpoint(self) -> Saved: ...
     def settings(self) -> Mapping[str, str]: ...

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import PicktreeError
+from ..journal import Happened
 from ..no_feed import NoFeed
 from ..protocols import Camera, Feed
 from ..robot.description import RobotDescription
@@ -19,13 +20,16 @@ from ..scene.description import SceneDescription
 from ..shapes import corners
 from ..values import Array, JointState, ObjectId, Pose, Vector3, Wrench
 from .belt_drive import BeltDrive
+from .feeder import Feeder, FeederState, has_feeder
 from .footprints import floor_height
+from .inventory import Inventory
 from .kinematic_belts import KinematicBelts
 from .kinematic_bodies import Bodies, Body, Prism
 from .kinematic_camera import KinematicCamera, Posture, Stage
+from .kinematic_cell import KinematicCell, body_of, true_body
 from .kinematic_gripper import GRAVITY, KinematicGripper
 from .kinematic_state import ItemState, KinematicState
-from .spawn import spawn_items
+from .spawn import SpawnedItem, spawn_items
 from .truth import TrueBody
 
 STIFFNESS = 2.0e4
@@ -112,8 +116,8 @@ class KinematicHardware:
         self.period = period
         self.model = RobotModel(robot)
         items = spawn_items(scene, seed)
-        bodies = (Body(i.id, i.entry, i.colour, i.pose, i.entry.friction) for i in items)
-        self.bodies = Bodies(scene, bodies)
+        self._inventory = Inventory(scene, items)
+        self.bodies = Bodies(scene, (body_of(item) for item in items))
         self.bodies.settle()
         floor = floor_height(scene.fixtures, robot.base_in_world.position[2])
         self._belts = KinematicBelts(scene, self.bodies, floor, period)
@@ -121,11 +125,15 @@ class KinematicHardware:
         self.arm = KinematicArm(self.model, period)
         self.gripper = KinematicGripper(robot.gripper, self.bodies)
         self.wrench = KinematicWrench()
-        self.feed: Feed = NoFeed()
-        stage = Stage(scene, robot, items, period)
+        stage = Stage(scene, robot, period)
         self.cameras: Mapping[str, Camera] = MappingProxyType(
             {c.name: KinematicCamera(c, stage, self.bodies, self.clock, self._posture) for c in scene.cameras}
         )
+        self._feeder: Feeder | None = None
+        if has_feeder(scene):
+            cell = KinematicCell(self.model, self.bodies, self._inventory, self.clock, period, self._posture)
+            self._feeder = Feeder(scene, cell, seed, self._belts.drives)
+        self.feed: Feed = self._feeder or NoFeed()
         self.initial_truth = self.truth()
         """As `truth` at time 0."""
         self._tip = robot.gripper.tip
@@ -146,6 +154,12 @@ class KinematicHardware:
         self._belts.step()
         self.clock.periods += 1
         self._sense()
+        if self._feeder is not None:
+            self._feeder.stepped(self.clock.periods)
+
+    def take_events(self) -> tuple[Happened, ...]:
+        """What those who bring and take have done since it was asked last."""
+        return self._feeder.take_events() if self._feeder is not None else ()
 
     @classmethod
     def resume(
@@ -170,7 +184,7 @@ class KinematicHardware:
 
     def truth(self) -> tuple[TrueBody, ...]:
         """What is really there, for the scorer and the log only."""
-        return tuple(_true(body) for body in self.bodies.items)
+        return self._inventory.truth(lambda name: true_body(self.bodies[name], self._inventory))
 
     def true_tcp(self) -> Pose:
         """Where the tool is in the world, for tests."""
@@ -213,6 +227,8 @@ class KinematicHardware:
             bodies.held,
             tuple(ItemState(b.id, b.pose, b.friction, b.entry.mass, b.present) for b in bodies.items),
             self._belts.states(),
+            self._inventory.state(),
+            self._feeder.state() if self._feeder is not None else None,
         )
         self.restore(saved)
         return saved
@@ -221,31 +237,25 @@ class KinematicHardware:
         """Take up a checkpoint of the same scene, robot and seed, taken with the arm at rest."""
         if saved.seed != self.seed:
             raise PicktreeError(f"the checkpoint is of seed {saved.seed}, but this run has seed {self.seed}")
-        if [item.id for item in saved.items] != [body.id for body in self.bodies.items]:
+        self._inventory.restore(saved.inventory)
+        known = self._inventory.here
+        if [item.id for item in saved.items] != list(known):
             raise PicktreeError("the checkpoint's items are not those that the scene spawns")
         self.clock.periods = saved.periods
         self.arm.set(np.array(saved.position), np.array(saved.velocity))
         gripper = self.gripper
         gripper.width, gripper.target, gripper.force = saved.width, saved.target, saved.force
         gripper.gripped, gripper.item_in_tcp, gripper.speed = saved.gripped, saved.item_in_tcp, 0.0
-        self.bodies.replace_all(
-            (
-                replace(
-                    body,
-                    pose=item.pose,
-                    friction=item.friction,
-                    entry=replace(body.entry, mass=item.mass),
-                    present=item.present,
-                )
-                for body, item in zip(self.bodies.items, saved.items, strict=True)
-            ),
-            saved.held,
-        )
+        self.bodies.replace_all((_restored(known[item.id], item) for item in saved.items), saved.held)
         self._belts.restore(saved.belts)
+        if self._feeder is not None:
+            self._feeder.restore(saved.feeder or FeederState())
         self._height = None
         self._sense(still=True)
 
     def _known(self, item: str) -> Body:
+        if self._inventory.has_left(item):
+            raise PicktreeError(f"item {item!r} was taken away before")
         if item not in self.bodies:
             known = ", ".join(body.id for body in self.bodies.items)
             raise PicktreeError(f"there is no item {item!r}; known: {known}")
@@ -316,5 +326,6 @@ class KinematicHardware:
         return found
 
 
-def _true(body: Body) -> TrueBody:
-    return replace(TrueBody.of(body.id, body.entry, body.colour, body.pose), present=body.present)
+def _restored(item: SpawnedItem, saved: ItemState) -> Body:
+    entry = replace(item.entry, mass=saved.mass)
+    return Body(item.id, entry, item.colour, saved.pose, saved.friction, saved.present)

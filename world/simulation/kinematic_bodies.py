@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 
 from ..scene.description import CatalogueEntry, SceneDescription
@@ -97,7 +97,7 @@ class Bodies:
 
     @property
     def items(self) -> tuple[Body, ...]:
-        """All, those that were taken away too."""
+        """All that did not leave with a bin, those too that a fault took away."""
         return tuple(self._items.values())
 
     @property
@@ -167,6 +167,15 @@ class Bodies:
         self._items[item] = replace(self._items[item], present=False)
         self._prisms.pop(item, None)
         self.settle()
+
+    def forget(self, items: Collection[ObjectId]) -> None:
+        """These have left with their bin; what stood on them comes down."""
+        for item in items:
+            self.held = None if self.held == item else self.held
+            del self._items[item]
+            self._prisms.pop(item, None)
+        if items:
+            self.settle()
 
     def settle(self) -> None:
         """Whatever stands on nothing comes down, the lowest first."""

@@ -19,8 +19,6 @@ from .kinematic_bodies import Bodies, Body
 from .robot_body import RobotBody
 from .spawn import SpawnedItem
 
-AWAY = (0.0, 0.0, -100.0)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
@@ -33,30 +31,22 @@ class Posture:
 class Stage:
     """A pybullet client that is only looked at. It is made when the first image is taken."""
 
-    def __init__(
-        self, scene: SceneDescription, robot: RobotDescription, items: Iterable[SpawnedItem], period: float
-    ) -> None:
+    def __init__(self, scene: SceneDescription, robot: RobotDescription, period: float) -> None:
         self._scene = scene
         self._robot = robot
-        self._items = tuple(items)
         self._period = period
         self._client = -1
         self._numbers: dict[ObjectId, int] = {}
         self._backgrounds: Mapping[str, Picture] = {}
 
     def render(self, camera: CameraDescription, posture: Posture, bodies: Iterable[Body]) -> Picture:
-        """What the camera sees of robot and items, in front of what never moves."""
+        """What the camera sees of robot and items, in front of what never moves; `bodies` are those that are
+        there."""
         if self._client < 0:
             self._open()
         joints = (*posture.position.tolist(), posture.width / 2, posture.width / 2)
         self._body.place(joints, (0.0,) * len(joints))
-        for body in bodies:
-            pb.resetBasePositionAndOrientation(
-                self._numbers[body.id],
-                body.pose.position if body.present else AWAY,
-                body.pose.orientation,
-                self._client,
-            )
+        self._set(bodies)
         front, behind = View(camera).render(self._client), self._backgrounds[camera.name]
         nearer = front.depth < behind.depth
         return Picture(
@@ -69,8 +59,19 @@ class Stage:
         self._client = owner.id
         self._body = RobotBody(self._robot, owner, self._period)
         self._body.load()
-        self._numbers = {item.id: add_item(item, item.pose, self._client) for item in self._items}
         self._backgrounds = backgrounds(self._scene)
+
+    def _set(self, bodies: Iterable[Body]) -> None:
+        """Bring those that are there where they are, and take the others away."""
+        there = {body.id: body for body in bodies}
+        for name in [name for name in self._numbers if name not in there]:
+            pb.removeBody(self._numbers.pop(name), self._client)
+        for name, body in there.items():
+            if name not in self._numbers:
+                item = SpawnedItem(name, body.entry, body.colour, body.pose, dropped=False)
+                self._numbers[name] = add_item(item, body.pose, self._client)
+            position, orientation = body.pose.position, body.pose.orientation
+            pb.resetBasePositionAndOrientation(self._numbers[name], position, orientation, self._client)
 
 
 class KinematicCamera:
@@ -92,7 +93,7 @@ class KinematicCamera:
 
     def capture(self) -> RgbdImage:
         posture = self._posture()
-        picture = self._stage.render(self._camera, posture, self._bodies.items)
+        picture = self._stage.render(self._camera, posture, self._bodies.present)
         return RgbdImage(
             camera=self._camera.name,
             colour=picture.colour,

@@ -10,6 +10,8 @@ from pydantic import TypeAdapter, ValidationError
 from ..errors import PicktreeError
 from ..values import ObjectId, Pose
 from .belt_drive import BeltState
+from .feeder import FeederState
+from .inventory import InventoryState
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,11 @@ class KinematicState:
     item_in_tcp: Pose | None
     held: ObjectId | None
     items: tuple[ItemState, ...]
+    """All that did not leave with a bin, in the order of their numbers."""
     belts: tuple[BeltState, ...] = ()
+    inventory: InventoryState | None = None
+    """What came after the beginning and what left; None when nothing did, as in older logs."""
+    feeder: FeederState | None = None
 
     def to_plain(self) -> dict[str, Any]:
         """As JSON knows it. Floats survive exactly."""
