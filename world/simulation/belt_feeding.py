@@ -25,6 +25,8 @@ EDGE = 0.005
 """Items are set down so far from the belt's edges, m."""
 CLEARANCE = 5e-4
 """They are let go so high above it, m."""
+FREE = 0.005
+"""A gap between two items is as wide at least, m: at an item's rim the barrier may flicker."""
 PATIENCE = 3.0
 """After a stop it is waited at most so long for what lies on the belt to come to rest, s."""
 
@@ -41,8 +43,8 @@ class BeltFeedState:
     """Items set down so far."""
     last: float = 0.0
     """The belt's way when the last of them was, m."""
-    seen: bool = False
-    """Whether something was in the light barrier at the last look."""
+    seen: float | None = None
+    """The belt's way when something was in the light barrier last in this run, m."""
     obstructed: bool = False
     runs: int = 0
     put_before: int = 0
@@ -133,21 +135,27 @@ class BeltFeeding:
             return
         if not self._drive.moving:
             # What lies in the barrier now is not another item.
-            self._state = replace(self._state, seen=self._drive.interrupted())
+            here = self._drive.travelled if self._drive.interrupted() else None
+            self._state = replace(self._state, seen=here)
             self._tell("belt_runs", "runs", {})
         self._drive.go()
 
     def _run(self) -> None:
-        seen = self._drive.interrupted()
-        another = seen and not self._state.seen
-        self._state = replace(self._state, seen=seen)
-        if another or self._all_at_barrier:
+        if self._another_comes() or self._all_at_barrier:
             self._drive.halt()
             self._state = replace(
                 self._state, phase="stopping", obstructed=False, until=self._cell.now + PATIENCE
             )
         elif self._is_due():
             self._put()
+
+    def _another_comes(self) -> bool:
+        """Whether the light barrier is interrupted after it was free for a while."""
+        if not self._drive.interrupted():
+            return False
+        here, before = self._drive.travelled, self._state.seen
+        self._state = replace(self._state, seen=here)
+        return before is None or here - before > FREE
 
     def _wait_for_rest(self) -> None:
         riding = [b.id for b in self._cell.here() if self._drive.track.carries(b.pose.position)]
