@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,7 @@ class RunState:
     disagreements: int = 0
     """Trajectories that the second collision checker judged otherwise by then."""
     recording: RecordingState | None = None
-    noticed: NoticedState = NoticedState()
+    noticed: NoticedState = field(default_factory=NoticedState)
     """What the robot has heard of its feed by then."""
 
     def to_json(self) -> bytes:

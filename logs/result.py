@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -60,6 +60,18 @@ class PickCount:
 
 
 @dataclass(frozen=True, slots=True)
+class FeedCount:
+    """Of a run whose scene has a feed."""
+
+    deliveries: int
+    """Loads that have come."""
+    exchanges: int
+    """Bins that were exchanged for empty ones."""
+    set_aside: int
+    """Items that the mission gave up where they lie."""
+
+
+@dataclass(frozen=True, slots=True)
 class WallSeconds:
     """Seconds of the wall clock; the parts do not sum up to the total."""
 
@@ -96,6 +108,8 @@ class RunResult:
     """Whether planning and perception took simulated time."""
     disagreements: int | None = None
     """Trajectories that the second collision checker judged otherwise; None when it did not judge."""
+    feed: FeedCount | None = None
+    """None for a scene to which nothing is brought."""
 
     @property
     def reached(self) -> bool:
@@ -140,6 +154,7 @@ class RunResult:
             "sim_seconds": round(self.sim_seconds, 6),
             "thinking_charged": self.thinking_charged,
             "disagreements": self.disagreements,
+            "feed": None if self.feed is None else asdict(self.feed),
             "cpu_seconds": round(self.cpu_seconds, 3),
             "wall_seconds": {
                 "total": round(wall.total, 3),
@@ -168,6 +183,7 @@ class RunResult:
                 items=ItemCount(**items, by_form=forms),
                 picks=PickCount(**said["picks"]),
                 wall_seconds=WallSeconds(**wall),
+                feed=FeedCount(**said["feed"]) if said.get("feed") else None,
                 log=Path(said["log"]),
                 folder=Path(said["folder"]),
                 **{name: said[name] for name in _PLAIN_FIELDS},
@@ -191,6 +207,7 @@ class RunResult:
             f"{picks.held_first_try} of {picks.objects} objects held at the first try",
             f"failures    {_counts(self.failures)}",
             f"recoveries  {_counts(self.recoveries)}",
+            *self._fed(),
             *self._verified(),
             f"simulated   {self.sim_seconds:.1f} s{self._rate()}{self._thinking()}",
             f"wall        {wall.total:.1f} s: physics {wall.physics:.1f}, planning {wall.planning:.1f}, "
@@ -201,6 +218,18 @@ class RunResult:
         ]
         return "\n".join(lines)
 
+    def _fed(self) -> list[str]:
+        """A line when a feed brought items."""
+        if self.feed is None:
+            return []
+        feed = self.feed
+        parts = (
+            (feed.deliveries, "delivery", "deliveries"),
+            (feed.exchanges, "bin exchanged", "bins exchanged"),
+            (feed.set_aside, "item set aside", "items set aside"),
+        )
+        return ["feed        " + ", ".join(f"{n} {one if n == 1 else more}" for n, one, more in parts)]
+
     def _verified(self) -> list[str]:
         """A line when trajectories were judged twice."""
         if self.disagreements is None:
@@ -209,7 +238,10 @@ class RunResult:
 
     def _rate(self) -> str:
         rate = self.seconds_per_pick
-        return "" if rate is None else f", {rate:.1f} s a pick"
+        if rate is None:
+            return ""
+        hourly = f" ({3600 / rate:.0f} an hour)" if self.feed is not None else ""
+        return f", {rate:.1f} s a pick{hourly}"
 
     def _thinking(self) -> str:
         return "" if self.thinking_charged else " (planning and perception took no simulated time)"

@@ -29,6 +29,8 @@ class Rotation:
 
 
 NEVER: Final = Rotation()
+FOR_FEEDS: Final = Rotation(size=32_000_000)
+"""Of a run with a feed, which may go on for days, unless another is asked for."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from ..trees.blackboard import Write
 from ..trees.mission import Mission
 from ..trees.runner import NodeInfo, TickReport
-from ..world.journal import Entry
+from ..world.journal import Entry, Happened
 from ..world.simulation.backends import Simulation
-from ..world.simulation.truth import TrueBody
 from ..world.values import Array
 from . import circumstances, records
 from .checkpoints import RunState
@@ -29,6 +28,9 @@ if TYPE_CHECKING:
 
 START: Final = "start.json"
 """Of a run that goes on from a checkpoint: that state, its tree being that of this run."""
+
+_BY_THE_FEED = ("delivery", "bin_exchanged")
+"""Events after which items stand elsewhere at once."""
 
 Tap: TypeAlias = Callable[[str, int, bytes], None]
 """Is shown a message: topic, simulated ns, payload."""
@@ -49,6 +51,8 @@ class Scribe:
         self._world = session.world
         self._gripper = session.hardware.gripper
         self._checkpoints = self._edits = self._refused = 0
+        self._there = {body.id for body in session.hardware.truth() if body.present}
+        """Items of the last message about the truth."""
         recipe = session.recipe
         start = recipe.start
         files = list(recipe_files(recipe))
@@ -151,8 +155,9 @@ class Scribe:
         recorder.belief(now, objects, world.scene.take_changes())
         recorder.wrench(now, world.control.wrench_external())
         recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
-        if recorder.truth_due(now):
-            recorder.truth(now, _present(hardware))
+        moved = any(isinstance(entry, Happened) and entry.kind in _BY_THE_FEED for entry in entries)
+        if moved or recorder.truth_due(now):
+            self._truth(now, hardware)
 
     def timing(self, timing: records.Timing) -> None:
         self._recorder.timing(self._world.clock.now, timing)
@@ -184,15 +189,21 @@ class Scribe:
 
     def last(self, hardware: Simulation) -> None:
         """The truth at the end."""
-        self._recorder.truth(self._world.clock.now, _present(hardware))
+        self._truth(self._world.clock.now, hardware)
+
+    def _truth(self, now: float, hardware: Simulation) -> None:
+        """What is really there: an item that a fault took away is nowhere, one that left with its bin is told
+        of once more, as it lay."""
+        bodies = [
+            body
+            for body in hardware.truth()
+            if body.present or (body.taken_with is not None and body.id in self._there)
+        ]
+        self._there = {body.id for body in bodies if body.present}
+        self._recorder.truth(now, bodies)
 
     def finish(self, result: RunResult) -> None:
         self._recorder.finish({"status": result.status, "json": result.to_json_text()})
-
-
-def _present(hardware: Simulation) -> Iterator[TrueBody]:
-    """What is really there: an item that a fault took away is nowhere."""
-    return (body for body in hardware.truth() if body.present)
 
 
 def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:

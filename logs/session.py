@@ -18,6 +18,7 @@ from ..world.errors import PicktreeError
 from ..world.journal import Happened, Plain
 from ..world.simulation.backends import build_hardware
 from ..world.simulation.faults import Injector
+from ..world.simulation.feeder import Feeder
 from ..world.simulation.scorer import score
 from ..world.stopwatch import Stopwatch
 from ..world.values import Vector3
@@ -29,8 +30,8 @@ from .recipe import LIMIT, Recipe
 from .recorder import Listener
 from .records import NodeTime, Timing
 from .request import RunOptions, RunRequest, make_folder, read_recipe
-from .result import FormCount, ItemCount, PickCount, RunResult, RunStatus, WallSeconds
-from .rotation import NEVER
+from .result import FeedCount, FormCount, ItemCount, PickCount, RunResult, RunStatus, WallSeconds
+from .rotation import FOR_FEEDS, NEVER
 from .scribe import Scribe, Tap
 from .tally import Tally
 from .watcher import Watcher
@@ -67,13 +68,14 @@ class Session:
         gives other versions of the mission itself, as a log has them. `tap` is shown every message that is
         part of the digest, `listener` every message, once it is written.
         """
-        self.rotation = NEVER
+        rotation = NEVER
         if isinstance(request, RunRequest):
-            out, self.rotation = request.out, request.rotation
+            out, rotation = request.out, request.rotation
             edits = FileEdits() if edits is None and request.watch else edits
             request = read_recipe(request)
         self.recipe = recipe = request
         self.mission, self.scene, self.robot = recipe.mission, recipe.scene, recipe.robot
+        self.rotation = rotation or (FOR_FEEDS if self._fed else NEVER)
         self._watcher = watcher
         self._debugger = debugger
         self._stopwatch = Stopwatch()
@@ -107,6 +109,7 @@ class Session:
         self._tap = tap
         self._listener = listener
         self._stopping = False
+        self._total = 0
         self.folder = make_folder(out, recipe.mission.document.path.stem, recipe.seed)
 
     def stop(self) -> None:
@@ -117,12 +120,12 @@ class Session:
         """Run to the end and say what came of it. The log is finished on every way out; an interrupt
         (SIGINT, SIGTERM) ends the run with the status `interrupted`."""
         structure = self.tree.structure()
-        total = len(self.hardware.truth())
+        self._total = self._items_total()
         with Scribe(self.folder / LOG, self, structure, self._tap, self._listener) as scribe:
             if self._watcher:
                 self._watcher.started(structure, self.folder)
             try:
-                status = self._loop(scribe, total)
+                status = self._loop(scribe)
             except KeyboardInterrupt:
                 scribe.settle()
                 status = "interrupted"
@@ -141,7 +144,7 @@ class Session:
             self._watcher.finished(result)
         return result
 
-    def _loop(self, scribe: Scribe, total: int) -> RunStatus:
+    def _loop(self, scribe: Scribe) -> RunStatus:
         world = self.world
         if self.recipe.start is not None:
             self._begin_again(scribe)
@@ -151,14 +154,14 @@ class Session:
             before, began = self._stopwatch.seconds(), time.perf_counter()
             with self._stopwatch.measure("tree"):
                 report = tree.tick()
-            for happened in self._injector.tick():
+            for happened in (*self._injector.tick(), *self._brought()):
                 world.journal.note(happened)
             entries = world.journal.take()
             self.tally.take(entries, report.nodes, tree.leaves)
             with self._stopwatch.measure("logging"):
                 scribe.tick(report, entries, self.hardware)
             if self._watcher:
-                self._watcher.ticked(world.clock.now, report, self.tally.done, total)
+                self._watcher.ticked(world.clock.now, report, self.tally.done, self._total)
             if self._debugger:
                 self._debugger.ticked()
             if tree.status is not NodeStatus.RUNNING:
@@ -173,6 +176,26 @@ class Session:
             self._pass_time()
             with self._stopwatch.measure("logging"):
                 scribe.timing(self._timing(before, began))
+
+    def _brought(self) -> tuple[Happened, ...]:
+        """What whoever brings items has done since the last tick."""
+        feed = self.hardware.feed
+        events = feed.take_events() if isinstance(feed, Feeder) else ()
+        if events:
+            self._total = self._items_total()
+        return events
+
+    @property
+    def _fed(self) -> bool:
+        return bool(self.scene.deliveries)
+
+    def _items_total(self) -> int:
+        """Items that will have come in all, where that is known; else those that have come so far."""
+        totals = [delivery.total for delivery in self.scene.deliveries]
+        known = [total for total in totals if total is not None]
+        if not totals or len(known) < len(totals):
+            return len(self.hardware.truth())
+        return sum(known) + sum(count for spawn in self.scene.spawn for _, count in spawn.counts)
 
     def _write_result(self, result: RunResult) -> None:
         path = self.folder / RESULT
@@ -341,7 +364,7 @@ class Session:
                 verdict.left,
                 {form: FormCount(count.total, count.sorted) for form, count in verdict.by_form.items()},
             ),
-            picks=PickCount(tally.tried, tally.held, len(tally.objects), len(tally.first_try)),
+            picks=PickCount(tally.tried, tally.held, tally.tried_objects, tally.held_first_try),
             failures=dict(tally.failures),
             recoveries=dict(tally.recovered),
             sim_seconds=self.world.clock.now,
@@ -358,6 +381,7 @@ class Session:
             message=failure.message if failure else "",
             thinking_charged=self.scene.thinking.collision_check > 0.0 and self.scene.thinking.image > 0.0,
             disagreements=self._disagreements if self.recipe.verify else None,
+            feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if self._fed else None,
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, cast
 
 from ..world.journal import Entry, Happened
 
@@ -35,6 +35,11 @@ class TallyState:
     failures: dict[str, int]
     recovered: dict[str, int]
     cured: dict[str, int]
+    gone: int = 0
+    gone_first_try: int = 0
+    deliveries: int = 0
+    exchanges: int = 0
+    set_aside: int = 0
 
 
 @dataclass
@@ -45,9 +50,19 @@ class Tally:
     """Times that the fingers closed on an object."""
     held: int = 0
     objects: set[str] = field(default_factory=set[str])
-    """Ids of the objects that were tried."""
+    """Ids of the objects that were tried and are not gone for good."""
     first_try: set[str] = field(default_factory=set[str])
     """Those that were held when the fingers first closed on them."""
+    gone: int = 0
+    """Objects that were tried and left with their bins since; nobody asks for their ids any more."""
+    gone_first_try: int = 0
+    """Those of them that were held when the fingers first closed on them."""
+    deliveries: int = 0
+    """Loads that the feed has brought."""
+    exchanges: int = 0
+    """Bins that were exchanged for empty ones."""
+    set_aside: int = 0
+    """Items that were given up where they lie."""
     done: int = 0
     """Items placed, as the robot believes."""
     failures: Counter[str] = field(default_factory=Counter[str])
@@ -67,21 +82,47 @@ class Tally:
             dict(self.failures),
             dict(self.recovered),
             dict(self.cured),
+            self.gone,
+            self.gone_first_try,
+            self.deliveries,
+            self.exchanges,
+            self.set_aside,
         )
 
     @classmethod
     def resumed(cls, state: TallyState) -> Tally:
         """One that counts on."""
         return cls(
-            state.tried,
-            state.held,
-            set(state.objects),
-            set(state.first_try),
-            state.done,
-            Counter(state.failures),
-            Counter(state.recovered),
-            Counter(state.cured),
+            tried=state.tried,
+            held=state.held,
+            objects=set(state.objects),
+            first_try=set(state.first_try),
+            gone=state.gone,
+            gone_first_try=state.gone_first_try,
+            deliveries=state.deliveries,
+            exchanges=state.exchanges,
+            set_aside=state.set_aside,
+            done=state.done,
+            failures=Counter(state.failures),
+            recovered=Counter(state.recovered),
+            cured=Counter(state.cured),
         )
+
+    @property
+    def tried_objects(self) -> int:
+        """Different objects on which the fingers closed."""
+        return self.gone + len(self.objects)
+
+    @property
+    def held_first_try(self) -> int:
+        return self.gone_first_try + len(self.first_try)
+
+    def _forget(self, objects: Iterable[str]) -> None:
+        gone = self.objects.intersection(objects)
+        self.gone += len(gone)
+        self.gone_first_try += len(gone & self.first_try)
+        self.objects -= gone
+        self.first_try -= gone
 
     def take(self, entries: Iterable[Entry], nodes: Iterable[Reported], leaves: frozenset[str]) -> None:
         """Count what one tick brought; `leaves` are the paths of the nodes without children."""
@@ -103,6 +144,14 @@ class Tally:
                 self.objects.add(subject)
             case "item_done":
                 self.done += 1
+            case "delivery":
+                self.deliveries += 1
+            case "bin_exchanged":
+                self.exchanges += 1
+            case "set_aside":
+                self.set_aside += 1
+            case "bin_emptied":
+                self._forget(cast("list[str]", event.data["objects"]))
             case "recovery":
                 self.recovered[str(event.data["cause"])] += 1
             case "cured":

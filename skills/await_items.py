@@ -41,7 +41,7 @@ class AwaitItems(Skill):
             if signals.deliveries > world.noticed.deliveries:
                 world.noticed.deliveries = signals.deliveries
                 return
-            if signals.exhausted and not signals.busy:
+            if signals.exhausted:
                 return
             if not asked:
                 world.feed.ready()

@@ -6,7 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from picktree.logs.result import FormCount, ItemCount, PickCount, RunResult
+from picktree.logs.result import FeedCount, FormCount, ItemCount, PickCount, RunResult
 
 
 def test_text(result: RunResult) -> None:
@@ -68,6 +68,7 @@ def test_json(result: RunResult) -> None:
         "sim_seconds": 20.05,
         "thinking_charged": True,
         "disagreements": None,
+        "feed": None,
         "cpu_seconds": 2.346,
         "wall_seconds": {
             "total": 2.5,
@@ -85,3 +86,16 @@ def test_json(result: RunResult) -> None:
 def test_json_names_the_log_absolutely(result: RunResult) -> None:
     relative = replace(result, log=Path("runs/1/log.mcap"), folder=Path("runs/1"))
     assert relative.to_json()["log"] == str(Path.cwd() / "runs/1/log.mcap")
+
+
+def test_of_a_run_with_a_feed(result: RunResult) -> None:
+    fed = replace(result, feed=FeedCount(1, 3, 0))
+    lines = fed.to_text().splitlines()
+    assert "feed        1 delivery, 3 bins exchanged, 0 items set aside" in lines
+    assert "simulated   20.1 s, 5.0 s a pick (718 an hour)" in lines
+    assert fed.to_json()["feed"] == {"deliveries": 1, "exchanges": 3, "set_aside": 0}
+    text = fed.to_json_text()
+    assert RunResult.from_json_text(text, Path("log.mcap")).feed == fed.feed
+    older = json.loads(text)
+    del older["feed"]
+    assert RunResult.from_json_text(json.dumps(older), Path("log.mcap")).feed is None
