@@ -13,7 +13,7 @@ from .types import show
 
 _KEYS = ("picktree", "kind", "name", "scene", "goal", "library", "include", "plugins", "trees")
 _NOT_IN_LIBRARY = ("scene", "goal")
-_GOAL_NAMES = ("total", "sorted", "misplaced", "left")
+_GOAL_NAMES = ("total", "sorted", "misplaced", "left", "outstanding")
 
 
 class MissionHead:

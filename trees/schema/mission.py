@@ -103,7 +103,8 @@ def _head(scenes: tuple[str, ...]) -> dict[str, Schema]:
             "type": ["string", "null"],
             "minLength": 1,
             "description": "When a run counts as a success, beside the root's SUCCESS: an expression of the "
-            "numbers of items total, sorted, misplaced and left. Every item at its destination unless given.",
+            "numbers of items total, sorted, misplaced, left and outstanding (those that a feed still owes). "
+            "Every item at its destination and none outstanding unless given.",
             "examples": ["misplaced == 0 and left <= 1"],
         },
         "library": {

@@ -163,8 +163,8 @@ class SceneDescription:
     checkpoint_every: int = 4
     """Items between two checkpoints."""
     goal: str | None = None
-    """An expression over `total`, `sorted`, `misplaced`, `left`; default: all are sorted, and nothing is
-    outstanding."""
+    """An expression over `total`, `sorted`, `misplaced`, `left`, `outstanding`; default: all are sorted, and
+    nothing is outstanding."""
     source: str = ""
     """Path of the file."""
     text: str = ""

@@ -49,7 +49,7 @@ MAX_ENTRIES = 200
 """Of a section: what a simulator could still bear."""
 RULE_TRIALS = 2_000_000
 """Characters of rules that are evaluated for the question whether any item fulfils them."""
-GOAL_NAMES = ("total", "sorted", "misplaced", "left")
+GOAL_NAMES = ("total", "sorted", "misplaced", "left", "outstanding")
 
 
 @dataclass(frozen=True, slots=True)

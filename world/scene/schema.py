@@ -348,8 +348,9 @@ class RestFile(FileModel):
     checkpoint_every: Count = 4
     """How many items are handled from one checkpoint of a run to the next."""
     goal: str | None = None
-    """When a run has reached its goal: an expression of the numbers of items total, sorted, misplaced and
-    left; every item at its destination unless given."""
+    """When a run has reached its goal: an expression of the numbers of items total, sorted, misplaced,
+    left and outstanding (those that the feed still owes); every item at its destination and none outstanding
+    unless given."""
     exchange: ExchangeFile | None = None
     """Who exchanges full bins; without it nobody does."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -10,6 +11,7 @@ from typing import Literal, TypeAlias
 from ..files.expressions import Expression
 from ..scene.description import Bin, Form, SceneDescription
 from ..scene.destinations import destination_rule
+from ..scene.feed import Delivery
 from ..shapes import bottom
 from ..values import ObjectId
 from .truth import TrueBody
@@ -45,7 +47,8 @@ class FormScore:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """`total` = `sorted` + `misplaced` + `left`."""
+    """`total` = `sorted` + `misplaced` + `left`: all items that ever came, those taken away with their bins
+    included."""
 
     total: int
     sorted: int
@@ -53,35 +56,46 @@ class Score:
     left: int
     by_form: Mapping[str, FormScore]
     items: tuple[ItemScore, ...]
+    outstanding: int = 0
+    """Items that the scene's feed still owes; none of an entry that goes on for ever."""
 
     def reached(self, goal: str | None = None) -> bool:
-        """Whether an expression over the four counts holds; without one: whether all items are sorted."""
+        """Whether an expression over the counts holds; without one: whether everything is sorted, and nothing
+        outstanding."""
         if goal is None:
-            return self.sorted == self.total
+            return self.sorted == self.total and self.outstanding == 0
         counts = {
             "total": self.total,
             "sorted": self.sorted,
             "misplaced": self.misplaced,
             "left": self.left,
+            "outstanding": self.outstanding,
         }
         return bool(Expression.parse(goal).evaluate(counts))
 
 
 def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
     """An item is sorted when it rests in the bin of its destination (one without any: when in no bin),
-    misplaced when in another bin, else left: on the table, on the floor, in the hand, or taken away."""
+    misplaced when in another bin, else left: on the table, on the floor, in the hand, or snatched away. One
+    that was taken away with a bin stays in it for good."""
+    truth = tuple(truth)
     destination = destination_rule(scene.destinations)
     items = tuple(_judged(body, destination(body), scene.bins) for body in truth)
     by_form: dict[str, FormScore] = {}
     for form in dict.fromkeys(item.form for item in items):
         by_form[form] = FormScore(*_counts(item for item in items if item.form == form))
-    return Score(*_counts(items), by_form, items)
+    return Score(*_counts(items), by_form, items, _outstanding(truth, scene.deliveries))
+
+
+def _outstanding(truth: Iterable[TrueBody], deliveries: Iterable[Delivery]) -> int:
+    brought = Counter(body.brought_by for body in truth)
+    return sum(max(0, d.total - brought[n]) for n, d in enumerate(deliveries) if d.total is not None)
 
 
 def _judged(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
-    within = next((b.id for b in bins if lies_in(b, body)), None)
+    within = body.taken_with or next((b.id for b in bins if lies_in(b, body)), None)
     verdict: Verdict = "left"
-    if body.present and within == destination:
+    if (body.present or body.taken_with is not None) and within == destination:
         verdict = "sorted"
     elif within is not None:
         verdict = "misplaced"
