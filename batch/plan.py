@@ -21,9 +21,11 @@ class Limits:
     simulated: float = 3600.0
     """Simulated s, after which the run ends as `timeout`."""
     wall: float = 3600.0
-    """Wall s, after which its worker is killed."""
+    """Wall s, after which it is ended."""
     memory: int = 4 << 30
-    """Bytes of resident memory, from which on its worker is killed."""
+    """Bytes of resident memory, from which on it is ended."""
+    disk: int = 10 * 10**9
+    """Bytes that it may write, from which on it is ended."""
 
 
 @dataclass(frozen=True, slots=True)

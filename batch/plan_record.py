@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
+from ..logs.whole_files import whole
 from ..world.errors import PicktreeError
 from .plan import Plan
 
@@ -15,10 +16,8 @@ _ADAPTER = TypeAdapter(Plan)
 
 def write_plan(plan: Plan, folder: Path) -> None:
     """Raises PicktreeError when it cannot be written."""
-    try:
-        (folder / NAME).write_bytes(_ADAPTER.dump_json(plan, indent=1))
-    except OSError as error:
-        raise PicktreeError(f"{folder / NAME}: the plan cannot be written: {error.strerror}") from None
+    with whole([folder / NAME], folder / NAME) as (beside,):
+        beside.write_bytes(_ADAPTER.dump_json(plan, indent=1))
 
 
 def read_plan(folder: Path) -> Plan:

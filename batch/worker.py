@@ -12,6 +12,7 @@ from types import FrameType
 from typing import NoReturn
 
 from .executor import Event, Order
+from .output import silence
 from .processes import die_with_parent, take_in_orphans
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
@@ -40,9 +41,9 @@ def serve(orders: Connection) -> None:
     """
     os.setsid()  # Ctrl-C is for the batch to deal with
     die_with_parent(signal.SIGTERM)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # libraries greet when they are loaded
     take_in_orphans()
-    _load()
+    with silence():  # libraries greet when they are loaded
+        _load()
     with suppress(EOFError, OSError, _Told):
         orders.send(READY)
         while True:

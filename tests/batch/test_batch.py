@@ -7,61 +7,34 @@ from pathlib import Path
 import pytest
 
 from picktree.batch.batch import Batch
+from picktree.batch.executor import Executor
 from picktree.batch.load import check_plan_file, load_plan
 from picktree.batch.local import LocalExecutor
-from picktree.batch.plan import Limits, Plan
+from picktree.batch.plan import Plan
 from picktree.logs.session import RunRequest, Session
 from picktree.world.errors import PicktreeError
 from picktree.world.files.document import read_document
 
+from .trouble import troubled
 from .watching import Remembering
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ONE_PICK = EXAMPLES / "one_pick.yaml"
-TROUBLE = """\
-from picktree.trees.skill import Skill, Steps
-from picktree.world.world import World
-import os, signal, time
-
-
-class Trouble(Skill):
-    \"\"\"What a skill should not do.\"\"\"
-
-    def run(self, world: World) -> Steps:
-        for _ in range(5):
-            yield
-        {doing}
-        yield
-
-
-NODES = (Trouble,)
-"""
 
 
 def plan(folder: Path, seeds: tuple[int, ...] = (0, 1, 2), **changes: object) -> Plan:
     return Plan("test", (ONE_PICK,), seeds, backend="kinematic", **changes)  # type: ignore[arg-type]
 
 
-def troubled(folder: Path, doing: str) -> Path:
-    """A mission whose only skill does that after five ticks, for seed 1 alone."""
-    (folder / "trouble.py").write_text(TROUBLE.format(doing=f"if world.streams.seed == 1: {doing}"))
-    mission = folder / "mission.yaml"
-    mission.write_text(
-        "picktree: 1\nkind: mission\nname: trouble\nscene: sort_small\ngoal: left >= 0\n"
-        "plugins: [trouble.py]\ntrees:\n  Main: Trouble\n"
-    )
-    return mission
-
-
-def run(batch: Batch, workers: int = 2) -> Remembering:
+def run(batch: Batch, workers: Executor) -> Remembering:
     seen = Remembering()
-    with batch, LocalExecutor(workers) as executor:
-        assert batch.run(executor, seen)
+    with batch:
+        assert batch.run(workers, seen)
     return seen
 
 
-def test_jobs_on_workers_give_what_they_give_alone(tmp_path: Path) -> None:
-    seen = run(Batch.create(tmp_path / "batch", plan(tmp_path, keep="all")))
+def test_jobs_on_workers_give_what_they_give_alone(tmp_path: Path, workers: LocalExecutor) -> None:
+    seen = run(Batch.create(tmp_path / "batch", plan(tmp_path, keep="all")), workers)
     alone = [
         Session(RunRequest(ONE_PICK, seed=seed, backend="kinematic", out=tmp_path / "alone")).run()
         for seed in (0, 1, 2)
@@ -72,16 +45,18 @@ def test_jobs_on_workers_give_what_they_give_alone(tmp_path: Path) -> None:
     assert all((tmp_path / "batch" / row.folder / "log.mcap").is_file() for row in found.values())
 
 
-def test_what_was_recorded_is_not_run_again_and_the_rest_is(tmp_path: Path) -> None:
+def test_what_was_recorded_is_not_run_again_and_the_rest_is(
+    tmp_path: Path, workers: LocalExecutor, worker: Executor
+) -> None:
     batch = Batch.create(tmp_path / "batch", plan(tmp_path, seeds=tuple(range(4))))
     seen = Remembering(at_end=batch.stop)
-    with batch, LocalExecutor(1) as executor:
-        assert not batch.run(executor, seen)
+    with batch:
+        assert not batch.run(worker, seen)
     assert len(seen.ends) == 1
-    rest = run(Batch.resume(tmp_path / "batch"))
+    rest = run(Batch.resume(tmp_path / "batch"), workers)
     assert rest.done == (seen.ends[0].row,)
     assert {ended.job.seed for ended in rest.ends} == {1, 2, 3}
-    again = run(Batch.resume(tmp_path / "batch"))
+    again = run(Batch.resume(tmp_path / "batch"), workers)
     assert (len(again.done), again.ends) == (4, [])
 
 
@@ -91,45 +66,6 @@ def test_a_batch_is_run_by_one_process_at_a_time(tmp_path: Path) -> None:
         pytest.raises(PicktreeError, match="another process runs this batch"),
     ):
         Batch.resume(tmp_path / "batch")
-
-
-@pytest.mark.parametrize(
-    ("doing", "reason"),
-    [
-        ("os.kill(os.getpid(), signal.SIGSEGV)", "its process was ended by SIGSEGV, at trouble.py:12 in run"),
-        ("os._exit(7)", "its process ended with exit code 7"),
-        (
-            "self.hoard = bytearray(900_000_000); time.sleep(60)",
-            "it took more than 700 MB of memory, at trouble.py:12 in run",
-        ),
-    ],
-)
-def test_a_job_that_ends_its_worker_costs_itself_alone(tmp_path: Path, doing: str, reason: str) -> None:
-    mission = troubled(tmp_path, doing)
-    limits = Limits(memory=700_000_000)
-    asked = Plan("trouble", (mission,), (0, 1, 2), backend="kinematic", limits=limits)
-    batch = Batch.create(tmp_path / "batch", asked)
-    seen = Remembering()
-    with batch, LocalExecutor(2) as executor:
-        assert batch.run(executor, seen)
-        found = batch.store.query("SELECT seed, status, message, attempts FROM jobs ORDER BY seed").rows
-    assert found == ((0, "success", "", 1), (1, "crashed", reason, 2), (2, "success", "", 1))
-    assert seen.again == [reason]
-    crashed = next(ended for ended in seen.ends if ended.job.seed == 1)
-    assert (tmp_path / "batch" / crashed.row.folder / "log.mcap").is_file()
-
-
-def test_a_job_that_hangs_is_ended_at_its_limit(tmp_path: Path) -> None:
-    asked = Plan(
-        "trouble",
-        (troubled(tmp_path, "time.sleep(600)"),),
-        (1,),
-        backend="kinematic",
-        limits=Limits(wall=3.0),
-    )
-    seen = run(Batch.create(tmp_path / "batch", asked), workers=1)
-    assert seen.again == ["it took more than 3 s of wall time, at trouble.py:12 in run"]
-    assert [ended.row.status for ended in seen.ends] == ["crashed"]
 
 
 def test_a_plan_file_says_all_of_it(tmp_path: Path) -> None:
@@ -165,8 +101,10 @@ def test_a_faulty_plan_is_refused_before_anything_runs(tmp_path: Path, line: str
     assert found.plan is None
 
 
-def test_a_batch_runs_what_it_began_with_whatever_becomes_of_the_files(tmp_path: Path) -> None:
-    mission = troubled(tmp_path, "pass")
+def test_a_batch_runs_what_it_began_with_whatever_becomes_of_the_files(
+    tmp_path: Path, worker: Executor
+) -> None:
+    mission = troubled(tmp_path, {})
     folder = tmp_path / "batch"
     with Batch.create(folder, Plan("trouble", (mission,), (0, 1), backend="kinematic")) as batch:
         ids = [job.id for job in batch.jobs]
@@ -176,5 +114,5 @@ def test_a_batch_runs_what_it_began_with_whatever_becomes_of_the_files(tmp_path:
     mission.unlink()
     moved = tmp_path / "elsewhere"
     folder.rename(moved)
-    seen = run(Batch.resume(moved), workers=1)
+    seen = run(Batch.resume(moved), worker)
     assert [(ended.job.id, ended.row.status) for ended in seen.ends] == [(each, "success") for each in ids]

@@ -12,15 +12,19 @@ from picktree.batch.rows import JobRow
 
 @dataclass
 class Remembering:
-    """`at_end` is called after each job that was recorded."""
+    """`at_begin` is called when it begins, `at_end` after each job that was recorded, `at_again` after each
+    try that was lost and is made again."""
 
     at_end: Callable[[], None] = lambda: None
+    at_begin: Callable[[], None] = lambda: None
+    at_again: Callable[[], None] = lambda: None
     done: tuple[JobRow, ...] = ()
     ends: list[Ended] = field(default_factory=list[Ended])
     again: list[str] = field(default_factory=list[str])
 
     def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
         self.done = tuple(done)
+        self.at_begin()
 
     def ended(self, ended: Ended) -> None:
         self.ends.append(ended)
@@ -28,6 +32,7 @@ class Remembering:
 
     def tried_again(self, job: Job, reason: str) -> None:
         self.again.append(reason)
+        self.at_again()
 
     def stopping(self, under_way: int) -> None: ...
 

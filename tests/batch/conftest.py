@@ -1,0 +1,44 @@
+"""Workers that all tests of batches share: starting one takes longer than a job."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import pytest
+
+from picktree.batch.executor import Event, Executor, Order
+from picktree.batch.local import LocalExecutor
+
+
+@pytest.fixture(scope="package")
+def workers() -> Generator[LocalExecutor]:
+    """Two."""
+    with LocalExecutor(2) as executor:
+        yield executor
+
+
+class OneAtATime:
+    """The same, but only one of them is made use of."""
+
+    slots = 1
+
+    def __init__(self, workers: LocalExecutor) -> None:
+        self._workers = workers
+
+    def submit(self, order: Order) -> None:
+        self._workers.submit(order)
+
+    def wait(self, seconds: float) -> Sequence[Event]:
+        return self._workers.wait(seconds)
+
+    def stop(self) -> None:
+        self._workers.stop()
+
+    def close(self) -> None:
+        self._workers.close()
+
+
+@pytest.fixture
+def worker(workers: LocalExecutor) -> Executor:
+    """One."""
+    return OneAtATime(workers)
