@@ -1,36 +1,60 @@
-"""Two recipes on the same seeds: which is better, how sure that is, and which seeds changed sides."""
+"""Two recipes compared: in what they differ by more than chance, and which seeds changed sides."""
 
 from __future__ import annotations
 
-import json
-import math
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
 
-from ..world.errors import PicktreeError
-from ..world.files.nearest import nearest
-from .statistics import Difference, Paired, Rate, difference, paired, rate
-from .store import NAME, Store
+from .differences import Difference, paired_difference, unpaired_difference
+from .outcomes import Outcome, Recipe, read_recipe
+from .statistics import (
+    SIGNIFICANT,
+    Interval,
+    Paired,
+    Rate,
+    difference_of_paired_rates,
+    difference_of_rates,
+    equal_rates_p,
+    holm,
+    paired,
+    rate,
+)
 
-SIGNIFICANT = 0.05
+Side: TypeAlias = Literal["A", "B"]
+_ENOUGH = 0.5
+"""Share of the smaller side's seeds that both must have for a comparison by seed."""
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """What one job came to, as far as it is compared."""
+class Criterion:
+    """One thing in which recipes are compared, with a test."""
 
-    seed: int
-    success: bool
-    sorted: int
-    sim_seconds: float | None
-    held: int
-    folder: str
-    """Absolute; empty when the log was not kept."""
+    name: str
+    words: str
+    """What the better one does."""
+    more_is_better: bool
+    difference: Difference
+    """In a share, for `goal`; else of a job."""
+    adjusted: float = 1.0
+    """The p value by Holm's method, over all criteria."""
 
     @property
-    def seconds_a_pick(self) -> float | None:
-        return self.sim_seconds / self.held if self.sim_seconds is not None and self.held else None
+    def better(self) -> Side | None:
+        """None when chance explains it."""
+        if self.adjusted >= SIGNIFICANT or not self.difference.mean:
+            return None
+        return "B" if (self.difference.mean > 0) == self.more_is_better else "A"
+
+
+@dataclass(frozen=True, slots=True)
+class CauseChange:
+    """Failures of one cause, of a job."""
+
+    cause: str
+    difference: Difference
+    adjusted: float = 1.0
+    """The p value by Holm's method, over all causes: they explain and do not decide."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +62,13 @@ class Changed:
     """A seed on which one recipe succeeded and the other did not."""
 
     seed: int
-    winner: str
-    """A or B."""
-    logs: tuple[str, str] | None
-    """Of A and B, where both were kept."""
+    winner: Side
+    logs: tuple[str, str] | None = None
+    """Of A and B, absolute, where both were kept."""
+    missing: tuple[Side, ...] = ()
+    """Whose log was not kept."""
+    parting: str = ""
+    """Where the runs part, in a line; empty when it was not looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,147 +77,114 @@ class Comparison:
     label_b: str
     success_a: Rate
     success_b: Rate
-    paired: Paired
-    seconds_a_pick: Difference
-    """B − A, simulated s."""
-    items: Difference
-    """B − A, items sorted."""
+    paired: Paired | None
+    """None when the jobs are compared as independent ones."""
+    criteria: tuple[Criterion, ...]
+    causes: tuple[CauseChange, ...]
+    """The clearest first."""
     changed: tuple[Changed, ...]
+    shared: int
+    """Seeds that both have."""
     alone: int
     """Seeds that only one of them has."""
 
     @property
     def differ(self) -> bool:
-        """Whether goals are reached more often by one of them than chance explains, or picks take longer."""
-        return self.paired.p_value < SIGNIFICANT or self.seconds_a_pick.clear
+        """By more than chance explains, in any criterion; of one recipe with itself in 5 % of all cases."""
+        return any(criterion.better for criterion in self.criteria)
 
-    def to_json(self) -> dict[str, Any]:
-        return {
-            "a": self.label_a,
-            "b": self.label_b,
-            "pairs": self.paired.total,
-            "both": self.paired.both,
-            "only_a": self.paired.only_a,
-            "only_b": self.paired.only_b,
-            "neither": self.paired.neither,
-            "p_value": self.paired.p_value,
-            "seconds_a_pick": _difference_json(self.seconds_a_pick),
-            "items": _difference_json(self.items),
-            "differ": self.differ,
-            "changed": [{"seed": c.seed, "winner": c.winner, "logs": c.logs} for c in self.changed],
-            "alone": self.alone,
-        }
-
-    def to_json_text(self) -> str:
-        return json.dumps(self.to_json(), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
-
-    def to_text(self, program: str = "picktree") -> str:
-        p = self.paired
-        lines = [
-            f"A  {self.label_a}: goal reached {self.success_a}",
-            f"B  {self.label_b}: goal reached {self.success_b}",
-            f"{p.total} seeds in both" + (f"; {self.alone} in one alone are left out" if self.alone else ""),
-            f"goal        both {p.both}, only A {p.only_a}, only B {p.only_b}, neither {p.neither}; "
-            f"McNemar p = {p.p_value:.3g}",
-            f"s a pick    {_words(self.seconds_a_pick, 'B takes', 's')}",
-            f"items       {_words(self.items, 'B sorts', 'a job')}",
-        ]
-        if p.p_value < SIGNIFICANT:
-            lines.append(f"so          {'A' if p.only_a > p.only_b else 'B'} reaches the goal more often")
-        elif self.seconds_a_pick.clear:
-            lines.append(f"so          {'A' if self.seconds_a_pick.mean > 0 else 'B'} is the faster one")
-        else:
-            lines.append("so          no difference that these seeds could show")
-        for changed in self.changed:
-            lines.append(f"  seed {changed.seed}: {changed.winner} alone reached its goal")
-            if changed.logs:
-                lines.append(f"    {program} diff {changed.logs[0]} {changed.logs[1]}")
-        return "\n".join(lines)
+    def criterion(self, name: str) -> Criterion:
+        return next(criterion for criterion in self.criteria if criterion.name == name)
 
 
-def compare(a: str, b: str) -> Comparison:
+def compare(a: str, b: str, *, unpaired: bool = False) -> Comparison:
     """`a` and `b` are batches' folders, or FOLDER@LABEL for one recipe of several.
 
-    Raises PicktreeError when there is none, or they share no seed.
+    They are paired by seed, unless they share less than half of their seeds, or `unpaired` says so. Raises
+    PicktreeError when there is no such recipe, or none of its jobs was run.
     """
-    label_a, outcomes_a = _recipe(a)
-    label_b, outcomes_b = _recipe(b)
-    shared = sorted(set(outcomes_a) & set(outcomes_b))
-    if not shared:
-        raise PicktreeError(f"{a} and {b} share no seed that was run: nothing can be paired")
-    pairs = [(outcomes_a[seed], outcomes_b[seed]) for seed in shared]
-    times = [
-        (x.seconds_a_pick, y.seconds_a_pick)
-        for x, y in pairs
-        if x.seconds_a_pick is not None and y.seconds_a_pick is not None
-    ]
+    return compare_recipes(read_recipe(a), read_recipe(b), unpaired=unpaired)
+
+
+def compare_recipes(a: Recipe, b: Recipe, *, unpaired: bool = False) -> Comparison:
+    shared = sorted(set(a.outcomes) & set(b.outcomes))
+    by_seed = not unpaired and len(shared) >= _ENOUGH * min(len(a.outcomes), len(b.outcomes))
+    pairs = [(a.outcomes[seed], b.outcomes[seed]) for seed in shared]
+    of_a, of_b = (
+        ([x for x, _ in pairs], [y for _, y in pairs])
+        if by_seed
+        else (list(a.outcomes.values()), list(b.outcomes.values()))
+    )
+
+    def difference(value: Callable[[Outcome], float | None]) -> Difference:
+        if by_seed:
+            both = ((value(x), value(y)) for x, y in pairs)
+            return paired_difference([(x, y) for x, y in both if x is not None and y is not None])
+        return unpaired_difference(*(_known(map(value, side)) for side in (of_a, of_b)))
+
+    rate_a, rate_b = (rate(sum(x.success for x in side), len(side)) for side in (of_a, of_b))
+    table = paired([(x.success, y.success) for x, y in pairs]) if by_seed else None
     return Comparison(
-        label_a,
-        label_b,
-        rate(sum(x.success for x, _ in pairs), len(pairs)),
-        rate(sum(y.success for _, y in pairs), len(pairs)),
-        paired([(x.success, y.success) for x, y in pairs]),
-        difference(times),
-        difference([(float(x.sorted), float(y.sorted)) for x, y in pairs]),
-        tuple(
-            Changed(
-                x.seed,
-                "A" if x.success else "B",
-                (x.folder, y.folder) if x.folder and y.folder else None,
-            )
-            for x, y in pairs
-            if x.success != y.success
-        ),
-        len(set(outcomes_a) ^ set(outcomes_b)),
+        a.label,
+        b.label,
+        rate_a,
+        rate_b,
+        table,
+        _criteria(_goal(rate_a, rate_b, table), difference),
+        _causes(of_a, of_b, difference),
+        tuple(_changed(x, y, a, b) for x, y in pairs if x.success != y.success),
+        len(shared),
+        len(set(a.outcomes) ^ set(b.outcomes)),
     )
 
 
-def _recipe(where: str) -> tuple[str, dict[int, Outcome]]:
-    """One recipe's label and its outcomes by seed."""
-    folder_name, _, wanted = where.partition("@")
-    folder = Path(folder_name)
-    with Store(folder / NAME) as store:
-        labels = [
-            str(row[0]) for row in store.query("SELECT DISTINCT variant FROM jobs ORDER BY number").rows
-        ]
-        fitting = [label for label in labels if wanted in label]
-        exact = [label for label in labels if label == wanted]
-        if len(exact or fitting) != 1:
-            hint = nearest(wanted, labels) if wanted and not fitting else "one of " + "; ".join(labels)
-            raise PicktreeError(f"{where}: name one recipe as {folder_name}@LABEL ({hint})")
-        (label,) = exact or fitting
-        found = store.query(
-            "SELECT variant, seed, status, items_sorted, sim_seconds, picks_held, folder FROM jobs "
-            "WHERE status <> 'waiting'"
-        )
-    outcomes: dict[int, Outcome] = {}
-    rows: Any = found.rows
-    for variant, seed, status, items, seconds, held, kept in rows:
-        if variant == label:
-            path = str((folder / kept).absolute()) if kept else ""
-            outcomes[seed] = Outcome(seed, status == "success", items or 0, seconds, held or 0, path)
-    name = folder.name if len(labels) == 1 else f"{folder.name}@{label}"
-    return name, outcomes
+def _criteria(
+    goal: Difference, difference: Callable[[Callable[[Outcome], float | None]], Difference]
+) -> tuple[Criterion, ...]:
+    found = (
+        Criterion("goal", "reaches the goal more often", True, goal),
+        Criterion("items", "sorts more items", True, difference(lambda o: o.items_sorted)),
+        Criterion("in_vain", "grasps less often in vain", False, difference(lambda o: o.in_vain)),
+        Criterion("failures", "has fewer failures", False, difference(lambda o: o.failures)),
+        Criterion("seconds_a_pick", "picks faster", False, difference(lambda o: o.seconds_a_pick)),
+    )
+    adjusted = holm([criterion.difference.p_value for criterion in found])
+    return tuple(replace(c, adjusted=p_value) for c, p_value in zip(found, adjusted, strict=True))
 
 
-def _words(found: Difference, verb: str, unit: str) -> str:
-    if not found.pairs:
-        return "nothing to compare"
-    more = "more" if found.mean >= 0 else "less"
-    interval = found.interval
-    if math.isinf(interval.low):
-        return f"{verb} {abs(found.mean):.2f} {unit} {more}; one pair tells no interval"
-    return (
-        f"{verb} {abs(found.mean):.2f} {unit} {more} "
-        f"(B − A: {interval.low:+.2f} … {interval.high:+.2f}, 95 %, {found.pairs} pairs)"
+def _goal(a: Rate, b: Rate, table: Paired | None) -> Difference:
+    interval: Interval
+    if table is not None:
+        interval, p_value = difference_of_paired_rates(table), table.p_value
+    else:
+        interval, p_value = difference_of_rates(a, b), equal_rates_p(a, b)
+    return Difference(a.share, b.share, interval, p_value, min(a.total, b.total))
+
+
+def _causes(
+    a: Iterable[Outcome],
+    b: Iterable[Outcome],
+    difference: Callable[[Callable[[Outcome], float | None]], Difference],
+) -> tuple[CauseChange, ...]:
+    names = sorted({cause for outcome in (*a, *b) for cause in outcome.causes})
+    found = [difference(lambda outcome, cause=cause: outcome.causes.get(cause, 0)) for cause in names]
+    adjusted = holm([each.p_value for each in found])
+    changes = [CauseChange(*each) for each in zip(names, found, adjusted, strict=True)]
+    return tuple(sorted(changes, key=lambda c: (c.difference.p_value, -abs(c.difference.mean), c.cause)))
+
+
+def _changed(x: Outcome, y: Outcome, a: Recipe, b: Recipe) -> Changed:
+    folders = [
+        str((recipe.folder / o.folder).absolute()) if o.folder else "" for recipe, o in ((a, x), (b, y))
+    ]
+    sides: tuple[Side, Side] = ("A", "B")
+    return Changed(
+        x.seed,
+        "A" if x.success else "B",
+        (folders[0], folders[1]) if all(folders) else None,
+        tuple(side for side, folder in zip(sides, folders, strict=True) if not folder),
     )
 
 
-def _difference_json(found: Difference) -> dict[str, Any]:
-    finite = not math.isinf(found.interval.low)
-    return {
-        "mean": found.mean,
-        "low": found.interval.low if finite else None,
-        "high": found.interval.high if finite else None,
-        "pairs": found.pairs,
-    }
+def _known(values: Iterable[float | None]) -> list[float]:
+    return [value for value in values if value is not None]

@@ -9,7 +9,7 @@ import typer
 
 from ..world.errors import PicktreeError
 from .batch_run import run
-from .output import program
+from .output import keep_stdout, program
 
 batch = typer.Typer(help="Run many jobs, and ask what came of them.", no_args_is_help=True)
 batch.command()(run)
@@ -90,12 +90,42 @@ def export(
 def compare(
     a: Annotated[str, typer.Argument(metavar="A", help="A batch's folder, or FOLDER@RECIPE.")],
     b: Annotated[str, typer.Argument(metavar="B", help="Another.")],
+    partings: Annotated[
+        int, typer.Option(min=0, help="For how many of the seeds that changed sides to tell where they part.")
+    ] = 3,
+    remake: Annotated[
+        bool, typer.Option("--remake", help="Run jobs again for that whose logs were not kept.")
+    ] = False,
+    unpaired: Annotated[
+        bool, typer.Option("--unpaired", help="As independent runs, though they share seeds.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Compare two recipes, paired by seed. Exit code 1: they differ by more than chance."""
-    from ..batch.comparison import compare as compared
+    """Compare two recipes, paired by seed where they share them. Exit code 1: they differ by more than chance
+    explains."""
+    from ..batch.comparison import compare_recipes
+    from ..batch.comparison_text import json_text_of, text_of
+    from ..batch.outcomes import read_recipe
+    from ..batch.partings import with_partings
+    from .resim import Progress
 
-    found = compared(a, b)
-    print(found.to_json_text() if json else f"{found.to_text(program())}\n", end="")
+    answer = keep_stdout() if json else None
+    recipes = read_recipe(a), read_recipe(b)
+    progress = Progress()
+    try:
+        found = with_partings(
+            compare_recipes(*recipes, unpaired=unpaired),
+            *recipes,
+            partings,
+            remake=remake,
+            say=lambda what: progress.say(f"running it again: {what}"),
+        )
+    finally:
+        progress.clear()
+    if answer is None:
+        print(text_of(found, program()))
+    else:
+        with answer:
+            answer.write(json_text_of(found))
     if found.differ:
         raise typer.Exit(1)

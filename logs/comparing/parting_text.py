@@ -12,7 +12,7 @@ from .parting import How, Parting
 from .setup import value_changes
 from .show import value_text
 
-_HOW: Mapping[How, str] = {
+HOW: Mapping[How, str] = {
     "type": "is of another type",
     "inputs": "begins with other inputs",
     "outcome": "ends otherwise",
@@ -74,9 +74,9 @@ def _apart(title: str, a: Values, b: Values) -> Iterator[str]:
 
 def _what(parting: Parting, same: Visit | None) -> str:
     if same is None:
-        return _HOW[parting.how]
-    also = "".join(f", {_HOW[aspect]}" for aspect in parting.also)
-    return f"{same.path.rsplit('/', 1)[-1]} {_HOW[parting.how]}{also}"
+        return HOW[parting.how]
+    also = "".join(f", {HOW[aspect]}" for aspect in parting.also)
+    return f"{same.path.rsplit('/', 1)[-1]} {HOW[parting.how]}{also}"
 
 
 def _about(visit: Visit) -> str:

@@ -1,7 +1,17 @@
+import math
+
 import pytest
 
+from picktree.batch.differences import paired_difference, unpaired_difference
 from picktree.batch.seeds import parse_seeds
-from picktree.batch.statistics import difference, paired, rate
+from picktree.batch.statistics import (
+    difference_of_paired_rates,
+    difference_of_rates,
+    equal_rates_p,
+    holm,
+    paired,
+    rate,
+)
 from picktree.world.errors import PicktreeError
 
 
@@ -22,13 +32,57 @@ def test_mcnemar_counts_only_the_seeds_that_changed_sides() -> None:
     assert paired([(True, True)] * 5).p_value == 1.0
 
 
-def test_a_clear_difference_is_clear_and_none_is_not() -> None:
-    slower = difference([(float(k), k + 1.0 + 0.1 * (k % 3)) for k in range(30)])
-    assert slower.clear and slower.mean == pytest.approx(1.1)
+def test_newcombes_interval_for_independent_rates_is_the_published_one() -> None:
+    # Newcombe 1998, Stat. Med. 17:873, table II: 56/70 against 48/80 by method 10: 0.0524 to 0.3339.
+    found = difference_of_rates(rate(48, 80), rate(56, 70))
+    assert (found.low, found.high) == pytest.approx((0.0524, 0.3339), abs=1e-4)
+
+
+def test_newcombes_interval_for_paired_rates_is_the_published_one() -> None:
+    # Newcombe 1998, Stat. Med. 17:2635, method 10: a 20, b 12, c 2, d 16 gives 0.0562 to 0.3292.
+    outcomes = [(True, True)] * 20 + [(False, True)] * 12 + [(True, False)] * 2 + [(False, False)] * 16
+    found = difference_of_paired_rates(paired(outcomes))
+    assert (found.low, found.high) == pytest.approx((0.0562, 0.3292), abs=1e-4)
+    same = difference_of_paired_rates(paired([(True, True)] * 10))
+    assert (same.low, same.high) == pytest.approx((-0.278, 0.278), abs=1e-3)
+
+
+def test_the_exact_test_of_independent_rates_is_stronger_than_fishers() -> None:
+    # Mehrotra et al. 2003: 7 of 15 against 12 of 15 by Boschloo's test.
+    p_value = equal_rates_p(rate(12, 15), rate(7, 15))
+    assert p_value == pytest.approx(0.0680, abs=1e-3)
+    assert equal_rates_p(rate(5, 5), rate(9, 9)) == 1.0
+    assert equal_rates_p(rate(0, 0), rate(9, 9)) == 1.0
+    assert equal_rates_p(rate(300, 300), rate(280, 300)) < 1e-5  # many jobs: Fisher
+
+
+def test_holm_keeps_the_order_and_never_says_less() -> None:
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx((0.03, 0.06, 0.06))
+    assert holm([0.5, 0.9]) == (1.0, 1.0)
+    assert holm([]) == ()
+
+
+def test_a_paired_difference_is_judged_by_swapping_within_pairs() -> None:
+    slower = paired_difference([(float(k), k + 1.0 + 0.1 * (k % 3)) for k in range(30)])
+    assert slower.mean == pytest.approx(1.1)
     assert 1.0 < slower.interval.low < slower.interval.high < 1.2
-    assert not difference([(0.0, (-1.0) ** k) for k in range(30)]).clear
-    assert not difference([(1.0, 2.0)]).clear  # one pair tells nothing
-    assert difference([(1.0, 2.0)] * 3).clear
+    assert slower.p_value < 0.001
+    # All five that changed went one way: 2 of 2⁵ splits are as extreme.
+    assert paired_difference([(0.0, 1.0)] * 5 + [(0.0, 0.0)] * 9).p_value == pytest.approx(2 / 2**5)
+    assert paired_difference([(0.0, (-1.0) ** k) for k in range(30)]).p_value > 0.9
+    one = paired_difference([(1.0, 2.0)])
+    assert (one.p_value, one.interval.high) == (1.0, math.inf)  # one pair tells nothing
+    assert paired_difference([]).a is None
+
+
+def test_an_unpaired_difference_is_judged_by_handing_out_anew() -> None:
+    # 3 against 3, wholly apart: 2 of 20 ways to hand them out are as extreme.
+    apart = unpaired_difference([1.0, 2.0, 3.0], [11.0, 12.0, 13.0])
+    assert (apart.mean, apart.p_value) == (10.0, pytest.approx(2 / 20))
+    assert apart.interval.low > 5
+    same = unpaired_difference([4.0] * 9, [4.0] * 7)
+    assert (same.p_value, same.interval.low, same.interval.high, same.count) == (1.0, 0.0, 0.0, 7)
+    assert unpaired_difference([], [1.0]).p_value == 1.0
 
 
 @pytest.mark.parametrize(

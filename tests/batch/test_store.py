@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.comparison import compare
 from picktree.batch.job import Job
 from picktree.batch.plan import Plan
 from picktree.batch.rows import FailureRow, ItemRow, JobRow, JobRows, TimingRow
@@ -124,35 +123,4 @@ def test_the_summary_says_how_it_went(tmp_path: Path) -> None:
         "\n"
         "missed their goal\n"
         "  seed 8, sort: incomplete, 1 not sorted; 4.00 s: slipped (jobs/x)"
-    )
-
-
-def test_two_recipes_are_compared_on_the_same_seeds(tmp_path: Path) -> None:
-    slower = replace(SUCCESS, sim_seconds=12.0)
-    rows = dict.fromkeys(range(10), SUCCESS) | {10 + n: MISSED if n < 7 else slower for n in range(10)}
-    with store(tmp_path / "b", rows, values=("15", "30")):
-        found = compare(f"{tmp_path}/b@force=15", f"{tmp_path}/b@force=30")
-    assert (found.paired.both, found.paired.only_a, found.paired.only_b) == (3, 7, 0)
-    assert found.paired.p_value == pytest.approx(2 / 2**7)
-    assert found.differ
-    assert [changed.seed for changed in found.changed] == list(range(7))
-    assert "so          A reaches the goal more often" in found.to_text()
-    assert found.items.mean == pytest.approx(-0.7)
-
-
-def test_alike_recipes_do_not_differ(tmp_path: Path) -> None:
-    with (
-        store(tmp_path / "a", dict.fromkeys(range(9), SUCCESS)),
-        store(tmp_path / "b", dict.fromkeys(range(10), SUCCESS)),
-    ):
-        found = compare(str(tmp_path / "a"), str(tmp_path / "b"))
-    assert (found.paired.total, found.alone, found.differ) == (9, 1, False)
-    json.loads(found.to_json_text())
-
-
-def test_a_recipe_is_to_be_named_where_there_are_several(tmp_path: Path) -> None:
-    with store(tmp_path / "b", {0: SUCCESS}, values=("15", "30")), pytest.raises(PicktreeError) as refused:
-        compare(f"{tmp_path}/b", f"{tmp_path}/b")
-    assert str(refused.value) == (
-        f"{tmp_path}/b: name one recipe as {tmp_path}/b@LABEL (one of Grasp.force=15; Grasp.force=30)"
     )

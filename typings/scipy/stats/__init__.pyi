@@ -28,6 +28,29 @@ def bootstrap(
     *,
     n_resamples: int = ...,
     confidence_level: float = ...,
-    method: Literal["percentile", "basic", "BCa"] = ...,
+    method: str = ...,
+    vectorized: bool | None = ...,
     rng: np.random.Generator | None = ...,
 ) -> BootstrapResult: ...
+
+class PermutationTestResult:
+    pvalue: float
+
+def permutation_test(
+    data: Sequence[NDArray[np.float64]],
+    statistic: Callable[..., Any],
+    *,
+    permutation_type: str = ...,
+    vectorized: bool | None = ...,
+    n_resamples: int = ...,
+    rng: np.random.Generator | None = ...,
+) -> PermutationTestResult: ...
+
+class SignificanceResult:
+    statistic: float
+    pvalue: float
+
+def fisher_exact(table: Sequence[Sequence[int]]) -> SignificanceResult: ...
+def boschloo_exact(table: Sequence[Sequence[int]]) -> SignificanceResult: ...
+
+class DegenerateDataWarning(RuntimeWarning): ...

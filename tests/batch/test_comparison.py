@@ -1,0 +1,154 @@
+"""Which of two recipes is better, and how sure that is."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from picktree.batch.comparison import Comparison, compare, compare_recipes
+from picktree.batch.comparison_text import json_text_of, text_of
+from picktree.batch.outcomes import Outcome, Recipe
+from picktree.batch.rows import JobRow
+from picktree.world.errors import PicktreeError
+
+from .test_store import MISSED, SUCCESS, store
+
+
+def by_force(folder: Path, rows: dict[int, JobRow], **options: Any) -> Comparison:
+    """Jobs 0 to 9 of 15 N and 10 to 19 of 30 N, with the same ten seeds."""
+    with store(folder / "b", rows, values=("15", "30")):
+        return compare(f"{folder}/b@force=15", f"{folder}/b@30", **options)
+
+
+def recipe(label: str, seeds: range, sample: np.random.Generator, hard: float = 0.1) -> Recipe:
+    """Made-up jobs of 12 items, each missed with that probability."""
+    outcomes: dict[int, Outcome] = {}
+    for seed in seeds:
+        missed = int(sample.binomial(12, hard))
+        tried = 12 + int(sample.poisson(10 * hard))
+        seconds = 55.0 + float(sample.gamma(2.0, 4.0)) + 60 * hard
+        causes = {"grasp.slipped": tried - 12} if tried > 12 else {}
+        outcomes[seed] = Outcome(f"{seed}", seed, not missed, 12 - missed, tried, tried, seconds, "", causes)
+    return Recipe(label, Path(), outcomes)
+
+
+def test_two_recipes_are_compared_on_the_same_seeds(tmp_path: Path) -> None:
+    slower = replace(SUCCESS, sim_seconds=12.0)
+    rows = dict.fromkeys(range(10), SUCCESS) | {10 + n: MISSED if n < 7 else slower for n in range(10)}
+    found = by_force(tmp_path, rows)
+    assert found.paired is not None
+    assert (found.paired.both, found.paired.only_a, found.paired.only_b) == (3, 7, 0)
+    goal, items = found.criterion("goal"), found.criterion("items")
+    assert goal.difference.p_value == pytest.approx(2 / 2**7)
+    assert goal.adjusted == pytest.approx(5 * 2 / 2**7)  # the least of five
+    assert items.difference.mean == pytest.approx(-0.7)
+    assert not found.differ  # seven of ten that fail are too few for five questions at once
+    assert [(changed.seed, changed.winner) for changed in found.changed] == [(n, "A") for n in range(7)]
+    assert all(changed.missing == ("A",) for changed in found.changed)
+    assert text_of(found).splitlines() == [
+        "A  b@Grasp.force=15: goal reached 10 of 10 (100.0 %, 72.2 … 100.0 %)",
+        "B  b@Grasp.force=30: goal reached 3 of 10 (30.0 %, 10.8 … 60.3 %)",
+        "paired by seed: 10 seeds in both",
+        "",
+        "of a job                      A        B  B − A, 95 % interval               p    Holm",
+        "goal reached, %           100.0     30.0  -70.0 (-89.2 … -28.9)          0.016   0.078",
+        "items sorted               2.00     1.30  -0.70 (-0.90 … -0.40)          0.016   0.078",
+        "grasps in vain             0.00     0.70  +0.70 (+0.40 … +0.90)          0.016   0.078",
+        "failures                   0.00     0.70  +0.70 (+0.40 … +0.90)          0.016   0.078",
+        "seconds a pick             5.00     5.30  +0.30 (+0.10 … +0.60)          0.250   0.250",
+        "goal by seed: both 3, only A 7, only B 0, neither 0",
+        "",
+        "so: no difference that these runs could show",
+        "",
+        "failures by cause             A        B  B − A, 95 % interval               p    Holm",
+        "grasp.slipped              0.00     0.70  +0.70 (+0.40 … +0.90)          0.016   0.016 *",
+        "",
+        "7 seeds changed sides",
+        *(f"  seed {n}: A alone reached its goal" for n in range(7)),
+        "of 7 a log was not kept: --remake runs them again and says where they part",
+    ]
+
+
+def test_a_clear_difference_is_named(tmp_path: Path) -> None:
+    rows = dict.fromkeys(range(10), SUCCESS) | {10 + n: MISSED for n in range(10)}
+    found = by_force(tmp_path, rows)
+    assert found.differ
+    assert [(c.name, c.better) for c in found.criteria] == [
+        ("goal", "A"), ("items", "A"), ("in_vain", "A"), ("failures", "A"), ("seconds_a_pick", None),
+    ]  # fmt: skip
+    said = json.loads(json_text_of(found))
+    assert (said["paired"], said["differ"], said["goal"]["only_a"]) == (True, True, 10)
+    assert said["criteria"]["goal"]["difference"] == -1.0
+    assert "so: A reaches the goal more often; A sorts more items;" in text_of(found)
+
+
+def test_alike_recipes_do_not_differ(tmp_path: Path) -> None:
+    with (
+        store(tmp_path / "a", dict.fromkeys(range(9), SUCCESS)),
+        store(tmp_path / "b", dict.fromkeys(range(10), SUCCESS)),
+    ):
+        found = compare(str(tmp_path / "a"), str(tmp_path / "b"))
+    assert found.paired is not None
+    assert (found.paired.total, found.alone, found.differ) == (9, 1, False)
+    assert "paired by seed: 9 seeds in both; 1 in one alone are left out" in text_of(found)
+    json.loads(json_text_of(found))
+
+
+def test_without_shared_seeds_jobs_are_taken_as_independent() -> None:
+    sample = np.random.default_rng(1)
+    good, bad = recipe("good", range(40), sample, 0.01), recipe("bad", range(35, 75), sample, 0.15)
+    found = compare_recipes(good, bad)
+    assert found.paired is None
+    assert (found.shared, found.success_a.total, found.success_b.total) == (5, 40, 40)
+    assert found.criterion("goal").better == "A"
+    assert found.causes[0].cause == "grasp.slipped" and found.causes[0].adjusted < 0.05
+    told = text_of(found)
+    assert "not paired: 40 and 40 jobs, 5 seeds in both; they are compared as independent runs" in told
+    assert "goal by seed" not in told
+
+
+def test_half_of_the_seeds_shared_are_enough_to_pair_unless_told_otherwise() -> None:
+    sample = np.random.default_rng(2)
+    a, b = recipe("a", range(40), sample), recipe("b", range(20, 60), sample)
+    assert compare_recipes(a, b).paired is not None
+    assert compare_recipes(a, recipe("b", range(21, 61), sample)).paired is None
+    assert compare_recipes(a, b, unpaired=True).paired is None
+
+
+def test_one_recipe_seldom_differs_from_itself() -> None:
+    sample = np.random.default_rng(3)
+    tries = 15
+    wrong = sum(
+        compare_recipes(recipe("a", range(40), sample), recipe("b", range(100, 140), sample)).differ
+        for _ in range(tries)
+    )
+    assert wrong <= 3  # more, of 15 with a chance of 0.05 each, come in 0.5 % of all cases
+
+
+def test_a_job_that_crashed_counts_for_the_goal_alone(tmp_path: Path) -> None:
+    crashed = replace(
+        SUCCESS, status="crashed", items_sorted=None, picks_tried=None, picks_held=None, sim_seconds=None
+    )
+    rows = dict.fromkeys(range(10), SUCCESS) | {10 + n: crashed if n < 4 else SUCCESS for n in range(10)}
+    found = by_force(tmp_path, rows)
+    assert found.criterion("goal").difference.mean == pytest.approx(-0.4)
+    assert (found.criterion("items").difference.count, found.criterion("items").difference.mean) == (6, 0.0)
+
+
+def test_a_recipe_is_to_be_named_where_there_are_several(tmp_path: Path) -> None:
+    with store(tmp_path / "b", {0: SUCCESS}, values=("15", "30")), pytest.raises(PicktreeError) as refused:
+        compare(f"{tmp_path}/b", f"{tmp_path}/b")
+    assert str(refused.value) == (
+        f"{tmp_path}/b: name one recipe as {tmp_path}/b@LABEL (one of Grasp.force=15; Grasp.force=30)"
+    )
+
+
+def test_a_recipe_of_which_nothing_was_run_is_not_compared(tmp_path: Path) -> None:
+    with store(tmp_path / "b", {0: SUCCESS}, values=("15", "30")), pytest.raises(PicktreeError) as refused:
+        compare(f"{tmp_path}/b@15", f"{tmp_path}/b@30")
+    assert str(refused.value) == (f"{tmp_path}/b@30: none of its jobs was run: there is nothing to compare")

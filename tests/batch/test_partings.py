@@ -1,0 +1,78 @@
+"""Where the runs of a seed that changed sides part, from kept logs and from logs that are made again."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from picktree.batch.batch import Batch
+from picktree.batch.local import LocalExecutor
+from picktree.batch.plan import Keep, Plan
+from picktree.cli.app import answer
+
+from .watching import Remembering
+
+ONE_PICK = Path(__file__).parents[2] / "examples/one_pick.yaml"
+SNATCHED = """\
+picktree: 1
+kind: faults
+faults:
+  - {fault: remove, when: {node: Grasp, start: 1}, target: {nearest_to: object}}
+"""
+
+
+def two_recipes(folder: Path, keep: Keep) -> Path:
+    """One pick as it should be, and with the item snatched away, on two seeds."""
+    faults = folder / "snatched.yaml"
+    faults.write_text(SNATCHED)
+    plan = Plan("two", (ONE_PICK,), (0, 1), faults=(None, faults), backend="kinematic", keep=keep)
+    with Batch.create(folder / "batch", plan) as batch, LocalExecutor(1) as executor:
+        assert batch.run(executor, Remembering())
+    return folder / "batch"
+
+
+@pytest.fixture(scope="module")
+def failures_kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return two_recipes(tmp_path_factory.mktemp("kept"), "failures")
+
+
+def compared(batch: Path, capfd: pytest.CaptureFixture[str], *options: str) -> str:
+    assert answer(["batch", "compare", f"{batch}@no faults", f"{batch}@snatched", *options]) == 0
+    return capfd.readouterr().out
+
+
+def test_logs_that_were_not_kept_are_asked_for(
+    failures_kept: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    told = compared(failures_kept, capfd).splitlines()
+    assert told[-3:] == [
+        "  seed 0: A alone reached its goal",
+        "  seed 1: A alone reached its goal",
+        "of 2 a log was not kept: --remake runs them again and says where they part",
+    ]
+
+
+def test_logs_are_made_again_for_the_first_of_them_and_dropped(
+    failures_kept: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = sorted(failures_kept.rglob("*.mcap"))
+    told = compared(failures_kept, capfd, "--remake", "--partings", "1", "--json")
+    first, second = json.loads(told)["changed"]
+    assert re.fullmatch(
+        r"they part at tick \d+, \d+\.\d\d s: Grasp \(.+\) ends otherwise: "
+        r"A SUCCESS after \d+\.\d\d s, B grasp\.\w+ after \d+\.\d\d s",
+        first["parting"],
+    ), first["parting"]
+    assert (second["parting"], second["missing"]) == ("", ["A"])
+    assert sorted(failures_kept.rglob("*.mcap")) == before
+
+
+def test_kept_logs_are_compared_as_they_are(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    batch = two_recipes(tmp_path, "all")
+    told = compared(batch, capfd, "--partings", "1").splitlines()
+    assert re.match(r"  seed 0: A alone reached its goal; they part at tick \d+, ", told[-4])
+    assert re.match(r"    .*picktree.* diff .*/batch/jobs/.* .*/batch/jobs/", told[-3])
+    assert told[-2] == "  seed 1: A alone reached its goal"
