@@ -10,6 +10,7 @@ from ..trees.ports import In, port
 from ..trees.references import Binding, Constant
 from ..trees.skill import ARM, GRIPPER, Skill, Steps
 from ..world.causes import Failure, control, planning, safety
+from ..world.causes import world as world_causes
 from ..world.journal import Happened
 from ..world.manipulation.dropping import open_hand
 from ..world.manipulation.escape import escape
@@ -37,7 +38,7 @@ class SafeRetreat(Skill):
     speed: In[float] = port(
         "share of the joints' speed limits: 1 for as fast as allowed", default=0.4, above=0, most=1
     )
-    causes = (planning.ANY, control.ANY, safety.ANY)
+    causes = (planning.ANY, control.ANY, safety.ANY, world_causes.DISTURBED)
     uses = (ARM, GRIPPER)
     hand_after = "kept"
 
