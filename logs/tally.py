@@ -144,7 +144,7 @@ class Tally:
                 self.objects.add(subject)
             case "item_done":
                 self.done += 1
-            case "delivery":
+            case "delivery" | "belt_stops":
                 self.deliveries += 1
             case "bin_exchanged":
                 self.exchanges += 1
