@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self, TextIO
 
-from ..batch.statistics import rate
+from .batch_count import Count
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
     from ..batch.rows import JobRow
     from ..batch.summary import BatchSummary
 
-_PERIOD = 0.5
+_PERIOD = 1.0
 """Wall s between two pictures of the live table."""
 _SHOWN = 8
 """Last failures that the live table shows."""
@@ -36,32 +39,6 @@ class Progress(Protocol):
     def waiting(self) -> None: ...
 
 
-class Count:
-    """Where a batch stands."""
-
-    def __init__(self) -> None:
-        self.total = self.before = self.done = self.reached = 0
-        self._began = time.monotonic()
-
-    def start(self, total: int, done: Sequence[JobRow]) -> None:
-        self.total, self.before, self.done = total, len(done), len(done)
-        self.reached = sum(row.status == "success" for row in done)
-        self._began = time.monotonic()
-
-    def end(self, row: JobRow) -> None:
-        self.done += 1
-        self.reached += row.status == "success"
-
-    def __str__(self) -> str:
-        elapsed = time.monotonic() - self._began
-        fresh = self.done - self.before
-        words = f"{self.done} of {self.total} jobs, goal reached {rate(self.reached, self.done)}"
-        if not fresh or not elapsed:
-            return words
-        left = (self.total - self.done) * elapsed / fresh
-        return f"{words}, {3600 * fresh / elapsed:.0f} jobs an hour, {_span(left)} left"
-
-
 class Lines:
     """A line for each job that failed and, now and then, for the whole."""
 
@@ -77,7 +54,9 @@ class Lines:
 
     def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
         self._count.start(total, done)
-        self._line(f"{total} jobs, {len(done)} done before, {workers} workers; recording to {self._folder}")
+        self._said = len(done)
+        before = f", {len(done)} done before" if done else ""
+        self._line(f"{_counted(total, 'job')}{before}, {_counted(workers, 'worker')}; in {self._folder}")
 
     def ended(self, ended: Ended) -> None:
         self._count.end(ended.row)
@@ -88,10 +67,10 @@ class Lines:
             self._line(str(self._count))
 
     def tried_again(self, job: Job, reason: str) -> None:
-        self._line(f"seed {job.seed}, {job.variant.label}: {reason}; it is tried once more")
+        self._line(_again(job, reason))
 
     def stopping(self, under_way: int) -> None:
-        self._line(f"stopping: {under_way} jobs under way; Ctrl-C again stops them at once")
+        self._line(_stopping(under_way))
 
     def waiting(self) -> None: ...
 
@@ -99,14 +78,17 @@ class Lines:
         self._console.print(text, markup=False, soft_wrap=True)
 
 
-class LiveTable(Lines):
+class LiveTable:
     """The count and the last failures, redrawn in place."""
 
     def __init__(self, console: Console, folder: Path) -> None:
         from rich.live import Live
 
-        super().__init__(console, folder)
+        self._console, self._folder = console, folder
         self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._count = Count()
+        self._workers = 0
+        self._stopping = ""
         self._news: list[str] = []
         self._drawn = 0.0
 
@@ -117,29 +99,47 @@ class LiveTable(Lines):
     def __exit__(self, *_: object) -> None:
         self._live.stop()
 
+    def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
+        self._count.start(total, done)
+        self._workers = workers
+        self._draw()
+
     def ended(self, ended: Ended) -> None:
         self._count.end(ended.row)
         if ended.row.status != "success":
-            self._line(_failure(ended))
+            self._news = [*self._news, _failure(ended)][-_SHOWN:]
+
+    def tried_again(self, job: Job, reason: str) -> None:
+        self._news = [*self._news, _again(job, reason)][-_SHOWN:]
+
+    def stopping(self, under_way: int) -> None:
+        self._stopping = _stopping(under_way)
         self._draw()
 
     def waiting(self) -> None:
         if time.monotonic() - self._drawn >= _PERIOD:
             self._draw()
 
-    def _line(self, text: str) -> None:
-        self._news = [*self._news, text][-_SHOWN:]
-        self._draw()
-
     def _draw(self) -> None:
         from rich.text import Text
 
         self._drawn = time.monotonic()
-        share = self._count.done / self._count.total if self._count.total else 0.0
+        self._live.update(Text("\n".join(self._lines())), refresh=True)
+
+    def _lines(self) -> list[str]:
+        count = self._count
         width = max(self._console.width - 8, 10)
-        bar = "━" * round(width * share) + "┄" * (width - round(width * share))
-        lines = [f"{bar} {100 * share:5.1f} %", str(self._count), "", *self._news]
-        self._live.update(Text("\n".join(lines), overflow="ellipsis", no_wrap=True), refresh=True)
+        filled = round(width * count.share)
+        speed, end = count.speed(), count.end_in_words()
+        return [
+            f"{'━' * filled}{'┄' * (width - filled)} {100 * count.share:5.1f} %",
+            f"jobs  {count.done} of {count.total}, {_counted(self._workers, 'worker')}",
+            f"goal  {count.success}",
+            *([f"pace  {speed}"] if speed else []),
+            *([f"done  {end}"] if end else []),
+            *([self._stopping] if self._stopping else []),
+            *(["", *self._news] if self._news else []),
+        ]
 
 
 class EventLines:
@@ -186,21 +186,80 @@ class EventLines:
         self._stream.flush()
 
 
-def progress(folder: Path) -> Progress:
-    """A live table on a terminal, lines elsewhere."""
+class WhileRead:
+    """Another's words, for as long as somebody reads them: a reader who leaves does not end a batch."""
+
+    def __init__(self, inner: Progress, stream: TextIO) -> None:
+        self._inner, self._stream = inner, stream
+        self._read = True
+
+    def __enter__(self) -> Self:
+        self._say(self._inner.__enter__)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._say(self._inner.__exit__)
+
+    def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
+        self._say(self._inner.started, total, done, workers)
+
+    def ended(self, ended: Ended) -> None:
+        self._say(self._inner.ended, ended)
+
+    def tried_again(self, job: Job, reason: str) -> None:
+        self._say(self._inner.tried_again, job, reason)
+
+    def stopping(self, under_way: int) -> None:
+        self._say(self._inner.stopping, under_way)
+
+    def waiting(self) -> None:
+        self._say(self._inner.waiting)
+
+    def _say(self, what: Any, *words: object) -> None:
+        if not self._read:
+            return
+        try:
+            what(*words)
+        except OSError:  # a pipe that was closed, a terminal that is gone
+            self._read = False
+            nothing = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nothing, self._stream.fileno())
+            os.close(nothing)
+            with suppress(OSError):
+                print("nobody reads on; the batch goes on, and Ctrl-C stops it", file=sys.stderr, flush=True)
+
+
+def progress(folder: Path, answer: TextIO | None) -> Progress:
+    """A live table on a terminal, lines elsewhere; events where there is an `answer`."""
+    if answer is not None:
+        return WhileRead(EventLines(answer), answer)
     from rich.console import Console
 
-    console = Console(highlight=False)
-    return LiveTable(console, folder) if console.is_terminal else Lines(console, folder)
+    class Plain(Console):
+        def on_broken_pipe(self) -> None:
+            """Rich would end the program."""
+            raise
+
+    console = Plain(highlight=False)
+    shown = LiveTable(console, folder) if console.is_terminal else Lines(console, folder)
+    return WhileRead(shown, sys.stdout)
 
 
 def _failure(ended: Ended) -> str:
-    row = ended.row
+    row, job = ended.row, ended.job
     why = row.root_cause or ", ".join(ended.causes) or row.message
-    return f"seed {ended.job.seed}, {ended.job.variant.label}: {row.status}" + (f": {why}" if why else "")
+    return f"seed {job.seed}: {row.status}" + (f", {why}" if why else "") + f" ({job.variant.label})"
 
 
-def _span(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {rest:02} s"
+def _again(job: Job, reason: str) -> str:
+    return f"seed {job.seed}: {reason}; it is tried once more ({job.variant.label})"
+
+
+def _stopping(under_way: int) -> str:
+    if not under_way:
+        return "stopping"
+    return f"stopping: {_counted(under_way, 'job')} under way; Ctrl-C again breaks off"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 import signal
+import sys
 from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from ..batch.executor import Executor
     from ..batch.local import LocalExecutor
     from ..batch.plan import Plan
+    from ..batch.summary import BatchSummary
 
 
 def run(
@@ -146,21 +149,29 @@ def _carry_out(made: Batch, executor: Executor, answer: TextIO | None) -> None:
     from ..batch.summary import summarise
     from .batch_progress import EventLines, progress
 
-    onlooker = EventLines(answer) if answer is not None else progress(made.folder)
-    with made, _stopped_by_signals(made), onlooker as seen:
+    with made, _stopped_by_signals(made), progress(made.folder, answer) as seen:
         complete = made.run(executor, seen)
         summary = summarise(made.store)
-    if answer is None:
-        print(summary.to_text())
-        print(f"\nresults       {made.folder.absolute()}")
-        print(f"look at them  {program()} batch query {made.folder} 'SELECT * FROM worst'")
-    else:
-        with answer:
-            seen.summary(summary)  # type: ignore[union-attr]
+    with suppress(BrokenPipeError):
+        if answer is not None:
+            with answer:
+                EventLines(answer).summary(summary)
+        else:
+            _show(made.folder, summary, complete)
     if not complete:
         raise typer.Exit(130)
     if not summary.reached:
         raise typer.Exit(1)
+
+
+def _show(folder: Path, summary: BatchSummary, complete: bool) -> None:
+    quoted = shlex.quote(str(folder))
+    print(summary.to_text())
+    print(f"\nresults       {folder.absolute()}")
+    print(f"look at them  {program()} batch query {quoted} 'SELECT * FROM worst'")
+    if not complete:
+        print(f"go on         {program()} batch run --resume {quoted}")
+    sys.stdout.flush()
 
 
 def _new_folder(plan: Plan) -> Path:
@@ -170,12 +181,19 @@ def _new_folder(plan: Plan) -> Path:
 
 @contextmanager
 def _stopped_by_signals(made: Batch) -> Generator[None]:
-    def stop(number: int, frame: FrameType | None) -> None:
-        made.stop()
+    """Ctrl-C finishes what runs, the second one breaks it off; SIGTERM comes from who will not wait long.
 
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number in before:
-        signal.signal(number, stop)
+    A terminal that goes finishes what runs, too; under nohup it is no matter.
+    """
+    heard = {signal.SIGINT: made.stop, signal.SIGTERM: made.break_off, signal.SIGHUP: made.finish}
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        heard[signal.Signals(number)]()
+
+    before = {number: signal.getsignal(number) for number in heard}
+    for number, handler in before.items():
+        if number != signal.SIGHUP or handler != signal.SIG_IGN:
+            signal.signal(number, hear)
     try:
         yield
     finally:

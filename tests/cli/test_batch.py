@@ -15,7 +15,7 @@ def test_a_batch_is_run_asked_and_gone_on_with(tmp_path: Path, capsys: pytest.Ca
     options = ["--mission", str(ONE_PICK), "--seeds", "0:2", "--backend", "kinematic", "--workers", "1"]
     assert answer(["batch", "run", *options, "--out", folder]) == 0
     told = capsys.readouterr().out
-    assert "2 jobs, 0 done before, 1 workers" in told
+    assert "2 jobs, 1 worker; in " in told
     assert "goal reached  2 of 2 (100.0 %, 34.2 … 100.0 %)" in told
     assert answer(["batch", "query", folder, "SELECT seed, status FROM jobs", "--csv"]) == 0
     assert capsys.readouterr().out == "seed,status\r\n0,success\r\n1,success\r\n"
