@@ -222,11 +222,16 @@ class WhileRead:
             what(*words)
         except OSError:  # a pipe that was closed, a terminal that is gone
             self._read = False
-            nothing = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nothing, self._stream.fileno())
-            os.close(nothing)
+            discard(self._stream)
             with suppress(OSError):
                 print("nobody reads on; the batch goes on, and Ctrl-C stops it", file=sys.stderr, flush=True)
+
+
+def discard(stream: TextIO) -> None:
+    """What is still to be written there, and what will be, goes nowhere."""
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, stream.fileno())
+    os.close(nothing)
 
 
 def progress(folder: Path, answer: TextIO | None) -> Progress:

@@ -6,7 +6,7 @@ import shlex
 import signal
 import sys
 from collections.abc import Generator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
@@ -147,17 +147,18 @@ def _matrix(
 def _carry_out(made: Batch, executor: Executor, answer: TextIO | None) -> None:
     """Run what is to do, show it, and end with the exit code that it comes to."""
     from ..batch.summary import summarise
-    from .batch_progress import EventLines, progress
+    from .batch_progress import EventLines, discard, progress
 
     with made, _stopped_by_signals(made), progress(made.folder, answer) as seen:
         complete = made.run(executor, seen)
         summary = summarise(made.store)
-    with suppress(BrokenPipeError):
+    try:
         if answer is not None:
-            with answer:
-                EventLines(answer).summary(summary)
+            EventLines(answer).summary(summary)
         else:
             _show(made.folder, summary, complete)
+    except OSError:  # nobody reads it
+        discard(answer or sys.stdout)
     if not complete:
         raise typer.Exit(130)
     if not summary.reached:
