@@ -33,10 +33,12 @@ def campaign(
     cost: float,
     workers: int,
     short: Callable[[Row], object],
+    fresh: bool = False,
 ) -> list[Row]:
     """Run the jobs whose seeds the results file does not hold yet; a row for each of the jobs.
 
     cost: CPU seconds of one job, for the forecast. short: what is printed of a finished row.
+    fresh: each job in a process of its own, so that its memory is its own, too.
     """
     results.parent.mkdir(parents=True, exist_ok=True)
     rows: list[Row] = (
@@ -51,7 +53,8 @@ def campaign(
     )
     for variable in THREADS:
         os.environ[variable] = "1"
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, context, max_tasks_per_child=1 if fresh else None) as pool:
         for future in as_completed([pool.submit(one, job) for job in missing]):
             row = future.result()
             rows.append(row)
