@@ -10,6 +10,11 @@ _FAR = 1000
 """Cells that no place lies beyond: a cast cuts towards zero, and every SQLite has it."""
 
 
+def cell_of(coordinate: str) -> str:
+    """SQL: number of the cell that a coordinate lies in. 1e-9: 0.3 / 0.05 is a little less than 6."""
+    return f"(CAST({coordinate} / {CELL} + 1e-9 + {_FAR} AS INTEGER) - {_FAR})"
+
+
 @dataclass(frozen=True, slots=True)
 class View:
     name: str
@@ -98,8 +103,7 @@ VIEWS = (
         "sorted_by_place",
         "where on the table are items sorted, in cells of 5 cm?",
         f"""
-    SELECT (CAST(x / {CELL} + {_FAR} AS INTEGER) - {_FAR}) * {CELL} AS x,
-           (CAST(y / {CELL} + {_FAR} AS INTEGER) - {_FAR}) * {CELL} AS y,
+    SELECT {cell_of("x")} * {CELL} AS x, {cell_of("y")} * {CELL} AS y,
            count(*) AS items, sum(verdict = 'sorted') AS sorted
     FROM items GROUP BY 1, 2 ORDER BY 1, 2""",
     ),
@@ -107,7 +111,7 @@ VIEWS = (
         "slowest",
         "which jobs took the most simulated time for a pick?",
         """
-    SELECT seed, variant, status, sim_seconds / picks_held AS seconds_a_pick, sim_seconds, picks_held,
+    SELECT job, seed, variant, status, sim_seconds / picks_held AS seconds_a_pick, sim_seconds, picks_held,
            look_at, folder
     FROM jobs WHERE picks_held > 0 ORDER BY seconds_a_pick DESC, number""",
     ),
@@ -115,7 +119,7 @@ VIEWS = (
         "worst",
         "which jobs missed their goal, the most items missed first?",
         """
-    SELECT seed, variant, status, items_total - items_sorted AS missed, root_cause, look_at, folder
+    SELECT job, seed, variant, status, items_total - items_sorted AS missed, root_cause, look_at, folder
     FROM jobs WHERE status NOT IN ('waiting', 'success') ORDER BY missed DESC, number""",
     ),
 )

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 from typing import Any
+from urllib.parse import quote
 
 from ...logs.report.report import write_report as write_run_report
 from ...logs.run import Run
 from ...world.errors import PicktreeError
+from ..findings import Worst
 from ..plan_record import read_plan
 from ..statistics import rate
 from ..store import NAME, Store
-from ..summary import Worst, summarise
+from ..summary import summarise
+from ..views import CELL
 
 _PAGE = Path(__file__).parent / "page"
-MOST_ITEMS = 50_000
-"""Items on the map of the table, the first ones of the plan."""
+MOST_JOBS = 5_000
+"""Jobs that are shown one by one, the first ones of the plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,22 +60,41 @@ def write_report(folder: Path, output: Path, runs: int = 5) -> None:
 def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]:
     summary = summarise(store)
     rates: Any = store.query("SELECT variant, rate FROM picks_an_hour").rows
-    items: Any = store.query(f"SELECT x, y, verdict = 'sorted' FROM items LIMIT {MOST_ITEMS}").rows
     linked = _linked(folder, summary.worst, runs)
     done = summary.total - summary.waiting
+    reached = rate(sum(r.success.successes for r in summary.recipes), done)
     versions: Any = store.query(
         "SELECT library, group_concat(DISTINCT version) FROM versions GROUP BY library ORDER BY library"
     ).rows
     return {
         **summary.to_json(),
-        "subtitle": f"{done} of {summary.total} jobs run",
+        "subtitle": f"{done} of {summary.total} jobs run, goal reached {reached}",
         "rates": [{"label": label, "rate": value} for label, value in rates],
-        "forms": _shares(store, "sorted_by_form"),
-        "colours": _shares(store, "sorted_by_colour"),
-        "items": [{"x": round(x, 3), "y": round(y, 3), "sorted": good} for x, y, good in items],
+        "jobs": _jobs(folder, store, output),
+        "cell": CELL,
         "worst": [_worst(one, folder, output) for one in linked],
         "footer": ", ".join(f"{library} {version}" for library, version in versions if version),
     }
+
+
+def _jobs(folder: Path, store: Store, output: Path) -> list[dict[str, Any]]:
+    rows: Any = store.query(
+        "SELECT variant, seed, status, items_sorted, items_total, sim_seconds, look_at, folder FROM jobs "
+        f"ORDER BY number LIMIT {MOST_JOBS}"
+    ).rows
+    return [
+        {
+            "label": label,
+            "seed": seed,
+            "status": status,
+            "sorted": good,
+            "items": total,
+            "seconds": seconds,
+            "look_at": look_at,
+            "report": _link(folder / kept / "report.html", output) if kept else "",
+        }
+        for label, seed, status, good, total, seconds, look_at, kept in rows
+    ]
 
 
 def _linked(folder: Path, worst: tuple[Worst, ...], runs: int) -> list[Linked]:
@@ -98,35 +121,25 @@ def _made(report: Path) -> Path | None:
 
 def _worst(one: Linked, folder: Path, output: Path) -> dict[str, Any]:
     job = one.job
-    link = "" if one.report is None else Path(os.path.relpath(one.report, output.parent)).as_posix()
+    kept = folder / job.folder if job.folder else None
     return {
         "seed": job.seed,
         "label": job.label,
         "status": job.status,
         "missed": job.missed,
         "look_at": job.look_at,
-        "report": link,
-        "command": f"picktree explain {folder / job.folder}" if job.folder else "",
+        "report": "" if one.report is None else _link(one.report, output),
+        "command": shlex.join(
+            ["picktree", "explain", str(kept)] if kept else ["picktree", "resim", f"{folder}@{job.job}"]
+        ),
     }
 
 
-def _shares(store: Store, view: str) -> list[dict[str, Any]]:
-    rows: Any = store.query(f"SELECT * FROM {view}").rows
-    found: list[dict[str, Any]] = []
-    for label, total, good in rows:
-        share = rate(good, total)
-        found.append(
-            {
-                "label": label,
-                "rate": {
-                    "successes": good,
-                    "total": total,
-                    "low": share.interval.low,
-                    "high": share.interval.high,
-                },
-            }
-        )
-    return found
+def _link(page: Path, output: Path) -> str:
+    """From the page to another one; empty when that is not there."""
+    if not page.is_file():
+        return ""
+    return quote(Path(os.path.relpath(page, output.parent)).as_posix())
 
 
 def _escaped(text: str) -> str:

@@ -39,7 +39,13 @@ def test_a_page_holds_what_the_results_say_and_links_to_the_worst_runs(tmp_path:
         ("missed", 0),
     ]
     assert len(data["rates"]) == 4
-    assert len(data["items"]) == sum(r["items"]["total"] for r in data["recipes"])
+    assert sum(place["rate"]["total"] for place in data["places"]) == 4 * 4
+    assert [(job["seed"], job["label"], job["status"]) for job in data["jobs"]] == [
+        (0, "one_pick", "success"),
+        (1, "one_pick", "success"),
+        (0, "missed", "incomplete"),
+        (1, "missed", "incomplete"),
+    ]
     assert [(w["seed"], w["label"]) for w in data["worst"]] == [(0, "missed"), (1, "missed")]
     assert (tmp_path / data["worst"][0]["report"]).is_file()
     assert data["worst"][1]["report"] == ""  # a page of one run was asked for

@@ -15,23 +15,72 @@ function element(tag, attributes = {}, ...children) {
   return made;
 }
 
+// Of the jobs of all recipes, or of one: what the figures below the choice show.
+let chosen = data;
+
+const share = (rate) => (rate.total ? `${percent(rate.successes / rate.total)} (${interval(rate)})` : "none");
+
 function recipesTable() {
-  const head = ["recipe", "jobs", "goal reached", "items sorted", "picks an hour", "crashed"];
+  const head = ["recipe", "jobs", "goal reached", "items sorted", "first grasp held", "picks an hour", "crashed"];
   const rows = data.recipes.map((recipe) => {
     const spread = recipe.picks_an_hour;
     const cells = [
       recipe.success.total,
-      `${percent(recipe.success.successes / Math.max(recipe.success.total, 1))} (${interval(recipe.success)})`,
-      recipe.items.total ? `${recipe.items.successes} of ${recipe.items.total} (${interval(recipe.items)})` : "none",
+      share(recipe.success),
+      share(recipe.items),
+      share(recipe.first_try),
       spread ? `${spread.median.toFixed(0)} (${spread.low.toFixed(0)} … ${spread.high.toFixed(0)})` : "none",
       recipe.crashed,
     ];
     return element("tr", {}, element("td", {}, recipe.label),
-      ...cells.map((text) => element("td", { class: "number" }, String(text))));
+      ...cells.map((text, n) => element("td", { class: "number", "data-head": head[n + 1] }, String(text))));
   });
   const header = head.map((text, n) => element("th", n ? { class: "number" } : {}, text));
-  return element("div", { class: "scroll" },
-    element("table", {}, element("thead", {}, element("tr", {}, ...header)), element("tbody", {}, ...rows)));
+  return element("table", {}, element("thead", {}, element("tr", {}, ...header)), element("tbody", {}, ...rows));
+}
+
+// A tile for each job, in rows by recipe; one that is chosen is told of below.
+function jobs() {
+  const said = element("p", { class: "note", role: "status" });
+  const tell = (job) => {
+    const words = [`seed ${job.seed}, ${job.label}: ${job.status}`];
+    if (job.items !== null) words.push(`${job.sorted} of ${job.items} items sorted`);
+    if (job.seconds !== null) words.push(`${job.seconds.toFixed(0)} simulated s`);
+    return words.join(", ") + (job.look_at ? `; ${job.look_at}` : "");
+  };
+  const choose = (job) => {
+    said.replaceChildren(tell(job), ...(job.report ? [" ", element("a", { href: job.report }, "report")] : []));
+  };
+  const hosts = [...new Set(data.jobs.map((job) => job.label))].map((label) => {
+    const tiles = data.jobs.filter((job) => job.label === label).map((job) => {
+      const tile = element("button", { type: "button", class: `tile ${job.status}`, title: tell(job), "aria-label": tell(job) });
+      tile.addEventListener("click", () => choose(job));
+      return tile;
+    });
+    return element("div", {}, element("div", { class: "note" }, label), element("div", { class: "tiles" }, ...tiles));
+  });
+  const counts = new Map([["success", 0]]);
+  for (const job of data.jobs) counts.set(job.status, (counts.get(job.status) ?? 0) + 1);
+  const legend = [...counts].map(([status, count]) =>
+    element("span", {}, element("i", { class: `tile ${status}` }), ` ${count} ${status}`));
+  const more = data.total > data.jobs.length ? `the first ${data.jobs.length} of ${data.total}` : "";
+  return element("div", {}, element("p", { class: "legend" }, ...legend, more), ...hosts, said);
+}
+
+function choice() {
+  const host = document.getElementById("choice");
+  const options = [["all recipes", data], ...Object.entries(data.by_recipe)];
+  if (options.length < 3) return;
+  host.hidden = false;
+  options.forEach(([label, what], n) => {
+    const radio = element("input", { type: "radio", name: "recipe" });
+    radio.checked = n === 0;
+    radio.addEventListener("change", () => {
+      chosen = what;
+      draw();
+    });
+    host.append(element("label", {}, radio, label));
+  });
 }
 
 // A share with its interval for each of several names.
@@ -105,8 +154,8 @@ function phases(width) {
 
 function causes(width) {
   let sum = 0;
-  const total = data.causes.reduce((all, row) => all + row.failures, 0);
-  const rows = data.causes.map((row) => ({ ...row, sum: (sum += row.failures) }));
+  const total = chosen.causes.reduce((all, row) => all + row.failures, 0);
+  const rows = chosen.causes.map((row) => ({ ...row, sum: (sum += row.failures) }));
   const bars = rows.flatMap((row) => [
     { cause: row.cause, what: "cured", count: row.cured },
     { cause: row.cause, what: "not cured", count: row.failures - row.cured },
@@ -130,38 +179,36 @@ function causes(width) {
   });
 }
 
-const CELL = 0.05; // m
-
 function places(width) {
-  const cells = new Map();
-  for (const item of data.items) {
-    const [x, y] = [Math.floor(item.x / CELL + 1e-9), Math.floor(item.y / CELL + 1e-9)];
-    const cell = cells.get(`${x} ${y}`) ?? { x: x * CELL, y: y * CELL, sorted: 0, total: 0 };
-    cell.total += 1;
-    cell.sorted += item.sorted;
-    cells.set(`${x} ${y}`, cell);
-  }
-  const rows = [...cells.values()];
-  const [low, high] = [Math.min(...rows.map((r) => r.y)), Math.max(...rows.map((r) => r.y)) + CELL];
-  const [near, far] = [Math.min(...rows.map((r) => r.x)), Math.max(...rows.map((r) => r.x)) + CELL];
-  const inner = width - 70;
+  const cell = data.cell;
+  const rows = chosen.places.map((row) => ({ ...row, ...row.rate }));
+  // One frame for all recipes, so that they can be compared.
+  const [low, high] = [Math.min(...data.places.map((r) => r.y)), Math.max(...data.places.map((r) => r.y)) + cell];
+  const [near, far] = [Math.min(...data.places.map((r) => r.x)), Math.max(...data.places.map((r) => r.x)) + cell];
+  const inner = width - 66;
+  const unit = Math.min(inner / (high - low), 430 / (far - near));
   return P.plot({
-    width,
-    height: Math.min(520, (inner * (far - near)) / (high - low) + 70),
+    width: unit * (high - low) + 66,
+    height: unit * (far - near) + 50,
     marginLeft: 50,
+    marginRight: 16,
     // As the robot sees it: x away from it upwards, y to its left.
     x: { label: "y, m", domain: [high, low], ticks: 5 },
     y: { label: "x, m", domain: [near, far], ticks: 5 },
     color: { label: "sorted, %", domain: [0, 50, 100], range: ["#c8443a", "#d9a441", "#2f8f5b"], type: "linear", legend: true, interpolate: "rgb" },
     marks: [
       P.rect(rows, {
-        x1: (r) => r.y, x2: (r) => r.y + CELL, y1: (r) => r.x, y2: (r) => r.x + CELL,
-        fill: (r) => (100 * r.sorted) / r.total, inset: 1,
+        x1: (r) => r.y, x2: (r) => r.y + cell, y1: (r) => r.x, y2: (r) => r.x + cell,
+        fill: (r) => (100 * r.successes) / r.total, inset: 1,
         fillOpacity: (r) => 0.35 + 0.65 * Math.min(1, r.total / 10),
       }),
+      P.text(rows.filter((r) => r.successes < r.total), {
+        x: (r) => r.y + cell / 2, y: (r) => r.x + cell / 2, text: (r) => r.total - r.successes, fill: "var(--ink)",
+      }),
       P.tip(rows, P.pointer({
-        x: (r) => r.y + CELL / 2, y: (r) => r.x + CELL / 2,
-        title: (r) => `${r.sorted} of ${r.total} sorted`, fill: "var(--card)",
+        x: (r) => r.y + cell / 2, y: (r) => r.x + cell / 2,
+        title: (r) => `${r.successes} of ${r.total} sorted\nx ${r.x.toFixed(2)} … ${(r.x + cell).toFixed(2)} m\ny ${r.y.toFixed(2)} … ${(r.y + cell).toFixed(2)} m`,
+        fill: "var(--card)",
       })),
     ],
   });
@@ -185,21 +232,25 @@ function shortened(text, width) {
 }
 
 const byRate = (rows) => rows.filter((row) => row.rate.total);
+// What a figure draws from, and how; nothing to draw from, nothing to draw.
 const FIGURES = {
-  success: (width) => shares(byRate(data.recipes.map((r) => ({ label: r.label, rate: r.success }))), width),
-  rates: data.rates.length ? rates : null,
-  phases: data.recipes.some((r) => Object.keys(r.seconds_a_pick).length) ? phases : null,
-  causes: data.causes.length ? causes : null,
-  forms: data.forms.length ? (width) => shares(byRate(data.forms), width) : null,
-  colours: data.colours.length ? (width) => shares(byRate(data.colours), width) : null,
-  places: data.items.length ? places : null,
+  success: [() => byRate(data.recipes.map((r) => ({ label: r.label, rate: r.success }))), shares],
+  rates: [() => data.rates, (rows, width) => rates(width)],
+  phases: [() => data.recipes.filter((r) => Object.keys(r.seconds_a_pick).length), (rows, width) => phases(width)],
+  causes: [() => chosen.causes, (rows, width) => causes(width)],
+  forms: [() => byRate(chosen.forms), shares],
+  colours: [() => byRate(chosen.colours), shares],
+  places: [() => chosen.places, (rows, width) => places(width)],
 };
 const NOTHING = { causes: "Nothing failed." };
 
 function draw() {
-  for (const [id, figure] of Object.entries(FIGURES)) {
+  for (const [id, [rowsOf, figure]] of Object.entries(FIGURES)) {
     const host = document.getElementById(id);
-    const made = figure ? figure(host.clientWidth) : element("p", { class: "empty" }, NOTHING[id] ?? "Nothing to show.");
+    const rows = rowsOf();
+    const made = rows.length
+      ? figure(rows, host.clientWidth)
+      : element("p", { class: "empty" }, NOTHING[id] ?? "Nothing to show.");
     host.replaceChildren(made);
   }
 }
@@ -207,7 +258,9 @@ function draw() {
 document.getElementById("subtitle").textContent = data.subtitle;
 document.getElementById("footer").textContent = data.footer;
 document.getElementById("recipes").append(recipesTable());
+document.getElementById("jobs").append(jobs());
 document.getElementById("worst").append(worst());
+choice();
 draw();
 let width = window.innerWidth;
 window.addEventListener("resize", () => {
@@ -216,3 +269,4 @@ window.addEventListener("resize", () => {
     draw();
   }
 });
+document.documentElement.dataset.ready = "yes";
