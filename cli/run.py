@@ -45,6 +45,9 @@ def run(
     watch: Annotated[
         bool, typer.Option("--watch", help="Take over an edited mission between two items.")
     ] = False,
+    limit: Annotated[
+        str, typer.Option(metavar="TIME", help="Simulated time after which the run is ended, as 90 min.")
+    ] = "1 h",
     rotate_mb: Annotated[
         float, typer.Option(min=0.0, metavar="MB", help="Go on in a further file of the log at this size.")
     ] = 0.0,
@@ -69,6 +72,7 @@ def run(
     parameters = parse_parameters(set_ or ())
     if pace is not None and pace <= 0:
         raise PicktreeError(f"--pace {pace:g}: write a number above 0, as in --pace 1 for real time")
+    seconds = parse_limit(limit)
 
     from ..logs.live.pace import Paced
     from ..logs.rotation import Rotation
@@ -84,6 +88,7 @@ def run(
         backend=backend,
         verify=verify,
         watch=watch,
+        limit=seconds,
         rotation=Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0),
     )
     with _view(to_stderr=json, lines=debug) as view, _live_view(live, live_port) as live_view:
@@ -117,6 +122,23 @@ def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
             raise PicktreeError(f"--set {setting}: {name!r} is set twice")
         parameters[name] = value
     return parameters
+
+
+def parse_limit(text: str) -> float:
+    """Simulated s. Raises PicktreeError for what is no time, or none at all.
+
+    >>> parse_limit("90 min")
+    5400.0
+    """
+    from ..world.files.quantities import parse_quantity
+
+    try:
+        seconds = parse_quantity(text, "s")
+    except ValueError as error:
+        raise PicktreeError(f"--limit {text}: {error}") from None
+    if seconds <= 0:
+        raise PicktreeError(f"--limit {text}: write a time above 0, as in --limit '90 min'")
+    return seconds
 
 
 @contextmanager

@@ -53,7 +53,7 @@ def test_unknown_command_is_bad_input(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_request_carries_every_option(stage: Any) -> None:
     line = "run m.yaml --scene dense --seed 5 --set a=1 --set b=x=y --faults f.yaml --out o --verify --watch"
-    rotating = ["--rotate-mb", "2", "--rotate-minutes", "1.5"]
+    rotating = ["--rotate-mb", "2", "--rotate-minutes", "1.5", "--limit", "90 min"]
     assert answer([*line.split(), "--backend", "kinematic", *rotating]) == 0
     assert stage.requests == [
         {
@@ -66,6 +66,7 @@ def test_request_carries_every_option(stage: Any) -> None:
             "backend": "kinematic",
             "verify": True,
             "watch": True,
+            "limit": 5400.0,
             "rotation": Rotation(2_000_000, 90.0),
         }
     ]
