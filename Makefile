@@ -49,9 +49,11 @@ docs: $(READY)
 page:
 	@cd tests/logs/node && { [ -d node_modules/esbuild ] || npm ci --no-audit --no-fund; } && npm run --silent build
 
-# The pictures of docs/report.md, taken of a run with planted faults in headless Chromium.
+# The pictures of docs/report.md and docs/batches.md, taken in headless Chromium of a run with planted faults
+# and of a batch that is run for it: about seven minutes of CPU.
 pictures: $(READY)
 	@"$(BIN)/python" -m tests.logs.report_pictures docs
+	@"$(BIN)/python" -m tests.batch.report_pictures docs
 
 bench: $(READY)
 	@set -e; for program in benchmarks/*.py; do \
