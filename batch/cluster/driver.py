@@ -11,8 +11,8 @@ import os
 import shutil
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 
 import ray
@@ -22,6 +22,8 @@ from .connection import connect
 from .crew import Crew
 from .messages import STOP, News, Refused, Said, Settings
 
+_JOIN = 45.0
+"""Wall s within which this process is part of the cluster."""
 _LAST = 15.0
 """Wall s that taking leave may last; then the process ends, and with it a cluster that it started."""
 
@@ -32,7 +34,8 @@ def main(batch: Connection) -> None:
     os.chdir(settings.folder)  # Ray has its workers look for modules where it is started
     try:
         try:
-            connect(settings.address, settings.workers, settings.folder)
+            with _in_time(batch, settings.address):
+                connect(settings.address, settings.workers, settings.folder)
             asyncio.run(_serve(batch, settings))
         except PicktreeError as error:
             with suppress(OSError):
@@ -41,6 +44,29 @@ def main(batch: Connection) -> None:
         ray.shutdown()
         os.chdir("/")
         shutil.rmtree(settings.folder, ignore_errors=True)
+
+
+@contextmanager
+def _in_time(batch: Connection, address: str | None) -> Generator[None]:
+    """Ray waits without end where this machine is no node of the cluster."""
+
+    def give_up() -> None:
+        if address is None:
+            reason = f"a Ray cluster on this machine did not start within {_JOIN:.0f} s"
+        else:
+            reason = (
+                f"the Ray cluster at {address} does not have this machine as a node, "
+                f"by the address that it goes by: ray start --address={address} --num-cpus=0"
+            )
+        batch.send(Refused(reason))
+        os._exit(1)
+
+    timer = threading.Timer(_JOIN, give_up)
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 async def _serve(batch: Connection, settings: Settings) -> None:

@@ -36,6 +36,8 @@ _OWN: Final = {
     "RAY_prestart_worker_first_driver": "0",
 }
 """Of a cluster on this machine alone; read when Ray is loaded."""
+_LONGEST: Final = 20
+"""Characters of the path of a folder in which there can be Ray's."""
 _DRIVER: Final = f"{__package__}.driver"
 
 
@@ -52,7 +54,7 @@ class RayExecutor:
             if find_spec("ray") is None:
                 raise ModuleNotFoundError("No module named 'ray'", name="ray")
         self._where = f"the Ray cluster at {address}" if address else "the Ray cluster of this batch"
-        self._folder = Path(tempfile.mkdtemp(prefix="picktree-ray-"))
+        self._folder = _short_folder()
         self._output = self._folder.with_suffix(".out")
         self._orders: dict[Path, Order] = {}
         self._lost: list[Event] = []
@@ -167,3 +169,9 @@ class RayExecutor:
         except OSError:
             return ""
         return f": {lines[-1]}" if lines else ""
+
+
+def _short_folder() -> Path:
+    """A temporary folder for Ray, which makes sockets deep in it; their paths have at most 107 bytes."""
+    place = tempfile.gettempdir()
+    return Path(tempfile.mkdtemp(prefix="picktree-ray-", dir=place if len(place) <= _LONGEST else "/tmp"))

@@ -9,8 +9,11 @@ from __future__ import annotations
 import asyncio
 import os
 import shutil
+import signal
 import sys
 import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -72,7 +75,8 @@ class Foreman:
             return Report(Failed(order, f"its node cannot write to {self._place}: {error.strerror}"), ())
         if order.folder in self._stopped:
             return Report(Stopped(order), ())
-        self._executor.submit(own)
+        with _no_signal_blocked():
+            self._executor.submit(own)
         while not (events := self._executor.wait(0.0)):
             await asyncio.sleep(_LOOK)
         return Report(replace(events[0], order=order), () if shared else _files(own.folder))
@@ -104,6 +108,16 @@ class Foreman:
         folder = self._place / order.folder.name
         shutil.rmtree(folder, ignore_errors=True)
         return replace(order, recipe=file, folder=folder)
+
+
+@contextmanager
+def _no_signal_blocked() -> Generator[None]:
+    """A process that is started meanwhile hears when it is to break off; Ray's threads hear nothing."""
+    before = signal.pthread_sigmask(signal.SIG_SETMASK, ())
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _takes_token(task: Task) -> bool:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import socket
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,8 +26,6 @@ class Installed:
     """Of the libraries, of installed plug-ins, and of Python."""
     sources: Mapping[str, str]
     """Beginning of the SHA-256 of each file of picktree, by its path."""
-    host: str
-    pid: int
 
 
 def installed() -> Installed:
@@ -44,8 +40,6 @@ def installed() -> Installed:
     return Installed(
         {"python": python, **versions(), **plugins},
         {**sources(), **besides},
-        socket.gethostname(),
-        os.getpid(),
     )
 
 

@@ -1,0 +1,65 @@
+"""Nodes of a Ray cluster on this machine, each as `ray start` makes it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from .processes import below, name, until
+
+LOOPBACK = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_USAGE_STATS_ENABLED": "0"}
+"""What makes 127.0.0.1 the address by which this machine goes in the cluster."""
+
+
+@contextmanager
+def head(cpus: int) -> Generator[str]:
+    """The address of a cluster whose first node has so many CPUs."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with tempfile.TemporaryDirectory(prefix="ray-", ignore_cleanup_errors=True) as folder:
+        options = ["--head", f"--port={port}", f"--temp-dir={folder}", "--include-dashboard=false"]
+        with _node(options, cpus):
+            yield f"127.0.0.1:{port}"
+
+
+@contextmanager
+def node(address: str, cpus: int) -> Generator[int]:
+    """Joins the cluster; the process that is the node for the others."""
+    with _node([f"--address={address}"], cpus) as process:
+        yield process
+
+
+@contextmanager
+def _node(options: list[str], cpus: int) -> Generator[int]:
+    ray = Path(sys.executable).with_name("ray")
+    common = ["--block", f"--num-cpus={cpus}", "--object-store-memory=100000000", "--disable-usage-stats"]
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(
+            [ray, "start", *common, *options],
+            env={**os.environ, **LOOPBACK},
+            stdout=output,
+            stderr=output,
+            start_new_session=True,
+        )
+        try:
+            until(lambda: _said(output.fileno(), b"Ray runtime started") or process.poll() is not None)
+            assert process.poll() is None, os.pread(output.fileno(), 10_000, 0).decode()
+            yield next(pid for pid in below(process.pid) if name(pid) == "raylet")
+        finally:
+            everything = below(process.pid)
+            for pid in everything:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            process.wait(20)
+
+
+def _said(file: int, words: bytes) -> bool:
+    return words in os.pread(file, 100_000, 0)
