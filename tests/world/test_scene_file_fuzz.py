@@ -17,6 +17,18 @@ from picktree.world.scene.load import SHIPPED as SCENES
 from picktree.world.scene.load import parse_scene
 
 SCENE = SCENES / "three_bins.yaml"
+FED = (
+    SCENE.read_text()
+    + """\
+feed:
+  - {of: {block: 2}, colours: [red], area: {min: [0.4, -0.2], max: [0.6, 0.2]}, when: {at: [1 s, 2 s]}}
+  - {of: {block: 2}, colours: [red], area: {min: [0.4, -0.2], max: [0.6, 0.2]}, when: {every: 9 s}, gap: 0.02}
+  - {of: {can: 2, plate: 1}, colours: [red, blue], belt: belt, spacing: 20 cm, total: 9, lying: 0.5}
+exchange: {takes: 6 s}
+"""
+)
+BELT = "  belt: {belt: [1, 0.2, 0.05], at: [0.5, 0, 0], speed: 8 cm/s, eye: 0.3}\n"
+FED = FED.replace("cameras:", f"{BELT}cameras:", 1)
 ROBOT = ROBOTS / "panda.yaml"
 FAULTS = """\
 picktree: 1
@@ -72,11 +84,15 @@ def changed(text: str, data: st.DataObject) -> str:
     return yaml.safe_dump(root, allow_unicode=True, sort_keys=False)
 
 
-@settings(max_examples=80, deadline=2000)
+def test_the_scene_with_a_feed_is_one() -> None:
+    assert len(parse_scene(FED, SCENE).deliveries) == 3
+
+
+@settings(max_examples=100, deadline=2000)
 @given(st.data())
 def test_scenes(data: st.DataObject) -> None:
     try:
-        parse_scene(changed(SCENE.read_text(), data), SCENE)
+        parse_scene(changed(data.draw(st.sampled_from([SCENE.read_text(), FED])), data), SCENE)
     except FileError as error:
         assert all(str(fault) for fault in error.faults)
 

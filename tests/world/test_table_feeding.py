@@ -14,7 +14,7 @@ from picktree.world.simulation.backends import Backend
 from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.simulation.spawn import spawn_items
 
-from .feed_cell import BELOW, build, fed, load, places, told, turn_to, wait
+from .feed_cell import BELOW, build, fed, load, moved, places, told, turn_to, wait
 
 BACKENDS = pytest.mark.parametrize("backend", ["physics", "kinematic"])
 
@@ -137,6 +137,17 @@ def test_a_full_table_keeps_nobody_busy_and_the_load_comes_when_there_is_room() 
     hardware.remove("item_01")
     wait(hardware, 1.5)
     assert hardware.feed.read() == FeedSignals(exhausted=False, deliveries=2)
+
+
+def test_what_lies_below_the_table_takes_no_room_on_it() -> None:
+    hardware = build("physics", fed(of=NARROW))
+    for deliveries in (1, 2):
+        hardware.feed.ready()
+        wait(hardware, 1.0)
+        assert hardware.feed.read().deliveries == deliveries
+        here = [name for name, (_, _, z) in places(hardware).items() if z > 0.0]
+        moved(hardware, {name: (0.4, 0.3 + 0.07 * n, -0.6) for n, name in enumerate(here)})
+    assert len(hardware.truth()) == 4
 
 
 def test_what_comes_follows_from_scene_and_seed_whatever_the_robot_does() -> None:

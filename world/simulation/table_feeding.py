@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from ..journal import Happened
@@ -11,7 +12,7 @@ from ..scene.feeding import reach
 from ..streams import Streams
 from ..values import Array, ObjectId, Quaternion
 from .cell import LOOK, Cell
-from .footprints import footprint
+from .footprints import footprint, support_height
 from .light_curtain import Zone
 from .spawn import (
     LooseItem,
@@ -89,6 +90,9 @@ class TableFeeding:
         (x0, y0), (x1, y1) = self._load.area
         middle, half = ((x0 + x1) / 2, (y0 + y1) / 2), ((x1 - x0) / 2, (y1 - y0) / 2)
         self._zone = Zone(middle, 0.0, half).grown(widest + MARGIN)
+        levels = (support_height(scene.fixtures, x, y) for x in (x0, x1) for y in (y0, y1))
+        self._level = min((level for level in levels if level is not None), default=-math.inf)
+        """Of the table: what lies lower is in nobody's way, m."""
         self._events: list[Happened] = []
         self._state = TableState(due=when.period if isinstance(when, Every) else 0.0)
         first, _ = self._hand()
@@ -211,7 +215,9 @@ class TableFeeding:
         taken = list(self._standing)
         if not empty:
             taken += [
-                footprint(b.shape, b.pose.orientation).at(b.pose.position[:2]) for b in self._cell.here()
+                footprint(b.shape, b.pose.orientation).at(b.pose.position[:2])
+                for b in self._cell.here()
+                if b.pose.position[2] > self._level
             ]
         rng = self._streams.at(f"feed/{self._number}/place", self._state.tries)
         return dict(lay_out_some(self._load, outlines, taken, rng))
