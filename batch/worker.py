@@ -43,7 +43,7 @@ def serve(orders: Connection) -> None:
     die_with_parent(signal.SIGTERM)
     take_in_orphans()
     with silence():  # libraries greet when they are loaded
-        _load()
+        load()
     with suppress(EOFError, OSError, _Told):
         orders.send(READY)
         while True:
@@ -73,7 +73,7 @@ def _told(number: int, frame: FrameType | None) -> NoReturn:
     raise _Told
 
 
-def _load() -> None:
+def load() -> None:
     """Everything that a job would load in its own time, and what is the same for all of them."""
     for module in _MODULES:
         import_module(module)
