@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from picktree.world.errors import PicktreeError
+from picktree.world.scene.description import Fixture
+from picktree.world.shapes import Box
 from picktree.world.simulation import belts
 from picktree.world.simulation.belt_drive import ACCELERATION
 from picktree.world.simulation.checkpoint import Checkpoint
 from picktree.world.simulation.physics import PhysicsHardware
-from picktree.world.values import Array
+from picktree.world.values import Array, ObjectId, Pose
 
 from .belt_cell import (
     BELT,
@@ -96,10 +98,25 @@ def test_a_belt_that_starts_wakes_what_lies_on_it_and_nothing_on_it_sleeps() -> 
     assert asleep(hardware) == [True, True]
     before = np.array(positions(hardware))
     belt_of(hardware).go()
+    for _ in range(12):
+        hardware.step()
+        # Nothing falls while the slab takes over.
+        assert np.abs(np.array(positions(hardware)) - before)[:, 2].max() < 5e-5
     wait(hardware, 1.0)
     assert asleep(hardware) == [False, False]
     way = belt_of(hardware).travelled
     assert np.abs(np.array(positions(hardware)) - before - [0.0, way, 0.0]).max() < 2e-4
+
+
+def test_what_stands_against_a_wall_does_not_sleep_while_the_belt_runs_below_it() -> None:
+    scene = belt_scene("block")
+    wall = Fixture(ObjectId("wall"), Box((0.2, 0.02, 0.1)), Pose((0.55, 0.3, TOP + 0.051)))
+    hardware = on_belt(replace(scene, fixtures=(*scene.fixtures, wall)), [0.2])
+    belt_of(hardware).go()
+    for _ in range(12):
+        wait(hardware, 0.25)
+        assert asleep(hardware) == [False]
+    assert positions(hardware)[0] == pytest.approx((0.55, 0.27, TOP + 0.02), abs=1e-3)
 
 
 def test_what_comes_to_the_end_falls_to_the_floor() -> None:

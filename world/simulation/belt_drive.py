@@ -32,9 +32,7 @@ class BeltState:
     travelled: float = 0.0
     """Since the run began, m."""
     offset: float = 0.0
-    """How far its surface stands from its place, m: physics only, like what follows."""
-    velocity: float = 0.0
-    """Of the surface as it is, m/s."""
+    """How far its surface stands from its place, m; only physics has that."""
 
     @property
     def moving(self) -> bool:

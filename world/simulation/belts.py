@@ -102,7 +102,7 @@ class PhysicsBelt(BeltDrive):
     def restore(self, state: BeltState) -> None:
         self.state = state
         self._drive(on=state.moving)
-        pb.resetJointState(self.slab, SLAB, state.offset, state.velocity, physicsClientId=self._client)
+        pb.resetJointState(self.slab, SLAB, state.offset, state.speed, physicsClientId=self._client)
 
     def before_step(self) -> None:
         if not self.state.moving:
@@ -119,7 +119,7 @@ class PhysicsBelt(BeltDrive):
         if offset > SET_BACK / 2:
             offset -= SET_BACK
             pb.resetJointState(self.slab, SLAB, offset, velocity, physicsClientId=self._client)
-        self.state = replace(self.state, offset=offset, velocity=velocity)
+        self.state = replace(self.state, offset=offset)
         if not self.state.moving:
             self._brake()
 
@@ -130,7 +130,6 @@ class PhysicsBelt(BeltDrive):
 
     def _brake(self) -> None:
         """The motor has brought it to rest but for what the solver leaves over."""
-        self.state = replace(self.state, velocity=0.0)
         pb.resetJointState(self.slab, SLAB, self.state.offset, 0.0, physicsClientId=self._client)
         self._drive(on=False)
 
