@@ -34,7 +34,7 @@ def load_surroundings(name: str, beside: Path | None = None) -> Surroundings:
 def surroundings(scene: SceneDescription, robot: RobotDescription) -> Surroundings:
     """The names of that scene and that robot."""
     bins = tuple(str(body.id) for body in scene.bins)
-    colours = dict.fromkeys(colour for entry in scene.spawn for colour in entry.colours)
+    colours = dict.fromkeys(colour for entry in scene.loads for colour in entry.colours)
     names: dict[NameKind, tuple[str, ...]] = {
         "camera": tuple(camera.name for camera in scene.cameras),
         "pose": tuple(robot.named),

@@ -92,3 +92,15 @@ def test_faulty_entries(entry: str, message: str) -> None:
     with pytest.raises(FileError) as caught:
         parse_faults(f"{HEAD}  - {entry}\n", HERE)
     assert str(caught.value) == "\n".join(f"f.yaml:{line}" for line in message.split("\n"))
+
+
+def test_items_that_a_feed_brings_may_be_meant() -> None:
+    entry = "  - {{fault: remove, when: {{at: 9 s}}, target: {{index: {}, kind: can, colour: red}}}}\n"
+    text = HEAD.replace("faults:\n", "scene: continuous\nfaults:\n")
+    assert parse_faults(text + entry.format(199), HERE).faults
+    with pytest.raises(FileError) as error:
+        parse_faults(text + entry.format(200), HERE)
+    assert str(error.value) == (
+        "f.yaml:5:54: faults[0].target.index: the scene continuous has no item 200 "
+        "(it has 200 items, counted from 0)"
+    )

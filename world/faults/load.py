@@ -109,11 +109,11 @@ def _check_when(check: Checker, loc: Location, when: WhenFile) -> None:
 
 def _check_target(check: Checker, loc: Location, target: TargetFile, scene: SceneDescription) -> None:
     """Whether the scene has an item that is meant."""
-    counts = [count for spawn in scene.spawn for count in spawn.counts]
+    counts = [count for load in scene.loads for count in load.counts]
     kinds = list(dict.fromkeys(kind for kind, _ in counts))
     forms = list(dict.fromkeys(str(scene.entry(kind).form) for kind in kinds))
-    colours = list(dict.fromkeys(colour for spawn in scene.spawn for colour in spawn.colours))
-    total = sum(number for _, number in counts)
+    colours = list(dict.fromkeys(colour for load in scene.loads for colour in load.colours))
+    total = scene.items_in_all
     for key, known in (("kind", kinds), ("form", forms), ("colour", colours)):
         with check.readable():
             name: str | None = getattr(target, key)
@@ -121,7 +121,7 @@ def _check_target(check: Checker, loc: Location, target: TargetFile, scene: Scen
                 message = f"the scene {scene.name} has no item of {key} {describe(name)}"
                 check.fault((*loc, key), message, nearest(name, known), code="P608")
     with check.readable():
-        if target.index is not None and target.index >= total:
+        if target.index is not None and total is not None and target.index >= total:
             hint = f"it has {total} items, counted from 0" if total else "it has no items"
             message = f"the scene {scene.name} has no item {target.index}"
             check.fault((*loc, "index"), message, hint, code="P608")

@@ -176,6 +176,19 @@ class SceneDescription:
     exchange: Exchange | None = None
     """None: nobody exchanges bins."""
 
+    @property
+    def loads(self) -> tuple[Spawn, ...]:
+        """What is there at the beginning, and what is brought."""
+        return (*self.spawn, *(delivery.load for delivery in self.deliveries))
+
+    @property
+    def items_in_all(self) -> int | None:
+        """How many will have come in the end; None when they come for ever."""
+        here = sum(number for spawn in self.spawn for _, number in spawn.counts)
+        totals = [delivery.total for delivery in self.deliveries]
+        known = [total for total in totals if total is not None]
+        return here + sum(known) if len(known) == len(totals) else None
+
     def entry(self, kind: str) -> CatalogueEntry:
         return next(e for e in self.catalogue if e.kind == kind)
 
