@@ -207,8 +207,8 @@ def _worst_places(places: tuple[Place, ...]) -> str:
         return "all, everywhere"
     lacking.sort(key=lambda p: (-(p.rate.total - p.rate.successes), p.rate.share or 0.0, p.x, p.y))
     said = [f"{p.rate.successes} of {p.rate.total} at {p.x:.2f}, {p.y:.2f} m" for p in lacking[:_PLACES]]
-    more = f", and fewer in {len(lacking) - _PLACES} places more" if len(lacking) > _PLACES else ""
-    return ", ".join(said) + more
+    more = f"; and fewer in {len(lacking) - _PLACES} places more" if len(lacking) > _PLACES else ""
+    return "; ".join(said) + more
 
 
 def _recipe_json(recipe: Recipe) -> dict[str, Any]:

@@ -49,6 +49,10 @@ def resim(
         changed = until or mission or set_ or scene or faults or no_faults or seed is not None
         _job_again(log, out, answer, alone=not changed)
         return
+    from ..batch.store import NAME
+
+    if (Path(log) / NAME).is_file():
+        raise PicktreeError(f"{log} is a batch: name one of its jobs, as {log}@seed=7")
     from ..logs.resimulation.changes import Changes
     from ..logs.resimulation.resim import resimulate
 

@@ -16,6 +16,7 @@ from picktree.batch.store import NAME, Store
 from picktree.cli.app import answer
 from picktree.world.errors import PicktreeError
 
+from .trouble import troubled
 from .watching import Remembering
 
 ONE_PICK = Path(__file__).parents[2] / "examples/one_pick.yaml"
@@ -131,3 +132,20 @@ def test_a_recipe_that_is_damaged_is_not_run(batch: Path) -> None:
     with pytest.raises(PicktreeError) as refused:
         remake(f"{batch}@15 N,seed=3")
     assert str(refused.value) == (f"{batch}@15 N,seed=3: {recipe}: no recipe of a batch, or a damaged one")
+
+
+def test_a_folder_of_a_batch_alone_names_no_job(dropped: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert answer(["resim", str(dropped)]) == 2
+    assert capsys.readouterr().err == (f"{dropped} is a batch: name one of its jobs, as {dropped}@seed=7\n")
+
+
+def test_a_job_that_crashed_shows_how_it_crashes(tmp_path: Path) -> None:
+    mission = troubled(tmp_path, {1: "os._exit(7)"})
+    plan = Plan("trouble", (mission,), (1,), backend="kinematic", keep="none")
+    with Batch.create(tmp_path / "batch", plan) as batch, LocalExecutor(1) as executor:
+        assert batch.run(executor, Remembering())
+    found = remake(f"{tmp_path}/batch@seed=1")
+    assert (found.identical, found.recorded_status, found.status) == (False, "crashed", "crashed")
+    assert found.log is not None and (found.log / "log.mcap").is_file()
+    assert f"crashed     {found.message}" in found.to_text()
+    assert "exit code 7" in found.message
