@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ..trees.ports import In, port
 from ..trees.skill import Skill, Steps
 from ..world.causes import Failure, feed
-from ..world.manipulation.feeding import notice_exchanges
+from ..world.manipulation.feeding import let_ride, notice_exchanges
 
 if TYPE_CHECKING:
     from ..world.world import World
@@ -18,7 +18,8 @@ class AwaitItems(Skill):
 
     SUCCESS when something was set down since the robot last looked or waited, or when the feed is exhausted:
     the fact `feed_exhausted` tells which. What came, and where it lies, only a camera says: observe next. The
-    arm must be out of the feed's way, for nothing is set down below it.
+    arm must be out of the feed's way, for nothing is set down below it, and no belt runs there. What is
+    believed on a belt is forgotten, for it rides on.
     """
 
     example = """
@@ -45,6 +46,7 @@ class AwaitItems(Skill):
                 return
             if not asked:
                 world.feed.ready()
+                let_ride(world)
                 asked = True
             if not signals.obstructed:
                 obstructed_since = None

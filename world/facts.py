@@ -12,6 +12,9 @@ ASIDE = "aside"
 TAKEN_AWAY = "taken away with its bin"
 """Why an object leaves the belief when its bin is exchanged for an empty one."""
 
+RODE_ON = "the belt carries it on"
+"""Why an object leaves the belief when the belt on which it lies may run."""
+
 FACTS: Mapping[str, type[bool] | type[int] | type[float] | type[str]] = {
     "items_left": bool,
     "items_to_do": int,

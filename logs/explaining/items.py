@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, cast
 
-from ...world.facts import TAKEN_AWAY
+from ...world.facts import RODE_ON, TAKEN_AWAY
 from ...world.simulation.scorer import ItemScore
 from ..records import Event, Values
 from ..run_log import At
@@ -118,7 +118,7 @@ def _change(data: Values) -> str:
     before, after = _body(data.get("before")), _body(data.get("after"))
     reason = str(data.get("reason", ""))
     if after is None:
-        return reason if reason == TAKEN_AWAY else f"given up: {reason}"
+        return reason if reason in (RODE_ON, TAKEN_AWAY) else f"given up: {reason}"
     if before is None:
         return f"seen for the first time, at {place(_position(after))}"
     if reason == "seen":

@@ -10,6 +10,7 @@ import pytest
 
 from picktree.world.manipulation.feeding import fill_of
 from picktree.world.perception.view import BinView
+from picktree.world.scene.feed import Belt
 from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, items, mission
@@ -194,6 +195,19 @@ def test_an_item_is_set_aside_at_the_second_time_and_stays_where_it_is_seen() ->
     assert after.pose.distance(before.pose) < 0.005
     assert cell.world.facts()["items_to_do"] == 0
     assert cell.tree.blackboard.save()["Main/items"] == []
+    assert cell.world.attempts.state() == {}
+
+
+def test_what_lies_on_a_belt_is_forgotten_when_it_may_run() -> None:
+    cell, _ = cell_with(LOOK, loads=1)
+    cell.finish()
+    (before,) = cell.world.scene.objects
+    belt = Belt(ObjectId("table"), speed=0.1, eye=0.3)
+    cell.world = replace(cell.world, description=replace(cell.world.description, belts=(belt,)))
+    cell.world.attempts.failed("Main", before.id, "a grasp")
+    cell.start(mission("AwaitItems"))
+    assert outcome(cell)[0] == "SUCCESS"
+    assert cell.world.scene.objects == ()
     assert cell.world.attempts.state() == {}
 
 

@@ -37,7 +37,8 @@ KINDS = (
 def belt_scene(*kinds: str, speed: float = 0.1, eye: float = 0.4, length: float = 1.6) -> SceneDescription:
     """Nothing but a belt, whose items are of these kinds."""
     fixture = Fixture(BELT, Box((length, 0.2, TOP)), Pose.from_rpy((*AT, TOP / 2), (0, 0, math.pi / 2)))
-    ground = ((AT[0] - 0.05, -0.7), (AT[0] + 0.05, 0.7))
+    half = length / 2 - 0.05
+    ground = ((AT[0] - 0.05, -half), (AT[0] + 0.05, half))
     entries = tuple(
         replace(next(e for e in KINDS if e.kind == kind), kind=f"{kind}{n}") for n, kind in enumerate(kinds)
     )

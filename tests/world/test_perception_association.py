@@ -153,6 +153,15 @@ def test_an_item_put_aside_stays_aside() -> None:
     assert scene.get("red_block_1").place == "aside"
 
 
+def test_an_item_put_aside_that_went_elsewhere_is_among_the_others_again() -> None:
+    scene = empty_scene()
+    look(scene, RED)
+    scene.put(replace(scene.get("red_block_1"), place="aside"), "given up")
+    look(scene, standing(BLOCK, 0.45, 0.2, 0.2, "red"), now=2.0)
+    assert ids(scene) == ["red_block_1"]
+    assert scene.get("red_block_1").place == "table"
+
+
 def test_obstacles_are_replaced_where_they_are_seen() -> None:
     scene = empty_scene()
     wall = Thing(Box((0.1, 0.08, 0.1)), Pose((0.5, -0.15, 0.05)), "grey")

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..facts import TAKEN_AWAY
+from ..facts import RODE_ON, TAKEN_AWAY
 from ..journal import Happened
-from ..scene.description import Bin
-from ..values import ObjectId
+from ..scene.description import Bin, Fixture
+from ..shapes import Box
+from ..values import ObjectId, Pose
 from .spots import heap
 
 if TYPE_CHECKING:
@@ -37,6 +38,27 @@ def notice_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
             )
         )
     return bins
+
+
+def let_ride(world: World) -> tuple[ObjectId, ...]:
+    """Forget where items lie on belts, which may run from now on, and what was tried on them there; who."""
+    belts = [world.description.fixture(belt.id) for belt in world.description.belts]
+    riding = [
+        o.id
+        for o in world.scene.objects
+        if o.role == "item" and not o.attached and any(_is_over(belt, o.pose) for belt in belts)
+    ]
+    for object_id in riding:
+        world.scene.remove(object_id, RODE_ON)
+        world.attempts.forget(object_id)
+    return tuple(riding)
+
+
+def _is_over(belt: Fixture, pose: Pose) -> bool:
+    assert isinstance(belt.shape, Box)
+    length, width, _ = belt.shape.size
+    along, across, up = (belt.pose.inverse() @ pose).position
+    return abs(along) <= length / 2 and abs(across) <= width / 2 and up > 0.0
 
 
 def fill_of(world: World, bin_: Bin) -> float:

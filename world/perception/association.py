@@ -154,8 +154,11 @@ def _believed(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
 
 def _seen(item: BeliefObject, detection: Detection, view: View, now: float) -> BeliefObject:
     """The belief after its object was seen. What was known better before is kept while the view bears it
-    out: of an object that is half hidden only the visible half speaks."""
-    place = item.place if item.place == "aside" and detection.place == "table" else detection.place
+    out: of an object that is half hidden only the visible half speaks. What was given up is so where it lay:
+    elsewhere it may be had."""
+    given_up = item.place == "aside" and detection.place == "table"
+    stayed = item.pose.distance(detection.pose) < NEAR + 3.0 * min(item.sigma_position, 0.03)
+    place = item.place if given_up and stayed else detection.place
     worse = detection.confidence < CLEARLY * item.confidence
     if worse and view.look(item.shape, item.pose, item.colour).borne_out:
         return replace(item, last_seen=now, place=place)

@@ -43,10 +43,11 @@ class Backdrop:
     ) -> Backdrop:
         """`table_z` is the height of the ground where there is no fixture."""
         scene = _Scene(sight)
+        belts = {belt.id for belt in description.belts}
         for fixture in description.fixtures:
             scene.paint(fixture.shape, fixture.pose, fixture.colour, _TABLE if fixture is table else _FIXTURE)
             if fixture is not table:
-                scene.shield(fixture.shape, fixture.pose, FIXTURE)
+                scene.shield(fixture.shape, fixture.pose, FIXTURE, belt=fixture.id in belts)
         for bin_ in description.bins:
             floor, *walls = bin_.parts()
             scene.paint(*floor, bin_.colour, _BIN)
@@ -79,11 +80,21 @@ class _Scene:
         self.label[window][nearer] = hues.label_of(colour)
         self.owner[window][nearer] = owner
 
-    def shield(self, shape: Shape, pose: Pose, margin: float) -> None:
+    def shield(self, shape: Shape, pose: Pose, margin: float, *, belt: bool = False) -> None:
+        """`belt`: the top is left open but for its rim, for items lie there, and leave, as on a table."""
+        swollen = shape
         if isinstance(shape, Box):
             x, y, z = shape.size
-            shape = Box((x + 2 * margin, y + 2 * margin, z))
-        window, depth = self._cast(shape, pose)
+            swollen = Box((x + 2 * margin, y + 2 * margin, z))
+        window, depth = self._cast(swollen, pose)
+        if belt and isinstance(shape, Box):
+            x, y, z = shape.size
+            face = Box((x - 2 * margin, y - 2 * margin, margin))
+            inner, top = self._cast(face, pose @ Pose((0.0, 0.0, (z - margin) / 2)))
+            whole = np.full(self.guard.shape, np.inf)
+            whole[window] = depth
+            whole[inner][np.isfinite(top)] = np.inf
+            depth = whole[window]
         np.minimum(self.guard[window], depth, out=self.guard[window])
 
     def _cast(self, shape: Shape, pose: Pose) -> tuple[tuple[slice, slice], Array]:
