@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from ..logs.explaining.explain import explain
+from ..logs.explaining.explanation import FailureStory
 from ..logs.run import Run
 from ..logs.session import Session
 from ..logs.visits import Visit
@@ -28,7 +30,7 @@ def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
     with Run(folder) as run:
         result = run.result
         assert result is not None, "a session that has ended writes its result"
-        explanation = run.explanation
+        explanation = explain(run, items=False)
         look = explanation.look_at
         return JobRows(
             job=JobRow(
@@ -62,14 +64,14 @@ def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
                     ", ".join(handling.handler for handling in f.handled_by),
                     f.seconds_lost,
                 )
-                for f in run.failures
+                for f in explanation.failures
             ),
             plans=tuple(
                 PlanRow(at.time, p.request, p.planner, p.outcome, p.checks, p.thinking, p.duration)
                 for at in run.plans
                 for p in (at.record,)
             ),
-            timings=_timings(run),
+            timings=_timings(run, explanation.failures),
             versions={**run.info.versions, "revision": run.info.revision},
         )
 
@@ -106,12 +108,12 @@ def _arrivals(run: Run, wanted: set[ObjectId]) -> dict[ObjectId, tuple[float, Ve
     return found
 
 
-def _timings(run: Run) -> tuple[TimingRow, ...]:
+def _timings(run: Run, failures: Sequence[FailureStory]) -> tuple[TimingRow, ...]:
     """Simulated s by phase. Planning within a skill counts as thinking, a handler's time as recovery."""
     spent: defaultdict[Phase, float] = defaultdict(float)
     parents = {visit.parent for visit in run.visits}
     leaves = [visit for visit in run.visits if visit.number not in parents]
-    cures = [(h.time, h.time + h.seconds) for f in run.failures for h in f.handled_by]
+    cures = [(h.time, h.time + h.seconds) for f in failures for h in f.handled_by]
     thought = [(at.time, at.record.thinking) for at in run.plans]
     for leaf in leaves:
         if any(start <= leaf.start and leaf.end <= end for start, end in cures):

@@ -18,7 +18,7 @@ from .mcap_file import MAGIC
 from .mcap_salvage import Loss, attachment, losses_of, salvaged
 from .record_file import RecordFile
 
-_KEPT = 4
+_KEPT = 128
 """Chunks that are kept unpacked for whoever jumps about in the log."""
 _TOLD = 4
 """Losses that are told one by one."""

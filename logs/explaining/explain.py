@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from ..run import Run
 
 
-def explain(run: Run, *, faults: bool = True) -> Explanation:
+def explain(run: Run, *, faults: bool = True, items: bool = True) -> Explanation:
     """`faults`: quote faults that were planted, where they concern the same items; the causes that are named
-    follow from the rest of the log, with and without.
+    follow from the rest of the log, with and without. `items`: tell each item's story.
 
     Raises PicktreeError where the log is damaged.
     """
@@ -39,7 +39,7 @@ def explain(run: Run, *, faults: bool = True) -> Explanation:
         outcome=outcome,
         failures=tuple(_told(case, failure, causes, planted) for failure in failures),
         root_causes=causes,
-        items=items_of(case),
+        items=items_of(case) if items else (),
         look_at=moments(causes, failures, outcome),
     )
 
