@@ -92,6 +92,11 @@ def _touching(
         title = f"something unknown ({obstacles[0]}) is seen in the way of {_doing(failure)}"
         return Finding("scene.unknown_obstacle", obstacles[0], title, reasons, failure.item, failure.time)
     neighbours = [name for name in most if name in case.belief.tracks and name != failure.item]
+    if neighbours and failure.cause == "planning.start_in_collision":
+        # The hand may just have let go of something there: where that lies is a guess.
+        begun = failure.node.rsplit("/", 1)[-1] + (f" of {failure.item}" if failure.item else "")
+        title = f"the hand stood, as believed, within {listed(neighbours, 3)} when {begun} was to begin"
+        return Finding("item.crowded", neighbours[0], title, reasons, neighbours[0], failure.time)
     if neighbours:
         title = f"{about} lies too close to {listed(neighbours, 3)}: there is no room for the hand"
         return Finding("item.crowded", about, title, reasons, failure.item, failure.time)
