@@ -142,7 +142,7 @@ def _plan(file: PlanFile, source: Path) -> Plan:
         settings=settings,
         backend=file.backend,
         verify=file.verify,
-        limits=Limits(file.limit, file.wall_limit, file.memory),
+        limits=Limits(file.limit, file.wall_limit, file.memory, file.disk),
         keep=file.keep,
     )
 

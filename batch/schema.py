@@ -34,9 +34,17 @@ def _seeds(value: object) -> tuple[int, ...]:
 
 
 def _memory(value: object) -> int:
+    return _bytes(value, "memory")
+
+
+def _disk(value: object) -> int:
+    return _bytes(value, "disk")
+
+
+def _bytes(value: object, of: str) -> int:
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", value) if isinstance(value, str) else None
     if match is None or match[2] not in _BYTES:
-        raise Wrong(f"{describe(value)} is no amount of memory", "as 2 GB", code="P801")
+        raise Wrong(f"{describe(value)} is no amount of {of}", "as 2 GB", code="P801")
     return round(float(match[1]) * _BYTES[match[2]])
 
 
@@ -64,6 +72,7 @@ Seeds = Annotated[
     ),
 ]
 Memory = Annotated[int, BeforeValidator(_memory), WithJsonSchema({"type": "string", "examples": ["2 GB"]})]
+Disk = Annotated[int, BeforeValidator(_disk), WithJsonSchema({"type": "string", "examples": ["2 GB"]})]
 Seconds = Annotated[float, quantity("s", above=0)]
 
 
@@ -92,9 +101,11 @@ class PlanFile(FileModel):
     limit: Seconds = 3600.0
     """Simulated time of a job."""
     wall_limit: Seconds = 3600.0
-    """Wall time of a job; then its worker is killed."""
+    """Wall time of a job; then it is ended."""
     memory: Memory = 4 * 10**9
-    """Memory of a job, as 2 GB; then its worker is killed."""
+    """Memory of a job, as 2 GB; then it is ended."""
+    disk: Disk = 10 * 10**9
+    """What a job writes, as 2 GB; then it is ended."""
     keep: Literal["all", "failures", "none"] = "failures"
     """Whose logs stay on the disk."""
 

@@ -53,6 +53,7 @@ def run(
     limit: Annotated[str, typer.Option(metavar="TIME", help="Simulated time of a job.")] = "3600 s",
     wall_limit: Annotated[str, typer.Option(metavar="TIME", help="Wall time of a job.")] = "3600 s",
     memory: Annotated[str, typer.Option(metavar="SIZE", help="Memory of a job.")] = "4 GB",
+    disk: Annotated[str, typer.Option(metavar="SIZE", help="What a job writes.")] = "10 GB",
     keep: Annotated[
         Literal["all", "failures", "none"], typer.Option(help="Whose logs stay on the disk.")
     ] = "failures",
@@ -101,6 +102,7 @@ def run(
         "limit": limit,
         "wall_limit": wall_limit,
         "memory": memory,
+        "disk": disk,
         "keep": keep,
     }
     resumed = Batch.resume(resume) if resume is not None else None
