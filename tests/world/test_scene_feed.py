@@ -93,6 +93,12 @@ REPLACED = [
         "eye: 60 cm",
         "6:86: fixtures.belt.eye: 60 cm from its middle is not on the belt (it reaches from -0.5 m to 0.5 m)",
     ),
+    (
+        "eye: 0.3",
+        "eye: -0.45",
+        "6:86: fixtures.belt.eye: items are set down in the light barrier, or beyond it "
+        "(at -0.42 m or more they come to it)",
+    ),
     ("yaw: 90 deg", "rpy: [0, 9 deg, 0]", "6:52: fixtures.belt.rpy: a belt lies level: give its 'yaw'"),
     ("wall: 5 mm", "wall: 5 mm, eye: 0", "7:48: fixtures.bin_a.eye: only a belt has 'eye'"),
     ("at: [0.55, 0, 0]", "at: [0.55, 0, 0], wall: 5 mm", "6:52: fixtures.belt.wall: only a bin has walls"),

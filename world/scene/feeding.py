@@ -76,6 +76,19 @@ def _check_on_belt(
             item = catalogue.get(kind)
             if item is not None and size is not None:
                 _check_room(check, loc, entry, kind, item.shape, size[1])
+        known_items = [item for kind in entry.of if (item := catalogue.get(kind)) is not None]
+        if size is not None and known_items:
+            widest = max(reach(item.shape, entry.lying) for item in known_items)
+            _check_barrier(check, name, bodies[name].eye, size[0], widest)
+
+
+def _check_barrier(check: Checker, name: str, eye: float | None, length: float, widest: float) -> None:
+    """Whether items come to the light barrier from where they are set down."""
+    least = -length / 2 + 2 * widest + 2 * APART
+    if eye is not None and -length / 2 < eye < least:
+        message = "items are set down in the light barrier, or beyond it"
+        hint = f"at {math.ceil(100 * least) / 100:g} m or more they come to it"
+        check.fault(("fixtures", name, "eye"), message, hint, code="P421")
 
 
 def _check_room(
