@@ -16,8 +16,10 @@ from ..logs.comparing.show import value_text
 from ..logs.run import Run
 from ..logs.visits import HALTED, Visit
 from ..world.errors import PicktreeError
-from .comparison import Changed, Comparison
-from .outcomes import Outcome, Recipe
+from .comparison import Changed, Comparison, Side
+from .executor import Executor
+from .local import LocalExecutor
+from .outcomes import Recipe
 from .remake import remake_into
 from .store import NAME, Store
 
@@ -37,29 +39,29 @@ def with_partings(
     """
     changed = list(found.changed)
     able = [n for n, each in enumerate(changed) if remake or each.logs is not None]
-    for n in able[:most]:
-        with _logs(changed[n], a, b, say) as logs:
-            changed[n] = replace(changed[n], parting=_said(*logs))
+    with LocalExecutor(1) as executor:
+        for n in able[:most]:
+            with _logs(changed[n], a, b, executor, say) as logs:
+                changed[n] = replace(changed[n], parting=_said(*logs))
     return replace(found, changed=tuple(changed))
 
 
 @contextmanager
-def _logs(changed: Changed, a: Recipe, b: Recipe, say: Callable[[str], None]) -> Generator[tuple[Path, Path]]:
+def _logs(
+    changed: Changed, a: Recipe, b: Recipe, executor: Executor, say: Callable[[str], None]
+) -> Generator[tuple[Path, Path]]:
+    def log(recipe: Recipe, side: Side, scratch: Path) -> Path:
+        outcome = recipe.outcomes[changed.seed]
+        kept = recipe.folder / outcome.folder
+        if outcome.folder and kept.is_dir():
+            return kept
+        say(f"seed {changed.seed} of {side}")
+        with Store(recipe.folder / NAME) as store:
+            job = next(job for job in store.jobs() if job.id == outcome.job)
+            return remake_into(store, job, scratch, executor)
+
     with tempfile.TemporaryDirectory(prefix="picktree-") as away:
-        yield (
-            _log(a, a.outcomes[changed.seed], Path(away) / "a", lambda: say(f"seed {changed.seed} of A")),
-            _log(b, b.outcomes[changed.seed], Path(away) / "b", lambda: say(f"seed {changed.seed} of B")),
-        )
-
-
-def _log(recipe: Recipe, outcome: Outcome, scratch: Path, say: Callable[[], None]) -> Path:
-    kept = recipe.folder / outcome.folder
-    if outcome.folder and kept.is_dir():
-        return kept
-    say()
-    with Store(recipe.folder / NAME) as store:
-        job = next(job for job in store.jobs() if job.id == outcome.job)
-        return remake_into(store, job, scratch)
+        yield log(a, "A", Path(away) / "a"), log(b, "B", Path(away) / "b")
 
 
 def _said(log_a: Path, log_b: Path) -> str:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..logs.session import LOG
 from ..world.errors import PicktreeError
-from .executor import Event, Failed, Finished, Order
+from .executor import Event, Executor, Failed, Finished, Order
 from .job import Job
 from .local import LocalExecutor
 from .naming import find_job, split
@@ -82,28 +83,29 @@ class Remade:
         return json.dumps(said, ensure_ascii=False, indent=2) + "\n"
 
 
-def remake(where: str, out: Path | None = None) -> Remade:
+def remake(where: str, out: Path | None = None, executor: Executor | None = None) -> Remade:
     """Run the job that `where` names (FOLDER@JOB, see `naming`) again.
 
     The log goes to a folder in `out`. Without it, it goes where the batch would have kept it, and the batch
-    knows of it from then on, if it is that of the recorded run; else beside it. Raises PicktreeError when
-    there is no such job, it was not run yet, or it cannot be run.
+    knows of it from then on, if it is that of the recorded run; else beside it. `executor` carries it out, by
+    default one with a worker for it. Raises PicktreeError when there is no such job, it was not run yet, or
+    it cannot be run.
     """
     folder, named = split(where)
-    with Store(folder / NAME) as store:
-        return _remake(store, find_job(store, where, named), where, out)
+    with Store(folder / NAME) as store, _given(executor) as given:
+        return _remake(store, find_job(store, where, named), where, out, given)
 
 
-def remake_into(store: Store, job: Job, scratch: Path) -> Path:
+def remake_into(store: Store, job: Job, scratch: Path, executor: Executor) -> Path:
     """Run a job again; the folder of its log, in `scratch`. Raises PicktreeError when it cannot be run, or is
     not the recorded run."""
-    found = _remake(store, job, f"{store.path.parent}@{job.id}", scratch)
+    found = _remake(store, job, f"{store.path.parent}@{job.id}", scratch, executor)
     if not found.identical or found.log is None:
         raise PicktreeError(f"seed {job.seed}, {job.variant.label}: run again, it is another run")
     return found.log
 
 
-def _remake(store: Store, job: Job, where: str, out: Path | None) -> Remade:
+def _remake(store: Store, job: Job, where: str, out: Path | None, executor: Executor) -> Remade:
     folder = store.path.parent
     before = store.row(job.id)
     if before is None:
@@ -114,7 +116,7 @@ def _remake(store: Store, job: Job, where: str, out: Path | None) -> Remade:
     shutil.rmtree(scratch, ignore_errors=True)
     try:
         order = Order(job.id, 1, job.recipe_in(folder), job.seed, scratch, limits.wall, limits.memory)
-        event = _carried_out(order)
+        event = _carried_out(order, executor)
         rows = JobRows.from_json(order.result.read_bytes(), order.result) if order.result.is_file() else None
         digest = rows.job.digest if rows else ""
         same = bool(digest) and digest == before.digest
@@ -148,15 +150,18 @@ def _remake(store: Store, job: Job, where: str, out: Path | None) -> Remade:
     )
 
 
-def _carried_out(order: Order) -> Event:
-    """By a worker of its own, as the batch did it."""
-    with LocalExecutor(1) as executor:
-        executor.submit(order)
-        while True:
-            for event in executor.wait(_LOOK):
-                if not isinstance(event, Finished | Failed):
-                    raise KeyboardInterrupt
-                return event
+def _carried_out(order: Order, executor: Executor) -> Event:
+    executor.submit(order)
+    while True:
+        for event in executor.wait(_LOOK):
+            if not isinstance(event, Finished | Failed):
+                raise KeyboardInterrupt
+            return event
+
+
+def _given(executor: Executor | None) -> AbstractContextManager[Executor]:
+    """By default a worker of its own."""
+    return LocalExecutor(1) if executor is None else nullcontext(executor)
 
 
 def _moved(run: Path, target: Path) -> Path:

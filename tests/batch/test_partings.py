@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from picktree.batch.batch import Batch
 from picktree.batch.local import LocalExecutor
-from picktree.batch.plan import Keep, Plan
+from picktree.batch.plan import Plan
+from picktree.batch.remake import remake
 from picktree.cli.app import answer
 
 from .watching import Remembering
@@ -24,19 +27,22 @@ faults:
 """
 
 
-def two_recipes(folder: Path, keep: Keep) -> Path:
-    """One pick as it should be, and with the item snatched away, on two seeds."""
-    faults = folder / "snatched.yaml"
-    faults.write_text(SNATCHED)
-    plan = Plan("two", (ONE_PICK,), (0, 1), faults=(None, faults), backend="kinematic", keep=keep)
-    with Batch.create(folder / "batch", plan) as batch, LocalExecutor(1) as executor:
-        assert batch.run(executor, Remembering())
-    return folder / "batch"
+@pytest.fixture(scope="module")
+def executor() -> Iterator[LocalExecutor]:
+    with LocalExecutor(1) as executor:
+        yield executor
 
 
 @pytest.fixture(scope="module")
-def failures_kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return two_recipes(tmp_path_factory.mktemp("kept"), "failures")
+def failures_kept(tmp_path_factory: pytest.TempPathFactory, executor: LocalExecutor) -> Path:
+    """One pick as it should be, and with the item snatched away, on two seeds; the latter's logs are kept."""
+    folder = tmp_path_factory.mktemp("two")
+    faults = folder / "snatched.yaml"
+    faults.write_text(SNATCHED)
+    plan = Plan("two", (ONE_PICK,), (0, 1), faults=(None, faults), backend="kinematic")
+    with Batch.create(folder / "batch", plan) as batch:
+        assert batch.run(executor, Remembering())
+    return folder / "batch"
 
 
 def compared(batch: Path, capfd: pytest.CaptureFixture[str], *options: str) -> str:
@@ -70,9 +76,13 @@ def test_logs_are_made_again_for_the_first_of_them_and_dropped(
     assert sorted(failures_kept.rglob("*.mcap")) == before
 
 
-def test_kept_logs_are_compared_as_they_are(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    batch = two_recipes(tmp_path, "all")
-    told = compared(batch, capfd, "--partings", "1").splitlines()
-    assert re.match(r"  seed 0: A alone reached its goal; they part at tick \d+, ", told[-4])
-    assert re.match(r"    .*picktree.* diff .*/batch/jobs/.* .*/batch/jobs/", told[-3])
-    assert told[-2] == "  seed 1: A alone reached its goal"
+def test_logs_that_are_there_are_compared_as_they_are(
+    failures_kept: Path, tmp_path: Path, executor: LocalExecutor, capfd: pytest.CaptureFixture[str]
+) -> None:
+    batch = Path(shutil.copytree(failures_kept, tmp_path / "batch"))
+    assert remake(f"{batch}@no faults,seed=1", executor=executor).identical
+    told = compared(batch, capfd).splitlines()
+    assert told[-4] == "  seed 0: A alone reached its goal"
+    assert re.match(r"  seed 1: A alone reached its goal; they part at tick \d+, ", told[-3])
+    assert re.match(r"    .*picktree.* diff .*/batch/jobs/.* .*/batch/jobs/", told[-2])
+    assert told[-1].startswith("of 1 a log was not kept: ")

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -23,7 +26,13 @@ ONE_PICK = Path(__file__).parents[2] / "examples/one_pick.yaml"
 
 
 @pytest.fixture(scope="module")
-def dropped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def executor() -> Iterator[LocalExecutor]:
+    with LocalExecutor(1) as executor:
+        yield executor
+
+
+@pytest.fixture(scope="module")
+def dropped(tmp_path_factory: pytest.TempPathFactory, executor: LocalExecutor) -> Path:
     """A batch of two recipes with two seeds each, the last job not run, that keeps no log."""
     folder = tmp_path_factory.mktemp("dropped")
     mission = folder / "mission.yaml"
@@ -39,7 +48,7 @@ def dropped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     batch = Batch.create(folder / "batch", plan)
     ended = iter(range(4))
     seen = Remembering(at_end=lambda: batch.stop() if next(ended) == 2 else None)
-    with batch, LocalExecutor(1) as executor:
+    with batch:
         assert not batch.run(executor, seen)
     mission.unlink()
     return folder / "batch"
@@ -56,7 +65,7 @@ def row(batch: Path, number: int, columns: str = "folder") -> tuple[object, ...]
 
 
 def test_its_log_goes_where_the_batch_would_have_kept_it(
-    batch: Path, capsys: pytest.CaptureFixture[str]
+    batch: Path, executor: LocalExecutor, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert not list(batch.glob("jobs/*/*"))
     job, digest = row(batch, 1, "job, digest")
@@ -69,31 +78,28 @@ def test_its_log_goes_where_the_batch_would_have_kept_it(
         f"log         {batch / str(folder)}\n"
     )
     assert not list(batch.glob("jobs/.*"))
-    again = remake(f"{batch}@{str(job)[:6]}")
+    again = remake(f"{batch}@{str(job)[:6]}", executor=executor)
     assert (again.identical, again.kept_before, again.log) == (True, True, batch / str(folder))
     assert len(list(batch.glob("jobs/*/*"))) == 1
 
 
 def test_elsewhere_it_goes_into_a_folder_of_its_own(
-    batch: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    batch: Path, tmp_path: Path, executor: LocalExecutor
 ) -> None:
-    assert answer(["resim", f"{batch}@30 N,seed=3", "--out", str(tmp_path / "out"), "--json"]) == 0
-    said = json.loads(capfd.readouterr().out)
+    found = remake(f"{batch}@30 N,seed=3", tmp_path / "out", executor)
     (run,) = (tmp_path / "out").iterdir()
-    assert (said["identical"], said["seed"], said["log"]) == (True, 3, str(run))
     assert (run / "log.mcap").is_file()
+    said = json.loads(found.to_json_text())
+    assert (said["identical"], said["seed"], said["log"]) == (True, 3, str(run))
     assert row(batch, 2) == ("",)
 
 
-def test_another_run_than_the_recorded_one_is_not_taken_for_it(
-    batch: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with Store(batch / NAME) as store:  # as if another machine had run it
-        store._connection.execute("UPDATE jobs SET digest = 'of another run' WHERE number = 0")
-        store._connection.execute("UPDATE versions SET version = '0.1' WHERE library = 'numpy'")
-        store._connection.commit()
-    assert answer(["resim", f"{batch}@15 N,seed=3"]) == 1
-    told = capsys.readouterr().out.splitlines()
+def test_another_run_than_the_recorded_one_is_not_taken_for_it(batch: Path, executor: LocalExecutor) -> None:
+    with closing(sqlite3.connect(batch / NAME)) as results, results:  # as if another machine had run it
+        results.execute("UPDATE jobs SET digest = 'of another run' WHERE number = 0")
+        results.execute("UPDATE versions SET version = '0.1' WHERE library = 'numpy'")
+    found = remake(f"{batch}@15 N,seed=3", executor=executor)
+    told = found.to_text().splitlines()
     assert told[1:3] == ["different", "  recorded  success, digest of another run"]
     assert told[4].startswith("likely why  numpy: recorded 0.1, now ")
     assert row(batch, 0) == ("",)
@@ -126,11 +132,11 @@ def test_a_job_is_not_changed_when_it_is_run_again(dropped: Path, capsys: pytest
     )
 
 
-def test_a_recipe_that_is_damaged_is_not_run(batch: Path) -> None:
+def test_a_recipe_that_is_damaged_is_not_run(batch: Path, executor: LocalExecutor) -> None:
     (recipe,) = {path for path in batch.glob("recipes/*.zip") if path.stem == row(batch, 0, "recipe")[0]}
     recipe.write_bytes(recipe.read_bytes()[:-200])
     with pytest.raises(PicktreeError) as refused:
-        remake(f"{batch}@15 N,seed=3")
+        remake(f"{batch}@15 N,seed=3", executor=executor)
     assert str(refused.value) == (f"{batch}@15 N,seed=3: {recipe}: no recipe of a batch, or a damaged one")
 
 
@@ -139,12 +145,12 @@ def test_a_folder_of_a_batch_alone_names_no_job(dropped: Path, capsys: pytest.Ca
     assert capsys.readouterr().err == (f"{dropped} is a batch: name one of its jobs, as {dropped}@seed=7\n")
 
 
-def test_a_job_that_crashed_shows_how_it_crashes(tmp_path: Path) -> None:
+def test_a_job_that_crashed_shows_how_it_crashes(tmp_path: Path, executor: LocalExecutor) -> None:
     mission = troubled(tmp_path, {1: "os._exit(7)"})
     plan = Plan("trouble", (mission,), (1,), backend="kinematic", keep="none")
-    with Batch.create(tmp_path / "batch", plan) as batch, LocalExecutor(1) as executor:
+    with Batch.create(tmp_path / "batch", plan) as batch:
         assert batch.run(executor, Remembering())
-    found = remake(f"{tmp_path}/batch@seed=1")
+    found = remake(f"{tmp_path}/batch@seed=1", executor=executor)
     assert (found.identical, found.recorded_status, found.status) == (False, "crashed", "crashed")
     assert found.log is not None and (found.log / "log.mcap").is_file()
     assert f"crashed     {found.message}" in found.to_text()

@@ -29,7 +29,7 @@ def test_a_page_holds_what_the_results_say_and_links_to_the_worst_runs(tmp_path:
     missed.write_text(re.sub(r"^goal:.*\n", "", ONE_PICK.read_text(), flags=re.M) + "goal: sorted > total\n")
     plan = Plan("two", (ONE_PICK, missed), (0, 1), backend="kinematic")
     folder = tmp_path / "batch"
-    with Batch.create(folder, plan) as batch, LocalExecutor(2) as executor:
+    with Batch.create(folder, plan) as batch, LocalExecutor(1) as executor:
         assert batch.run(executor, Remembering())
     write_report(folder, tmp_path / "page.html", runs=1)
     page = (tmp_path / "page.html").read_text()
