@@ -109,4 +109,6 @@ def test_a_checkpoint_of_another_feed_is_refused() -> None:
     scene = fed(spawn=spawn)
     with pytest.raises(PicktreeError) as error:
         PhysicsHardware.resume(cell(spawn=spawn, deliveries=scene.deliveries * 2), panda(), 4, saved)
-    assert str(error.value) == ("the checkpoint's feed sets loads down in 1 places, the scene's in 2")
+    assert str(error.value) == (
+        "the checkpoint's feed has 1 with an area among its entries, but the scene's has 2"
+    )

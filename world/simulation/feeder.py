@@ -85,15 +85,15 @@ class Feeder:
 
     def restore(self, state: FeederState) -> None:
         """Raises PicktreeError when it is of another feed."""
-        if len(state.tables) != len(self._tables):
-            raise PicktreeError(
-                f"the checkpoint's feed sets loads down in {len(state.tables)} places, "
-                f"the scene's in {len(self._tables)}"
-            )
-        if len(state.belts) != len(self._belts):
-            raise PicktreeError(
-                f"the checkpoint's feed loads {len(state.belts)} belts, the scene's {len(self._belts)}"
-            )
+        for what, saved, own in (
+            ("an area", state.tables, self._tables),
+            ("a belt", state.belts, self._belts),
+        ):
+            if len(saved) != len(own):
+                raise PicktreeError(
+                    f"the checkpoint's feed has {len(saved)} with {what} among its entries, "
+                    f"but the scene's has {len(own)}"
+                )
         for each, table in zip(self._tables, state.tables, strict=True):
             each.restore(table)
         for each, belt in zip(self._belts, state.belts, strict=True):

@@ -63,7 +63,7 @@ def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
         outlines = [footprint(scene.entry(item.kind).shape, item.turn) for item in load]
         places = lay_out(spawn, outlines, taken, rng)
         if places is None:
-            raise too_small(where, spawn, len(load))
+            raise _too_small(where, spawn, len(load))
         for item, place in zip(load, places, strict=True):
             name = item_id(len(items))
             items.append(set_down(scene, spawn, item, place, name, where))
@@ -103,7 +103,7 @@ def set_down(
     return SpawnedItem(name, entry, item.colour, pose, spawn.tumbled)
 
 
-def too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:
+def _too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:
     """That an area has no room for its items."""
     low, high = _corners(spawn)
     size = " × ".join(f"{s:.2f}" for s in high - low)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from ..errors import PicktreeError
 from ..journal import Happened
 from ..scene.description import SceneDescription
 from ..scene.feed import At, Clear, Delivery, Every
@@ -21,7 +22,6 @@ from .spawn import (
     lay_out_some,
     set_down,
     standing,
-    too_small,
 )
 
 MARGIN = 0.05
@@ -97,7 +97,10 @@ class TableFeeding:
         self._state = TableState(due=when.period if isinstance(when, Every) else 0.0)
         first, _ = self._hand()
         if not self._places(first, empty=True):
-            raise too_small(self._where, self._load, 1)
+            raise PicktreeError(
+                f"{self._where}: no item fits into the area of {x1 - x0:.2f} × {y1 - y0:.2f} m beside what "
+                "stands there; make it larger, or put it elsewhere"
+            )
 
     @property
     def exhausted(self) -> bool:
