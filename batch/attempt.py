@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
+import tempfile
 import traceback
 
 from ..logs.resimulation.recipe_file import RecipeFile
 from ..logs.session import Session
 from ..world.errors import PicktreeError
+from . import output
 from .executor import Event, Failed, Finished, Order, Stopped
 from .harvest import harvest
 
@@ -29,12 +32,20 @@ def carry_out(order: Order) -> Event:
     except SystemExit as end:
         return Failed(order, f"it called sys.exit({end.code!r})")
     except PicktreeError as error:
-        return Failed(order, str(error))
+        print(error, file=sys.stderr)
+        return Failed(order, _one_line(str(error)))
     except BaseException as error:  # noqa: BLE001 - one job's fault must not cost another
         traceback.print_exc(file=sys.stderr)
-        said = str(error)
-        return Failed(order, f"{type(error).__name__}: {said}" if said else type(error).__name__)
+        said = _one_line(str(error))
+        place = output.place_of(error)
+        return Failed(order, f"{type(error).__name__}{f': {said}' if said else ''}, at {place}")
     return Finished(order)
+
+
+def _one_line(text: str) -> str:
+    """The first, without the place to which a recipe was unpacked."""
+    unpacked = rf"{re.escape(tempfile.gettempdir())}/picktree-[^/]+/"
+    return re.sub(unpacked, "", text.strip().partition("\n")[0])
 
 
 def _write_whole(order: Order, data: bytes) -> None:

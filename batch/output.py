@@ -9,6 +9,7 @@ import re
 import signal
 import sys
 import sysconfig
+import traceback
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -85,6 +86,16 @@ def last_place(folder: Path) -> str:
     frames = list(_FRAME.finditer(said)) if fault else []
     if not frames:
         return ""
-    ours = [frame for frame in frames if not frame["file"].startswith(_LIBRARIES)]
-    frame = (ours or frames)[0]
-    return f"{Path(frame['file']).name}:{frame['line']} in {frame['name']}"
+    return _named([(frame["file"], frame["line"], frame["name"]) for frame in frames])
+
+
+def place_of(error: BaseException) -> str:
+    """The same, where an exception was raised."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return _named([(frame.filename, frame.lineno, frame.name) for frame in reversed(frames)])
+
+
+def _named(frames: list[tuple[str, object, str]]) -> str:
+    """Of the innermost frame that is no library's; the innermost is the first."""
+    file, line, name = next((f for f in frames if not f[0].startswith(_LIBRARIES)), frames[0])
+    return f"{Path(file).name}:{line} in {name}"

@@ -85,6 +85,46 @@ def test_a_job_that_hangs_is_ended_and_says_where(tmp_path: Path, worker: Execut
     assert (seen.again, row.status, row.message) == ([reason], "crashed", reason)
 
 
+RAISE = """\
+if (HERE / "none").exists():
+    raise RuntimeError("no licence\\nto be had")
+"""
+BUILT = """\
+    def __init__(self, *given: object) -> None:
+        super().__init__(*given)
+        if (HERE / "none").exists():
+            raise RuntimeError("no licence\\nto be had")
+
+    def run"""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "reason"),
+    [
+        (
+            "class Trouble",
+            f"{RAISE}\n\nclass Trouble",
+            "mission/mission.yaml:6:11: plugins[0]: the plug-in 'trouble.py' cannot be imported: "
+            "RuntimeError: no licence",
+        ),
+        ("    def run", BUILT, "RuntimeError: no licence, at trouble.py:18 in __init__"),
+    ],
+)
+def test_a_job_that_cannot_be_made_says_why_in_a_line(
+    tmp_path: Path, worker: Executor, before: str, after: str, reason: str
+) -> None:
+    mission = troubled(tmp_path, {})
+    plugin = tmp_path / "trouble.py"
+    plugin.write_text(plugin.read_text().replace(before, after))
+    seen = Remembering()
+    with Batch.create(tmp_path / "batch", Plan("no", (mission,), (0,), backend="kinematic")) as batch:
+        (tmp_path / "none").touch()
+        assert batch.run(worker, seen)
+    (row,) = [ended.row for ended in seen.ends]
+    assert (row.status, row.message, seen.again) == ("crashed", reason, [reason])
+    assert "to be had" in (tmp_path / "batch" / row.folder / "output.txt").read_text()
+
+
 CHANGES = """\
 os.chdir("/")
 os.environ.clear()
