@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from picktree.logs.checkpoints import RunState
 from picktree.logs.resimulation.messages import simulated_messages
 from picktree.logs.resimulation.recorded import Recorded
 from picktree.logs.resimulation.resim import resimulate
@@ -14,6 +16,7 @@ from picktree.logs.result import RunResult
 from picktree.logs.run import Run
 from picktree.logs.session import RunRequest, Session
 from picktree.trees.runner import NodeInfo, TickReport
+from picktree.world.noticed import NoticedState
 
 SCENE = """\
 picktree: 1
@@ -179,3 +182,15 @@ def test_from_each_checkpoint_it_goes_on_byte_for_byte(recorded: Recorded, tmp_p
 def test_run_again_from_its_log_it_is_the_same(result: RunResult) -> None:
     again = resimulate(result.folder, until="22 s")
     assert (again.identical, again.exact, again.difference) == (True, True, None)
+
+
+def test_a_checkpoint_from_before_there_were_feeds_is_read(recorded: Recorded) -> None:
+    state = recorded.state(recorded.checkpoints()[0])
+    plain = json.loads(state.to_json())
+    del plain["noticed"]
+    for name in ("gone", "gone_first_try", "deliveries", "exchanges", "set_aside"):
+        del plain["tally"][name]
+    older = RunState.from_json(json.dumps(plain).encode())
+    assert older.noticed == NoticedState()
+    assert older.tally is not None
+    assert (older.tally.done, older.tally.gone, older.tally.deliveries) == (state.items_done, 0, 0)
