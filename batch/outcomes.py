@@ -35,10 +35,11 @@ class Outcome:
 
     @property
     def in_vain(self) -> int | None:
-        """Grasps that brought no item to its bin."""
+        """Grasps that brought no item to its bin. A grasp that is broken off between closing and lifting is
+        not counted as tried, though its item may be sorted by the next."""
         if self.picks_tried is None or self.items_sorted is None:
             return None
-        return self.picks_tried - self.items_sorted
+        return max(self.picks_tried - self.items_sorted, 0)
 
     @property
     def seconds_a_pick(self) -> float | None:
