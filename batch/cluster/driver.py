@@ -37,6 +37,7 @@ def main(batch: Connection) -> None:
             with _in_time(batch, settings.address):
                 connect(settings.address, settings.workers, settings.folder)
             asyncio.run(_serve(batch, settings))
+            settings.output.unlink(missing_ok=True)  # the batch may be gone
         except PicktreeError as error:
             with suppress(OSError):
                 batch.send(Refused(str(error)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
 import shutil
 import socket
@@ -36,6 +37,8 @@ _OWN: Final = {
     "RAY_prestart_worker_first_driver": "0",
 }
 """Of a cluster on this machine alone; read when Ray is loaded."""
+_STAMP: Final = re.compile(r"^\[[^]]*\] (\S+:\d+: )?")
+"""Before what Ray logs: time, process, place in its source."""
 _LONGEST: Final = 20
 """Characters of the path of a folder in which there can be Ray's."""
 _DRIVER: Final = f"{__package__}.driver"
@@ -61,7 +64,7 @@ class RayExecutor:
         self._slots = 0
         self._batch, self._driver = self._begun(own=address is None)
         try:
-            self._say(Settings(address, slots, self._folder, installed()))
+            self._say(Settings(address, slots, self._folder, self._output, installed()))
             until = time.monotonic() + _START
             while not self._slots and time.monotonic() < until:
                 self._hear(self._heard(1.0))
@@ -148,7 +151,7 @@ class RayExecutor:
                 return None
             return self._batch.recv()
         except (EOFError, OSError):
-            raise PicktreeError(f"{self._where} is gone{self._last_words()}") from None
+            raise PicktreeError(f"{self._where} is gone{self._last_words()}; --resume goes on") from None
 
     def _hear(self, news: News | None) -> Event | None:
         match news:
@@ -163,12 +166,12 @@ class RayExecutor:
                 return replace(news, order=self._orders.pop(news.order.folder))
 
     def _last_words(self) -> str:
-        """Of the driver."""
+        """Of the driver: the first sentence of its last line."""
         try:
             lines = self._output.read_text(errors="replace").strip().splitlines()
         except OSError:
             return ""
-        return f": {lines[-1]}" if lines else ""
+        return f": {_STAMP.sub('', lines[-1]).partition('. ')[0]}" if lines else ""
 
 
 def _short_folder() -> Path:

@@ -20,6 +20,8 @@ class Settings:
     """At most so many at once; None: one for each CPU of the cluster."""
     folder: Path
     """Of this process alone."""
+    output: Path
+    """File with what this process prints."""
     here: Installed
     """What the batch's own machine has."""
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Generator
 from dataclasses import replace
 from pathlib import Path
@@ -260,12 +262,13 @@ def test_ray_is_loaded_in_processes_of_its_own_alone() -> None:
 def test_nothing_is_left_of_a_batch_that_is_killed_whose_cluster_was_on_the_loopback(
     tmp_path: Path,
 ) -> None:
+    short = Path(tempfile.mkdtemp(prefix="t-", dir="/tmp"))  # Ray's sockets have no room in longer paths
     plan = troubled(tmp_path, "once(seed); time.sleep(60)", (0, 1))
     options = ["--mission", str(plan.missions[0]), "--seeds", "0:2", "--backend", "kinematic"]
     options += ["--executor", "ray", "--workers", "2", "--out", str(tmp_path / "batch")]
     batch = subprocess.Popen(
         [sys.executable, "-m", "picktree", "batch", "run", *options],
-        env={**os.environ, "TMPDIR": str(tmp_path)},
+        env={**os.environ, "TMPDIR": str(short)},
     )
     try:
         until(lambda: (tmp_path / "tried-0").exists() and (tmp_path / "tried-1").exists())
@@ -276,7 +279,8 @@ def test_nothing_is_left_of_a_batch_that_is_killed_whose_cluster_was_on_the_loop
         batch.kill()
         batch.wait()
     until(lambda: not alive(everything))
-    until(lambda: not list(tmp_path.glob("picktree-ray-*/")))
+    until(lambda: not list(short.glob("picktree-ray-*")))
+    shutil.rmtree(short)
 
 
 def _listening(pids: set[int]) -> set[str]:
