@@ -24,7 +24,7 @@ def test_a_batch_is_run_asked_and_gone_on_with(tmp_path: Path, capsys: pytest.Ca
     assert answer(["batch", "summary", folder, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["recipes"][0]["success"]["total"] == 2
     assert answer(["batch", "compare", folder, folder]) == 0
-    assert "no difference that these seeds could show" in capsys.readouterr().out
+    assert "no difference that these runs could show" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
