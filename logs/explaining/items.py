@@ -99,6 +99,8 @@ def _events(at: At[Event], item: str) -> list[ItemEvent]:
         case "item_done":
             into = data.get("into")
             return [ItemEvent(at.time, f"placed into {into}" if into else "put down", record.node)]
+        case "set_aside":
+            return [ItemEvent(at.time, "set aside: left where it lies", record.node)]
         case "belief":
             told = _change(data)
             return [ItemEvent(at.time, told)] if told else []

@@ -184,6 +184,19 @@ def test_run_again_from_its_log_it_is_the_same(result: RunResult) -> None:
     assert (again.identical, again.exact, again.difference) == (True, True, None)
 
 
+def test_what_cannot_be_had_is_set_aside_and_the_feed_goes_on(tmp_path: Path) -> None:
+    slab = "catalogue:\n  slab: {box: [110 mm, 100 mm, 40 mm], mass: 300 g, friction: 0.6}\n"
+    scene = SCENE.replace("plate: 1", "slab: 1").replace("total: 6", "total: 4") + slab
+    result = session(write(tmp_path, scene)).run()
+    assert (result.status, result.items.sorted, result.items.left) == ("incomplete", 2, 2)
+    assert result.feed is not None
+    assert (result.feed.deliveries, result.feed.set_aside) == (2, 2)
+    with Run(result.log) as run:
+        slabs = [item for item in run.items if item.kind == "slab"]
+    assert [item.state for item in slabs] == ["left", "left"]
+    assert [item.events[-1].what for item in slabs] == ["set aside: left where it lies"] * 2
+
+
 def test_a_checkpoint_from_before_there_were_feeds_is_read(recorded: Recorded) -> None:
     state = recorded.state(recorded.checkpoints()[0])
     plain = json.loads(state.to_json())
