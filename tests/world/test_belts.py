@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pybullet as pb
 import pytest
 
 from picktree.world.errors import PicktreeError
@@ -60,6 +62,26 @@ def test_what_is_round_rolls_when_the_belt_starts_faster_than_rolling_friction_c
     slip = np.abs(carried(0.15)).max(axis=1)
     assert slip[[0, 1, 3]].max() < 0.3
     assert slip[5] > 1.0
+
+
+def test_no_item_is_set_anywhere_nor_pushed_while_it_rides(monkeypatch: pytest.MonkeyPatch) -> None:
+    hardware = on_belt(belt_scene("block", "can"), [-0.2, 0.0])
+    set_back: list[int] = []
+    setting: Callable[..., None] = pb.resetJointState
+
+    def spy(body: int, *args: object, **options: object) -> None:
+        set_back.append(body)
+        setting(body, *args, **options)
+
+    for name in ("resetBasePositionAndOrientation", "resetBaseVelocity", "applyExternalForce"):
+        monkeypatch.setattr(pb, name, None)
+    monkeypatch.setattr(pb, "resetJointState", spy)
+    before = np.array(positions(hardware))
+    ride(hardware, 0.1)
+    assert np.array(positions(hardware)) - before == pytest.approx(np.array([[0.0, 0.1, 0.0]] * 2), abs=2e-3)
+    # Each centimetre, and when it stands.
+    assert len(set_back) == 11
+    assert len(set(set_back)) == 1
 
 
 def test_setting_the_slab_back_changes_nothing_for_the_items(monkeypatch: pytest.MonkeyPatch) -> None:
