@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import signal
 import sys
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -25,8 +25,15 @@ if TYPE_CHECKING:
     from ..batch.plan import Plan
     from ..batch.summary import BatchSummary
 
+_OF_A_MATRIX = (
+    *("seeds", "scene", "faults", "set_", "backend", "verify"),
+    *("limit", "wall_limit", "memory", "disk", "keep"),
+)
+"""Options that say what a plan file says."""
+
 
 def run(
+    context: typer.Context,
     plan: Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.")] = None,
     mission: Annotated[
         list[Path] | None,
@@ -87,6 +94,8 @@ def run(
     given = [plan is not None, bool(mission), resume is not None]
     if sum(given) != 1:
         raise PicktreeError("give one of: a plan file, --mission FILE, --resume DIR")
+    if not mission:
+        _refuse_what_a_plan_says(context, also=("out",) if resume is not None else ())
     if address is not None and executor == "local":
         raise PicktreeError("--address is of a Ray cluster: add --executor ray")
     answer = keep_stdout() if json else None
@@ -115,6 +124,16 @@ def run(
     with _hands(executor, workers, address) as hands:
         made = resumed or Batch.create(out or _new_folder(asked), asked)
         _carry_out(made, hands, answer)
+
+
+def _refuse_what_a_plan_says(context: typer.Context, also: Sequence[str]) -> None:
+    """Raises PicktreeError for an option that would change nothing."""
+    for name in (*_OF_A_MATRIX, *also):
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            option = f"--{name.strip('_').replace('_', '-')}"
+            whose = "the batch has its own" if also else "the plan file says its own"
+            raise PicktreeError(f"{option} goes with --mission: {whose}")
 
 
 def _hands(

@@ -37,6 +37,9 @@ def test_a_batch_is_run_asked_and_gone_on_with(tmp_path: Path, capsys: pytest.Ca
          "--limit: '3 k': unknown unit 'k' (s, ms, us, min, h)"),
         (["--mission", str(ONE_PICK), "--set", "Grasp.forse=1,2"],
          "Grasp.forse: Grasp has no input 'forse' (did you mean 'force'?)"),
+        (["--resume", "/nowhere", "--wall-limit", "3 s"],
+         "--wall-limit goes with --mission: the batch has its own"),
+        (["night.yaml", "--seeds", "0:2"], "--seeds goes with --mission: the plan file says its own"),
         (["--resume", "/nowhere"], "/nowhere: no batch: there is no plan.json in it"),
     ],
 )  # fmt: skip
