@@ -12,8 +12,8 @@ from ..logs.result import RunStatus
 from ..world.errors import PicktreeError
 
 Phase: TypeAlias = Literal["observe", "think", "move", "grasp", "place", "recover", "other"]
-JobStatus: TypeAlias = RunStatus | Literal["crashed", "refused"]
-"""As a run ends; `crashed`: its workers were lost twice; `refused`: it could not be run."""
+JobStatus: TypeAlias = RunStatus | Literal["crashed"]
+"""As a run ends; `crashed`: every try at it came to no result."""
 
 
 @dataclass(frozen=True, slots=True)
