@@ -55,7 +55,9 @@ def _story(case: Case, item: str) -> ItemStory:
 
 def _unseen(case: Case, true: str) -> ItemStory:
     body = case.truth.tracks[true].first
-    return ItemStory(true, body.kind, body.colour, "left", (), f"{_truth(case, true)}; never seen")
+    score = case.scores.get(true)
+    state = "done" if score is not None and score.verdict == "sorted" else "left"
+    return ItemStory(true, body.kind, body.colour, state, (), f"{_truth(case, true)}; never seen")
 
 
 def _state(case: Case, item: str) -> Literal["done", "held", "left", "gone"]:
