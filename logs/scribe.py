@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 START: Final = "start.json"
 """Of a run that goes on from a checkpoint: that state, its tree being that of this run."""
 
-_BY_THE_FEED = ("delivery", "bin_exchanged")
+_BY_THE_FEED = ("delivery", "belt_stops", "bin_exchanged")
 """Events after which items stand elsewhere at once."""
 
 Tap: TypeAlias = Callable[[str, int, bytes], None]
