@@ -18,6 +18,7 @@ from ..world.motion.requests import PoseGoal
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
+    from ..world.scene.planning_scene import BeliefObject
     from ..world.world import World
 
 
@@ -128,25 +129,11 @@ class Grasp(Skill):
             yield from lift(world, self.object, self.path)
         except Failure:
             world.attempts.failed(self.path, self.object, candidate.name)
+            self._note(world, belief, candidate, felt, first=first)
             raise
         yield from world.control.settle()
         hold = Hold(world.grip.width, world.control.load())
-        world.journal.note(
-            Happened(
-                "pick",
-                f"{self.object}: {'held' if hold.held else 'not held'}",
-                self.path,
-                {
-                    "object": self.object,
-                    "form": belief.form,
-                    "candidate": candidate.name,
-                    "held": hold.held,
-                    "first_try": first,
-                    "width": hold.width,
-                    "load": hold.load,
-                },
-            )
-        )
+        self._note(world, belief, candidate, hold, first=first)
         if hold.held:
             world.attempts.clear(self.path, self.object)
             return
@@ -166,4 +153,25 @@ class Grasp(Skill):
             width=hold.width,
             load=hold.load,
             expected_width=candidate.expected_width,
+        )
+
+    def _note(
+        self, world: World, belief: BeliefObject, candidate: GraspCandidate, hold: Hold, *, first: bool
+    ) -> None:
+        """One closing of the fingers, and what they hold as far as it was felt."""
+        world.journal.note(
+            Happened(
+                "pick",
+                f"{self.object}: {'held' if hold.held else 'not held'}",
+                self.path,
+                {
+                    "object": self.object,
+                    "form": belief.form,
+                    "candidate": candidate.name,
+                    "held": hold.held,
+                    "first_try": first,
+                    "width": hold.width,
+                    "load": hold.load,
+                },
+            )
         )

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from picktree.trees.skill import Steps
+from picktree.world.causes import Failure, world
 from picktree.world.simulation.kinematic import KinematicHardware
 
 from .cell import Cell, items, mission
@@ -67,6 +70,24 @@ def test_a_grasp_that_touched_something_is_not_tried_again_at_once() -> None:
     cell.start(mission(f"Sequence: [SafeRetreat, {{{LOOK}}}, {{Grasp: {{object: {block}}}}}]"))
     cell.finish()
     assert cell.tree.failure is None
+
+
+def test_a_lift_that_is_broken_off_counts_as_a_pick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fingers have closed on the object, and the next grasp finds it in the hand."""
+
+    def blocked(*_: object) -> Steps:
+        yield
+        raise Failure(world.DISTURBED, "something is in the way")
+
+    cell = Cell(mission(LOOK), items(block=1))
+    (block,) = listed(cell)
+    with monkeypatch.context() as patch:
+        patch.setattr("picktree.skills.grasp.lift", blocked)
+        assert fails(cell, f"Grasp: {{object: {block}}}") == "world.disturbed"
+    cell.start(mission(f"Sequence: [SafeRetreat, {{Grasp: {{object: {block}}}}}]"))
+    cell.finish()
+    assert cell.tree.failure is None
+    assert cell.happened("pick") == [f"pick: {block}: held"]
 
 
 def fails(cell: Cell, body: str) -> str:
