@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -192,16 +193,24 @@ def _visual(shape: Shape, colour: str, client: int) -> int:
         case Sphere(radius):
             return pb.createVisualShape(pb.GEOM_SPHERE, radius=radius, rgbaColor=rgba, physicsClientId=client)
         case ConvexMesh(vertices):
-            hull = _hull(vertices)
-            corners: Array = np.asarray(hull.triangles, dtype=np.float64).reshape(-1, 3)
+            corners, order, normals = _faces(vertices)
             return pb.createVisualShape(
                 pb.GEOM_MESH,
-                vertices=corners.tolist(),
-                indices=list(range(len(corners))),
-                normals=np.repeat(np.asarray(hull.face_normals, dtype=np.float64), 3, axis=0).tolist(),
+                vertices=corners,
+                indices=order,
+                normals=normals,
                 rgbaColor=rgba,
                 physicsClientId=client,
             )
+
+
+@cache
+def _faces(vertices: tuple[Vector3, ...]) -> tuple[list[list[float]], list[int], list[list[float]]]:
+    """Corners of the hull's triangles, their order and normals. Made once: pybullet never lets go of the lists."""
+    hull = _hull(vertices)
+    corners: Array = np.asarray(hull.triangles, dtype=np.float64).reshape(-1, 3)
+    normals: Array = np.repeat(np.asarray(hull.face_normals, dtype=np.float64), 3, axis=0)
+    return corners.tolist(), list(range(len(corners))), normals.tolist()
 
 
 def _hull(vertices: tuple[Vector3, ...]) -> Trimesh:
