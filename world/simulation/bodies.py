@@ -206,7 +206,7 @@ def _visual(shape: Shape, colour: str, client: int) -> int:
 
 @cache
 def _faces(vertices: tuple[Vector3, ...]) -> tuple[list[list[float]], list[int], list[list[float]]]:
-    """Corners of the hull's triangles, their order and normals. Made once: pybullet never lets go of the lists."""
+    """Corners of the hull's triangles, order, normals. Made once: pybullet never lets go of the lists."""
     hull = _hull(vertices)
     corners: Array = np.asarray(hull.triangles, dtype=np.float64).reshape(-1, 3)
     normals: Array = np.repeat(np.asarray(hull.face_normals, dtype=np.float64), 3, axis=0)
