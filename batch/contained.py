@@ -134,9 +134,8 @@ def _live(order: Order, tell: Connection, parent: int) -> NoReturn:
         tell.send(event)
         code = 0
     finally:
-        os._exit(
-            code
-        )  # no one waits for threads that a job left, and nothing of the worker is cleared up twice
+        # No one waits for threads that a job left, and nothing of the worker is cleared up twice.
+        os._exit(code)
 
 
 def _settle_in(order: Order, parent: int) -> None:
