@@ -84,5 +84,5 @@ def test_logs_that_are_there_are_compared_as_they_are(
     told = compared(batch, capfd).splitlines()
     assert told[-4] == "  seed 0: A alone reached its goal"
     assert re.match(r"  seed 1: A alone reached its goal; they part at tick \d+, ", told[-3])
-    assert re.match(r"    .*picktree.* diff .*/batch/jobs/.* .*/batch/jobs/", told[-2])
+    assert re.match(r"    \S.* diff .*/batch/jobs/.* .*/batch/jobs/", told[-2])
     assert told[-1].startswith("of 1 a log was not kept: ")

@@ -129,8 +129,8 @@ def test_what_fits_is_quiet(wired: str) -> None:
         ("_skipIf: 'n > t'", "P226 7:27: Main/Sequence/Use: _skipIf: '>' does not work on a whole number and "
          "a text"),
         ("_skipIf: 'm > 3'", "P227 7:25: Main/Sequence/Use: _skipIf: unknown name 'm'; known: n, w, f, s, t, "
-         "o, os, xs, what, items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done, "
-         "time"),
+         "o, os, xs, what, items_left, items_to_do, holding, held_object, stopped, feed_exhausted, "
+         "items_done, time"),
         ("_while: 'item_left'", "P227 7:24: Main/Sequence/Use: _while: unknown name 'item_left'; did you "
          "mean 'items_left'?"),
         ("_post: 'a := 1; b := a + s'", "P226 7:38: Main/Sequence/Use: _post: 'b': '+' does not work on a "

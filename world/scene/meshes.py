@@ -20,6 +20,8 @@ MAX_VERTICES = 256
 HOLLOW = 1.05
 """A hull that is larger than its mesh by this factor hides a hollow."""
 
+_DAMAGED = "the mesh file is damaged, or of another format than its name says"
+
 
 class MeshError(ValueError):
     """What is wrong with a mesh file, and what would be right."""
@@ -47,6 +49,8 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
         loaded = trimesh.load(io.BytesIO(raw), suffix, force="mesh", **options)  # pyright: ignore[reportUnknownMemberType]
         mesh = cast("trimesh.Trimesh", loaded)
         vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3) * scale
+        if not len(vertices):
+            raise MeshError(_DAMAGED)
         if len(vertices) < 4 or not np.isfinite(vertices).all():
             raise MeshError("the mesh has no four finite vertices")
         mesh.vertices = vertices
@@ -65,7 +69,7 @@ def load_convex(path: Path, scale: float) -> ConvexMesh:
         said = str(error).strip().partition("\n")[0] or type(error).__name__
         raise MeshError(f"the mesh file cannot be read: {said}") from None
     except ImportError:  # trimesh looks for a library that guesses the encoding of a damaged file
-        raise MeshError("the mesh file is damaged, or of another format than its name says") from None
+        raise MeshError(_DAMAGED) from None
     size = points.max(axis=0) - points.min(axis=0)
     if volume < 1e-12 or float(size.min()) < 1e-4:
         raise MeshError("the mesh is flat: it encloses no volume")
