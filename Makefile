@@ -16,7 +16,7 @@ setup: $(READY)
 
 $(READY): pyproject.toml constraints.txt
 	$(if $(filter 3.11,$(call version_of,$(PYTHON))),,$(error $(WRONG_PYTHON)))
-	@echo "Installing into $(VENV): about 1.4 GB, one to three minutes."
+	@echo "Installing into $(VENV): about 2.8 GB, one to three minutes."
 	@"$(PYTHON)" -m venv "$(VENV)"
 	@"$(BIN)/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch "$@"
