@@ -168,7 +168,7 @@ def _done(given: argparse.Namespace, name: str, seeds: int, **changes: object) -
     else:
         plan = Plan(name, (MISSION,), tuple(range(seeds)), keep="none", **changes)  # type: ignore[arg-type]
         made = Batch.create(folder, plan)
-    with made as batch, LocalExecutor(given.workers) as executor, progress(folder) as seen:
+    with made as batch, LocalExecutor(given.workers) as executor, progress(folder, None) as seen:
         batch.run(executor, seen)
     return read_recipe(str(folder))
 

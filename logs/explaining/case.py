@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from ...world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
 from ...world.scene.destinations import destination_rule
-from ...world.simulation.scorer import ItemScore, score
+from ...world.simulation.scorer import REST_SPEED, ItemScore, score
 from ...world.simulation.truth import TrueBody
 from ...world.values import ObjectId, Vector3
 from ..records import Body, Event
@@ -111,7 +111,20 @@ class Case:
         if self.scene is None:
             return {}
         bodies = [self._true_body(id_) for id_ in self.truth.tracks]
-        return {str(item.id): item for item in score(bodies, self.scene).items}
+        found = {str(item.id): item for item in score(bodies, self.scene).items}
+        moving = [replace(each, verdict="left", bin=None) for each in self._moving(found)]
+        return found | {str(each.id): each for each in moving}
+
+    def _moving(self, found: Mapping[str, ItemScore]) -> list[ItemScore]:
+        """Where the result counts fewer items as sorted than lie in their bins: those that moved most just
+        before the end. The log has no velocities, but the scorer knew them."""
+        result = self.run.result
+        lying = [each for each in found.values() if each.verdict == "sorted"]
+        number = 0 if result is None else len(lying) - result.items.sorted
+        fast = sorted(lying, key=lambda each: -self.truth.tracks[str(each.id)].last_speed)
+        return [
+            each for each in fast[: max(0, number)] if self.truth.tracks[str(each.id)].last_speed > REST_SPEED
+        ]
 
     def name_of(self, true: str) -> str:
         """How a reader knows a true item: by its believed name, else by what it is."""

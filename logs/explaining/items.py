@@ -83,6 +83,8 @@ def _truth(case: Case, true: str) -> str:
     where = f"in {lies}" if lies else f"at {place(body.pose.position)}"
     if score is not None and score.verdict == "sorted":
         where += ", where it belongs"
+    elif score is not None and score.destination and score.destination == lies:
+        where += ", where it belongs, but does not rest in it"
     elif score is not None and score.destination:
         where += f"; it belongs into {score.destination}"
     return f"truly {where}, and was taken away with it" if true in case.departed else f"truly {where}"

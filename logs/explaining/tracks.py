@@ -29,6 +29,14 @@ class Track:
     def first(self) -> Body:
         return self.bodies[0]
 
+    @property
+    def last_speed(self) -> float:
+        """Between the last two messages, m/s; 0 when there is only one."""
+        if len(self.times) < 2:
+            return 0.0
+        way = math.dist(self.bodies[-1].pose.position, self.bodies[-2].pose.position)
+        return way / max(self.times[-1] - self.times[-2], 1e-3)
+
     def before(self, time: float) -> Body | None:
         """As of the last message at `time` or before that had it."""
         number = bisect.bisect_right(self.times, time + 1e-6)

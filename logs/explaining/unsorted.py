@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ...world.simulation.scorer import REST_SPEED
 from .case import Case, Finding
 from .explanation import FailureStory
 from .sight import never_seen
@@ -110,6 +111,11 @@ def _left_bin(case: Case, true: str, item: str, into: str, time: float) -> Findi
     ends = case.bin_at(lies)
     where = f"in {ends}" if ends else f"at {place(lies.pose.position)}"
     reasons = [f"{item} was let go over {into} at {seconds(time)}, and truly lies {where}"]
+    if ends == into and case.scores[true].bin is None and track.last_speed > REST_SPEED:
+        title = f"{item} still moved in {into} when the mission ended"
+        moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
+        reasons.append(f"it moved {moved} {between(track.times[-2], track.times[-1])}")
+        return Finding("place.not_at_rest", true, title, tuple(reasons), item, track.times[-1])
     if not inside:
         title = f"{item} fell beside {into} when it was placed"
         return Finding("place.beside", true, title, tuple(reasons), item, time)

@@ -56,6 +56,27 @@ def test_a_condition_that_does_not_hold(tmp_path: Path) -> None:
     assert cause.reasons == ("Main/Sequence/Condition was asked at 0.00 s",)
 
 
+def test_an_item_that_still_rolls_in_its_bin_when_the_mission_ends(tmp_path: Path) -> None:
+    (tmp_path / "one_ball.yaml").write_text(
+        "picktree: 1\nkind: scene\nbase: sort_small\nspawn:\n"
+        "  - {of: {ball: 1}, colours: [red], area: {min: [0.4, -0.1], max: [0.6, 0.1]}}\n"
+    )
+    (tmp_path / "mission.yaml").write_text(
+        "picktree: 1\nkind: mission\nscene: one_ball.yaml\ntrees:\n  Main:\n    Sequence:\n"
+        '      - Observe: {camera: overhead, objects: "{items}"}\n'
+        '      - ForEach: {in: "{items}", out: "{item}", do: {Sequence: [{Grasp: {object: "{item}"}}, '
+        '{Place: {object: "{item}", into: red_bin}}]}}\n'
+    )
+    result = Session(RunRequest(tmp_path / "mission.yaml", out=tmp_path)).run()
+    assert (result.status, result.items.sorted) == ("incomplete", 0)
+    with Run(result.folder) as log:
+        (cause,) = log.explanation.root_causes
+        (story,) = log.explanation.items
+    assert (cause.cause, cause.ended_run) == ("place.not_at_rest", True)
+    assert cause.title == "red_ball_1 still moved in red_bin when the mission ended"
+    assert story.truth == "truly in red_bin, where it belongs, but does not rest in it"
+
+
 def test_a_fault_in_the_code_of_a_node(tmp_path: Path) -> None:
     (tmp_path / "broken.py").write_text(PLUGIN, encoding="utf-8")
     with Run(run(tmp_path, "plugins: [broken.py]\ntrees:\n  Main:\n    Broken\n")) as log:
