@@ -171,3 +171,17 @@ def test_small_thoughts_add_up_to_whole_ticks() -> None:
     assert ticks * 0.05 + account.owed == pytest.approx(0.2)
     assert account.owed < 0.05
     assert account.total == pytest.approx(0.2)
+
+
+def test_what_is_supposed_to_be_held_and_allowed_changes_nothing_believed() -> None:
+    belief = scene()
+    belief.put(block("held"), "seen")
+    belief.put(block("cup"), "seen")
+    belief.attach("held", Pose((0.0, 0.0, 0.0)))
+    in_hand = Pose((0.0, 0.0, 0.01))
+    supposed = belief.supposing(ObjectId("cup"), in_hand, allowed=[("gripper", "table")])
+    assert supposed.held is not None
+    assert (supposed.held.id, supposed.held.object_in_tcp) == ("cup", in_hand)
+    assert supposed.allowed("table", "gripper")
+    assert belief.held is not None
+    assert belief.held.id == "held" and not belief.allowed("table", "gripper")

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from ..causes import Failure, planning
 from ..values import Array, Pose
 from .lines import LineFound
-from .requests import Contact, Goal, JointGoal, Line, NamedGoal, Offset
+from .requests import Contact, JointGoal, Line, NamedGoal, Offset, Target
 
 _WHY = {"reach": "the arm cannot reach further", "jump": "the arm would have to swing round"}
 
 
-def described(request: Goal | Line | Offset) -> str:
-    """A request in a few words, for the record."""
-    match request:
+def described(target: Target) -> str:
+    """What is asked for in a few words, for the record."""
+    match target:
         case NamedGoal(name):
             return f"to {name}"
         case JointGoal():
@@ -24,7 +24,7 @@ def described(request: Goal | Line | Offset) -> str:
         case Offset(by):
             return f"straight by {_point(by)}"
         case _:
-            poses = request.tcp_in_world
+            poses = target.tcp_in_world
             more = f" or {len(poses) - 1} other poses" if len(poses) > 1 else ""
             return f"to {_point(poses[0].position)}{more}" if poses else "to no pose"
 

@@ -6,7 +6,10 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from ..trajectory import Trajectory
-from ..values import Array, Pose, Vector3
+from ..values import Array, ObjectId, Pose, Vector3
+
+BUDGET = 20000
+"""Collision checks that a request may spend unless it says otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +33,34 @@ class PoseGoal:
     tcp_in_world: tuple[Pose, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Line:
+    """The TCP straight to a pose, keeping or interpolating its orientation (slerp)."""
+
+    tcp_in_world: Pose
+    least_fraction: float = 1.0
+    """A line that is free for less than this share is a failure."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """The TCP straight by `by` (3,) m in the world, orientation kept."""
+
+    by: Vector3
+    least_fraction: float = 1.0
+
+
 Goal: TypeAlias = NamedGoal | JointGoal | PoseGoal
+Target: TypeAlias = Goal | Line | Offset
+
+
+@dataclass(frozen=True, slots=True)
+class Holding:
+    """Suppose for this request that the gripper holds this object of the scene, at this pose in the TCP's
+    frame, wherever it is believed to be now."""
+
+    object: ObjectId
+    object_in_tcp: Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +69,24 @@ class Scaling:
 
     velocity: float = 1.0
     acceleration: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Request:
+    """One motion that is wanted, with everything that its answer depends on but the belief."""
+
+    target: Target
+    start: Array | None = None
+    """Configuration (n,) rad; None: where the arm is."""
+    width: float | None = None
+    """Opening of the fingers, m; None: as it is."""
+    holding: Holding | None = None
+    """None: what the belief says is in the hand."""
+    allowed: tuple[tuple[str, str], ...] = ()
+    """Pairs of names that may touch on this motion, beside those that the scene allows now."""
+    scaling: Scaling = Scaling()
+    budget: int = BUDGET
+    """Collision checks that it may spend."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,23 +103,6 @@ class Plan:
     """Which of the goal's poses was reached."""
     fraction: float = 1.0
     """Of a straight line: the share that is free and reachable."""
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """The TCP straight to a pose, keeping or interpolating its orientation (slerp)."""
-
-    tcp_in_world: Pose
-    least_fraction: float = 1.0
-    """A line that is free for less than this share is a failure."""
-
-
-@dataclass(frozen=True, slots=True)
-class Offset:
-    """The TCP straight by `by` (3,) m in the world, orientation kept."""
-
-    by: Vector3
-    least_fraction: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -178,6 +178,28 @@ class PlanningScene:
     def allowed(self, a: str, b: str) -> bool:
         return frozenset((a, b)) in self._allowed
 
+    def supposing(
+        self,
+        held: ObjectId | None = None,
+        object_in_tcp: Pose | None = None,
+        *,
+        allowed: Iterable[tuple[str, str]] = (),
+    ) -> PlanningScene:
+        """A copy to plan in, as it would be with `held` attached instead of what is in the hand now, and
+        with these pairs of names allowed to touch. Raises Failure(world.unknown_object)."""
+        copy = PlanningScene((), ())
+        copy.fixtures, copy.bins = self.fixtures, self.bins
+        copy._destination = self._destination
+        copy._objects = dict(self._objects)
+        copy._allowed = self._allowed | {frozenset(pair): 1 for pair in allowed}
+        copy._version = self._version
+        if held is not None:
+            for other in copy.objects:
+                if other.attached:
+                    copy._objects[other.id] = replace(other, object_in_tcp=None)
+            copy._objects[held] = replace(self.get(held), object_in_tcp=object_in_tcp, place="hand")
+        return copy
+
     def take_changes(self) -> tuple[BeliefChange, ...]:
         """Changes since the last call, for the record."""
         changes = tuple(self._changes)
