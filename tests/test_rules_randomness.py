@@ -202,6 +202,6 @@ def test_every_generator_is_keyed() -> None:
                     calls.setdefault(where, []).append(ast.unparse(node))
     assert calls == {
         "logs/explaining/reach.py": ["np.random.default_rng(0)"],  # of an analysis; no run depends on it
-        "world/motion/service.py": ["np.random.default_rng(seed)"],
+        "world/motion/solver.py": ["np.random.default_rng(seed)"],
         "world/streams.py": ["np.random.default_rng([self.seed, zlib.crc32(stream.encode()), n])"],
     }
