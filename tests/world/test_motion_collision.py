@@ -97,6 +97,20 @@ def test_fingers_come_nearer_to_a_board_than_to_anything_else() -> None:
     assert touching == {("panda_leftfinger", "block"), ("panda_rightfinger", "block")}
 
 
+def test_clearance_widens_what_is_kept_and_not_what_is_tolerated() -> None:
+    block = item("block", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))
+    collision, scene = Collision(MODEL), table_scene(block)
+    above = at(down(0.5, 0.0, 0.1 + MODEL.description.gripper.tip + 0.010))
+    for clearance, free in ((0.0, True), (0.006, True), (0.008, False), (0.0, True)):
+        collision.update(scene, 0.04, clearance=clearance)
+        assert collision.free(above) == free
+        assert (collision.contacts(above) == ()) == free
+    scene = table_scene(item("cube", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.0, 0.02))))
+    scene.attach("cube", Pose())
+    collision.update(scene, 0.04, clearance=0.002)
+    assert collision.free(at(down(0.5, 0.0, 0.0185)))
+
+
 def test_a_held_object_may_stand_on_the_table_but_not_lie_in_a_neighbour() -> None:
     scene = table_scene(item("cube", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.0, 0.02))))
     scene.attach("cube", Pose())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +39,7 @@ class _Content:
     held: tuple[str, object] | None
     held_in_tcp: Pose | None
     allowed: frozenset[frozenset[str]]
+    clearance: float
 
 
 class Checker:
@@ -83,17 +84,24 @@ class Collision:
         self._arm_q = [model.full.joints[model.full.getJointId(j)].idx_q for j in model.description.joints]
         self._seen: tuple[SceneSnapshot, PlanningScene] | None = None
         self._still: tuple[Body, ...] = ()
-        self._build(_Content((), (), None, None, frozenset()), ())
+        self._build(_Content((), (), None, None, frozenset(), 0.0), ())
 
     # ---- following the scene
 
-    def update(self, scene: PlanningScene, width: float) -> None:
-        """Take over what the scene believes now, and the opening of the fingers, m."""
+    def update(self, scene: PlanningScene, width: float, *, clearance: float = 0.0) -> None:
+        """Take over what the scene believes now, and the opening of the fingers, m.
+
+        `clearance` m are added to all margins that are positive; tolerated depths stay as they are.
+        """
         self._full_q = self.model.full_q(self._full_q[self._arm_q], width)
         snapshot = scene.snapshot()
         if self._seen is None or self._seen[1] is not scene:
             self._still = still_bodies(scene)
-        elif (self._seen[0].objects, self._seen[0].allowed) == (snapshot.objects, snapshot.allowed):
+        elif (self._seen[0].objects, self._seen[0].allowed, self._content.clearance) == (
+            snapshot.objects,
+            snapshot.allowed,
+            clearance,
+        ):
             return
         self._seen = (snapshot, scene)
         bodies = (*self._still, *loose_bodies(snapshot.objects))
@@ -104,14 +112,10 @@ class Collision:
             None if held is None else (held.id, held.shape),
             None if held is None else held.object_in_tcp,
             snapshot.allowed,
+            clearance,
         )
         old = self._content
-        if (old.bodies, old.held, old.held_in_tcp, old.allowed) != (
-            content.bodies,
-            content.held,
-            content.held_in_tcp,
-            content.allowed,
-        ):
+        if replace(old, poses=content.poses) != content:
             self._build(content, bodies, held)
         elif old.poses != content.poses:
             first = self._geometry.ngeoms - len(bodies)
@@ -167,7 +171,8 @@ class Collision:
 
     def _least_distances(self) -> Array:
         parts = [piece.part.value for piece in self._pieces]
-        return self._margin_table[np.ix_(parts, parts)]
+        least = self._margin_table[np.ix_(parts, parts)]
+        return np.where(least > 0, least + self._content.clearance, least)
 
     # ---- questions
 
