@@ -18,6 +18,8 @@ LEAST_DECELERATION = 1.0
 BRAKING = 0.6
 """Share of the acceleration limits for braking on a path: all at once the joints' torques would not do."""
 MOST_DECELERATION = 60.0
+UNATTENDED = 0.1
+"""How long a motion that was handed over goes on before it brakes by itself, s."""
 
 
 class Hold:
@@ -84,6 +86,11 @@ class Track:
         self._segment = 0
         self._rate = 1.0
         self._braking = False
+        self._unattended: int | None = None
+
+    @property
+    def braking(self) -> bool:
+        return self._braking
 
     @property
     def completed(self) -> bool:
@@ -95,6 +102,9 @@ class Track:
         self._offset: Array | None = offset if np.abs(offset).max() > 1e-9 else None
 
     def update(self, now: float, state: JointState) -> JointCommand:
+        if self._unattended is not None:
+            self._unattended -= 1
+            self._braking = self._braking or self._unattended < 0
         if self._braking:
             self._slow_down()
         end = self._times[-1]
@@ -114,6 +124,14 @@ class Track:
     def brake(self) -> Controller:
         self._braking = True
         return self
+
+    def hand_over(self, seconds: float = UNATTENDED) -> None:
+        """Brake after `seconds`, unless somebody goes on with this motion by then."""
+        self._unattended = round(seconds / self._period)
+
+    def go_on(self) -> None:
+        """Somebody attends to this motion again."""
+        self._unattended = None
 
     def _sample(self, s: float) -> tuple[Array, Array]:
         times, k = self._times, self._segment

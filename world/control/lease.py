@@ -34,6 +34,7 @@ class Lessor(Protocol):
     def holds(self, lease: Lease) -> bool: ...
     def run(self, controller: Controller, guard: ForceGuard | None) -> None: ...
     def brake(self) -> None: ...
+    def leave(self) -> None: ...
 
 
 class Lease:
@@ -60,6 +61,15 @@ class Lease:
     def release(self) -> None:
         if self.valid:
             self._lessor.brake()
+
+    def hand_over(self) -> None:
+        """Give the lease back without braking: the controller goes on until somebody takes it over. The
+        controller itself must brake when nobody does (`Track.hand_over`)."""
+        if not self.valid:
+            raise PicktreeError(
+                f"{self.owner or 'a motion'} hands its motion over, but another has taken it over"
+            )
+        self._lessor.leave()
 
     def __enter__(self) -> Lease:
         return self

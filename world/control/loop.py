@@ -126,6 +126,17 @@ class ControlLoop:
         self._brake_motion()
         return self._holder
 
+    def take_over(self, owner: str, controller: Controller) -> Lease | None:
+        """The lease on a motion that was handed over, without braking it; None: it no longer goes on."""
+        if not self.unattended(controller):
+            return None
+        self._holder = Lease(self, owner)
+        return self._holder
+
+    def unattended(self, controller: Controller) -> bool:
+        """Whether `controller` moves the arm while nobody holds the lease."""
+        return self._holder is None and self._controller is controller
+
     def tare(self, samples: int = SAMPLES) -> None:
         """What the hand feels now counts as nothing, for `load` and `wrench_external`."""
         self.wrist.tare(samples, self._state.position)
@@ -234,6 +245,10 @@ class ControlLoop:
         """For the lease only: its holder gives the arm back."""
         self._holder = None
         self._brake_motion()
+
+    def leave(self) -> None:
+        """For the lease only: its holder gives the arm back while it moves on."""
+        self._holder = None
 
     def _begin(self, controller: Controller) -> None:
         if not self._servo:

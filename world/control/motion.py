@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
@@ -24,6 +24,8 @@ from .loop import ControlLoop
 
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
+Watch: TypeAlias = Callable[[], Failure | None]
+"""Asked each tick while the arm moves; a failure brakes it and is then raised."""
 
 REST_LIMIT = 3.0
 """Longest wait for the arm to come to rest, s."""
@@ -50,6 +52,26 @@ class Way:
     progress: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Ongoing:
+    """A motion that a skill has handed over while the arm moves: whoever is next may `finish` it."""
+
+    trajectory: Trajectory
+    elapsed: float
+    """Seconds of the trajectory that were commanded."""
+    node: str
+    """Who began it."""
+    guard: float | None
+    """The contact force that stops it, N."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _HandedOver:
+    track: Track
+    guard: ForceGuard | None
+    node: str
+
+
 class Motions:
     """What skills move the arm with. One motion at a time: starting one takes the arm from the other."""
 
@@ -59,39 +81,130 @@ class Motions:
         self._clock = clock
         self._journal = journal
         self._last: Track | None = None
+        self._handed_over: _HandedOver | None = None
 
-    def along(self, trajectory: Trajectory, *, node: str = "", guard: float | None = None) -> Doing[None]:
+    @property
+    def ongoing(self) -> Ongoing | None:
+        """What was handed over and still waits for somebody who finishes it."""
+        over = self._handed_over
+        if over is None or over.track.braking or not self._loop.unattended(over.track):
+            return None
+        limit = None if over.guard is None else over.guard.limit
+        return Ongoing(over.track.trajectory, over.track.progress, over.node, limit)
+
+    def along(
+        self,
+        trajectory: Trajectory,
+        *,
+        node: str = "",
+        guard: float | None = None,
+        watch: Watch | None = None,
+        hand_over: float | None = None,
+    ) -> Doing[None]:
         """Follow `trajectory` to its end and arrive.
 
-        `guard`: a contact force in N that stops the motion with world.disturbed. Other failures:
-        control.tracking when the arm is not where the trajectory starts, control.timeout, safety.*.
+        `guard`: a contact force in N that stops the motion with world.disturbed. `watch` is asked each tick;
+        a failure from it brakes, and is raised at rest. With `hand_over` it returns at the first tick at
+        which that many seconds of the trajectory are done, while the arm moves on; `ongoing` says so, and
+        `finish` goes on with it. When nobody does within two ticks, the arm brakes on its path.
+
+        Other failures: control.tracking when the arm is not where the trajectory starts, control.timeout,
+        safety.*.
         """
         self._refuse_if_stopped()
         with self._loop.acquire(node) as lease:
             yield from self._until_rest(lease)
             self._check_start(trajectory)
             track = Track(trajectory, self._model, self._loop.period)
-            watch = None if guard is None else ForceGuard(guard, self._felt())
+            touch = None if guard is None else ForceGuard(guard, self._felt())
             self._last = track
-            lease.run(track, watch)
-            limit = self._clock.now + trajectory.duration + ARRIVAL_LIMIT
-            while True:
-                yield
+            lease.run(track, touch)
+            yield from self._follow(lease, track, touch, node, watch, hand_over)
+
+    def finish(
+        self,
+        *,
+        node: str = "",
+        guard: float | None = None,
+        watch: Watch | None = None,
+        hand_over: float | None = None,
+    ) -> Doing[None]:
+        """Take the motion over that another skill handed over, without braking, and follow it to its end.
+
+        `guard` replaces the limit of the contact force that began with the motion, N, if it had one; None
+        keeps it. The rest as in `along`. Where the motion has ended since (see `ongoing`), the failure says
+        by what: world.disturbed, safety.*, or control.timeout when nobody took it over in time.
+        """
+        over = self._handed_over
+        if over is None:
+            raise PicktreeError(f"{node or 'a skill'} finishes a motion, but none was handed over")
+        if self.ongoing is None:
+            yield from self._ended(over, node)
+        self._handed_over = None
+        lease = self._loop.take_over(node, over.track)
+        assert lease is not None, "it is unattended"
+        with lease:
+            over.track.go_on()
+            if guard is not None and over.guard is not None:
+                over.guard.limit = guard
+            yield from self._follow(lease, over.track, over.guard, node, watch, hand_over)
+
+    def _follow(
+        self,
+        lease: Lease,
+        track: Track,
+        guard: ForceGuard | None,
+        node: str,
+        watch: Watch | None,
+        hand_over: float | None,
+    ) -> Doing[None]:
+        trajectory = track.trajectory
+        limit = self._clock.now + trajectory.duration - track.progress + ARRIVAL_LIMIT
+        while True:
+            yield
+            self._check(lease)
+            if guard is not None and guard.contact is not None:
+                yield from self._until_rest(lease)
                 self._check(lease)
-                if watch is not None and watch.contact is not None:
-                    yield from self._until_rest(lease)
-                    self._check(lease)
-                    raise self._touched(watch.contact, track, node)
-                if track.completed and self._arrived(trajectory.end):
+                raise self._touched(guard.contact, track)
+            noticed = None if watch is None else watch()
+            if noticed is not None:
+                track.brake()
+                yield from self._until_rest(lease)
+                self._check(lease)
+                raise noticed
+            if track.completed:
+                if self._arrived(trajectory.end):
                     return
-                if self._clock.now > limit:
-                    off = float(np.abs(self._loop.state.position - trajectory.end).max())
-                    raise Failure(
-                        control.TIMEOUT,
-                        f"the arm has not arrived {ARRIVAL_LIMIT:.0f} s after the end of its trajectory "
-                        f"({off:.4f} rad off)",
-                        error=off,
-                    )
+            elif hand_over is not None and track.progress >= hand_over:
+                track.hand_over()
+                lease.hand_over()
+                self._handed_over = _HandedOver(track, guard, node)
+                return
+            if self._clock.now > limit:
+                off = float(np.abs(self._loop.state.position - trajectory.end).max())
+                raise Failure(
+                    control.TIMEOUT,
+                    f"the arm has not arrived {ARRIVAL_LIMIT:.0f} s after the end of its trajectory "
+                    f"({off:.4f} rad off)",
+                    error=off,
+                )
+
+    def _ended(self, over: _HandedOver, node: str) -> Doing[None]:
+        """Bring the arm to rest, and say why what was handed over does not go on."""
+        self._handed_over = None
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            self._check(lease)
+        if over.guard is not None and over.guard.contact is not None:
+            raise self._touched(over.guard.contact, over.track)
+        share = over.track.progress / max(over.track.trajectory.duration, 1e-9)
+        raise Failure(
+            control.TIMEOUT,
+            f"nobody went on in time with the motion that {over.node or 'a skill'} handed over: "
+            f"it ended after {share * 100:.0f} % of its way",
+            fraction=share,
+        )
 
     def guarded(
         self,
@@ -195,6 +308,7 @@ class Motions:
         )
 
     def restore(self, way: Way | None) -> None:
+        self._handed_over = None
         if way is None:
             self._last = None
             return
@@ -263,7 +377,7 @@ class Motions:
         return self._loop.at_rest and float(np.abs(self._loop.state.position - end).max()) < ARRIVED
 
     @staticmethod
-    def _touched(force: Vector3, track: Track, node: str) -> Failure:
+    def _touched(force: Vector3, track: Track) -> Failure:
         size = math.hypot(*force)
         fraction = track.progress / max(track.trajectory.duration, 1e-9)
         return Failure(
