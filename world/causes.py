@@ -57,6 +57,11 @@ class planning:
     BUDGET = Cause(
         "planning.budget", "The planner used up its collision checks.", "replan with a larger budget"
     )
+    CONSTRAINT = Cause(
+        "planning.constraint",
+        "What was asked for the whole way of a motion does not hold.",
+        "ask for less, or start elsewhere",
+    )
     ANY = Family("planning")
 
 

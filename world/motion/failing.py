@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import degrees
 
 from ..causes import Failure, planning
 from ..values import Array, Pose
+from .constraints import Broken
 from .lines import LineFound
-from .requests import Contact, JointGoal, Line, NamedGoal, Offset, Target
+from .requests import (
+    Contact,
+    JointGoal,
+    Line,
+    NamedGoal,
+    Offset,
+    PoseGoal,
+    RegionGoal,
+    Target,
+    Upright,
+    Within,
+)
 
 _WHY = {"reach": "the arm cannot reach further", "jump": "the arm would have to swing round"}
 
@@ -23,7 +36,9 @@ def described(target: Target) -> str:
             return f"straight to {_point(pose.position)}"
         case Offset(by):
             return f"straight by {_point(by)}"
-        case _:
+        case RegionGoal(pose):
+            return f"near {_point(pose.position)}"
+        case PoseGoal():
             poses = target.tcp_in_world
             more = f" or {len(poses) - 1} other poses" if len(poses) > 1 else ""
             return f"to {_point(poses[0].position)}{more}" if poses else "to no pose"
@@ -77,6 +92,32 @@ def goal_in_collision(each: Sequence[Sequence[Contact]], poses: int) -> Failure:
         solutions=len(each),
         poses=poses,
     )
+
+
+def breaks(where: str, broken: Sequence[Broken]) -> Failure:
+    """`where`: the beginning of the sentence, as `at the goal`."""
+    return Failure(
+        planning.CONSTRAINT, f"{where} {how_broken(broken[0])}", constraints=[how_broken(b) for b in broken]
+    )
+
+
+def line_breaks(broken: Sequence[Broken], fraction: float) -> Failure:
+    """`fraction`: of the line's time, when it breaks a constraint."""
+    return Failure(
+        planning.CONSTRAINT,
+        f"on the line, at {fraction:.0%} of its time, {how_broken(broken[0])}",
+        constraints=[how_broken(b) for b in broken],
+        fraction=fraction,
+    )
+
+
+def how_broken(broken: Broken) -> str:
+    """In words, with what is and what may be."""
+    match broken.constraint:
+        case Upright(tilt):
+            return f"the tool tilts by {degrees(broken.is_at):.1f} deg of {degrees(tilt):.1f} deg allowed"
+        case Within():
+            return f"the tool is {broken.by * 1000:.1f} mm outside of the box that it must stay in"
 
 
 def not_found(checks: int, budget: int, goals: int, excused: Sequence[Contact]) -> Failure:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from ..trajectory import Trajectory
-from ..values import Array, ObjectId, Pose, Vector3
+from ..values import Array, Bounds, ObjectId, Pose, Vector3
 
 BUDGET = 20000
 """Collision checks that a request may spend unless it says otherwise."""
@@ -34,6 +34,19 @@ class PoseGoal:
 
 
 @dataclass(frozen=True, slots=True)
+class RegionGoal:
+    """The TCP near a pose in the world: turned, tilted and moved within limits. Near ones are tried first."""
+
+    tcp_in_world: Pose
+    yaw: float = 0.0
+    """Greatest turn about the pose's own z axis, either way, rad; pi: free."""
+    tilt: float = 0.0
+    """Half of the opening of a cone about the pose's z axis in which the TCP's z axis lies, rad."""
+    reach: Vector3 = (0.0, 0.0, 0.0)
+    """Greatest distance of the TCP from the pose along each of the pose's axes, either way, m."""
+
+
+@dataclass(frozen=True, slots=True)
 class Line:
     """The TCP straight to a pose, keeping or interpolating its orientation (slerp)."""
 
@@ -50,8 +63,31 @@ class Offset:
     least_fraction: float = 1.0
 
 
-Goal: TypeAlias = NamedGoal | JointGoal | PoseGoal
+Goal: TypeAlias = NamedGoal | JointGoal | PoseGoal | RegionGoal
 Target: TypeAlias = Goal | Line | Offset
+
+
+@dataclass(frozen=True, slots=True)
+class Upright:
+    """On the whole way an axis of the tool points up in the world, within a tilt.
+
+    With the axis (0, 0, -1) the hand looks down: so a full glass is carried that was grasped from above.
+    """
+
+    tilt: float
+    """Greatest angle between the axis and the vertical, rad."""
+    axis: Vector3 = (0.0, 0.0, -1.0)
+    """In the TCP's frame; any length."""
+
+
+@dataclass(frozen=True, slots=True)
+class Within:
+    """On the whole way the TCP stays in a box of the world."""
+
+    box: Bounds
+
+
+Constraint: TypeAlias = Upright | Within
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +120,10 @@ class Request:
     """None: what the belief says is in the hand."""
     allowed: tuple[tuple[str, str], ...] = ()
     """Pairs of names that may touch on this motion, beside those that the scene allows now."""
+    constraints: tuple[Constraint, ...] = ()
+    """What must hold on the whole way, its ends included."""
+    clearance: float = 0.0
+    """Added to the margins that the motion keeps from what may not be touched, m."""
     scaling: Scaling = Scaling()
     budget: int = BUDGET
     """Collision checks that it may spend."""
@@ -96,13 +136,17 @@ class Plan:
     trajectory: Trajectory
     path: Array
     planner: str
-    """`direct`, `RRTConnect` or `line`."""
+    """`direct`, `RRTConnect`, `line` or `chain`."""
     checks: int
     """Collision checks of configurations that were spent."""
     goal_index: int = 0
     """Which of the goal's poses was reached."""
     fraction: float = 1.0
     """Of a straight line: the share that is free and reachable."""
+    passes: tuple[float, ...] = ()
+    """Of a chain: when the trajectory passes the end of each leg, s."""
+    legs: tuple[Plan, ...] = ()
+    """Of a chain: the plan of each leg by itself, from rest to rest."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..causes import Failure
+from ..errors import PicktreeError
 from ..journal import Journal, PlanMade
 from ..robot.model import RobotModel
 from ..scene.planning_scene import PlanningScene
@@ -18,11 +19,13 @@ from ..thinking import ThinkingAccount
 from ..trajectory import Trajectory
 from ..values import Array, Bounds, Pose, Vector3
 from . import failing
+from .chain import ROUNDED, Chain, parts
 from .costs import Meter, Spent
 from .fcl_queries import SceneQueries
+from .goals import SOLUTIONS
 from .judge import Judge
 from .requests import BUDGET, Contact, Goal, Line, Offset, Plan, Request, Scaling
-from .solver import SOLUTIONS, Solver
+from .solver import Solver
 
 _log = logging.getLogger(__name__)
 
@@ -81,9 +84,9 @@ class PlanService:
     def solve(self, request: Request, *, node: str = "") -> Generator[None, None, Plan]:
         """The trajectory that a request asks for; `node` keys the planner's randomness.
 
-        Fails with planning.no_ik, .goal_in_collision, .start_in_collision, .budget or .no_path.
+        Fails with planning.no_ik, .goal_in_collision, .start_in_collision, .constraint, .budget or .no_path.
         """
-        seed = self._streams.number(f"planner {node}") if not isinstance(request.target, Line | Offset) else 0
+        seed = self._seed(request, node)
         answer: Plan | Failure
         with self._stopwatch.measure("planning"), self._meter.measure() as spent:
             try:
@@ -92,7 +95,7 @@ class PlanService:
                 answer = failure
         if isinstance(answer, Plan):
             self._verify(request, answer.trajectory)
-        self._note(request, spent, answer)
+        self._note(failing.described(request.target), spent, answer)
         yield from self.charge()
         if isinstance(answer, Failure):
             raise answer
@@ -126,6 +129,35 @@ class PlanService:
         """
         return (yield from self.solve(Request(line, start, scaling=scaling or Scaling()), node=node))
 
+    def through(
+        self, legs: Sequence[Request], *, node: str = "", rounded: float = ROUNDED
+    ) -> Generator[None, None, Plan]:
+        """One trajectory through several motions, each from where the one before ends, without a stop
+        between them; `Plan.passes` says when each ends.
+
+        Each leg keeps its own scaling, allowed pairs, width and what it supposes to be held; only the first
+        may say where it starts. The corner between two legs is rounded as far as that is free, of a straight
+        line at most `rounded` m at each end; where nothing else is free, the arm stops at the corner. When a
+        leg fails the chain does, with the leg's cause, as in `solve`.
+        """
+        if not legs or any(leg.start is not None for leg in legs[1:]):
+            raise PicktreeError("a chain needs legs, of which only the first may say where it starts")
+        seeds = [self._seed(leg, node) for leg in legs]
+        answer: Plan | Failure
+        with self._stopwatch.measure("planning"), self._meter.measure() as spent:
+            try:
+                answer = Chain(self.solver, rounded).solve(legs, seeds)
+            except Failure as failure:
+                answer = failure
+        if isinstance(answer, Plan):
+            for leg, part in zip(legs, parts(answer), strict=True):
+                self._verify(leg, part)
+        self._note(", then ".join(failing.described(leg.target) for leg in legs), spent, answer)
+        yield from self.charge()
+        if isinstance(answer, Failure):
+            raise answer
+        return answer
+
     def reachable(self, tcp_in_world: Pose, *, near: Array | None = None) -> Array | None:
         """A configuration free of collision for the pose, close to `near` (n,); None: none was found.
 
@@ -151,6 +183,11 @@ class PlanService:
         """Let the simulated time pass that computing has cost so far."""
         yield from self._thinking.charge()
 
+    def _seed(self, request: Request, node: str) -> int:
+        """Keyed by the node; a line draws nothing at random."""
+        line = isinstance(request.target, Line | Offset)
+        return 0 if line else self._streams.number(f"planner {node}")
+
     def _verify(self, request: Request, trajectory: Trajectory) -> None:
         if self._judge is None:
             return
@@ -162,7 +199,7 @@ class PlanService:
             self._disagreements.append(Disagreement(name, contacts))
             _log.error("%s: judged to collide: %s", name, "; ".join(failing.listed(contacts)))
 
-    def _note(self, request: Request, spent: Spent, answer: Plan | Failure) -> None:
+    def _note(self, asked: str, spent: Spent, answer: Plan | Failure) -> None:
         if isinstance(answer, Failure):
             outcome, message, planner, duration = answer.cause.name, answer.message, "", 0.0
             path: tuple[tuple[float, ...], ...] = ()
@@ -174,7 +211,7 @@ class PlanService:
             tool_path = self._tool_path(answer.trajectory)
         self._journal.note(
             PlanMade(
-                failing.described(request.target),
+                asked,
                 planner,
                 spent.checks,
                 spent.seconds,
