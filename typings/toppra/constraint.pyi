@@ -16,3 +16,8 @@ class JointVelocityConstraint(Constraint):
 
 class JointAccelerationConstraint(Constraint):
     def __init__(self, alim: _F, discretization_scheme: DiscretizationType = ...) -> None: ...
+
+class LinearConstraint(Constraint):
+    identical: bool
+    dof: int
+    def __init__(self) -> None: ...
