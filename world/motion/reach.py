@@ -1,0 +1,60 @@
+"""Whether the arm gets to a pose at all, and what keeps it from there: the cheap test before any planning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..values import Array
+from .posture import discomfort
+from .requests import Contact, PoseGoal, Request
+from .solver import Solver
+
+UNCOMFORTABLE = 0.3
+"""See `posture.discomfort`, rad: above it other solutions are looked for."""
+SOLUTIONS = 4
+"""IK solutions that are looked for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reached:
+    """`q` (n,) rad reaches the pose and is free; None: `contact` is what is in the way at the best of so many
+    `solutions`, or the pose is out of reach."""
+
+    q: Array | None
+    solutions: int
+    contact: Contact | None = None
+
+    @property
+    def why_not(self) -> str:
+        """In a few words; empty when it is reached."""
+        if self.q is not None:
+            return ""
+        if self.contact is None:
+            return "out of reach" if not self.solutions else "outside the workspace"
+        depth = -self.contact.distance * 1000
+        near = f"{depth:.1f} mm deep in" if depth > 0 else f"only {-depth:.1f} mm from"
+        return f"{self.contact.a} would be {near} {self.contact.b}"
+
+
+def reached(solver: Solver, request: Request, rng: np.random.Generator) -> Reached:
+    """A free configuration for the first pose of a request's goal, near the request's start, in the scene
+    as the request supposes it. What lies between is not looked at."""
+    assert isinstance(request.target, PoseGoal), "a pose is asked for"
+    pose = request.target.tcp_in_world[0]
+    near = solver.start(request)
+    solver.look(request)
+    first = solver.ik.descend(pose, near)
+    if first is not None and solver.collision.free(first) and discomfort(solver.model, first) < UNCOMFORTABLE:
+        return Reached(first, 1)
+    solutions = solver.ik.solutions(pose, rng, near, SOLUTIONS)
+    if first is not None:
+        solutions.insert(0, first)
+    free = [q for q in solutions if solver.collision.free(q)]
+    if free:
+        best = min(free, key=lambda q: float(np.linalg.norm(q - near)) + discomfort(solver.model, q))
+        return Reached(best, len(solutions))
+    worst = [contacts[0] for q in solutions if (contacts := solver.collision.contacts(q))]
+    least = max(worst, key=lambda contact: contact.distance, default=None)
+    return Reached(None, len(solutions), least)
