@@ -41,7 +41,7 @@ class SceneQueries:
         self._hand = [(solid(shape), pose) for shape, pose in self._gripper.hand]
         self._finger = solid(self._gripper.finger_boxes[0])
         self._still = [(body, place(solid(body.shape), body.pose)) for body in still_bodies(scene)]
-        self._known: dict[str, tuple[Body, Placed]] = {}
+        self._known: dict[Body, Placed] = {}
         self._objects: tuple[BeliefObject, ...] | None = None
         self._around: list[tuple[Body, Placed]] = []
         self._low: Array = np.empty((0, 3))
@@ -112,12 +112,11 @@ class SceneQueries:
         objects = self._scene.objects
         if self._objects == objects:
             return
-        known: dict[str, tuple[Body, Placed]] = {}
+        known: dict[Body, Placed] = {}
         for body in loose_bodies(objects):
-            before = self._known.get(body.name)
-            same = before is not None and before[0] == body
-            known[body.name] = before if before and same else (body, place(solid(body.shape), body.pose))
+            before = self._known.get(body)
+            known[body] = before if before is not None else place(solid(body.shape), body.pose)
         self._objects, self._known = objects, known
-        self._around = [*self._still, *known.values()]
+        self._around = [*self._still, *known.items()]
         self._low = np.array([placed.low for _, placed in self._around]).reshape(-1, 3)
         self._high = np.array([placed.high for _, placed in self._around]).reshape(-1, 3)

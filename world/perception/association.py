@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from ..scene.planning_scene import BeliefObject, PlanningScene
 from ..values import ObjectId, Pose
 from .view import Detection, Unexplained, View
+from .volumes import update_volumes
 
 NEAR = 0.04
 """A detection this close to a belief of its colour is taken for it, m; what is unsure reaches further."""
@@ -28,8 +29,6 @@ IN_HAND = 0.06
 """What has the held object's colour this near to it, is it, m."""
 CERTAIN = 0.6
 """With this confidence a detection is an object of its own, whatever is believed hidden around it."""
-OBSTACLE = 0.05
-"""An obstacle this near to a former one is the same, m."""
 
 Cost: TypeAlias = Callable[[BeliefObject, Detection], float]
 
@@ -78,8 +77,8 @@ def update_belief(scene: PlanningScene, view: View, now: float) -> ObservationSu
             scene.put(belief, "seen for the first time")
             new.append(belief.id)
     obstacles = [u for u in view.unexplained if not _is_known(u, (*hidden, *([held] if held else [])))]
-    removed += _replace_obstacles(scene, view, obstacles, now)
     seen = (*(o.id for o in items if o.id in matched), *new)
+    removed += update_volumes(scene, view, obstacles, [scene.get(name) for name in seen], now)
     return ObservationSummary(seen, tuple(new), tuple(removed), tuple(o.id for o in hidden), len(obstacles))
 
 
@@ -179,32 +178,3 @@ def _likest(detection: Detection, before: Pose) -> Pose:
 def _times(turn: float) -> int:
     """How often an angle goes into a full turn."""
     return max(1, round(2 * math.pi / turn))
-
-
-def _replace_obstacles(
-    scene: PlanningScene, view: View, found: Sequence[Unexplained], now: float
-) -> list[ObjectId]:
-    """Keep obstacles that the view does not show, replace those that it does; ids of those removed."""
-    former = [o for o in scene.objects if o.role == "obstacle"]
-    left = list(former)
-    for unexplained in found:
-        near = min(left, key=lambda o: (o.pose.distance(unexplained.pose), o.id), default=None)
-        if near is not None and near.pose.distance(unexplained.pose) < OBSTACLE:
-            left.remove(near)
-            object_id = near.id
-        else:
-            object_id = scene.new_id("obstacle")
-        scene.put(_obstacle(object_id, unexplained, now), "depth that nothing explains")
-    removed: list[ObjectId] = []
-    for obstacle in left:
-        if not view.look(obstacle.shape, obstacle.pose, "unknown").hidden:
-            scene.remove(obstacle.id, "its place was seen without it")
-            removed.append(obstacle.id)
-    return removed
-
-
-def _obstacle(object_id: ObjectId, unexplained: Unexplained, now: float) -> BeliefObject:
-    return BeliefObject(
-        object_id, "obstacle", "unknown", "unknown", unexplained.shape, unexplained.colour, unexplained.pose,
-        0.005, 0.1, 0.5, now,
-    )  # fmt: skip

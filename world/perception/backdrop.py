@@ -18,6 +18,10 @@ WALL = 0.012
 """What is nearer than this to a bin's wall cannot be told from it, m."""
 FIXTURE = 0.006
 """The same for the sides of fixtures, m."""
+OVER_RIM = 0.03
+"""Grey depth over a bin that is not higher than this over the rim belongs to its heap, m."""
+BELOW = 0.005
+"""What lies on a surface may be measured this much below it, m."""
 SURFACE = 0.004
 """Depth that lies this far in front of a wall or fixture is something else, m."""
 
@@ -151,6 +155,27 @@ class Floors:
         tops = [height for height, area in self._tops if height <= below and area.contains(x, y)]
         return Floor("table", max(tops, default=0.0), False)
 
+    def supports(self, points: Array) -> Array:
+        """How far down something at each point (n, 3) of the world may reach unseen (n,), m: to the rim of a
+        bin, to the highest fixture below it, else to the height 0."""
+        x, y, z = points.T
+        heights = np.full(len(points), -np.inf)
+        for height, area in self._tops:
+            under = area.covers(x, y) & (height <= z + BELOW)
+            heights[under] = np.maximum(heights[under], height)
+        heights[np.isinf(heights)] = 0.0
+        for bin_, outside in self._bins:
+            heights[outside.covers(x, y)] = bin_.pose.position[2] + bin_.size[2]
+        return heights
+
+    def in_heap(self, points: Array) -> NDArray[np.bool_]:
+        """Which points (n, 3) of the world lie over a bin, but not far over its rim."""
+        x, y, z = points.T
+        found = np.zeros(len(points), dtype=np.bool_)
+        for bin_, outside in self._bins:
+            found |= outside.covers(x, y) & (z < bin_.pose.position[2] + bin_.size[2] + OVER_RIM)
+        return found
+
 
 class _Footprint:
     """An upright rectangle, seen from above."""
@@ -166,6 +191,12 @@ class _Footprint:
             abs(dx * self._xx + dy * self._yx) <= self._half[0]
             and abs(dx * self._xy + dy * self._yy) <= self._half[1]
         )
+
+    def covers(self, x: Array, y: Array) -> NDArray[np.bool_]:
+        """`contains` for many points, (n,) each."""
+        dx, dy = x - self._x, y - self._y
+        along = np.abs(dx * self._xx + dy * self._yx) <= self._half[0]
+        return along & (np.abs(dx * self._xy + dy * self._yy) <= self._half[1])
 
 
 def table_of(description: SceneDescription) -> Fixture | None:

@@ -15,6 +15,8 @@ from .silhouettes import OUTLIER, Stand, fit_outline, likely_turns, silhouette
 
 HEIGHT_GATE = 0.009
 """A rest whose top is further than this from the blob's is not tried, m."""
+STACK = 2.0
+"""Items lie on heaps no higher than so many of the tallest."""
 OUTLINE_GATE = 2.5
 """A start whose support function is further off than this is not tried, pixels (root mean square)."""
 STARTS = 12
@@ -56,6 +58,11 @@ class Fitter:
     sight: Sight
     noise: float
 
+    @property
+    def _stack(self) -> float:
+        """What lies on others lies no higher above their support than this, m: else it is something else."""
+        return STACK * max((rest.height for rest in self.rests), default=0.0)
+
     def explain(self, blob: Blob, support: float, content: float = GOOD) -> list[Hypothesis]:
         """Hypotheses for the blob, best first, at most one for each entry and manner of support.
 
@@ -83,7 +90,7 @@ class Fitter:
             below = support if supported else blob.top - rest.height
             if supported and abs(support + rest.height - blob.top) > HEIGHT_GATE:
                 continue
-            if not supported and below < support - HEIGHT_GATE:
+            if not supported and not support - HEIGHT_GATE <= below <= support + self._stack:
                 continue
             x, y = self.sight.at_height(blob.middle, below + rest.height / 2)
             stand = Stand(rest, np.array([x, y, below + rest.below]), 0.0)

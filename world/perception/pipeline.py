@@ -19,7 +19,7 @@ from .backdrop import SURFACE, Backdrop, Floor, Floors, levelled, table_of
 from .bins import heap
 from .blobs import Blob, Patch, Picture, connected, outlined
 from .fitting import GOOD, Fitter, Hypothesis
-from .obstacles import boxed, grey
+from .obstacles import RAISED, boxed, grey
 from .rests import rests
 from .robot_mask import HIGH, Body, RobotMask, with_what_hangs_on
 from .sight import Sight
@@ -40,6 +40,8 @@ SUBPIXEL = 0.12
 the grid they all err alike."""
 FRAGMENT = 0.4
 """A blob that fills less of the silhouette than this may be a part of anything."""
+BEYOND = 0.02
+"""So far beyond what never moves a ray is taken to go on, so that it clears what touches that, m."""
 VAGUE = 0.012
 """A position that is less certain than this is none, m."""
 POOR = 4.0
@@ -100,6 +102,8 @@ class Perception:
             depth,
             label,
             picture.blocked,
+            finding.reach(),
+            self._floors.supports,
         )
 
     def _backdrop(self, sight: Sight, image: RgbdImage) -> Backdrop:
@@ -107,6 +111,10 @@ class Perception:
         if key not in self._backdrops:
             self._backdrops[key] = Backdrop.of(self._description, sight, self._table, self._table_z)
         return self._backdrops[key]
+
+    def in_heap(self, points: Array) -> NDArray[np.bool_]:
+        """Which points (n, 3) of the world belong to what lies in a bin."""
+        return self._floors.in_heap(points)
 
     def floor(self, x: float, y: float, below: float) -> Floor:
         return self._floors.under(x, y, below)
@@ -154,12 +162,22 @@ class _Finding:
         return clean.astype(np.bool_) | (picture.label != behind.label)
 
     def things(self) -> None:
-        """Box the grey depth that nothing known explains."""
+        """Find the grey depth that nothing known explains. In bins it is a part of the heap."""
         picture = self.picture
-        for rows, columns in grey(picture, self.backdrop.depth, self.robot, self.backdrop.in_bin):
+        for rows, columns in grey(picture, self.backdrop.depth, self.robot, self.perception.in_heap):
             floor = self._floor(rows, columns, float(np.median(picture.height[rows, columns])))
-            if not floor.in_bin:
-                self._box(rows, columns, floor)
+            self._box(rows, columns, floor)
+
+    def reach(self) -> NDArray[np.float32]:
+        """See `View`."""
+        picture, behind = self.picture, self.backdrop
+        explained = behind.depth - picture.depth <= RAISED
+        explained |= np.isfinite(behind.guard) & (picture.depth > behind.guard - SURFACE)
+        explained &= picture.owner == 0
+        known = np.where(explained, np.maximum(picture.depth, behind.depth) + BEYOND, picture.depth)
+        known[picture.depth <= 0] = np.inf
+        known[self.robot] = 0.0
+        return known.astype(np.float32)
 
     def _floor(self, rows: NDArray[np.intp], columns: NDArray[np.intp], height: float) -> Floor:
         middle = np.array([columns.mean(), rows.mean()])

@@ -5,10 +5,11 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
-from ..values import Array
+from ..values import Array, Pose
 
 PARALLEL = 1e-12
 """Stands in for a zero component of a direction, so that slabs divide safely."""
@@ -73,3 +74,20 @@ def half_spaces(mesh: ConvexMesh) -> tuple[Array, Array]:
     """Outward unit normals (m, 3) and offsets (m,) of the faces: inside is n·x ≤ offset."""
     equations = np.unique(np.round(ConvexHull(np.array(mesh.vertices)).equations, 9), axis=0)
     return equations[:, :3].copy(), -equations[:, 3]
+
+
+def inside(shape: Shape, pose: Pose, points: Array, margin: float = 0.0) -> NDArray[np.bool_]:
+    """Which points (n, 3) of the world lie in the shape at `pose`, or not further than `margin` m beside its
+    faces."""
+    local = (points - np.array(pose.position)) @ pose.rotation()
+    match shape:
+        case Box(size):
+            return np.all(np.abs(local) <= np.array(size) / 2 + margin, axis=1)
+        case Sphere(radius):
+            return (local * local).sum(axis=1) <= (radius + margin) ** 2
+        case Cylinder(radius, height):
+            round_ = local[:, 0] ** 2 + local[:, 1] ** 2 <= (radius + margin) ** 2
+            return round_ & (np.abs(local[:, 2]) <= height / 2 + margin)
+        case ConvexMesh():
+            normals, offsets = half_spaces(shape)
+            return np.all(local @ normals.T <= offsets + margin, axis=1)

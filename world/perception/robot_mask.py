@@ -19,6 +19,8 @@ GROWN = 3
 """Pixels by which the mask is larger than the model."""
 DIRECTIONS = 96
 """A link's hull is represented by its furthest points in so many directions."""
+HANGS = 16
+"""What hangs on the robot in the picture belongs to it so far from the model, pixels."""
 HIGH = 0.15
 """What hangs together with the robot in the picture above this height belongs to it, m over the table."""
 
@@ -70,7 +72,8 @@ def fill(mask: NDArray[np.uint8], pixels: Array) -> None:
 def with_what_hangs_on(
     robot: NDArray[np.bool_], height: Array, known: NDArray[np.bool_], above: float
 ) -> NDArray[np.bool_]:
-    """The mask and every patch higher than `above` that touches it: cables, and what the model lacks."""
+    """The mask and what is higher than `above`, touches it and is not far from it: cables, and what the model
+    lacks. What goes on beyond that may be something that stands behind the robot."""
     high = known & (height > above) & ~robot
     if not robot.any() or int(high.sum()) < 4:
         return robot
@@ -78,7 +81,9 @@ def with_what_hangs_on(
     marks = np.asarray(found, dtype=np.intp)
     touched = np.zeros(int(marks.max()) + 1, dtype=np.bool_)
     touched[np.unique(marks[robot])] = True
-    return touched[marks]
+    kernel = np.ones((2 * HANGS + 1, 2 * HANGS + 1), dtype=np.uint8)
+    near = cv2.dilate(robot.astype(np.uint8), kernel).astype(np.bool_)
+    return touched[marks] & near
 
 
 def _vertices(mesh: LinkMesh) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import cv2
@@ -46,11 +46,14 @@ class Detection:
 
 @dataclass(frozen=True, slots=True)
 class Unexplained:
-    """A box about depth that no known thing explains, from its support up."""
+    """A patch of depth that no known thing explains, and the upright box about it, from its support up."""
 
     shape: Box
     pose: Pose
-    colour: str = "unknown"
+    colour: str
+    rows: NDArray[np.intp] = field(repr=False, compare=False)
+    """Of its pixels (n,); all of them have a depth."""
+    columns: NDArray[np.intp] = field(repr=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,6 +111,11 @@ class View:
     """Colour of each pixel, see `hues` (h, w)."""
     blocked: NDArray[np.bool_] = field(repr=False)
     """Pixels that tell nothing: robot, held object, walls (h, w)."""
+    reach: NDArray[np.float32] = field(repr=False)
+    """How far each pixel's ray is known to pass through free space (h, w), m: to what is seen there, or a
+    little beyond what never moves; 0 where the robot is in the way, inf where the depth is unknown."""
+    supports: Callable[[Array], Array] = field(repr=False)
+    """See `backdrop.Floors.supports`."""
 
     def look(self, shape: Shape, pose: Pose, colour: str) -> Look:
         """What is seen where the body should be."""

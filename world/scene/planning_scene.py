@@ -9,10 +9,20 @@ from typing import Literal, TypeAlias
 
 from ..causes import Failure, world
 from ..shapes import Shape
-from ..values import ObjectId, Pose
+from ..values import ObjectId, Pose, Vector3
 from .description import Bin, Fixture
 
 Role: TypeAlias = Literal["item", "obstacle"]
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """An upright box that is a part of an obstacle, along the axes of the obstacle's frame."""
+
+    size: Vector3
+    """Edge lengths, m."""
+    at: Vector3
+    """Its centre, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +52,9 @@ class BeliefObject:
     """Set while the object is attached to the gripper."""
     place: str = "table"
     """Where it is believed to lie: `table`, a bin's id, `hand`, or `aside`."""
+    blocks: tuple[Block, ...] = ()
+    """Of an obstacle: what it takes up, together, while `shape` is the box about all of them. Empty where the
+    shape itself is taken up, as by items, and by the obstacles of older logs."""
 
     @property
     def attached(self) -> bool:
