@@ -57,6 +57,7 @@ def assemble(
         scene.thinking.collision_check,
         configuration=lambda: control.held_position,
         width=lambda: grip.width,
+        now=lambda: hardware.clock.now,
         workspace=scene.limits.workspace,
         verify=verify,
         stopwatch=watch,

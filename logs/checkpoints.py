@@ -92,6 +92,7 @@ def take(
     Only at a quiescent moment: no skill runs, the arm is held at rest. Raises PicktreeError otherwise.
     """
     control = _CONTROL.dump_python(world.control.save(), mode="json")
+    world.plan.forget()
     saved = hardware.checkpoint()
     snapshot, numbers = world.scene.state()
     return RunState(
@@ -129,6 +130,7 @@ def restore(world: World, state: RunState) -> None:
     except ValidationError as error:
         raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
     world.control.restore(control)
+    world.plan.forget()
     world.move.restore(state.way)
     world.scene.restore(state.belief.scene, state.belief.numbers)
     world.attempts.restore(state.attempts)

@@ -17,6 +17,11 @@ class ThinkingAccount:
         self.owed = 0.0
         self.total = 0.0
 
+    @property
+    def tick(self) -> float:
+        """s"""
+        return self._tick
+
     def spend(self, seconds: float) -> None:
         """Owe `seconds` more."""
         self.owed += seconds

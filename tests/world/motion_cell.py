@@ -75,11 +75,18 @@ class Cell:
     """A plan service with its surroundings; `at` is where the arm stands."""
 
     def __init__(
-        self, scene: PlanningScene, *, seed: int = 1, verify: bool = True, width: float = 0.08
+        self,
+        scene: PlanningScene,
+        *,
+        seed: int = 1,
+        verify: bool = True,
+        width: float = 0.08,
+        cost: float = 25e-6,
     ) -> None:
         self.scene = scene
         self.at: Array = HOME.copy()
         self.width = width
+        self.now = 0.0
         self.journal = Journal()
         self.thinking = ThinkingAccount(TICK)
         self.queries = SceneQueries(MODEL, scene)
@@ -90,9 +97,10 @@ class Cell:
             Streams(seed),
             self.journal,
             self.thinking,
-            25e-6,
+            cost,
             configuration=lambda: self.at,
             width=lambda: self.width,
+            now=lambda: self.now,
             verify=verify,
         )
 

@@ -147,6 +147,8 @@ class Plan:
     """Of a chain: when the trajectory passes the end of each leg, s."""
     legs: tuple[Plan, ...] = ()
     """Of a chain: the plan of each leg by itself, from rest to rest."""
+    request: Request | None = None
+    """What it was planned for, its start filled in; a chain's legs have one each."""
 
 
 @dataclass(frozen=True, slots=True)

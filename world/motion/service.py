@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,15 +21,18 @@ from ..thinking import ThinkingAccount
 from ..trajectory import Trajectory
 from ..values import Array, Bounds, Pose, Vector3
 from . import failing
+from .ahead import Ahead, Prepared, still_free
 from .chain import ROUNDED, Chain, parts
 from .costs import Meter, Spent
 from .fcl_queries import SceneQueries
 from .goals import SOLUTIONS
 from .judge import Judge
+from .reach import Reached, reached
 from .requests import BUDGET, Contact, Goal, Line, Offset, Plan, Request, Scaling
 from .solver import Solver
 
 _log = logging.getLogger(__name__)
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +63,16 @@ class PlanService:
         *,
         configuration: Callable[[], Array],
         width: Callable[[], float],
+        now: Callable[[], float] = lambda: math.inf,
         workspace: Bounds | None = None,
         verify: bool = False,
         stopwatch: Stopwatch | None = None,
     ) -> None:
         """`cost`: simulated seconds of one collision check. `configuration` and `width` say where arm
-        (n,) rad and fingers (m) are when a request gives no start."""
+        (n,) rad and fingers (m) are when a request gives no start, `now` the simulated time, s; without
+        it, what is planned ahead is ready at once."""
         self.queries = queries
+        self._scene = scene
         self._model = model
         self._streams = streams
         self._journal = journal
@@ -73,6 +81,7 @@ class PlanService:
         self._stopwatch = stopwatch or Stopwatch()
         self.solver = Solver(model, scene, configuration=configuration, width=width, workspace=workspace)
         self._meter = Meter(self.solver.collision, self.solver.ik, thinking, cost)
+        self._ahead = Ahead(thinking, now)
         self._judge = Judge(model) if verify else None
         self._disagreements: list[Disagreement] = []
 
@@ -158,6 +167,51 @@ class PlanService:
             raise answer
         return answer
 
+    def ahead(self, steps: Generator[None, None, T]) -> Prepared[T]:
+        """Plan while something else goes on: `steps`, as `to(…)` or `through(…)` give them, are computed at
+        once and charged to no one; `take` hands out what they come to when that time has passed. What is
+        begun second waits for the first."""
+        return self._ahead.prepare(steps, self._scene.version)
+
+    def take(
+        self, prepared: Prepared[T], holds: Callable[[T], bool] | None = None
+    ) -> Generator[None, None, T | None]:
+        """What was planned ahead, as soon as it is ready; raises the failure that it came to.
+
+        When the belief has changed since, a plan is checked again, which is charged, and other answers are
+        asked about with `holds`. None: it holds no longer, or a checkpoint came between; plan again:
+
+            plan = (yield from world.plan.take(prepared)) or (yield from world.plan.to(goal))
+        """
+        if not self._ahead.remembers(prepared):
+            return None
+        yield from self._ahead.wait(prepared)
+        answer = prepared.answer
+        if self._scene.version == prepared.version:
+            if isinstance(answer, Failure):
+                raise answer
+            return answer
+        if isinstance(answer, Failure):
+            return None
+        if holds is not None:
+            held = holds(answer)
+        elif isinstance(answer, Plan):
+            held = self.still_free(answer)
+        else:
+            held = False
+        yield from self.charge()
+        return answer if held else None
+
+    def still_free(self, plan: Plan) -> bool:
+        """Whether a plan is free of collision in the belief as it is now. Answers at once; the cost is owed
+        to the thinking account."""
+        with self._stopwatch.measure("planning"), self._meter.measure():
+            return still_free(self.solver, plan)
+
+    def forget(self) -> None:
+        """Drop what was planned ahead, as a checkpoint does."""
+        self._ahead.forget()
+
     def reachable(self, tcp_in_world: Pose, *, near: Array | None = None) -> Array | None:
         """A configuration free of collision for the pose, close to `near` (n,); None: none was found.
 
@@ -173,6 +227,15 @@ class PlanService:
             rng = self._streams.at("ik", 0)
             solutions = solver.ik.solutions(tcp_in_world, rng, around, SOLUTIONS)
             return next((q for q in solutions if solver.collision.free(q)), None)
+
+    def reached(self, request: Request) -> Reached:
+        """Whether the arm gets to the first pose of a request's goal, near the request's start, in the scene
+        as the request supposes it, and if not, what is in the way. Nothing is planned.
+
+        Answers at once; the cost is owed to the thinking account.
+        """
+        with self._stopwatch.measure("planning"), self._meter.measure():
+            return reached(self.solver, request, self._streams.at("ik", 0))
 
     def contacts(self, q: Array | None = None) -> tuple[Contact, ...]:
         """What the arm at q (n,) (default: where it is) is closer to than its margins; not charged."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -52,8 +53,10 @@ class Solver:
         self.look(request)
         start = self.start(request)
         if isinstance(request.target, Line | Offset):
-            return self._line(request, request.target, start)
-        return self._plan(request, request.target, start, seed)
+            plan = self._line(request, request.target, start)
+        else:
+            plan = self._plan(request, request.target, start, seed)
+        return replace(plan, request=replace(request, start=start))
 
     def start(self, request: Request) -> Array:
         """Where a request begins (n,), rad; a copy."""
