@@ -13,6 +13,7 @@ from ..scene.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
 from ..values import Array, Bounds, Pose, Vector3
 from .bodies import Body, loose_bodies, still_bodies
 from .coal_shapes import CoalShapes, hull
+from .gaps import Gaps
 from .margins import AROUND, GRIPPER, Margins, Part
 from .requests import Contact
 
@@ -147,6 +148,7 @@ class Collision:
         self._full = Checker(self.model.full, geometry, self._least)
         self._halved: Checker | None = None
         self._distances: tuple[pin.Data, pin.GeometryData] | None = None
+        self._gaps: Gaps | None = None
 
     def _pairs(self) -> np.typing.NDArray[np.bool_]:
         count, robots = len(self._pieces), len(self._robot_pieces)
@@ -218,6 +220,15 @@ class Collision:
                 point: Vector3 = (x, y, z)
                 found.append(Contact(a.name, b.name, float(distance.min_distance), point))
         return tuple(sorted(found, key=lambda contact: contact.distance))
+
+    def nearest(self, q: Array, within: float = np.inf, *, itself: bool = False) -> Contact | None:
+        """The pair that is nearest at q, of all that may not touch, if nearer than `within` m: with what is
+        around, or with `itself` among the robot's own links. Not counted: nothing is planned with it."""
+        if self._gaps is None:
+            names = [piece.name for piece in self._pieces]
+            around = sum(piece.part not in AROUND for piece in self._pieces)
+            self._gaps = Gaps(self.model.full, self._geometry, names, around)
+        return self._gaps.nearest(self._at(q), within, itself=itself)
 
     def penetrates(self, contact: Contact, tolerance: float) -> bool:
         """Whether a contact is deeper than `tolerance` m and than what is tolerated of its pair anyway."""
