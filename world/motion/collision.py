@@ -2,62 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from ..robot.model import TCP_FRAME, RobotModel, se3
-from ..scene.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
-from ..values import Array, Bounds, Pose, Vector3
+from ..robot.model import TCP_FRAME, RobotModel
+from ..scene.description import Bin, Fixture
+from ..scene.planning_scene import BeliefObject, PlanningScene
+from ..values import Array, Bounds, Vector3
 from .bodies import Body, loose_bodies, still_bodies
+from .built import Built, Checker, Content, Piece, Robot
 from .coal_shapes import CoalShapes, hull
-from .gaps import Gaps
-from .margins import AROUND, GRIPPER, Margins, Part
+from .margins import GRIPPER, Margins, Part
 from .requests import Contact
-
-
-@dataclass(frozen=True, slots=True)
-class _Piece:
-    """One geometry, in the order in which pinocchio's model holds them."""
-
-    name: str
-    part: Part
-    joint: int
-
 
 INSIDE = 0.002
 """Distance of the tool to the edges of the workspace that planning keeps, m."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Content:
-    """What the geometry model was built for; when only `poses` differ, its geometries are moved."""
+KEPT = 6
+"""Geometries that are remembered: of the belief as it is, and with other things supposed."""
 
-    bodies: tuple[tuple[str, object, bool], ...]
-    poses: tuple[Pose, ...]
-    held: tuple[str, object] | None
-    held_in_tcp: Pose | None
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """What was taken over last."""
+
+    fixtures: Mapping[str, Fixture]
+    bins: Mapping[str, Bin]
+    objects: tuple[BeliefObject, ...]
     allowed: frozenset[frozenset[str]]
     clearance: float
 
+    def same_room(self, other: _Seen) -> bool:
+        """Fixtures and bins are never changed in place; a scene that is supposed shares them."""
+        return self.fixtures is other.fixtures and self.bins is other.bins
 
-class Checker:
-    """One set of margins over the geometry. Broad phase and answers do not depend on earlier queries."""
-
-    def __init__(self, model: pin.Model, geometry: pin.GeometryModel, margins: Array) -> None:
-        self._model = model
-        self.data = model.createData()
-        self._geometry_data = pin.GeometryData(geometry)
-        self._geometry_data.setSecurityMargins(geometry, margins, True, False)
-        # The other managers of this library miss collisions; this one was compared with the naive test.
-        self._manager = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
-            model, geometry, self._geometry_data
-        )
-
-    def free(self, full_q: Array) -> bool:
-        return not pin.computeCollisions(self._model, self.data, self._manager, full_q, True)
+    def same_belief(self, other: _Seen) -> bool:
+        mine = (self.objects, self.allowed, self.clearance)
+        return mine == (other.objects, other.allowed, other.clearance)
 
 
 class Collision:
@@ -73,19 +59,17 @@ class Collision:
         self, model: RobotModel, margins: Margins | None = None, workspace: Bounds | None = None
     ) -> None:
         self.model = model
-        self._workspace = workspace
-        self._margin_table = (margins or Margins()).table()
+        self._room = None if workspace is None else _narrowed(workspace)
         self.checks = 0
         self._shapes = CoalShapes()
-        self._robot = robot_geometry(model)
-        self._robot_pieces = tuple(_robot_piece(model, o) for o in self._robot)
-        self._self_pairs = _self_pairs(model, self._robot, self._robot_pieces)
-        self._tcp_joint, self._tcp_in_joint = _tcp(model.full)
+        self._robot = _robot(model, margins or Margins())
+        self._tcp_offset: Array = self._robot.tcp_in_joint.translation.copy()
         self._full_q = model.full_q(np.zeros(model.n), 0.0)
-        self._arm_q = [model.full.joints[model.full.getJointId(j)].idx_q for j in model.description.joints]
-        self._seen: tuple[SceneSnapshot, PlanningScene] | None = None
+        self._arm_q = _run([_q_index(model.full, joint) for joint in model.description.joints])
+        self._seen: _Seen | None = None
         self._still: tuple[Body, ...] = ()
-        self._build(_Content((), (), None, None, frozenset(), 0.0), ())
+        self._kept: list[Built] = []
+        self._now = self._built(Content((), None, frozenset(), 0.0))
 
     # ---- following the scene
 
@@ -96,108 +80,55 @@ class Collision:
         """
         self._full_q = self.model.full_q(self._full_q[self._arm_q], width)
         snapshot = scene.snapshot()
-        if self._seen is None or self._seen[1] is not scene:
+        seen = _Seen(scene.fixtures, scene.bins, snapshot.objects, snapshot.allowed, clearance)
+        if self._seen is None or not seen.same_room(self._seen):
             self._still = still_bodies(scene)
-        elif (self._seen[0].objects, self._seen[0].allowed, self._content.clearance) == (
-            snapshot.objects,
-            snapshot.allowed,
-            clearance,
-        ):
+        elif seen.same_belief(self._seen):
             return
-        self._seen = (snapshot, scene)
+        self._seen = seen
         bodies = (*self._still, *loose_bodies(snapshot.objects))
         held = next((o for o in snapshot.objects if o.attached), None)
-        content = _Content(
-            tuple((b.name, b.shape, b.support) for b in bodies),
-            tuple(b.pose for b in bodies),
-            None if held is None else (held.id, held.shape),
-            None if held is None else held.object_in_tcp,
-            snapshot.allowed,
-            clearance,
+        self._now = self._built(
+            Content(
+                tuple((b.name, b.shape, b.support) for b in bodies),
+                None if held is None else (held.id, held.shape),
+                snapshot.allowed,
+                clearance,
+            )
         )
-        old = self._content
-        if replace(old, poses=content.poses) != content:
-            self._build(content, bodies, held)
-        elif old.poses != content.poses:
-            first = self._geometry.ngeoms - len(bodies)
-            for index, (before, now) in enumerate(zip(old.poses, content.poses, strict=True)):
-                if before != now:
-                    self._geometry.geometryObjects[first + index].placement = se3(now)
-            self._content = content
+        self._now.place(bodies, None if held is None else held.object_in_tcp)
 
-    def _build(self, content: _Content, bodies: tuple[Body, ...], held: BeliefObject | None = None) -> None:
-        geometry = pin.GeometryModel()
-        pieces = list(self._robot_pieces)
-        for o in self._robot:
-            geometry.addGeometryObject(
-                pin.GeometryObject(o.name, o.parentJoint, o.parentFrame, o.placement, o.geometry)
-            )
-        if held is not None and held.object_in_tcp is not None:
-            placement = self._tcp_in_joint * se3(held.object_in_tcp)
-            geometry.addGeometryObject(
-                pin.GeometryObject("held", self._tcp_joint, 0, placement, self._shapes.of(held.shape))
-            )
-            pieces.append(_Piece(held.id, Part.HELD, self._tcp_joint))
-        for index, body in enumerate(bodies):
-            shape = self._shapes.of(body.shape)
-            geometry.addGeometryObject(pin.GeometryObject(f"around {index}", 0, 0, se3(body.pose), shape))
-            pieces.append(_Piece(body.name, Part.SUPPORT if body.support else Part.OBSTACLE, 0))
-        self._geometry, self._pieces, self._content = geometry, tuple(pieces), content
-        geometry.setCollisionPairs(self._pairs())
-        self._least = self._least_distances()
-        self._full = Checker(self.model.full, geometry, self._least)
-        self._halved: Checker | None = None
-        self._distances: tuple[pin.Data, pin.GeometryData] | None = None
-        self._gaps: Gaps | None = None
-
-    def _pairs(self) -> np.typing.NDArray[np.bool_]:
-        count, robots = len(self._pieces), len(self._robot_pieces)
-        pairs = np.zeros((count, count), dtype=np.bool_)
-        pairs[:robots, :robots] = self._self_pairs
-        for i, a in enumerate(self._pieces):
-            for j in range(max(i + 1, robots), count):
-                pairs[i, j] = self._meets(a, self._pieces[j])
-        return pairs
-
-    def _meets(self, a: _Piece, b: _Piece) -> bool:
-        """Whether a piece of the robot or what it holds is checked against `b`, held or around."""
-        if b.part is Part.HELD:
-            return a.part in (Part.BASE, Part.ARM) and a.joint != b.joint
-        if a.part in AROUND or a.part is Part.BASE:
-            return False
-        allowed = self._content.allowed
-        if not allowed:
-            return True
-        side = "gripper" if a.part in GRIPPER else "arm"
-        return frozenset((side, b.name)) not in allowed and frozenset((a.name, b.name)) not in allowed
-
-    def _least_distances(self) -> Array:
-        parts = [piece.part.value for piece in self._pieces]
-        least = self._margin_table[np.ix_(parts, parts)]
-        return np.where(least > 0, least + self._content.clearance, least)
+    def _built(self, content: Content) -> Built:
+        """The geometry of that content: one that was made for it before, or a new one. Both answer alike."""
+        for index, built in enumerate(self._kept):
+            if built.content == content:
+                self._kept.insert(0, self._kept.pop(index))
+                return built
+        self._kept.insert(0, Built(self._robot, content, self._shapes))
+        del self._kept[KEPT:]
+        return self._kept[0]
 
     # ---- questions
 
     def free(self, q: Array) -> bool:
         """Whether the arm at q keeps all margins, and its tool the workspace."""
         self.checks += 1
-        return self._full.free(self._at(q)) and self._inside(self._full)
+        checker = self._now.full
+        return checker.free(self._at(q)) and self._inside(checker)
 
     def nearly_free(self, q: Array) -> bool:
         """The same with positive margins halved: for what lies between configurations found free."""
         self.checks += 1
-        if self._halved is None:
-            margins = np.where(self._least > 0, self._least / 2, self._least)
-            self._halved = Checker(self.model.full, self._geometry, margins)
-        return self._halved.free(self._at(q)) and self._inside(self._halved)
+        checker = self._now.halved
+        return checker.free(self._at(q)) and self._inside(checker)
 
     def excusing(self, contacts: tuple[Contact, ...], slack: float) -> Checker:
         """A checker in which the pairs of `contacts` may come as close as they are, and `slack` m closer."""
-        margins = self._least.copy()
+        margins = self._now.least.copy()
         for contact in contacts:
             for i, j in self._indices(contact.a, contact.b):
                 margins[i, j] = min(margins[i, j], contact.distance - slack)
-        return Checker(self.model.full, self._geometry, margins)
+        return self._now.checker(margins)
 
     def asked(self, checker: Checker, q: Array) -> bool:
         """Ask another checker of this robot about q, and count it."""
@@ -207,15 +138,14 @@ class Collision:
     def contacts(self, q: Array) -> tuple[Contact, ...]:
         """Every pair that is closer than its margin at q, the deepest first. Slow: for explanations."""
         self.checks += 1
-        if self._distances is None:
-            self._distances = (self.model.full.createData(), pin.GeometryData(self._geometry))
-        data, geometry_data = self._distances
-        pin.updateGeometryPlacements(self.model.full, data, self._geometry, geometry_data, self._at(q))
+        geometry, least, pieces = self._now.geometry, self._now.least, self._now.pieces
+        data, geometry_data = self._now.distances
+        pin.updateGeometryPlacements(self.model.full, data, geometry, geometry_data, self._at(q))
         found: list[Contact] = []
-        for index, pair in enumerate(self._geometry.collisionPairs):
-            distance = pin.computeDistance(self._geometry, geometry_data, index)
-            if distance.min_distance < self._least[pair.first, pair.second]:
-                a, b = self._pieces[pair.first], self._pieces[pair.second]
+        for index, pair in enumerate(geometry.collisionPairs):
+            distance = pin.computeDistance(geometry, geometry_data, index)
+            if distance.min_distance < least[pair.first, pair.second]:
+                a, b = pieces[pair.first], pieces[pair.second]
                 x, y, z = (float(c) for c in distance.getNearestPoint2())
                 point: Vector3 = (x, y, z)
                 found.append(Contact(a.name, b.name, float(distance.min_distance), point))
@@ -224,27 +154,27 @@ class Collision:
     def nearest(self, q: Array, within: float = np.inf, *, itself: bool = False) -> Contact | None:
         """The pair that is nearest at q, of all that may not touch, if nearer than `within` m: with what is
         around, or with `itself` among the robot's own links. Not counted: nothing is planned with it."""
-        if self._gaps is None:
-            names = [piece.name for piece in self._pieces]
-            around = sum(piece.part not in AROUND for piece in self._pieces)
-            self._gaps = Gaps(self.model.full, self._geometry, names, around)
-        return self._gaps.nearest(self._at(q), within, itself=itself)
+        return self._now.gaps.nearest(self._at(q), within, itself=itself)
 
     def penetrates(self, contact: Contact, tolerance: float) -> bool:
         """Whether a contact is deeper than `tolerance` m and than what is tolerated of its pair anyway."""
-        allowed = min((float(self._least[i, j]) for i, j in self._indices(contact.a, contact.b)), default=0.0)
+        allowed = min(
+            (float(self._now.least[i, j]) for i, j in self._indices(contact.a, contact.b)), default=0.0
+        )
         return contact.distance < min(0.0, allowed) - tolerance
 
     def _indices(self, a: str, b: str) -> list[tuple[int, int]]:
-        pieces = list(enumerate(self._pieces))
+        pieces = list(enumerate(self._now.pieces))
         return [(i, j) for i, p in pieces for j, q in pieces[i + 1 :] if (p.name, q.name) == (a, b)]
 
     def _inside(self, checker: Checker) -> bool:
         """Whether the tool is within the workspace at the configuration that `checker` saw last."""
-        if self._workspace is None:
+        if self._room is None:
             return True
-        tool = (checker.data.oMi[self._tcp_joint] * self._tcp_in_joint).translation
-        return self._workspace.contains(tool, INSIDE)
+        tool = checker.data.oMi[self._robot.tcp_joint].act(self._tcp_offset)
+        (left, front, low), (right, back, high) = self._room
+        x, y, z = tool.tolist()
+        return left <= x <= right and front <= y <= back and low <= z <= high
 
     def _at(self, q: Array) -> Array:
         self._full_q[self._arm_q] = q
@@ -261,7 +191,7 @@ def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
     return tuple(loaded.geometryObjects)
 
 
-def _robot_piece(model: RobotModel, o: pin.GeometryObject) -> _Piece:
+def _robot_piece(model: RobotModel, o: pin.GeometryObject) -> Piece:
     frames = model.full.frames
     link = frames[o.parentFrame].name
     chain, at = [link], o.parentFrame
@@ -276,11 +206,11 @@ def _robot_piece(model: RobotModel, o: pin.GeometryObject) -> _Piece:
         part = Part.HAND
     else:
         part = Part.ARM
-    return _Piece(link, part, o.parentJoint)
+    return Piece(link, part, o.parentJoint)
 
 
 def _self_pairs(
-    model: RobotModel, robot: tuple[pin.GeometryObject, ...], pieces: tuple[_Piece, ...]
+    model: RobotModel, robot: tuple[pin.GeometryObject, ...], pieces: tuple[Piece, ...]
 ) -> np.typing.NDArray[np.bool_]:
     disabled = {frozenset(pair) for pair in model.description.disabled_pairs}
     pairs = np.zeros((len(robot), len(robot)), dtype=np.bool_)
@@ -292,6 +222,33 @@ def _self_pairs(
                 a.joint != b.joint and not both_gripper and frozenset((a.name, b.name)) not in disabled
             )
     return pairs
+
+
+def _robot(model: RobotModel, margins: Margins) -> Robot:
+    objects = robot_geometry(model)
+    pieces = tuple(_robot_piece(model, o) for o in objects)
+    geometry = pin.GeometryModel()
+    for o in objects:
+        geometry.addGeometryObject(o)
+    joint, placement = _tcp(model.full)
+    pairs = _self_pairs(model, objects, pieces)
+    return Robot(model.full, geometry, pieces, pairs, joint, placement, margins.table())
+
+
+def _narrowed(room: Bounds) -> tuple[Vector3, Vector3]:
+    """The corners of the room in which the tool may be."""
+    (left, front, low), (right, back, high) = room.min, room.max
+    return (left + INSIDE, front + INSIDE, low + INSIDE), (right - INSIDE, back - INSIDE, high - INSIDE)
+
+
+def _q_index(model: pin.Model, joint: str) -> int:
+    return model.joints[model.getJointId(joint)].idx_q
+
+
+def _run(indices: list[int]) -> slice | list[int]:
+    """Indices as a slice where they are a run: writing through it is four times as fast."""
+    first, count = indices[0], len(indices)
+    return slice(first, first + count) if indices == list(range(first, first + count)) else indices
 
 
 def _tcp(model: pin.Model) -> tuple[int, pin.SE3]:
