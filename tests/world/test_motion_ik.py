@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.world.motion.ik import ANGLE, APART, POSITION, InverseKinematics
+from picktree.world.motion.ik import ANGLE, APART, POSITION, RESTARTS, InverseKinematics
 from picktree.world.values import Pose
 
 from .motion_cell import HOME, MODEL, down
@@ -43,8 +43,14 @@ def test_solutions_differ_and_the_nearest_comes_first() -> None:
 
 def test_out_of_reach_gives_nothing_and_ends() -> None:
     ik = InverseKinematics(MODEL)
+    assert ik.solutions(Pose((0.9, 0.0, 0.0)), np.random.default_rng(0), HOME) == []
+    assert ik.solves == RESTARTS
+
+
+def test_further_away_than_the_arm_is_long_takes_no_descent() -> None:
+    ik = InverseKinematics(MODEL)
     assert ik.solutions(Pose((1.5, 0.0, 0.5)), np.random.default_rng(0), HOME) == []
-    assert ik.solves == 20
+    assert ik.solves == 0
 
 
 def test_the_same_seed_gives_the_same_bits() -> None:
