@@ -30,8 +30,8 @@ DAMPING = 1e-2
 LONGEST = 1.5
 """Length of a step in joint space, rad."""
 PULL = 0.1
-"""Longest way that is aimed at at once where the target need not be reached, m. After Buss and Kim, "Selectively
-damped least squares for inverse kinematics", Journal of Graphics Tools 10 (2005)."""
+"""Longest way that is aimed at at once where the target need not be reached, m. After Buss and Kim,
+"Selectively damped least squares for inverse kinematics", Journal of Graphics Tools 10 (2005)."""
 TURN = 2 * math.pi
 
 
