@@ -1,4 +1,4 @@
-"""Every skill halted at each of its ticks: the arm comes to rest, and the mission can then be completed."""
+"""Every skill halted at its ticks: the arm comes to rest, and the mission can then be completed."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ Sequence:
 """Grasped, kept through a retreat, and dropped at last: what `sort_by_colour` does not do unless it must."""
 
 
-def every_tick(_: int) -> bool:
-    return True
+def every_second(tick: int) -> bool:
+    return tick % 2 == 0
 
 
 @pytest.mark.slow
-def test_sorting_halted_at_each_tick() -> None:
-    answers = halted_at(Cell(sorting(), items(plate=1)), every_tick)
+def test_sorting_halted_at_every_second_tick() -> None:
+    answers = halted_at(Cell(sorting(), items(plate=1)), every_second)
     assert [a for a in answers if not a.fine] == []
     leaves = Counter(a.leaf for a in answers)
     assert set(leaves) - {""} == {"Observe", "Grasp", "Place", "GoTo"}
-    assert len(answers) > 90
+    assert len(answers) > 45
     assert max(a.to_rest for a in answers) <= 0.5
     assert {a.believed for a in answers} == {True, False}
 
@@ -52,13 +52,15 @@ def test_sorting_what_is_not_flat_halted_at_every_sixth_tick() -> None:
 
 
 @pytest.mark.slow
-def test_retreat_and_gripper_halted_at_each_tick_within_recover() -> None:
-    answers = halted_at(Cell(mission(PASSED_OVER), items(block=1)), lambda tick: tick > 52)
+def test_retreat_and_gripper_halted_at_every_second_tick_within_recover() -> None:
+    answers = halted_at(
+        Cell(mission(PASSED_OVER), items(block=1)), lambda tick: tick > 52 and every_second(tick)
+    )
     assert [a for a in answers if not a.fine] == []
     leaves = Counter(a.leaf for a in answers)
-    assert leaves["SafeRetreat"] > 30
-    assert leaves["OpenGripper"] > 5
-    assert leaves["CloseGripper"] > 5
+    assert leaves["SafeRetreat"] > 15
+    assert leaves["OpenGripper"] > 2
+    assert leaves["CloseGripper"] > 2
 
 
 @pytest.mark.slow
