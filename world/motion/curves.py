@@ -133,11 +133,13 @@ def quintic(p0: Array, v0: Array, w0: Array, p1: Array, v1: Array, w1: Array, sp
 
 
 def distinct(path: Array) -> Array:
-    """The points (m, n) without repetitions."""
+    """The points (m, n) without repetitions; begin and end stay exactly what they are."""
     kept = [path[0]]
     for point in path[1:]:
         if float(np.abs(point - kept[-1]).max()) > SAME:
             kept.append(point)
+    if len(kept) > 1:
+        kept[-1] = path[-1]
     return np.array(kept)
 
 

@@ -54,31 +54,22 @@ class TimeLaw:
         )
 
 
-def straight(length: float, velocity: float, acceleration: float) -> TimeLaw:
-    """Over `length` rad from rest to rest: speed up, go on, slow down."""
-    top = min(velocity, float(np.sqrt(length * acceleration)))
-    ramp = top / acceleration
-    level = max(0.0, length / top - ramp)
-    half = 0.5 * top * ramp
-    if level < 1e-9:
-        return TimeLaw(
-            np.array([0.0, ramp, 2 * ramp]), np.array([0.0, half, length]), np.array([0.0, top, 0.0])
-        )
-    return TimeLaw(
-        np.array([0.0, ramp, ramp + level, 2 * ramp + level]),
-        np.array([0.0, half, length - half, length]),
-        np.array([0.0, top, top, 0.0]),
-    )
-
-
-def fastest(grid: Array, first: Array, second: Array, speed: Array, acceleration: Array) -> TimeLaw | None:
+def fastest(
+    grid: Array,
+    first: Array,
+    second: Array,
+    speed: Array,
+    acceleration: Array,
+    torques: tuple[Array, Array],
+) -> TimeLaw | None:
     """From rest to rest along a path with these derivatives (m, n) at grid points (m,).
 
-    `speed` (m,): greatest speed of the parameter at each; `acceleration` (m, n): the joints' limits. None
-    when rounding makes it unsolvable. Without lower limits of the speed, standing still is possible
-    everywhere, so of the sets of controllable speeds only the upper ends are asked for.
+    `speed` (m,): greatest speed of the parameter at each; `acceleration` (m, n): the joints' limits;
+    `torques` (m, n) each: what the parameter's acceleration and its squared speed take of the joints'
+    torques, as shares. None when rounding makes it unsolvable. Without lower limits of the speed, standing
+    still is possible everywhere, so of the sets of controllable speeds only the upper ends are asked for.
     """
-    rows = _Rows(grid, first / acceleration, second / acceleration, speed**2)
+    rows = _Rows(grid, first / acceleration, second / acceleration, torques, speed**2)
     solver = seidelWrapper([rows], rows, grid, solve_lp1d=True)
     steps = np.diff(grid)
     count = len(steps)
@@ -113,23 +104,26 @@ def fastest(grid: Array, first: Array, second: Array, speed: Array, acceleration
 
 
 class _Rows(LinearConstraint):
-    """The acceleration limits at both ends of each step of the grid (TOPP-RA's interpolation scheme) and the
-    speed limits, as the solver's rows; and the path that it wants to see beside them."""
+    """The limits of acceleration and torque at both ends of each step of the grid (TOPP-RA's interpolation
+    scheme), and those of the speed, as the solver's rows."""
 
-    def __init__(self, grid: Array, first: Array, second: Array, squared_speed: Array) -> None:
+    def __init__(
+        self, grid: Array, first: Array, second: Array, torques: tuple[Array, Array], squared_speed: Array
+    ) -> None:
         super().__init__()
         self.identical = True
         self.dof = first.shape[1]
-        m, n = first.shape
-        a = np.empty((m, 2 * n))
-        b = np.empty((m, 2 * n))
-        a[:, :n], b[:, :n] = first, second
-        a[:-1, n:] = first[1:] + 2.0 * np.diff(grid)[:, None] * second[1:]
-        b[:-1, n:] = second[1:]
-        a[-1, n:], b[-1, n:] = first[-1], second[-1]
-        both: Array = np.concatenate([np.eye(2 * n), -np.eye(2 * n)])
-        bounds = np.column_stack([np.zeros(m), squared_speed])
-        self._params = (a, b, np.zeros_like(a), both, np.ones(4 * n), None, bounds)
+        a = np.concatenate([first, torques[0]], axis=1)
+        b = np.concatenate([second, torques[1]], axis=1)
+        # Those of a step's end too; at the last point there is no step.
+        ahead = 2.0 * np.diff(grid, append=grid[-1])[:, None]
+        b_next = np.concatenate([b[1:], b[-1:]])
+        a = np.concatenate([a, np.concatenate([a[1:], a[-1:]]) + ahead * b_next], axis=1)
+        b = np.concatenate([b, b_next], axis=1)
+        count = a.shape[1]
+        both: Array = np.concatenate([np.eye(count), -np.eye(count)])
+        bounds = np.column_stack([np.zeros(len(grid)), squared_speed])
+        self._params = (a, b, np.zeros_like(a), both, np.ones(2 * count), None, bounds)
 
     def compute_constraint_params(self, path: object, gridpoints: Array) -> tuple[Array | None, ...]:
         return self._params

@@ -18,23 +18,29 @@ from ..robot.model import RobotModel
 from ..trajectory import Trajectory
 from ..values import Array
 from .curves import Curve, cornered, distinct, splined
-from .profile import TimeLaw, fastest, straight
+from .profile import TimeLaw, fastest
 from .requests import Scaling
 
 PERIOD = 0.01
 """Between two samples of a trajectory, at most, s."""
-RESERVE = 0.8
+RESERVE = 0.9
 """Share of the acceleration limits that is planned with: between grid points it overshoots."""
 TORQUE = 0.7
 """Share of the torque limits that is planned with: the servo and a held object need the rest."""
+HEAVY = 0.95
+"""Share of what is left of the torques that the profile is planned with, for the same reason."""
 RISE = 0.025
 """The jerk limit of a joint is its acceleration limit over this time, s."""
-WINDOW = 0.05
+WINDOW = 0.045
 """Over which the time law is averaged, s: from full acceleration to full braking at the jerk limit."""
 BEND = 0.5
 """Share of the jerk limit that the path's own bends may take at a constant speed."""
-GRID = 0.05
+GRID = 0.1
 """Distance of TOPP-RA's grid points along the path, rad."""
+LEAST = 6
+"""Steps of the grid on each piece of a path that has few."""
+MANY = 12
+"""Breaks of a path that is so finely cut already, as one along a Cartesian line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +102,14 @@ def time_curve(model: RobotModel, curve: Curve, stretches: Sequence[Stretch]) ->
     a = along * dds[:, None] + bend * (ds**2)[:, None]
     v[0] = v[-1] = a[0] = a[-1] = 0.0
     velocity, acceleration = _limits(model, s, stretches)
-    jerk: Array = np.diff(a, axis=0) / np.diff(times)[:, None]
+    between = np.diff(times)[:, None]
+    steps: Array = np.diff(v, axis=0) / between
+    jerk: Array = np.diff(a, axis=0) / between
     stretch = max(
         1.0,
         float((np.abs(v) / velocity).max()),
         float(np.sqrt((np.abs(a) / acceleration).max())),
+        float(np.sqrt((np.abs(steps) / acceleration[1:]).max())),
         float(np.cbrt((np.abs(jerk) * RISE / acceleration[1:]).max())),
         _heavy(model, q, v, a),
     )
@@ -113,12 +122,6 @@ def _trajectory(model: RobotModel, curve: Curve, scaling: Scaling) -> Trajectory
 
 
 def _law(model: RobotModel, curve: Curve, stretches: Sequence[Stretch]) -> TimeLaw | None:
-    if len(stretches) == 1 and curve.straight:
-        along = np.abs(curve.at(0.0, 1))
-        velocity, acceleration = _limits(model, np.zeros(1), stretches)
-        moving = along > 1e-12
-        fast, strong = velocity[0, moving] / along[moving], acceleration[0, moving] / along[moving]
-        return straight(curve.length, float(fast.min()), RESERVE * float(strong.min()))
     grid = _grid(curve, stretches)
     velocity, acceleration = _limits(model, grid, stretches)
     first, second, third = (curve.at(grid, order) for order in (1, 2, 3))
@@ -128,14 +131,31 @@ def _law(model: RobotModel, curve: Curve, stretches: Sequence[Stretch]) -> TimeL
         (velocity / np.maximum(np.abs(first), 1e-9)).min(axis=1),
         np.cbrt((jerk / np.maximum(np.abs(third), 1e-9)).min(axis=1)),
     )
-    return fastest(grid, first, second, speed, RESERVE * acceleration)
+    torques = _torques(model, curve.at(grid), first, second)
+    return fastest(grid, first, second, speed, RESERVE * acceleration, torques)
+
+
+def _torques(model: RobotModel, q: Array, first: Array, second: Array) -> tuple[Array, Array]:
+    """What the path's acceleration and its squared speed take of the joints' torques that gravity leaves,
+    as shares (m, n) of those."""
+    arm, data, still = model.arm, model.arm.createData(), np.zeros(model.n)
+    weight = np.array([pin.rnea(arm, data, p, still, still) for p in q])
+    along = np.array([pin.rnea(arm, data, p, still, v) for p, v in zip(q, first, strict=True)]) - weight
+    bending = np.array([pin.rnea(arm, data, *each) for each in zip(q, first, second, strict=True)]) - weight
+    left = HEAVY * _left(model, weight)
+    return along / left, bending / left
+
+
+def _left(model: RobotModel, weight: Array) -> Array:
+    """Torques (m, n) that may go into motion where gravity takes `weight` (m, n), Nm."""
+    return np.maximum(TORQUE * model.torque_limit - np.abs(weight), 0.1 * model.torque_limit)
 
 
 def _grid(curve: Curve, stretches: Sequence[Stretch]) -> Array:
-    """Every break and end of a stretch, and between them at most GRID apart, at least three a long piece."""
+    """Every break and end of a stretch, and between them at most GRID apart."""
     marks = np.unique(np.concatenate([curve.breaks, [stretch.end for stretch in stretches[:-1]]]))
     marks = marks[np.concatenate([[True], np.diff(marks) > 1e-9])]
-    least = 3 if len(marks) < 12 else 1
+    least = LEAST if len(marks) < MANY else 1
     counts = np.maximum(least, np.ceil(np.diff(marks) / GRID).astype(int))
     steps = np.repeat(np.diff(marks) / counts, counts)
     grid: Array = np.concatenate([[0.0], np.cumsum(steps)])
@@ -174,5 +194,4 @@ def _heavy(model: RobotModel, q: Array, v: Array, a: Array) -> float:
     picked = range(0, len(q), 2)
     weight = np.array([pin.rnea(arm, data, q[k], still, still) for k in picked])
     moving = np.array([pin.rnea(arm, data, q[k], v[k], a[k]) for k in picked]) - weight
-    left = np.maximum(TORQUE * model.torque_limit - np.abs(weight), 0.1 * model.torque_limit)
-    return float(np.sqrt((np.abs(moving) / left).max()))
+    return float(np.sqrt((np.abs(moving) / _left(model, weight)).max()))
