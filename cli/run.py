@@ -24,6 +24,9 @@ def run(
     scene: Annotated[
         str | None, typer.Option(metavar="SCENE", help="Shipped scene or scene file, for the mission's own.")
     ] = None,
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="Shipped robot or robot file, for the scene's own.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     set_: Annotated[
         list[str] | None,
@@ -81,6 +84,7 @@ def run(
     request = RunRequest(
         mission=mission,
         scene=scene,
+        robot=robot,
         seed=seed,
         parameters=parameters,
         faults=faults,

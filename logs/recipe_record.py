@@ -13,6 +13,7 @@ from typing import Final
 
 from ..world.files.document import read_document
 from ..world.robot.description import RobotDescription
+from ..world.robot.resources import mesh_file
 from ..world.robot.urdf import LinkMesh, link_geometry
 from ..world.scene.description import SceneDescription
 from ..world.shapes import ConvexMesh
@@ -70,9 +71,13 @@ def installed_meshes(robot: RobotDescription) -> Mapping[str, str]:
 
 
 def is_installed(robot: RobotDescription) -> bool:
-    """Whether its URDF is named as `package:path`."""
-    named = read_document(robot.text, Path(robot.source), "robot").data["urdf"]
-    return ":" in str(named)
+    """Whether its URDF, and that of a mounted gripper, are named as `package:path`."""
+    data = read_document(robot.text, Path(robot.source), "robot").data
+    mount = data.get("mount")
+    named = [str(data.get("urdf"))]
+    if isinstance(mount, dict):
+        named.append(str(mount.get("urdf")))
+    return all(":" in each for each in named)
 
 
 def robot_meshes(urdf: str) -> tuple[tuple[str, Path], ...]:
@@ -92,11 +97,10 @@ def plain_reference(filename: str) -> str:
 
 
 def _references(urdf: str) -> Iterator[tuple[str, str]]:
-    folder = Path(urdf).parent
     for mesh in ElementTree.parse(urdf).getroot().iter("mesh"):
         filename = mesh.get("filename", "")
-        plain = filename.removeprefix("package://").removeprefix("file://")
-        yield str(folder / plain), f"{ROBOT_MESHES}{plain_reference(filename)}"
+        if (file := mesh_file(Path(urdf), filename)) is not None:
+            yield str(file), f"{ROBOT_MESHES}{plain_reference(filename)}"
 
 
 @lru_cache(maxsize=4)

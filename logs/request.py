@@ -26,6 +26,8 @@ class RunRequest:
     mission: Path
     scene: str | None = None
     """Instead of the mission's own."""
+    robot: str | None = None
+    """Shipped robot or robot file, instead of the scene's."""
     seed: int = 0
     parameters: Mapping[str, str] = field(default_factory=dict[str, str])
     faults: Path | None = None
@@ -46,6 +48,7 @@ class RunOptions(TypedDict, total=False):
     """The fields of `RunRequest` besides the mission, for `run`."""
 
     scene: str | None
+    robot: str | None
     seed: int
     parameters: Mapping[str, str]
     faults: Path | None
@@ -68,7 +71,9 @@ def read_recipe(request: RunRequest) -> Recipe:
     return Recipe(
         mission,
         scene,
-        load_robot(scene.robot, Path(scene.source).parent),
+        load_robot(request.robot, Path.cwd())
+        if request.robot
+        else load_robot(scene.robot, Path(scene.source).parent),
         request.seed,
         load_faults(request.faults) if request.faults else None,
         request.parameters,

@@ -25,6 +25,7 @@ from ...world.faults.load import parse_faults
 from ...world.files.document import FileError, read_document
 from ...world.robot.description import RobotDescription
 from ...world.robot.load import parse_robot, robot_names
+from ...world.robot.resources import mesh_file
 from ...world.scene.description import SceneDescription
 from ...world.scene.load import parse_scene
 from ..recipe_record import ROBOT_MESHES, plain_reference
@@ -100,12 +101,15 @@ class Unpacking:
         data = _data(text, path, "robot")
         installed: Path | None = None
         if ":" in str(data.get("urdf")):
+            # A gripper from a file beside the robot file is in the log, not beside this text.
             robot = _parsed_or_none(text, path)
             if robot is not None:
                 installed = Path(robot.urdf)
                 if installed.read_bytes() == urdf:
                     return robot
         data["urdf"] = "robot.urdf"
+        for done in ("mount", "inertias"):
+            data.pop(done, None)  # the URDF of the log has it already
         self._put(folder / "robot.urdf", self._with_meshes(urdf, folder, installed))
         return replace(parse_robot(_dumped(data), path), text=text)
 
@@ -147,9 +151,10 @@ class Unpacking:
         return ElementTree.tostring(root)
 
     def _installed_mesh(self, name: str, filename: str, installed: Path | None) -> bytes:
-        plain = filename.removeprefix("package://").removeprefix("file://")
         digest, _, path = self._info.files.get(name, "").partition(" ")
-        for file in (Path(path) if path else None, installed.parent / plain if installed else None):
+        # A mesh of an installed package is found by its name alone, whatever stands beside the URDF here.
+        beside = installed or self._folder / "robot" / "robot.urdf"
+        for file in (Path(path) if path else None, mesh_file(beside, filename)):
             if file is not None and file.is_file():
                 content = file.read_bytes()
                 if not digest or hashlib.sha256(content).hexdigest() == digest:

@@ -79,7 +79,7 @@ def test_a_robot_is_read(robot_file: Path) -> None:
         (
             "  turn:",
             "  wrist:",
-            "6:3: joints.wrist: 'wrist' is fixed; revolute or prismatic is wanted",
+            "6:3: joints.wrist: 'wrist' is fixed; revolute or continuous or prismatic is wanted",
         ),
         (
             "upper: 1.5",
@@ -137,7 +137,7 @@ def test_a_urdf_that_is_no_xml(robot_file: Path) -> None:
 
 
 def test_unknown_robots() -> None:
-    assert robot_names() == ("panda",)
+    assert robot_names() == ("iiwa", "panda", "xarm6")
     with pytest.raises(PicktreeError) as caught:
         load_robot("pnada")
     assert str(caught.value) == "unknown robot 'pnada' (did you mean 'panda'?)"

@@ -38,7 +38,11 @@ def descend(world: World, candidate: GraspCandidate, object_id: ObjectId, node: 
             DOWN, way, force=world.handling.touch, speed=world.handling.touch_speed, node=node
         )
         if felt.contact:
-            up = Offset((0.0, 0.0, world.handling.back_off), least_fraction=0.5)
+            # The tips of fingers on knuckles reach further out while they close.
+            fingers = world.robot.fingers
+            further = fingers.reach(candidate.expected_width) - fingers.reach(candidate.opening)
+            rise = world.handling.back_off + max(0.0, further)
+            up = Offset((0.0, 0.0, rise), least_fraction=0.5)
             plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
             yield from world.move.along(plan.trajectory, node=node)
 

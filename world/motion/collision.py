@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..robot.model import TCP_FRAME, RobotModel
+from ..robot.urdf import resolved_urdf
 from ..scene.description import Bin, Fixture
 from ..scene.planning_scene import BeliefObject, PlanningScene
 from ..values import Array, Bounds, Vector3
@@ -183,9 +184,8 @@ class Collision:
 
 def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
     """The URDF's collision geometry on the joints of `model.full`; meshes as their convex hulls."""
-    urdf = model.description.urdf
-    folder = str(Path(urdf).parent)
-    loaded = pin.buildGeomFromUrdf(model.full, urdf, pin.COLLISION, package_dirs=[folder])
+    urdf = resolved_urdf(model.description.urdf)
+    loaded = pin.buildGeomFromUrdfString(model.full, urdf, pin.COLLISION)
     for o in loaded.geometryObjects:
         o.geometry = hull(o.geometry)
     return tuple(loaded.geometryObjects)

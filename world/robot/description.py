@@ -31,10 +31,34 @@ class PadContact:
 
 
 @dataclass(frozen=True, slots=True)
+class Follower:
+    """A joint that follows the driven one: its position is multiplier · drive + offset."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Linkage:
+    """Fingers that one motor moves through hinges. The tables run from closed to opened, at `angles` rad of
+    the driven joint: distance between the pads, m, and how far the tips reach beyond the TCP, m."""
+
+    drive: str
+    followers: tuple[Follower, ...]
+    knuckles: tuple[str, str]
+    """The joint of each finger, drive or follower, that is nearest to the hand."""
+    angles: tuple[float, ...]
+    widths: tuple[float, ...]
+    tips: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class GripperDescription:
     """A parallel gripper. In the TCP frame z points out of the hand and the fingers move along y."""
 
-    joints: tuple[str, str]
+    joints: tuple[str, ...]
+    """All that move the fingers: the two sliders, or the driven joint and its followers."""
     fingers: tuple[str, str]
     """Links that carry the pads."""
     max_width: float
@@ -49,13 +73,15 @@ class GripperDescription:
     gear: float
     """Ratio of the constraint between the finger joints (pybullet's convention), -1 for a mirror image."""
     tip: float
-    """Distance from the TCP forward (+z) to the finger tips, m."""
+    """Distance from the TCP forward (+z) to the finger tips where they reach furthest, m."""
     palm: float
     """Distance from the TCP back (-z) to the palm, m."""
     hand: tuple[tuple[Box, Pose], ...]
     """Boxes that enclose hand (without fingers), each with its pose in the TCP frame."""
     finger_boxes: tuple[Box, Pose]
     """Box that encloses the +y finger at opening 0, in the TCP frame; mirrored for the other."""
+    linkage: Linkage | None = None
+    """None for two sliders."""
 
 
 @dataclass(frozen=True, slots=True)

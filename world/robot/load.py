@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,9 +11,12 @@ from ..errors import PicktreeError
 from ..files.checked import Checker, describe
 from ..files.document import Document, Fault, FileError, Location, nearest, open_document, read_document
 from ..files.shipped import find_file, is_file, shipped_names
-from .description import GripperDescription, JointLimits, PadContact, RobotDescription
-from .schema import RobotFile
-from .skeleton import LIMITED, Skeleton, UrdfError, read_skeleton
+from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
+from .linkage import LinkageParts, UnfitLinkage, solve_linkage
+from .mount import LinkInertia, Mounting, NamedUrdf, composed
+from .resources import package_folder
+from .schema import GripperFile, MountFile, RobotFile
+from .skeleton import LIMITED, MOVING, Skeleton, UrdfError, read_skeleton
 from .urdf import link_geometry
 
 SHIPPED = Path(__file__).parent.parent / "robots"
@@ -52,13 +54,16 @@ def check_robot(document: Document) -> RobotCheck:
     robot = check.read(RobotFile)
     urdf: Path | None = None
     with check.readable():
-        urdf = _urdf(check, robot.urdf, document.path)
+        urdf = _whole_urdf(check, robot, document.path)
     _check_numbers(check, robot)
+    with check.readable():
+        _check_form(check, robot.gripper)
+    linkage: Linkage | None = None
     if urdf is not None:
-        _check_against(check, robot, urdf)
+        linkage = _check_against(check, robot, urdf)
     if urdf is None or any(fault.severity == "error" for fault in check.faults):
         return RobotCheck(None, tuple(check.faults))
-    return RobotCheck(_described(document, robot, urdf), tuple(check.faults))
+    return RobotCheck(_described(document, robot, urdf, linkage), tuple(check.faults))
 
 
 def _faultless(document: Document) -> RobotDescription:
@@ -68,9 +73,12 @@ def _faultless(document: Document) -> RobotDescription:
     return found.robot
 
 
-def _described(document: Document, robot: RobotFile, urdf: Path) -> RobotDescription:
+def _described(document: Document, robot: RobotFile, urdf: Path, linkage: Linkage | None) -> RobotDescription:
     gripper = robot.gripper
     first, second = gripper.pads
+    widest = gripper.max_width if linkage is None else min(gripper.max_width or 1e9, linkage.widths[-1])
+    joints = gripper.joints if linkage is None else (linkage.drive, *(f.joint for f in linkage.followers))
+    assert joints is not None and widest is not None  # `_check_form` has seen to it
     return RobotDescription(
         name=document.path.stem,
         urdf=str(urdf),
@@ -84,9 +92,9 @@ def _described(document: Document, robot: RobotFile, urdf: Path) -> RobotDescrip
         tcp_in_link=robot.tcp.pose(),
         flange_joint=robot.flange_joint,
         gripper=GripperDescription(
-            joints=gripper.joints,
+            joints=joints,
             fingers=gripper.links,
-            max_width=gripper.max_width,
+            max_width=widest,
             max_force=gripper.max_force,
             speed=gripper.speed,
             pads=(first.placed(), second.placed()),
@@ -96,6 +104,7 @@ def _described(document: Document, robot: RobotFile, urdf: Path) -> RobotDescrip
             palm=gripper.palm,
             hand=tuple(box.placed() for box in gripper.hand),
             finger_boxes=gripper.finger.placed(),
+            linkage=linkage,
         ),
         disabled_pairs=robot.disabled_pairs,
         source=str(document.path),
@@ -103,30 +112,83 @@ def _described(document: Document, robot: RobotFile, urdf: Path) -> RobotDescrip
     )
 
 
-def _urdf(check: Checker, text: str, source: Path) -> Path | None:
+def _whole_urdf(check: Checker, robot: RobotFile, source: Path) -> Path | None:
+    """The URDF, together with that of the gripper where it is mounted."""
+    arm = _urdf(check, ("urdf",), robot.urdf, source)
+    mount = robot.mount
+    hand: NamedUrdf | None = None
+    if mount is not None:
+        hand = _urdf(check, ("mount", "urdf"), mount.urdf, source)
+    if arm is None or (mount is not None and hand is None):
+        return None
+    if mount is None and not robot.inertias:
+        return arm.path
+    for part, name in ((arm, "urdf"), (hand, "mount")):
+        try:
+            if part is not None:
+                read_skeleton(part.path)
+        except UrdfError as error:
+            loc: Location = ("urdf",) if name == "urdf" else ("mount", "urdf")
+            check.fault(loc, f"{part.path if part else ''}: {error}", code="P502")
+            return None
+    mounting = _mounting(mount, hand) if mount is not None and hand is not None else None
+    inertias = {
+        name: LinkInertia(link.mass, link.at, link.moments, link.products)
+        for name, link in robot.inertias.items()
+    }
+    try:
+        path = composed(arm, mounting)
+    except UrdfError as error:
+        check.fault(("mount",), f"the gripper cannot be mounted: {error}", code="P512", key=True)
+        return None
+    if not inertias:
+        return path
+    try:
+        return composed(arm, mounting, inertias)
+    except UrdfError as error:
+        check.fault(("inertias",), str(error), code="P503", key=True)
+        return None
+
+
+def _mounting(mount: MountFile, hand: NamedUrdf) -> Mounting:
+    return Mounting(hand, mount.link, mount.to, mount.pose(), mount.joint, mount.prefix)
+
+
+def _urdf(check: Checker, loc: Location, text: str, source: Path) -> NamedUrdf | None:
     """The URDF's path: `package:path` inside an installed package, or a path beside the robot file."""
     package, colon, inside = text.partition(":")
+    root = Path()
     if colon:
-        # Located, not imported: an import may run anything.
-        try:
-            spec = find_spec(package) if package.isidentifier() else None
-        except ValueError:
-            spec = None
-        roots = list(spec.submodule_search_locations or ()) if spec else []
-        if not roots:
-            check.fault(("urdf",), f"there is no installed package {describe(package)}", code="P501")
+        folder = package_folder(package)
+        if folder is None:
+            check.fault(loc, f"there is no installed package {describe(package)}", code="P501")
             return None
-        path = Path(roots[0]) / inside
-        if "\0" in inside or not path.resolve().is_relative_to(Path(roots[0]).resolve()):
+        root, path = folder, folder / inside
+        if "\0" in inside or not path.resolve().is_relative_to(root.resolve()):
             message = f"{describe(inside)} is outside of the package {package!r}"
-            check.fault(("urdf",), message, code="P501")
+            check.fault(loc, message, code="P501")
             return None
     else:
         path = source.parent / text
     if not is_file(path):
-        check.fault(("urdf",), f"there is no file {path}", code="P501")
+        check.fault(loc, f"there is no file {path}", code="P501")
         return None
-    return path
+    return NamedUrdf(path, package if colon else "", root)
+
+
+def _check_form(check: Checker, gripper: GripperFile) -> None:
+    """Whether it is one of the two forms of a gripper, with all that this form needs."""
+    if check.one_of(("gripper",), ("joints", "linkage")) is None:
+        return
+    if gripper.joints is not None and gripper.max_width is None:
+        check.fault(("gripper",), "'max_width' is missing", code="P105", key=True)
+    if gripper.linkage is not None:
+        linkage = gripper.linkage
+        for name in linkage.offsets:
+            if name not in linkage.followers:
+                hint = nearest(name, linkage.followers)
+                loc: Location = ("gripper", "linkage", "offsets", name)
+                check.fault(loc, f"{describe(name)} is no follower", hint, code="P504", key=True)
 
 
 def _check_numbers(check: Checker, robot: RobotFile) -> None:
@@ -167,13 +229,13 @@ def _check_pose(check: Checker, name: str, robot: RobotFile) -> None:
                 check.fault(loc, message, f"{lower} … {upper}", code="P509")
 
 
-def _check_against(check: Checker, robot: RobotFile, urdf: Path) -> None:
-    """Whether the robot file and the URDF go together."""
+def _check_against(check: Checker, robot: RobotFile, urdf: Path) -> Linkage | None:
+    """Whether the robot file and the URDF go together; what the gripper's linkage does, if it has one."""
     try:
         skeleton = read_skeleton(urdf)
     except UrdfError as error:
         check.fault(("urdf",), f"{urdf}: {error}", code="P502")
-        return
+        return None
     try:
         for which in ("visual", "collision"):
             link_geometry(str(urdf), which)
@@ -188,12 +250,41 @@ def _check_against(check: Checker, robot: RobotFile, urdf: Path) -> None:
         _check_joint(check, loc, name, kinds, skeleton)
     with check.readable():
         _check_order(check, [name for name in robot.joints if name in skeleton.joints], skeleton)
+    with check.readable():
+        if robot.gripper.linkage is not None and not check.faults:
+            return _solved(check, robot, skeleton)
+    return None
+
+
+def _solved(check: Checker, robot: RobotFile, skeleton: Skeleton) -> Linkage | None:
+    gripper, linkage = robot.gripper, robot.gripper.linkage
+    if linkage is None:
+        return None
+    first, second = gripper.pads
+    followers = tuple(
+        Follower(name, by, linkage.offsets.get(name, 0.0)) for name, by in linkage.followers.items()
+    )
+    parts = LinkageParts(
+        linkage.drive,
+        followers,
+        linkage.opened,
+        linkage.closed,
+        gripper.links,
+        (first.placed(), second.placed()),
+        robot.tcp.link,
+        robot.tcp.pose(),
+    )
+    try:
+        return solve_linkage(skeleton, parts)
+    except UnfitLinkage as error:
+        check.fault(("gripper", "linkage"), str(error), code="P513", key=True)
+        return None
 
 
 def _check_joint(
     check: Checker, loc: Location, name: str, kinds: tuple[str, ...], skeleton: Skeleton
 ) -> None:
-    key = loc[0] == "joints"
+    key = loc[0] == "joints" or "followers" in loc
     joint = skeleton.joints.get(name)
     if joint is None:
         hint = nearest(name, skeleton.joints)
@@ -235,9 +326,14 @@ def _link_names(check: Checker, robot: RobotFile) -> Iterator[tuple[Location, st
 
 def _joint_names(check: Checker, robot: RobotFile) -> Iterator[tuple[Location, str, tuple[str, ...]]]:
     with check.readable():
-        yield from ((("joints", name), name, LIMITED) for name in robot.joints)
-    for n in range(2):
-        with check.readable():
-            yield ("gripper", "joints", n), robot.gripper.joints[n], ("prismatic",)
+        yield from ((("joints", name), name, MOVING) for name in robot.joints)
+    with check.readable():
+        for n, name in enumerate(robot.gripper.joints or ()):
+            yield ("gripper", "joints", n), name, ("prismatic",)
+    with check.readable():
+        if (linkage := robot.gripper.linkage) is not None:
+            yield ("gripper", "linkage", "drive"), linkage.drive, LIMITED
+            for name in linkage.followers:
+                yield ("gripper", "linkage", "followers", name), name, LIMITED
     with check.readable():
         yield ("flange_joint",), robot.flange_joint, ("fixed",)

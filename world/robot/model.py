@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
+
 import numpy as np
 import pinocchio as pin
 
@@ -9,6 +11,7 @@ from ..errors import PicktreeError
 from ..shapes import Box
 from ..values import Array, Pose, Vector3
 from .description import RobotDescription
+from .fingers import fingers_of
 from .urdf import LinkMesh, LinkShape, link_geometry
 
 TCP_FRAME = "picktree_tcp"
@@ -37,6 +40,7 @@ class RobotModel:
     def __init__(self, description: RobotDescription) -> None:
         self.description = description
         self.n = len(description.joints)
+        self.fingers = fingers_of(description.gripper)
         limits = description.limits
         self.lower: Array = np.array([limit.lower for limit in limits])
         self.upper: Array = np.array([limit.upper for limit in limits])
@@ -64,10 +68,10 @@ class RobotModel:
         self.hand_mass, self.hand_com = _beyond_flange(self.full, description.flange_joint)
 
     def full_q(self, q: Array, width: float) -> Array:
-        """Configuration of `full` for the arm at q and an opening of `width` m (half for each finger)."""
+        """Configuration of `full` for the arm at q and an opening of `width` m."""
         whole = self._neutral.copy()
         whole[self._arm_q] = q
-        whole[self._finger_q] = width / 2
+        whole[self._finger_q] = self.fingers.positions(width)
         return whole
 
     def tcp(self, q: Array) -> Pose:
@@ -144,7 +148,7 @@ class RobotModel:
 
 
 def _whole_robot(description: RobotDescription) -> pin.Model:
-    model = pin.buildModelFromUrdf(description.urdf)
+    model = _built(description)
     names = (*description.joints, *description.gripper.joints)
     missing = [name for name in names if not model.existJointName(name)]
     missing += [
@@ -168,6 +172,33 @@ def _whole_robot(description: RobotDescription) -> pin.Model:
     link_id = model.getFrameId(description.tcp_link)
     model.addFrame(pin.Frame(TCP_FRAME, link.parentJoint, link_id, placement, pin.OP_FRAME))
     return model
+
+
+def _built(description: RobotDescription) -> pin.Model:
+    """The URDF's model; joints of the arm that turn without end are hinges, with the robot file's limits."""
+    root = ElementTree.parse(description.urdf).getroot()
+    limits = dict(zip(description.joints, description.limits, strict=False))
+    endless = [
+        joint
+        for joint in root.findall("joint")
+        if joint.get("type") == "continuous" and joint.get("name") in limits
+    ]
+    if not endless:
+        return pin.buildModelFromUrdf(description.urdf)
+    for joint in endless:
+        limit = limits[joint.get("name", "")]
+        joint.set("type", "revolute")
+        for old in joint.findall("limit"):
+            joint.remove(old)
+        ElementTree.SubElement(
+            joint,
+            "limit",
+            lower=repr(limit.lower),
+            upper=repr(limit.upper),
+            velocity=repr(limit.velocity),
+            effort=repr(limit.torque),
+        )
+    return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
 
 
 def _arm_only(full: pin.Model, description: RobotDescription) -> pin.Model:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from ..files.checked import Angle, Angles, FileModel, Force, Sizes, Vector, quantity
+from pydantic import Field
+
+from ..files.checked import Angle, Angles, FileModel, Force, Mass, Sizes, Vector, quantity
 from ..shapes import Box
 from ..values import Pose
 from .description import PadContact
+
+Moment = Annotated[float, quantity("")]
 
 
 class FrameFile(FileModel):
@@ -67,15 +71,32 @@ class PadContactFile(FileModel):
     """Coefficient against turning about the line between the pads."""
 
 
-class GripperFile(FileModel):
-    """A gripper with two parallel fingers."""
+class LinkageFile(FileModel):
+    """Fingers that one motor moves through hinges, as the knuckles of a four-bar linkage."""
 
-    joints: tuple[str, str]
-    """The two finger joints of the URDF."""
+    drive: str
+    """The joint of the URDF that the motor turns."""
+    opened: Angle
+    """Its angle at the greatest opening."""
+    closed: Angle
+    """Its angle when the gripper is closed."""
+    followers: dict[str, Annotated[float, quantity("")]]
+    """The other joints that move with it, and how far each turns for a radian of the driven one."""
+    offsets: dict[str, Angle] = Field(default_factory=dict[str, float])
+    """Where followers stand when the driven joint is at 0; those that are not named stand at 0."""
+
+
+class GripperFile(FileModel):
+    """A gripper with two parallel fingers, on two sliders (`joints`) or moved by a `linkage`."""
+
+    joints: tuple[str, str] | None = None
+    """The two sliding finger joints of the URDF, each of which goes half of the way."""
+    linkage: LinkageFile | None = None
+    """Instead of `joints`, where one motor moves both fingers through hinges."""
     links: tuple[str, str]
-    """The two finger links of the URDF, in the order of the joints."""
-    max_width: Annotated[float, quantity("m", above=0)]
-    """Greatest opening between the pads."""
+    """The two finger links of the URDF, in the order of the joints; of a linkage, the +y finger first."""
+    max_width: Annotated[float, quantity("m", above=0)] | None = None
+    """Greatest opening between the pads. Needed with `joints`; of a linkage it is computed from the pads."""
     max_force: Force
     """Greatest grip force of a finger."""
     speed: Annotated[float, quantity("m/s", above=0)]
@@ -83,11 +104,11 @@ class GripperFile(FileModel):
     gear: Annotated[float, quantity("")] = -1.0
     """Ratio of the constraint between the finger joints, as pybullet counts it: -1 for a mirror image."""
     tip: Annotated[float, quantity("m", least=0)]
-    """From the TCP out to the finger tips."""
+    """From the TCP out to the finger tips, where they reach furthest."""
     palm: Annotated[float, quantity("m", above=0)]
     """From the TCP back to the palm."""
     pads: tuple[BoxFile, BoxFile]
-    """The pads, each in the frame of its finger link."""
+    """The pads, each in the frame of its finger link, with edges along the x, y and z of the TCP."""
     pad_contact: PadContactFile = PadContactFile()
     """How the pads touch in simulation."""
     hand: tuple[BoxFile, ...]
@@ -96,11 +117,43 @@ class GripperFile(FileModel):
     """A box around the finger on the +y side at opening 0, in the frame of the TCP; the other mirrors it."""
 
 
+class InertiaFile(FileModel):
+    """Mass and inertia of a link, about its centre of mass in the axes of the link."""
+
+    mass: Mass
+    """Of the link."""
+    at: Vector
+    """Its centre of mass in the link's frame."""
+    moments: tuple[Moment, Moment, Moment]
+    """ixx, iyy, izz in kg·m²."""
+    products: tuple[Moment, Moment, Moment] = (0.0, 0.0, 0.0)
+    """ixy, ixz, iyz in kg·m²."""
+
+
+class MountFile(FrameFile):
+    """A gripper of another URDF, hung on the arm; `at` and `rpy` place its first link in the arm's link."""
+
+    urdf: str
+    """The gripper's URDF, named as the arm's. It may hold more than the gripper."""
+    link: str = ""
+    """Its links from this one on are taken; without it, all."""
+    to: str
+    """The link of the arm that carries it."""
+    joint: str = "mount"
+    """Name of the fixed joint that holds it, which can be named as the `flange_joint`."""
+    prefix: str = ""
+    """Put before the names of the gripper's links and joints, where the arm has the same ones."""
+
+
 class RobotFile(FileModel):
     """A robot: an arm with a gripper, described beside its URDF."""
 
     urdf: str
     """Its URDF: a path beside this file, or 'package:path' inside an installed Python package."""
+    mount: MountFile | None = None
+    """A gripper of another URDF, for an arm that comes without one."""
+    inertias: dict[str, InertiaFile] = Field(default_factory=lambda: dict[str, InertiaFile]())
+    """By the name of the link, instead of what the URDF says: no body can have what it says of some."""
     base: FrameFile = FrameFile()
     """Where its base stands in the world."""
     joints: dict[str, JointFile]

@@ -10,6 +10,7 @@ from typing import Literal
 from ..errors import PicktreeError
 from ..shapes import Box, Cylinder, Sphere
 from ..values import Pose, Vector3
+from .resources import mesh_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +72,19 @@ def _vector(text: str) -> Vector3:
 
 
 def _resolved(urdf: str, filename: str) -> str:
-    """The file, beside the URDF when it is relative; `package://` counts from the URDF's folder."""
-    for prefix in ("package://", "file://"):
-        filename = filename.removeprefix(prefix)
-    path = Path(urdf).parent / filename
-    if not path.is_file():
-        raise PicktreeError(f"{urdf}: mesh {filename!r} not found: {path}")
+    path = mesh_file(Path(urdf), filename)
+    if path is None:
+        plain = filename.removeprefix("package://").removeprefix("file://")
+        raise PicktreeError(f"{urdf}: mesh {plain!r} not found: {Path(urdf).parent / plain}")
     return str(path)
+
+
+def resolved_urdf(urdf: str) -> str:
+    """The text of a URDF with the full path of every mesh, for libraries with other rules of where to look.
+
+    Raises PicktreeError for a mesh that is not there.
+    """
+    root = ElementTree.parse(urdf).getroot()
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", _resolved(urdf, mesh.get("filename", "")))
+    return ElementTree.tostring(root, encoding="unicode")

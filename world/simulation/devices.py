@@ -61,12 +61,14 @@ class PhysicsGripper:
     def __init__(self, senses: Senses, body: RobotBody) -> None:
         self._senses = senses
         self._body = body
+        self._arm_joints = len(body.description.joints)
 
     def read(self) -> GripperState:
-        reading = self._senses.reading
-        width = sum(reading.position[-2:]) + self._senses.noise.width(self._senses.step)
-        force = sum(map(abs, reading.effort[-2:])) / 2
-        return GripperState(width, sum(reading.velocity[-2:]), force)
+        reading, fingers, n = self._senses.reading, self._body.fingers, self._arm_joints
+        position = reading.position[n:]
+        width = fingers.width(position) + self._senses.noise.width(self._senses.step)
+        force = fingers.force(position, reading.effort[n:])
+        return GripperState(width, fingers.rate(position, reading.velocity[n:]), force)
 
     def command(self, width: float, force: float) -> None:
         """Beyond the gripper's limits the nearest possible is done."""

@@ -300,8 +300,9 @@ class KinematicHardware:
         """Points (3,) in the world where something pulls down or pushes up on the hand, with its force."""
         found: list[tuple[Array, float]] = []
         aside = self.gripper.width / 2 + self._pad / 2
+        reach = self.model.fingers.reach(self.gripper.width)
         for side in (aside, -aside):
-            tip = position + rotation @ np.array([0.0, side, self._tip])
+            tip = position + rotation @ np.array([0.0, side, reach])
             x, y, z = (float(c) for c in tip)
             surface = self.bodies.surface(x, y, z, DEEPEST)
             if surface is not None and surface > z:

@@ -44,7 +44,7 @@ class Stage:
         there."""
         if self._client < 0:
             self._open()
-        joints = (*posture.position.tolist(), posture.width / 2, posture.width / 2)
+        joints = (*posture.position.tolist(), *self._body.fingers.positions(posture.width))
         self._body.place(joints, (0.0,) * len(joints))
         self._set(bodies)
         front, behind = View(camera).render(self._client), self._backgrounds[camera.name]

@@ -8,17 +8,19 @@ from tempfile import TemporaryDirectory
 
 from ..errors import PicktreeError
 from ..robot.description import RobotDescription
+from ..robot.fingers import fingers_of
 from ..values import Array, Pose
 from .checkpoint import ArmCommand, GripperCommand, RobotReading
 from .client import Client
 from .engine import pb
+from .linkage_motors import LinkageMotors
 from .robot_urdf import patched_urdf
 
 POSITION_GAIN = 0.3
 """Share of the position error that one step removes: tracks to 0.1 mrad at 1 rad/s."""
 FINGER_GAIN = 0.2
 GEAR_FORCE = 1000.0
-"""N"""
+"""N, or Nm"""
 
 
 class RobotBody:
@@ -35,6 +37,8 @@ class RobotBody:
         self._urdf = patched_urdf(robot)
         self._folder = TemporaryDirectory(prefix="picktree-")
         (Path(self._folder.name) / "robot.urdf").write_text(self._urdf, encoding="utf-8")
+        self.fingers = fingers_of(robot.gripper)
+        self._linkage: LinkageMotors | None = None
         self.body = -1
         self.links: dict[int, str] = {}
         self._command = ArmCommand("follow", (), (), ())
@@ -85,17 +89,21 @@ class RobotBody:
                 physicsClientId=self._client,
             )
         pb.enableJointForceTorqueSensor(self.body, self._flange, 1, self._client)
+        if robot.gripper.linkage is not None:
+            self._linkage = LinkageMotors(self.body, joints, robot.gripper, self._client)
         self._add_gear()
         self._torque_mode = False
         self._command = ArmCommand("follow", (), (), ())
         home = robot.named["home"]
-        opening = robot.gripper.max_width / 2
-        self.place((*home, opening, opening), (0.0,) * (len(home) + 2))
+        opened = self.fingers.positions(robot.gripper.max_width)
+        self.place((*home, *opened), (0.0,) * (len(home) + len(opened)))
         self.follow(home, (0.0,) * len(home))
         self.drive_fingers(GripperCommand(robot.gripper.max_width, robot.gripper.max_force))
 
     def _add_gear(self) -> None:
-        one, other = self._fingers
+        """pybullet leaves the gear between the fingers out of a URDF."""
+        gripper = self.description.gripper
+        one, other = self._fingers if self._linkage is None else self._linkage.knuckles
         gear = pb.createConstraint(
             self.body,
             one,
@@ -109,7 +117,7 @@ class RobotBody:
         )
         pb.changeConstraint(
             gear,
-            gearRatio=self.description.gripper.gear,
+            gearRatio=gripper.gear if self._linkage is None else self._linkage.gear,
             erp=1.0,
             maxForce=GEAR_FORCE,
             physicsClientId=self._client,
@@ -147,6 +155,9 @@ class RobotBody:
 
     def drive_fingers(self, grip: GripperCommand) -> None:
         self._grip = grip
+        if self._linkage is not None:
+            self._linkage.drive(grip)
+            return
         for joint in self._fingers:
             pb.setJointMotorControl2(
                 self.body,
@@ -162,6 +173,8 @@ class RobotBody:
 
     def before_step(self) -> None:
         """pybullet forgets torques after each step; the servo's targets stay."""
+        if self._linkage is not None:
+            self._linkage.before_step()
         if self._command.mode != "torque":
             return
         if not self._torque_mode:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import copy
-import math
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 from ..colours import COLOURS
 from ..errors import PicktreeError
 from ..robot.description import GripperDescription, RobotDescription
+from ..robot.resources import mesh_file
+from ..robot.rpy import rpy_of
 from ..shapes import Box
 from ..values import Pose, Vector3
 
@@ -38,14 +39,12 @@ def patched_urdf(robot: RobotDescription) -> str:
 
 
 def _mesh_path(reference: str, urdf: Path, robot: RobotDescription) -> Path:
-    """A `package://` path is looked for from the URDF's folder upwards, with and without the package name."""
-    plain = Path(reference.removeprefix("package://").removeprefix("file://"))
-    tails = [plain] if plain.is_absolute() else [plain, Path(*plain.parts[1:])]
-    for folder in urdf.resolve().parents:
-        for tail in tails:
-            if (folder / tail).is_file():
-                return folder / tail
-    raise PicktreeError(f"{robot.source or robot.name}: mesh {reference!r} of {robot.urdf} does not exist")
+    file = mesh_file(urdf, reference)
+    if file is None:
+        raise PicktreeError(
+            f"{robot.source or robot.name}: mesh {reference!r} of {robot.urdf} does not exist"
+        )
+    return file.resolve()
 
 
 def _show_what_collides(link: ElementTree.Element) -> None:
@@ -66,7 +65,7 @@ def _put_pad(link: ElementTree.Element, box: Box, pad_in_link: Pose, gripper: Gr
     for old in [*link.findall("collision"), *link.findall("contact")]:
         link.remove(old)
     collision = ElementTree.SubElement(link, "collision")
-    origin = {"xyz": _text(pad_in_link.position), "rpy": _text(_rpy(pad_in_link))}
+    origin = {"xyz": _text(pad_in_link.position), "rpy": _text(rpy_of(pad_in_link))}
     ElementTree.SubElement(collision, "origin", origin)
     ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box", size=_text(box.size))
     contact = ElementTree.SubElement(link, "contact")
@@ -82,16 +81,3 @@ def _put_pad(link: ElementTree.Element, box: Box, pad_in_link: Pose, gripper: Gr
 
 def _text(numbers: Vector3) -> str:
     return " ".join(repr(n) for n in numbers)
-
-
-def _rpy(pose: Pose) -> Vector3:
-    """Roll, pitch, yaw about the fixed axes, rad."""
-    r = pose.rotation()
-    pitch = math.atan2(-float(r[2, 0]), math.hypot(float(r[0, 0]), float(r[1, 0])))
-    if math.cos(pitch) < 1e-9:
-        return math.atan2(-float(r[1, 2]), float(r[1, 1])), pitch, 0.0
-    return (
-        math.atan2(float(r[2, 1]), float(r[2, 2])),
-        pitch,
-        math.atan2(float(r[1, 0]), float(r[0, 0])),
-    )
