@@ -35,25 +35,43 @@ class Trajectory:
         return self.position[-1]
 
     def sample(self, time: float) -> tuple[Array, Array]:
-        """Position and velocity (n,), (n,) at `time`, clipped; cubic Hermite between samples."""
+        """Position and velocity (n,), (n,) at `time`, clipped; between samples see `polynomials`."""
         t = min(max(time, 0.0), self.duration)
         k = min(int(np.searchsorted(self.times, t, side="right")) - 1, len(self.times) - 2)
         if k < 0:
             return self.position[0].copy(), self.velocity[0].copy()
         h = float(self.times[k + 1] - self.times[k])
-        s = (t - float(self.times[k])) / h
-        p0, p1 = self.position[k], self.position[k + 1]
-        m0, m1 = self.velocity[k] * h, self.velocity[k + 1] * h
-        position = (
-            (2 * s**3 - 3 * s**2 + 1) * p0
-            + (s**3 - 2 * s**2 + s) * m0
-            + (3 * s**2 - 2 * s**3) * p1
-            + (s**3 - s**2) * m1
-        )
-        velocity = (
-            (6 * s**2 - 6 * s) * p0
-            + (3 * s**2 - 4 * s + 1) * m0
-            + (6 * s - 6 * s**2) * p1
-            + (3 * s**2 - 2 * s) * m1
-        ) / h
+        p, v, a = self.position, self.velocity, self.acceleration
+        c = quintic(p[k], v[k], a[k], p[k + 1], v[k + 1], a[k + 1], h)
+        u = t - float(self.times[k])
+        position = c[0] + u * (c[1] + u * (c[2] + u * (c[3] + u * (c[4] + u * c[5]))))
+        velocity = c[1] + u * (2 * c[2] + u * (3 * c[3] + u * (4 * c[4] + u * 5 * c[5])))
         return position, velocity
+
+    def polynomials(self) -> Array:
+        """Coefficients (m - 1, 6, n) of the motion between samples, in powers of the time since the earlier
+        one: of the fifth degree, so that position, velocity and acceleration are continuous."""
+        p, v, a = self.position, self.velocity, self.acceleration
+        if len(p) < 2:
+            return np.concatenate([p[:, None], np.zeros((len(p), 5, p.shape[1]))], axis=1)
+        h = np.diff(self.times)[:, None]
+        return quintic(p[:-1], v[:-1], a[:-1], p[1:], v[1:], a[1:], h).transpose(1, 0, 2)
+
+
+def quintic(p0: Array, v0: Array, a0: Array, p1: Array, v1: Array, a1: Array, span: Array | float) -> Array:
+    """Coefficients (6, …) of the polynomial over [0, span] with these values and two derivatives at its
+    ends. Arrays of one shape; `span` a number, or an array that goes with them."""
+    h = span
+    d = p1 - p0 - v0 * h - 0.5 * a0 * h**2
+    e = (v1 - v0 - a0 * h) * h
+    f = (a1 - a0) * h**2
+    return np.array(
+        [
+            p0,
+            v0,
+            0.5 * a0,
+            (10 * d - 4 * e + 0.5 * f) / h**3,
+            (-15 * d + 7 * e - f) / h**4,
+            (6 * d - 3 * e + 0.5 * f) / h**5,
+        ]
+    )

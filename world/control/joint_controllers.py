@@ -18,8 +18,17 @@ LEAST_DECELERATION = 1.0
 BRAKING = 0.6
 """Share of the acceleration limits for braking on a path: all at once the joints' torques would not do."""
 MOST_DECELERATION = 60.0
+BRAKING_TORQUE = 0.85
+"""Share of the torque limits that braking off the path takes."""
+RELAXATIONS = 8
+"""Rounds in which joints that lack torque leave each other some."""
+LEAST_SHARE = 0.15
+"""Of what is left then, with which it brakes in any case."""
 UNATTENDED = 0.1
 """How long a motion that was handed over goes on before it brakes by itself, s."""
+
+_FIRST = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+_SECOND = np.array([2.0, 6.0, 12.0, 20.0])
 
 
 class Hold:
@@ -42,9 +51,10 @@ class Hold:
 
 
 class Brake:
-    """Slow each joint down at its own acceleration limit."""
+    """Slow all joints down at their acceleration limits, as far as their torques suffice for that."""
 
     def __init__(self, model: RobotModel, period: float) -> None:
+        self._model = model
         self._step: Array = model.acceleration_limit * period
         self._period = period
         self.done = False
@@ -54,7 +64,8 @@ class Brake:
         self._velocity = setpoint.velocity.copy()
 
     def update(self, now: float, state: JointState) -> JointCommand:
-        slower = np.sign(self._velocity) * np.maximum(np.abs(self._velocity) - self._step, 0.0)
+        change = self._change()
+        slower = self._velocity + change
         self._position = self._position + (0.5 * self._period) * (self._velocity + slower)
         self._velocity = slower
         self.done = not slower.any()
@@ -62,6 +73,25 @@ class Brake:
 
     def brake(self) -> Controller:
         return self
+
+    def _change(self) -> Array:
+        """Of the speeds in this period: no joint is accelerated, and none needs more torque than it has."""
+        model, speed = self._model, np.abs(self._velocity)
+        most = -np.sign(self._velocity) * np.minimum(self._step, speed)
+        mass = model.mass_matrix(self._position) / self._period
+        coasting = model.bias(self._position, self._velocity)
+        limit = BRAKING_TORQUE * model.torque_limit
+        change = most.copy()
+        for _ in range(RELAXATIONS):
+            torque = mass @ change + coasting
+            excess = torque - np.clip(torque, -limit, limit)
+            if not excess.any():
+                return change
+            change = change - excess / np.diagonal(mass)
+            change = np.clip(change, np.minimum(most, 0.0), np.maximum(most, 0.0))
+        room = np.maximum(limit - np.sign(mass @ change) * coasting, 0.0)
+        share = float((room / np.maximum(np.abs(mass @ change), 1e-9)).min())
+        return change * min(max(share, LEAST_SHARE), 1.0)
 
 
 class Track:
@@ -79,10 +109,9 @@ class Track:
         self._period = period
         self._limit = BRAKING * model.acceleration_limit
         self._times: list[float] = trajectory.times.tolist()
-        self._coefficients = _cubics(trajectory)
-        self._powers = np.zeros((2, 4))
+        self._coefficients = trajectory.polynomials()
+        self._powers = np.zeros((2, 6))
         self._powers[0, 0] = 1.0
-        self._powers[1, 1] = 1.0
         self._segment = 0
         self._rate = 1.0
         self._braking = False
@@ -139,21 +168,21 @@ class Track:
         while k < last and times[k + 1] <= s:
             k += 1
         self._segment = k
-        t = s - times[k]
         p = self._powers
-        p[0, 1] = t
-        p[0, 2] = t * t
-        p[0, 3] = t * t * t
-        p[1, 2] = 2.0 * t
-        p[1, 3] = 3.0 * t * t
+        power, t = 1.0, s - times[k]
+        for degree in range(1, 6):
+            p[1, degree] = degree * power
+            power *= t
+            p[0, degree] = power
         both = p @ self._coefficients[k]
         return both[0], both[1]
 
     def _slow_down(self) -> None:
         c = self._coefficients[self._segment]
         t = self.progress - self._times[self._segment]
-        along = c[1] + 2.0 * t * c[2] + 3.0 * t * t * c[3]
-        bend = (2.0 * c[2] + 6.0 * t * c[3]) * (self._rate * self._rate)
+        powers = t ** np.arange(5.0)
+        along = (_FIRST * powers) @ c[1:]
+        bend = (_SECOND * powers[:4]) @ c[2:] * (self._rate * self._rate)
         speed = np.abs(along)
         moving = speed > 1e-6
         deceleration = MOST_DECELERATION
@@ -161,18 +190,6 @@ class Track:
             room = (self._limit + np.sign(along) * bend)[moving] / speed[moving]
             deceleration = min(max(float(room.min()), LEAST_DECELERATION), MOST_DECELERATION)
         self._rate = max(0.0, self._rate - deceleration * self._period)
-
-
-def _cubics(trajectory: Trajectory) -> Array:
-    """Coefficients (m - 1, 4, n) of the cubic Hermite pieces in the time since their beginning."""
-    h = np.diff(trajectory.times)[:, None]
-    p, v = trajectory.position, trajectory.velocity
-    if len(h) == 0:
-        return np.stack([p, np.zeros_like(p), np.zeros_like(p), np.zeros_like(p)], axis=1)
-    step = (p[1:] - p[:-1]) / h
-    return np.stack(
-        [p[:-1], v[:-1], (3 * step - 2 * v[:-1] - v[1:]) / h, (v[:-1] + v[1:] - 2 * step) / h**2], axis=1
-    )
 
 
 def way_back(trajectory: Trajectory, done: float, rate: float = 0.3) -> Trajectory | None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from ..trajectory import quintic
 from ..values import Array
 
 DEGREE = 5
@@ -111,25 +112,6 @@ def bridge(before: Curve, after: Curve, radius: float) -> Curve:
     p0, v0, w0 = (before.at(a, order) for order in range(3))
     p1, v1, w1 = (after.at(b, order) for order in range(3))
     return Curve(np.array([0.0, span]), quintic(p0, v0, w0, p1, v1, w1, span)[None])
-
-
-def quintic(p0: Array, v0: Array, w0: Array, p1: Array, v1: Array, w1: Array, span: Array | float) -> Array:
-    """Coefficients (6, …) of the polynomial over [0, span] with these values and two derivatives at its
-    ends. Arrays of one shape; `span` a number, or an array that goes with them."""
-    h = span
-    d = p1 - p0 - v0 * h - 0.5 * w0 * h**2
-    e = (v1 - v0 - w0 * h) * h
-    f = (w1 - w0) * h**2
-    return np.array(
-        [
-            p0,
-            v0,
-            0.5 * w0,
-            (10 * d - 4 * e + 0.5 * f) / h**3,
-            (-15 * d + 7 * e - f) / h**4,
-            (6 * d - 3 * e + 0.5 * f) / h**5,
-        ]
-    )
 
 
 def distinct(path: Array) -> Array:
