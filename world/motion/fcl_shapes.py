@@ -70,8 +70,12 @@ class Gap:
 
 
 def gap(a: Placed, b: Placed) -> Gap:
+    return gap_of(a.object, b.object)
+
+
+def gap_of(a: fcl.CollisionObject, b: fcl.CollisionObject) -> Gap:
     result = fcl.DistanceResult()
-    fcl.distance(a.object, b.object, _REQUEST, result)
+    fcl.distance(a, b, _REQUEST, result)
     (ax, ay, az), (bx, by, bz) = (tuple(float(c) for c in p) for p in result.nearest_points)
     return Gap(float(result.min_distance), (ax, ay, az), (bx, by, bz))
 

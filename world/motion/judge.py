@@ -6,33 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
-from ..robot.model import RobotModel
+from ..robot.model import TCP_FRAME, RobotModel, pose_of
 from ..robot.urdf import LinkMesh, LinkShape, link_geometry
-from ..scene.planning_scene import PlanningScene
+from ..scene.planning_scene import BeliefObject, PlanningScene
 from ..trajectory import Trajectory
-from ..values import Array, Pose
+from ..values import Array, Vector3
 from .bodies import loose_bodies, still_bodies
-from .fcl_shapes import Placed, Solid, gap, hull, place, solid
+from .fcl_shapes import Solid, hull, place, solid
 from .margins import Margins, Part
 from .requests import Contact
+from .sweep import Carried, Pairs, Sweep, moments_of
 from .way import SLACK, ZONE
 
-STEP = 0.005
-"""Greatest way of the TCP between two configurations that are judged, m."""
-TURN = 0.03
-"""Greatest way in joint space between them, rad: the elbow may move while the TCP does not."""
 TOLERANCE = 0.0001
 """Penetration that is put down to rounding, m."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Limb:
-    link: str
-    solid: Solid
-    pose_in_link: Pose
-    part: Part
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,40 +31,66 @@ class _Thing:
     part: Part
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Closest:
+    """Where a trajectory comes nearest to anything that it may not touch."""
+
+    a: str
+    """A link, or what is held."""
+    b: str
+    distance: float
+    """m; negative: depth."""
+    time: float
+    """From the start of the trajectory, s."""
+    configuration: Array
+    """(n,) rad"""
+    point_a: Vector3
+    """On `a`, in the world."""
+    point_b: Vector3
+
+
 class Judge:
-    """Judges trajectories of one robot; the hulls of its links are made once."""
+    """Judges trajectories of one robot; the hulls of its links are made once.
+
+    It looks at a trajectory every 5 mm of the TCP. How far two bodies are apart is measured at few of these
+    moments: between them a distance changes by no more than the way that the bodies make.
+    """
 
     def __init__(self, model: RobotModel) -> None:
         self._model = model
         self._margins = Margins()
         beyond = _links_beyond(model)
         fingers = model.description.gripper.fingers
-        fixed = model.link_poses(model.lower, 0.0), model.link_poses(model.upper, 0.08)
-        self._limbs: list[_Limb] = []
+        self._limbs: list[Carried] = []
+        self._things: list[_Thing] = []
         for element in link_geometry(model.description.urdf, "collision"):
-            link = element.link
-            if link in fingers:
+            frame = model.full.frames[model.full.getFrameId(element.link)]
+            if element.link in fingers:
                 part = Part.FINGER
-            elif link in beyond:
+            elif element.link in beyond:
                 part = Part.HAND
             else:
-                part = Part.BASE if fixed[0][link] == fixed[1][link] else Part.ARM
-            self._limbs.append(_Limb(link, _solid_of(element), element.pose_in_link, part))
+                part = Part.BASE if frame.parentJoint == 0 else Part.ARM
+            pose_in_joint = pose_of(frame.placement) @ element.pose_in_link
+            self._limbs.append(Carried(_solid_of(element), frame.parentJoint, pose_in_joint))
+            self._things.append(_Thing(element.link, part))
         disabled = {frozenset(pair) for pair in model.description.disabled_pairs}
         gripper = (Part.HAND, Part.FINGER)
         self._self_pairs = [
             (i, j)
-            for i, a in enumerate(self._limbs)
-            for j, b in enumerate(self._limbs[i + 1 :], i + 1)
-            if a.link != b.link
-            and frozenset((a.link, b.link)) not in disabled
+            for i, a in enumerate(self._things)
+            for j, b in enumerate(self._things[i + 1 :], i + 1)
+            if a.name != b.name
+            and frozenset((a.name, b.name)) not in disabled
             and not (a.part in gripper and b.part in gripper)
         ]
         # What the hand holds cannot reach the links that carry the hand.
         carriers = _carriers(model)
         self._held_against = [
-            k for k, limb in enumerate(self._limbs) if limb.part not in gripper and limb.link not in carriers
+            k for k, a in enumerate(self._things) if a.part not in gripper and a.name not in carriers
         ]
+        tcp = model.full.frames[model.full.getFrameId(TCP_FRAME)]
+        self._tcp_joint, self._tcp_in_joint = tcp.parentJoint, pose_of(tcp.placement)
 
     def judge(
         self, trajectory: Trajectory, scene: PlanningScene, width: float, *, excuse_start: bool = True
@@ -86,74 +100,122 @@ class Judge:
         Pairs that the scene allows to touch, and what a held object may sink into a board, do not count;
         with `excuse_start` nor does what touches already at the start, near it, unless it gets deeper.
         """
+        view = self._view(trajectory, scene, width)
+        near_start = np.abs(view.configurations - trajectory.start).max(axis=1) <= ZONE
+        pairs = view.sweep.near(view.pairs, 0.0)
+        bounds, travel = view.sweep.bounds(pairs), view.sweep.travel(pairs)
+        worst: dict[tuple[str, str], Contact] = {}
+        at_start: dict[tuple[str, str], float] = {}
+
+        def look(column: int, moment: int) -> float:
+            """How far the pair is from what it may do at that moment, m; a contact is noted."""
+            i, j = (int(k) for k in pairs[column])
+            a, b = view.things[i], view.things[j]
+            between = view.sweep.gap(moment, i, j)
+            usual = least = min(0.0, self._margins.between(a.part, b.part))
+            key = (a.name, b.name)
+            if excuse_start and moment == 0 and between.distance < least:
+                at_start[key] = min(between.distance, at_start.get(key, 0.0))
+            if near_start[moment] and key in at_start:
+                least = min(least, at_start[key] - SLACK)
+            if between.distance < min(least - TOLERANCE, worst[key].distance if key in worst else 0.0):
+                worst[key] = Contact(a.name, b.name, between.distance, between.point_b)
+            return between.distance - usual
+
+        # First the start: what touches there is excused near it. Then halves of what is not proven free.
+        unknown = bounds < 0.0
+        for column in np.flatnonzero(unknown[0]):
+            look(int(column), 0)
+        unknown[0] = False
+        for column in range(len(pairs)):
+            left = np.flatnonzero(unknown[:, column])
+            while len(left):
+                moment = int(left[len(left) // 2])
+                room = max(look(column, moment), 0.0)
+                away = np.abs(travel[left, column] - travel[moment, column])
+                left = left[(away >= room) & (left != moment)]
+        return tuple(sorted(worst.values(), key=lambda contact: contact.distance))
+
+    def clearance(self, trajectory: Trajectory, scene: PlanningScene, width: float) -> Closest | None:
+        """Where the robot, with what it holds, comes nearest to itself or to anything that the scene does not
+        allow to touch; None when there is nothing.
+
+        Branch and bound: a pair is measured where it may be nearer than what was found so far.
+        """
+        view = self._view(trajectory, scene, width)
+        if not len(view.pairs):
+            return None
+        sweep, last = view.sweep, len(view.configurations) - 1
+        best, answer = np.inf, (0, 0, 0)
+        # Something near to begin with: at three moments the pair whose boxes are nearest.
+        for moment in (0, last // 2, last):
+            column = int(sweep.bounds_at(moment, view.pairs).argmin())
+            i, j = (int(k) for k in view.pairs[column])
+            distance = sweep.gap(moment, i, j).distance
+            if distance < best:
+                best, answer = distance, (moment, i, j)
+        pairs = sweep.near(view.pairs, max(best, 0.0))
+        bounds, travel = sweep.bounds(pairs), sweep.travel(pairs)
+        while bounds.size:
+            moment, column = (int(k) for k in np.unravel_index(int(bounds.argmin()), bounds.shape))
+            if bounds[moment, column] >= best:
+                break
+            i, j = (int(k) for k in pairs[column])
+            distance = sweep.gap(moment, i, j).distance
+            if distance < best:
+                best, answer = distance, (moment, i, j)
+            away = np.abs(travel[:, column] - travel[moment, column])
+            bounds[:, column] = np.maximum(bounds[:, column], distance - away)
+            bounds[moment, column] = np.inf
+        moment, i, j = answer
+        gap = sweep.gap(moment, i, j)
+        time, configuration = float(view.times[moment]), view.configurations[moment]
+        a, b = view.things[i].name, view.things[j].name
+        return Closest(a, b, gap.distance, time, configuration.copy(), gap.point_a, gap.point_b)
+
+    def _view(self, trajectory: Trajectory, scene: PlanningScene, width: float) -> _View:
         bodies = (*still_bodies(scene), *loose_bodies(scene.objects))
-        around = [place(solid(b.shape), b.pose) for b in bodies]
+        around = [place(solid(body.shape), body.pose) for body in bodies]
+        carried, things = list(self._limbs), list(self._things)
         held = scene.held
-        held_solid = None if held is None else solid(held.shape)
-        things = [_Thing(limb.link, limb.part) for limb in self._limbs]
         if held is not None:
+            carried.append(self._held(held))
             things.append(_Thing(held.id, Part.HELD))
         robots = len(things)
         things += [_Thing(b.name, Part.SUPPORT if b.support else Part.OBSTACLE) for b in bodies]
-        meets = self._meets(scene, things, robots)
-        worst: dict[tuple[str, str], Contact] = {}
-        at_start: dict[tuple[str, str], float] = {}
-        for moment, q in enumerate(self._moments(trajectory)):
-            poses = self._model.link_poses(q, width)
-            placed = [place(m.solid, poses[m.link] @ m.pose_in_link) for m in self._limbs]
-            if held is not None and held_solid is not None and held.object_in_tcp is not None:
-                placed.append(place(held_solid, self._model.tcp(q) @ held.object_in_tcp))
-            placed += around
-            near_start = float(np.abs(q - trajectory.start).max()) <= ZONE
-            for i, j in _overlapping(placed, robots, meets):
-                a, b = things[i], things[j]
-                between = gap(placed[i], placed[j])
-                least = min(0.0, self._margins.between(a.part, b.part))
-                key = (a.name, b.name)
-                if excuse_start and moment == 0 and between.distance < least:
-                    at_start[key] = min(between.distance, at_start.get(key, 0.0))
-                if near_start and key in at_start:
-                    least = min(least, at_start[key] - SLACK)
-                if between.distance < min(least - TOLERANCE, worst[key].distance if key in worst else 0.0):
-                    worst[key] = Contact(a.name, b.name, between.distance, between.point_b)
-        return tuple(sorted(worst.values(), key=lambda contact: contact.distance))
+        moments = moments_of(self._model, trajectory)
+        sweep = Sweep(self._model, carried, around, moments.configurations, width)
+        pairs = self._pairs(scene, things, robots)
+        return _View(moments.times, moments.configurations, sweep, things, pairs)
 
-    def _meets(self, scene: PlanningScene, things: list[_Thing], robots: int) -> NDArray[np.bool_]:
-        """(robots, all): the pairs that may not touch."""
-        meets = np.zeros((robots, len(things)), dtype=np.bool_)
-        for i, j in self._self_pairs:
-            meets[i, j] = True
+    def _held(self, held: BeliefObject) -> Carried:
+        assert held.object_in_tcp is not None
+        return Carried(solid(held.shape), self._tcp_joint, self._tcp_in_joint @ held.object_in_tcp)
+
+    def _pairs(self, scene: PlanningScene, things: list[_Thing], robots: int) -> Pairs:
+        """(pairs, 2): those that may not touch."""
+        pairs = list(self._self_pairs)
         if robots > len(self._limbs):
-            meets[self._held_against, robots - 1] = True
+            pairs += [(k, robots - 1) for k in self._held_against]
         for i, a in enumerate(things[:robots]):
+            if a.part is Part.BASE:
+                continue
             side = "arm" if a.part is Part.ARM else "gripper"
             for j, b in enumerate(things[robots:], robots):
-                touching = scene.allowed(side, b.name) or scene.allowed(a.name, b.name)
-                meets[i, j] = a.part is not Part.BASE and not touching
-        return meets
-
-    def _moments(self, trajectory: Trajectory) -> list[Array]:
-        """Configurations (n,) along the trajectory, at most STEP of the TCP and TURN of the joints apart."""
-        kept = [trajectory.start]
-        last = np.array(self._model.tcp(trajectory.start).position)
-        for index, q in enumerate(trajectory.position[1:], 1):
-            point = np.array(self._model.tcp(q).position)
-            ways = float(np.linalg.norm(point - last)) / STEP, float(np.linalg.norm(q - kept[-1])) / TURN
-            count = int(np.ceil(max(ways)))
-            if max(ways) > 0.9 or index == len(trajectory.position) - 1:
-                # Two samples may be further apart than that themselves.
-                before = kept[-1]
-                kept += [before + (q - before) * (k / count) for k in range(1, count)] + [q]
-                last = point
-        return kept
+                if not (scene.allowed(side, b.name) or scene.allowed(a.name, b.name)):
+                    pairs.append((i, j))
+        return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
 
-def _overlapping(placed: list[Placed], robots: int, meets: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Pairs (of the robot, of anything) whose bounding boxes overlap."""
-    low = np.array([p.low for p in placed])
-    high = np.array([p.high for p in placed])
-    apart = (low[:robots, None] > high[None]).any(axis=2) | (low[None] > high[:robots, None]).any(axis=2)
-    return [(int(i), int(j)) for i, j in np.argwhere(meets & ~apart)]
+@dataclass(frozen=True, slots=True, eq=False)
+class _View:
+    """One trajectory in one scene, ready to be looked at."""
+
+    times: Array
+    configurations: Array
+    sweep: Sweep
+    things: list[_Thing]
+    pairs: Pairs
 
 
 def judge(
