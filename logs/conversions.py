@@ -10,7 +10,7 @@ from ..world.journal import CandidatesRanked, PlanMade
 from ..world.scene.planning_scene import BeliefChange, BeliefObject
 from ..world.shapes import ConvexMesh, Shape
 from ..world.values import ObjectId, Pose
-from .records import Body, Candidate, Candidates, Event, Plan, Stage
+from .records import Block, Body, Candidate, Candidates, Event, Plan, Stage
 
 
 class TrueBody(Protocol):
@@ -28,6 +28,8 @@ class TrueBody(Protocol):
     def shape(self) -> Shape: ...
     @property
     def pose(self) -> Pose: ...
+    @property
+    def role(self) -> str: ...
 
 
 def believed(o: BeliefObject) -> Body:
@@ -46,12 +48,13 @@ def believed(o: BeliefObject) -> Body:
         sigma_position=o.sigma_position,
         sigma_angle=o.sigma_angle,
         last_seen=o.last_seen,
+        blocks=tuple(Block(block.size, block.at) for block in o.blocks),
     )
 
 
 def real(body: TrueBody) -> Body:
     """What the simulation has there."""
-    return Body(body.id, body.kind, body.form, body.colour, _portable(body.shape), body.pose)
+    return Body(body.id, body.kind, body.form, body.colour, _portable(body.shape), body.pose, body.role)
 
 
 def changed(change: BeliefChange) -> Event:

@@ -31,6 +31,7 @@ from ..world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..world.values import Pose, Vector3
 from .json_records import decode, encode
 from .meshes import shape_mesh
+from .parts import parts_of
 from .records import Body, Joints, LinkMesh, LogLine, Part, Scene, Transform
 
 WORLD = "world"
@@ -225,7 +226,9 @@ class Scenes:
         entity = SceneEntity(frame_id=body.id if locked else WORLD, id=body.id, frame_locked=True)
         colour = COLOURS.get(body.colour, UNKNOWN_COLOUR)
         alpha = 0.45 if body.role == "obstacle" else 1.0
-        _add_shape(entity, body.shape, Pose() if locked else body.pose, colour, alpha)
+        frame = Pose() if locked else body.pose
+        for shape, pose in parts_of(body):
+            _add_shape(entity, shape, frame @ pose, colour, alpha)
         for key, value in (
             ("kind", body.kind),
             ("colour", body.colour),

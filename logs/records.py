@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 from ..world.shapes import Shape
-from ..world.values import Pose
+from ..world.values import Pose, Vector3
 
 FORMAT = 2
 """Of the log as a whole. Raised when an older reader could no longer make sense of it."""
@@ -307,6 +307,14 @@ class LinkMesh:
 
 
 @dataclass(frozen=True)
+class Block:
+    """A box along the axes of its body's frame: edge lengths and centre, m."""
+
+    size: Vector3
+    at: Vector3
+
+
+@dataclass(frozen=True)
 class Body:
     """A movable body as it is believed, or as it truly is. `pose` is in the world."""
 
@@ -323,6 +331,8 @@ class Body:
     sigma_position: float = 0.0
     sigma_angle: float = 0.0
     last_seen: float = 0.0
+    blocks: tuple[Block, ...] = ()
+    """Of an obstacle: the boxes in its frame that it takes up; `shape` is then the box about all."""
 
 
 @dataclass(frozen=True)

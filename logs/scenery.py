@@ -16,8 +16,9 @@ from ..world.values import Array, Pose
 from .glb import read_glb
 from .meshes import Mesh, joined, shape_mesh
 from .messages import UNKNOWN_COLOUR
+from .parts import parts_of
 from .raster import Model, Picture
-from .records import Body, LinkMesh, Part, Scene
+from .records import Block, Body, LinkMesh, Part, Scene
 from .studio import Studio
 from .view import View
 
@@ -52,7 +53,7 @@ class Scenery:
         self._fixed: tuple[Part, ...] | None = None
         self._studio = Studio(joined([]), view, size)
         self._robot: dict[str, Model] = {}
-        self._bodies: dict[tuple[Shape, str], Model] = {}
+        self._bodies: dict[tuple[Shape, str, tuple[Block, ...]], Model] = {}
 
     def picture(self, shown: Shown) -> Picture:
         """RGB (h, w, 3)."""
@@ -68,7 +69,7 @@ class Scenery:
         links = shown.links
         parts = [mesh.placed(links[link]) for link, mesh in self._robot_meshes.items() if link in links]
         parts += [_mesh(part.shape, part.colour).placed(part.pose) for part in shown.solid.fixed]
-        parts += [_mesh(b.shape, b.colour).placed(_pose(b, links)) for b in shown.solid.bodies]
+        parts += [_body_mesh(b).placed(_pose(b, links)) for b in shown.solid.bodies]
         studio = Studio(joined(parts), self._view, self._size, fine=self._fine)
         return self._drawn_over(studio.picture([]), shown)
 
@@ -77,7 +78,8 @@ class Scenery:
         if len(shown.path) > 1:
             self._line(picture, np.array(shown.path))
         for body in shown.outlined.bodies if shown.outlined else ():
-            self._outline(picture, _mesh(body.shape, body.colour).placed(body.pose).vertices)
+            for shape, pose in parts_of(body):
+                self._outline(picture, _mesh(shape, body.colour).placed(body.pose @ pose).vertices)
         return picture
 
     def _build(self, fixed: tuple[Part, ...]) -> None:
@@ -88,9 +90,9 @@ class Scenery:
         self._bodies = {}
 
     def _body(self, body: Body) -> Model:
-        key = (body.shape, body.colour)
+        key = (body.shape, body.colour, body.blocks)
         if key not in self._bodies:
-            self._bodies[key] = self._studio.model(_mesh(*key))
+            self._bodies[key] = self._studio.model(_body_mesh(body))
         return self._bodies[key]
 
     def _pixels(self, points: Array) -> NDArray[np.int32] | None:
@@ -123,6 +125,10 @@ class Scenery:
 
 def _mesh(shape: Shape, colour: str) -> Mesh:
     return shape_mesh(shape, COLOURS.get(colour, UNKNOWN_COLOUR))
+
+
+def _body_mesh(body: Body) -> Mesh:
+    return joined(_mesh(shape, body.colour).placed(pose) for shape, pose in parts_of(body))
 
 
 def _pose(body: Body, links: Mapping[str, Pose]) -> Pose:

@@ -155,7 +155,7 @@ class Scribe:
         recorder.belief(now, objects, world.scene.take_changes())
         recorder.wrench(now, world.control.wrench_external())
         recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
-        moved = any(isinstance(entry, Happened) and entry.kind in _BY_THE_FEED for entry in entries)
+        moved = any(isinstance(entry, Happened) and _sudden(entry) for entry in entries)
         if moved or recorder.truth_due(now):
             self._truth(now, hardware)
 
@@ -200,10 +200,15 @@ class Scribe:
             if body.present or (body.taken_with is not None and body.id in self._there)
         ]
         self._there = {body.id for body in bodies if body.present}
-        self._recorder.truth(now, bodies)
+        self._recorder.truth(now, (*bodies, *hardware.obstacles()))
 
     def finish(self, result: RunResult) -> None:
         self._recorder.finish({"status": result.status, "json": result.to_json_text()})
+
+
+def _sudden(event: Happened) -> bool:
+    """Whether something stands elsewhere at once."""
+    return event.kind in _BY_THE_FEED or event.data.get("fault") == "obstacle"
 
 
 def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:

@@ -62,7 +62,8 @@ class Case:
 
     @cached_property
     def truth(self) -> Tracks:
-        return Tracks(list(self.run.log.truths()))
+        """Of the items: an obstacle is none."""
+        return Tracks(list(self.run.log.truths()), "item")
 
     @cached_property
     def pairs(self) -> Mapping[str, str]:

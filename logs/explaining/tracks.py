@@ -49,14 +49,15 @@ class Track:
 
 
 class Tracks:
-    """All bodies of one topic."""
+    """All bodies of one topic, or those of one role."""
 
-    def __init__(self, scenes: Sequence[At[Scene]]) -> None:
+    def __init__(self, scenes: Sequence[At[Scene]], role: str | None = None) -> None:
         self.times = tuple(at.time for at in scenes)
         collected: dict[str, list[tuple[float, Body]]] = defaultdict(list)
         for at in scenes:
             for body in at.record.bodies:
-                collected[body.id].append((at.time, body))
+                if role in (None, body.role):
+                    collected[body.id].append((at.time, body))
         self.tracks: Mapping[str, Track] = {
             id_: Track(id_, tuple(t for t, _ in found), tuple(b for _, b in found))
             for id_, found in collected.items()

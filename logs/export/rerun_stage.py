@@ -15,7 +15,7 @@ from .. import messages, topics
 from ..glb import upright
 from ..meshes import shape_mesh
 from ..messages import UNKNOWN_COLOUR
-from ..records import Body, Part, Scene, Transform
+from ..records import Block, Body, Part, Scene, Transform
 from ..run import Run
 from .rerun_sheet import Sheet
 
@@ -76,9 +76,9 @@ def _bodies(
     fill: rr.components.FillMode,
 ) -> None:
     """Shapes when they appear or change, poses at each message, and the end of what is no longer there."""
-    there: Mapping[str, tuple[Shape, str]] = {}
+    there: Mapping[str, tuple[Shape, str, tuple[Block, ...]]] = {}
     for time, bodies in scenes:
-        present = {body.id: (body.shape, body.colour) for body in bodies}
+        present = {body.id: (body.shape, body.colour, body.blocks) for body in bodies}
         for gone in there.keys() - present.keys():
             sheet.at(time, _entity(source, gone), rr.Clear(recursive=True))
         for body in bodies:
@@ -86,7 +86,7 @@ def _bodies(
             sheet.at(time, entity, _placed(body.pose))
             if there.get(body.id) != present[body.id]:
                 colour = _TRUTH if source == "truth" else _rgb(body.colour)
-                sheet.at(time, entity, _form(body.shape, colour, fill, body.id))
+                sheet.at(time, entity, _body_form(body, colour, fill))
         there = present
 
 
@@ -169,6 +169,19 @@ def camera_entity(camera: str) -> str:
 
 def _placed(pose: Pose) -> rr.Transform3D:
     return rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.orientation))
+
+
+def _body_form(body: Body, colour: tuple[int, int, int], fill: rr.components.FillMode) -> rr.AsComponents:
+    if not body.blocks:
+        return _form(body.shape, colour, fill, body.id)
+    return rr.Boxes3D(
+        centers=[block.at for block in body.blocks],
+        sizes=[block.size for block in body.blocks],
+        colors=[colour],
+        fill_mode=fill,
+        labels=[body.id],
+        show_labels=False,
+    )
 
 
 def _form(

@@ -137,4 +137,8 @@ def spans(flags: Flags) -> list[Span]:
 
 
 def _differs(a: Body, b: Body) -> bool:
-    return (a.shape, a.colour, a.kind, a.role, a.place) != (b.shape, b.colour, b.kind, b.role, b.place)
+    return _look(a) != _look(b)
+
+
+def _look(body: Body) -> tuple[object, ...]:
+    return body.shape, body.colour, body.kind, body.role, body.place, body.blocks

@@ -9,9 +9,10 @@ import numpy as np
 from ...world.colours import COLOURS
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..glb import read_glb
-from ..meshes import Mesh, shape_mesh, smoothed
+from ..meshes import Mesh, joined, shape_mesh, smoothed
 from ..messages import UNKNOWN_COLOUR
-from ..records import LinkMesh
+from ..parts import parts_of
+from ..records import Body, LinkMesh
 from ..thinning import thinned
 from .packing import Packable, quantised
 
@@ -63,6 +64,14 @@ def packed_shape(shape: Shape) -> Packable:
             return {"sphere": radius}
         case ConvexMesh():
             return {"mesh": packed_mesh(shape_mesh(shape))}
+
+
+def packed_body(body: Body) -> Packable:
+    """The shape of a body; an obstacle's blocks are one mesh."""
+    if not body.blocks:
+        return packed_shape(body.shape)
+    mesh = joined(shape_mesh(shape).placed(pose) for shape, pose in parts_of(body))
+    return {"mesh": packed_mesh(mesh)}
 
 
 def rgb(name: str) -> list[Packable]:

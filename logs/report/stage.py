@@ -12,7 +12,7 @@ from ...world.values import Array, Pose
 from ..run import Run
 from .bodies import Believed, Frames, Sampled, spans
 from .matching import track
-from .models import packed_link, packed_shape, rgb
+from .models import packed_body, packed_link, packed_shape, rgb
 from .motion import motion_of
 from .packing import Packable, Quantised, Section, quantised
 from .poses import composed, continuous, filled, inverse, row
@@ -85,7 +85,7 @@ def _object(one: Believed) -> Packable:
         "looks": [
             {
                 "tick": look.tick,
-                "shape": packed_shape(look.body.shape),
+                "shape": packed_body(look.body),
                 "colour": rgb(look.body.colour),
                 "kind": look.body.kind,
                 "role": look.body.role,

@@ -31,3 +31,22 @@ class BVHModelOBBRSS(CollisionGeometry):
 
 class StdVec_Vec3s:
     def append(self, point: NDArray[np.float64]) -> None: ...
+
+class Transform3s:
+    def __init__(self, rotation: NDArray[np.float64], translation: NDArray[np.float64]) -> None: ...
+
+class CollisionRequest:
+    security_margin: float
+    def __init__(self) -> None: ...
+
+class CollisionResult:
+    def __init__(self) -> None: ...
+
+def collide(
+    a: CollisionGeometry,
+    a_in_world: Transform3s,
+    b: CollisionGeometry,
+    b_in_world: Transform3s,
+    request: CollisionRequest,
+    result: CollisionResult,
+) -> int: ...

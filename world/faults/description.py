@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from ..scene.description import Form
+from ..scene.description import Fixture, Form
 from ..values import Vector3
 
 
@@ -71,7 +71,17 @@ class Bump:
     spin: Vector3 = (0.0, 0.0, 0.0)
 
 
-FaultSpec: TypeAlias = Remove | Friction | Bump
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """Something that the robot is not told of is put into its way, as soon as nothing is there; it stands
+    still, and is taken away again after so many seconds, or never."""
+
+    when: When
+    body: Fixture
+    stays: float | None = None
+
+
+FaultSpec: TypeAlias = Remove | Friction | Bump | Obstacle
 
 
 @dataclass(frozen=True, slots=True)

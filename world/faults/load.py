@@ -9,11 +9,12 @@ from ..errors import PicktreeError
 from ..files.checked import Checker, describe
 from ..files.document import Document, Fault, FileError, Location, nearest, open_document, read_document
 from ..scene.description import SceneDescription
+from ..scene.entries import check_unknown, unknown
 from ..scene.load import load_scene
-from .description import AtNode, AtTime, Bump, FaultFile, FaultSpec, Friction, Remove, Target, When
+from .description import AtNode, AtTime, Bump, FaultFile, FaultSpec, Friction, Obstacle, Remove, Target, When
 from .schema import MAY, NEEDS, FaultEntryFile, FaultsRestFile, TargetFile, WhenFile
 
-_OWN_KEYS = ("friction", "mass", "velocity", "spin")
+_OWN_KEYS = ("target", "friction", "mass", "velocity", "spin", "body", "name", "stays")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,8 @@ def check_faults(document: Document) -> FaultsCheck:
         _check_entry(check, n, entry)
         if scene is not None:
             with check.readable():
-                _check_target(check, ("faults", n, "target"), entry.target, scene)
+                if entry.target is not None:
+                    _check_target(check, ("faults", n, "target"), entry.target, scene)
     if any(fault.severity == "error" for fault in check.faults):
         return FaultsCheck(None, tuple(check.faults))
     specs = tuple(_spec(entry) for entry in entries)
@@ -95,9 +97,12 @@ def _check_entry(check: Checker, n: int, entry: FaultEntryFile) -> None:
             hint = "index, kind, form, colour or nearest_to"
             check.fault((*loc, "target"), "no item is named", hint, code="P603")
     with check.readable():
-        if entry.target.nearest_to == "object" and entry.when.node is None:
+        if entry.target and entry.target.nearest_to == "object" and entry.when.node is None:
             message = "'object' needs a node in 'when', whose port it is"
             check.fault((*loc, "target", "nearest_to"), message, code="P604")
+    with check.readable():
+        if entry.body is not None:
+            check_unknown(check, (*loc, "body"), entry.body)
 
 
 def _check_when(check: Checker, loc: Location, when: WhenFile) -> None:
@@ -129,7 +134,7 @@ def _check_target(check: Checker, loc: Location, target: TargetFile, scene: Scen
 
 def _spec(entry: FaultEntryFile) -> FaultSpec:
     """A fault without faults."""
-    when, chosen = _when(entry.when), entry.target
+    when, chosen = _when(entry.when), entry.target or TargetFile()
     target = Target(chosen.index, chosen.kind, chosen.form, chosen.colour, chosen.nearest_to)
     match entry.fault:
         case "remove":
@@ -138,6 +143,9 @@ def _spec(entry: FaultEntryFile) -> FaultSpec:
             return Friction(when, target, entry.friction or 0.0, entry.mass)
         case "bump":
             return Bump(when, target, entry.velocity or (0.0, 0.0, 0.0), entry.spin or (0.0, 0.0, 0.0))
+        case "obstacle":
+            assert entry.body is not None
+            return Obstacle(when, unknown(entry.name or "obstacle", entry.body), entry.stays)
 
 
 def _when(when: WhenFile) -> When:

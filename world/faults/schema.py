@@ -7,9 +7,10 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import AfterValidator, Field, Strict, WithJsonSchema
 
 from ..colours import ITEM_COLOURS
-from ..files.checked import Duration, FileModel, Mass, Wrong, describe, quantity
+from ..files.checked import Duration, FileModel, Mass, Name, Wrong, describe, quantity
 from ..files.nearest import nearest
 from ..scene.description import Form
+from ..scene.schema import UnknownFile
 
 
 def _colour(name: str) -> str:
@@ -63,14 +64,15 @@ class TargetFile(FileModel):
 
 
 class FaultEntryFile(FileModel):
-    """One thing that goes wrong: what, when, and to which item."""
+    """One thing that goes wrong: what, when, and to which item or where."""
 
-    fault: Literal["remove", "friction", "bump"]
-    """remove: the item is snatched away. friction: it is oiled or made heavier. bump: it gets a push."""
+    fault: Literal["remove", "friction", "bump", "obstacle"]
+    """remove: the item is snatched away. friction: it is oiled or made heavier. bump: it gets a push.
+    obstacle: something that the robot is not told of is put into its way."""
     when: WhenFile
     """When it happens."""
-    target: TargetFile
-    """To which item."""
+    target: TargetFile | None = None
+    """To which item. Of all faults but obstacle, which need it."""
     friction: Annotated[float, quantity("", least=0, most=2)] | None = None
     """Its new coefficient of friction. Only of the fault friction, which needs it."""
     mass: Mass | None = None
@@ -80,10 +82,28 @@ class FaultEntryFile(FileModel):
     spin: tuple[Spin, Spin, Spin] | None = None
     """What it gets all at once, about x, y, z of the world; none unless given. Only of the fault bump."""
 
+    body: UnknownFile | None = None
+    """What is put there, and where; it stands still. It waits until no item and no part of the robot is in
+    its place. Only of the fault obstacle, which needs it."""
+    name: Name | None = None
+    """What the record calls it; `obstacle` unless given. Only of the fault obstacle."""
+    stays: Duration | None = None
+    """How long it stays before it is taken away; for good unless given. Only of the fault obstacle."""
 
-NEEDS = {"remove": (), "friction": ("friction",), "bump": ("velocity",)}
+
+NEEDS = {
+    "remove": ("target",),
+    "friction": ("target", "friction"),
+    "bump": ("target", "velocity"),
+    "obstacle": ("body",),
+}
 """What must be given with a fault."""
-MAY = {"remove": (), "friction": ("friction", "mass"), "bump": ("velocity", "spin")}
+MAY = {
+    "remove": ("target",),
+    "friction": ("target", "friction", "mass"),
+    "bump": ("target", "velocity", "spin"),
+    "obstacle": ("body", "name", "stays"),
+}
 """What may be given with a fault."""
 
 

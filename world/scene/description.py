@@ -175,6 +175,9 @@ class SceneDescription:
     """What is brought while a run goes on."""
     exchange: Exchange | None = None
     """None: nobody exchanges bins."""
+    unknown: tuple[Fixture, ...] = ()
+    """Bodies that stand there from the beginning, and that nobody has told the robot of: only the simulation
+    may look at them."""
 
     @property
     def loads(self) -> tuple[Spawn, ...]:

@@ -12,7 +12,7 @@ from ..shapes import Box, Cylinder, Shape, Sphere
 from ..values import Array, ObjectId, Pose, Vector3
 from .description import Bin, CameraDescription, CatalogueEntry, Fixture, Form
 from .meshes import MeshError, load_convex
-from .schema import FORMS, CameraFile, CatalogueFile, FixtureFile
+from .schema import FORMS, CameraFile, CatalogueFile, FixtureFile, UnknownFile
 
 RESERVED = ("arm", "gripper", "hand", "aside")
 """Names that the belief uses for other things."""
@@ -84,6 +84,29 @@ def body(name: str, entry: FixtureFile) -> Fixture | Bin:
         )
     assert entry.box is not None
     return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour)
+
+
+def check_unknown(check: Checker, loc: Location, entry: UnknownFile) -> None:
+    """Faults of a body that the robot is not told of."""
+    check.one_of(loc, UnknownFile.one_of)
+    with check.readable():
+        if entry.rpy is not None and entry.yaw is not None:
+            message = "'rpy' and 'yaw' exclude each other"
+            check.fault((*loc, "yaw"), message, "give one of them", code="P112", key=True)
+
+
+def unknown(name: str, entry: UnknownFile) -> Fixture:
+    """Such a body without faults."""
+    pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
+    shape: Shape
+    if entry.cylinder is not None:
+        shape = Cylinder(entry.cylinder.radius, entry.cylinder.height)
+    elif entry.sphere is not None:
+        shape = Sphere(entry.sphere.radius)
+    else:
+        assert entry.box is not None
+        shape = Box(entry.box)
+    return Fixture(ObjectId(name), shape, pose, entry.colour)
 
 
 def check_camera(check: Checker, name: str, entry: CameraFile) -> None:

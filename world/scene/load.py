@@ -28,7 +28,7 @@ from .description import (
     Thinking,
 )
 from .destinations import can_hold, rule_names
-from .entries import body, camera, check_body, check_camera, kind
+from .entries import body, camera, check_body, check_camera, check_unknown, kind, unknown
 from .feed import Exchange
 from .feeding import belt, check_belts, check_feed, delivery
 from .schema import (
@@ -40,6 +40,7 @@ from .schema import (
     FixtureFile,
     RestFile,
     SpawnFile,
+    UnknownFile,
 )
 
 SHIPPED = Path(__file__).parent.parent / "scenes"
@@ -131,6 +132,7 @@ class _Parts:
         # Unknown keys were refused already.
         self.rest = check.read(RestFile, ignore=[k for k in document.data if k not in RestFile.model_fields])
         self.bodies = check.each(FixtureFile, "fixtures", most=MAX_ENTRIES)
+        self.unknown = check.each(UnknownFile, "unknown", most=MAX_ENTRIES)
         self.cameras = check.each(CameraFile, "cameras", most=MAX_ENTRIES)
         self.kinds = check.each(CatalogueFile, "catalogue", most=MAX_ENTRIES)
         self.spawn = check.sequence(SpawnFile, "spawn", most=MAX_ENTRIES)
@@ -147,6 +149,8 @@ class _Parts:
         workspace = self._workspace()
         for name, entry in self.bodies.items():
             check_body(check, name, entry)
+        for name, entry in self.unknown.items():
+            self._check_unknown(name, entry)
         for name, entry in self.cameras.items():
             check_camera(check, name, entry)
         self.catalogue = {name: kind(check, name, entry) for name, entry in self.kinds.items()}
@@ -190,6 +194,7 @@ class _Parts:
             belts=tuple(belt(name, entry) for name, entry in self.bodies.items() if entry.belt is not None),
             deliveries=tuple(delivery(entry, self.bodies) for entry in self.feed),
             exchange=Exchange(rest.exchange.takes) if rest.exchange is not None else None,
+            unknown=tuple(unknown(name, entry) for name, entry in self.unknown.items()),
         )
 
     def _robot(self, name: str) -> Path | None:
@@ -232,6 +237,13 @@ class _Parts:
             if self.rest.exchange is not None and not any(map(self._may_be_bin, self.bodies)):
                 message, hint = "there is no bin that could be exchanged", "a fixture with 'bin'"
                 check.fault(("exchange",), message, hint, code="P425", key=True, severity="warning")
+
+    def _check_unknown(self, name: str, entry: UnknownFile) -> None:
+        if name in self.bodies:
+            hint = "call one of them otherwise"
+            message = f"the name {name!r} is taken by a fixture"
+            self.checker.fault(("unknown", name), message, hint, code="P403", key=True)
+        check_unknown(self.checker, ("unknown", name), entry)
 
     def _check_destination(self, n: int, rule: DestinationFile) -> None:
         check = self.checker

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal, cast, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, WithJsonSchema
 
-from ..colours import ITEM_COLOURS, PLAIN_COLOURS
+from ..colours import COLOURS, ITEM_COLOURS, PLAIN_COLOURS
 from ..files.checked import (
     Angle,
     Angles,
@@ -30,7 +30,7 @@ from ..files.nearest import nearest
 from ..files.wording import describe
 from .description import Form, Limits, SensorNoise, Thinking
 
-SECTIONS = ("fixtures", "cameras", "catalogue", "spawn", "feed", "destinations")
+SECTIONS = ("fixtures", "unknown", "cameras", "catalogue", "spawn", "feed", "destinations")
 """The parts of a scene file that are read entry by entry; the rest is `RestFile`."""
 FORMS: tuple[Form, ...] = get_args(Form)
 
@@ -50,6 +50,12 @@ def _plain_colour(name: str) -> str:
         raise Wrong(message, f"one of {plain}", code="P108")
     if name not in PLAIN_COLOURS:
         raise Wrong(f"unknown colour {describe(name)}", nearest(name, PLAIN_COLOURS), code="P108")
+    return name
+
+
+def _colour(name: str) -> str:
+    if name not in COLOURS:
+        raise Wrong(f"unknown colour {describe(name)}", nearest(name, COLOURS), code="P108")
     return name
 
 
@@ -77,6 +83,7 @@ def _names(known: Iterable[str]) -> WithJsonSchema:
 
 
 ItemColour = Annotated[str, AfterValidator(_item_colour), _names(ITEM_COLOURS)]
+AnyColour = Annotated[str, AfterValidator(_colour), _names(COLOURS)]
 PlainColour = Annotated[str, AfterValidator(_plain_colour), _names(PLAIN_COLOURS)]
 ItemSize = Annotated[float, quantity("m", least=0.001, most=1.0)]
 ItemSizes = tuple[ItemSize, ItemSize, ItemSize]
@@ -146,6 +153,28 @@ class FixtureFile(FileModel):
     """Where the light barrier crosses a belt, from its middle along +x: there it stops for the robot."""
     colour: PlainColour = "grey"
     """What cameras see: an unsaturated colour, so that it is told from items."""
+
+
+class UnknownFile(FileModel):
+    """A body that stands still, of which the robot is not told: it has to see it."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("box", "cylinder", "sphere")
+    """Exactly one of these is given."""
+
+    box: Sizes | None = None
+    """Edge lengths along x, y, z."""
+    cylinder: CylinderFile | None = None
+    """A round post, along its own z."""
+    sphere: SphereFile | None = None
+    """A ball that stays where it is."""
+    at: Vector
+    """Its centre: x, y, z in the world."""
+    rpy: Angles | None = None
+    """How it is turned: about the world's x, then y, then z."""
+    yaw: Angle | None = None
+    """How it is turned about the world's z, where that is all. Not beside `rpy`."""
+    colour: AnyColour = "grey"
+    """What cameras see; that of items too."""
 
 
 class OffsetFile(FileModel):
@@ -360,6 +389,8 @@ class SceneFile(RestFile):
 
     fixtures: dict[Name, FixtureFile] | None = None
     """Bodies that never move, by name: the table, bins, obstacles."""
+    unknown: dict[Name, UnknownFile] | None = None
+    """Bodies by name that stand there from the beginning, and that the robot is not told of."""
     cameras: dict[Name, CameraFile] | None = None
     """Cameras by name."""
     catalogue: dict[Name, CatalogueFile] | None = None

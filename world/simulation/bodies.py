@@ -52,6 +52,16 @@ def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict
     return bodies
 
 
+def add_obstacle(body: Fixture, client: int) -> int:
+    """Something that stands still, to be touched and seen; returns pybullet's body number."""
+    check_body(body.id, body.shape, body.pose)
+    number = _fixed(
+        _collision(body.shape, client), _visual(body.shape, body.colour, client), body.pose, client
+    )
+    pb.changeDynamics(number, -1, lateralFriction=FIXED_FRICTION, restitution=0.0, physicsClientId=client)
+    return number
+
+
 def add_scenery(scene: SceneDescription, client: int) -> None:
     """Fixtures and bins, to be seen but not touched."""
     for fixture in scene.fixtures:

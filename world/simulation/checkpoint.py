@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import TypeAdapter, ValidationError
 
 from ..errors import PicktreeError
+from ..scene.description import Fixture
 from ..values import ObjectId, Quaternion, Vector3
 from .belt_drive import BeltState
 from .feeder import FeederState
@@ -85,6 +86,8 @@ class Checkpoint:
     inventory: InventoryState | None = None
     """What came after the beginning and what left; None when nothing did, as in older logs."""
     feeder: FeederState | None = None
+    obstacles: tuple[Fixture, ...] | None = None
+    """What stands there that the robot was not told of; None: what the scene has, as in older logs."""
 
     def to_plain(self) -> dict[str, Any]:
         """As JSON knows it. Floats survive exactly."""

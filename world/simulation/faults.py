@@ -1,4 +1,4 @@
-"""Carrying out a fault file: at its time, or when a node starts, something goes wrong with an item."""
+"""Carrying out a fault file: at its time, or when a node starts, something is done to an item or the way."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 from ..errors import PicktreeError
-from ..faults.description import AtTime, Bump, FaultFile, FaultSpec, Friction, Remove, Target
+from ..faults.description import AtTime, Bump, FaultFile, FaultSpec, Friction, Obstacle, Remove, Target
 from ..files.node_pattern import node_matches
 from ..journal import Happened, Plain
 from ..protocols import Clock
-from ..values import Pose, Vector3
-from .truth import TrueBody
+from ..scene.description import Fixture
+from ..values import ObjectId, Pose, Vector3
+from .truth import TrueBody, TrueObstacle
 
 
 class Faulty(Protocol):
@@ -28,6 +29,10 @@ class Faulty(Protocol):
         self, item: str, friction: float | None = None, mass: float | None = None
     ) -> None: ...
     def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None: ...
+    def obstacles(self) -> tuple[TrueObstacle, ...]: ...
+    def room_for(self, body: Fixture) -> bool: ...
+    def put_obstacle(self, body: Fixture) -> ObjectId: ...
+    def take_obstacle(self, name: ObjectId) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +46,12 @@ class FaultState:
     node: str = ""
     """Path of the node whose start made it due."""
     done: bool = False
+    standing: str = ""
+    """Name of the obstacle that it has put into the way and has yet to take away."""
+    until: float = 0.0
+    """When it takes that away, s."""
+    waits: bool = False
+    """It is due, but something is in its place."""
 
 
 class Injector:
@@ -78,9 +89,16 @@ class Injector:
         now = self._hardware.clock.now
         happened: list[Happened] = []
         for n, (fault, state) in enumerate(zip(self._faults, self._states, strict=True)):
-            if not state.done and state.due is not None and now >= state.due - 1e-9:
-                self._states[n] = replace(state, done=True)
-                happened.append(self._carry_out(fault, state.node))
+            if state.standing and now >= state.until - 1e-9:
+                happened.append(self._clear(state))
+                self._states[n] = replace(state, standing="")
+            elif not state.done and state.due is not None and now >= state.due - 1e-9:
+                if isinstance(fault, Obstacle):
+                    self._states[n], told = self._obstruct(fault, state, now)
+                    happened += told
+                else:
+                    self._states[n] = replace(state, done=True)
+                    happened.append(self._carry_out(fault, state.node))
         return tuple(happened)
 
     def state(self) -> tuple[FaultState, ...]:
@@ -93,7 +111,30 @@ class Injector:
             raise PicktreeError(f"the checkpoint knows {len(states)} faults, the file {len(self._faults)}")
         self._states = list(states)
 
-    def _carry_out(self, fault: FaultSpec, node: str) -> Happened:
+    def _obstruct(self, fault: Obstacle, state: FaultState, now: float) -> tuple[FaultState, list[Happened]]:
+        """Put the obstacle where it belongs, or wait until nothing is there."""
+        body = fault.body
+        data: dict[str, Plain] = {"fault": "obstacle", "obstacle": body.id, "at": list(body.pose.position)}
+        if not self._hardware.room_for(body):
+            if state.waits:
+                return state, []
+            message = f"{body.id} waits until nothing is in its place"
+            return replace(state, waits=True), [
+                Happened("fault", message, state.node, data | {"waits": True})
+            ]
+        name = self._hardware.put_obstacle(body)
+        state = replace(state, done=True, waits=False)
+        if fault.stays is not None:
+            state = replace(state, standing=str(name), until=now + fault.stays)
+        message = f"{name} is put into the way"
+        return state, [Happened("fault", message, state.node, data | {"obstacle": name})]
+
+    def _clear(self, state: FaultState) -> Happened:
+        self._hardware.take_obstacle(ObjectId(state.standing))
+        data: dict[str, Plain] = {"fault": "obstacle", "obstacle": state.standing, "gone": True}
+        return Happened("fault", f"{state.standing} is taken away", state.node, data)
+
+    def _carry_out(self, fault: Remove | Friction | Bump, node: str) -> Happened:
         name = type(fault).__name__.lower()
         body = self._choose(fault.target, node)
         if body is None:

@@ -29,8 +29,9 @@ from .kinematic_camera import KinematicCamera, Posture, Stage
 from .kinematic_cell import KinematicCell, body_of, true_body
 from .kinematic_gripper import GRAVITY, KinematicGripper
 from .kinematic_state import ItemState, KinematicState
+from .obstacles import Obstacles, Room
 from .spawn import SpawnedItem, spawn_items
-from .truth import TrueBody
+from .truth import TrueBody, TrueObstacle
 
 STIFFNESS = 2.0e4
 """Of a contact with what is below, N/m."""
@@ -118,6 +119,9 @@ class KinematicHardware:
         items = spawn_items(scene, seed)
         self._inventory = Inventory(scene, items)
         self.bodies = Bodies(scene, (body_of(item) for item in items))
+        self._obstacles = Obstacles(lambda _: self._restand(), lambda _: self._restand())
+        self._obstacles.renew(scene.unknown)
+        self._room: Room | None = None
         self.bodies.settle()
         floor = floor_height(scene.fixtures, robot.base_in_world.position[2])
         self._belts = KinematicBelts(scene, self.bodies, floor, period)
@@ -127,7 +131,12 @@ class KinematicHardware:
         self.wrench = KinematicWrench()
         stage = Stage(scene, robot, period)
         self.cameras: Mapping[str, Camera] = MappingProxyType(
-            {c.name: KinematicCamera(c, stage, self.bodies, self.clock, self._posture) for c in scene.cameras}
+            {
+                c.name: KinematicCamera(
+                    c, stage, self.bodies, self.clock, self._posture, lambda: self._obstacles.here
+                )
+                for c in scene.cameras
+            }
         )
         self._feeder: Feeder | None = None
         if has_feeder(scene):
@@ -211,6 +220,28 @@ class KinematicHardware:
         self.bodies.put(replace(body, pose=body.pose.shifted((x / speed * way, y / speed * way, 0.0))))
         self.bodies.settle()
 
+    def obstacles(self) -> tuple[TrueObstacle, ...]:
+        """What stands there that the robot was not told of. The arm passes through it: nothing here is
+        solid but tops."""
+        return self._obstacles.truth()
+
+    def room_for(self, body: Fixture) -> bool:
+        """Whether no item and no part of the robot is where the body would stand."""
+        self._room = self._room or Room(self.model)
+        items = [(item.entry.shape, item.pose) for item in self.bodies.present]
+        return self._room.free(body.shape, body.pose, items, self.arm.position, self.gripper.width)
+
+    def put_obstacle(self, body: Fixture) -> ObjectId:
+        """A fault: something stands in the way from now on; its name."""
+        return self._obstacles.put(body)
+
+    def take_obstacle(self, name: ObjectId) -> None:
+        """The end of such a fault: it is taken away."""
+        self._obstacles.take(name)
+
+    def _restand(self) -> None:
+        self.bodies.stand(self._obstacles.here)
+
     def checkpoint(self) -> KinematicState:
         """Save, and go on from what was saved, as a resumed run would."""
         gripper, bodies = self.gripper, self.bodies
@@ -229,6 +260,7 @@ class KinematicHardware:
             self._belts.states(),
             self._inventory.state(),
             self._feeder.state() if self._feeder is not None else None,
+            self._obstacles.here,
         )
         self.restore(saved)
         return saved
@@ -246,6 +278,8 @@ class KinematicHardware:
         gripper = self.gripper
         gripper.width, gripper.target, gripper.force = saved.width, saved.target, saved.force
         gripper.gripped, gripper.item_in_tcp, gripper.speed = saved.gripped, saved.item_in_tcp, 0.0
+        self._obstacles.renew(self.scene.unknown if saved.obstacles is None else saved.obstacles)
+        self._restand()
         self.bodies.replace_all((_restored(known[item.id], item) for item in saved.items), saved.held)
         self._belts.restore(saved.belts)
         if self._feeder is not None:

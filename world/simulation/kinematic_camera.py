@@ -11,7 +11,7 @@ from ..protocols import Clock, RgbdImage
 from ..robot.description import RobotDescription
 from ..scene.description import CameraDescription, SceneDescription
 from ..values import Array, ObjectId
-from .bodies import add_item
+from .bodies import add_item, add_obstacle
 from .camera import Picture, View, backgrounds, intrinsics
 from .client import Client
 from .engine import pb
@@ -37,16 +37,24 @@ class Stage:
         self._period = period
         self._client = -1
         self._numbers: dict[ObjectId, int] = {}
+        self._obstacles: dict[Fixture, int] = {}
         self._backgrounds: Mapping[str, Picture] = {}
 
-    def render(self, camera: CameraDescription, posture: Posture, bodies: Iterable[Body]) -> Picture:
-        """What the camera sees of robot and items, in front of what never moves; `bodies` are those that are
-        there."""
+    def render(
+        self,
+        camera: CameraDescription,
+        posture: Posture,
+        bodies: Iterable[Body],
+        obstacles: Iterable[Fixture] = (),
+    ) -> Picture:
+        """What the camera sees of robot, items and obstacles, in front of what never moves; `bodies` and
+        `obstacles` are those that are there."""
         if self._client < 0:
             self._open()
         joints = (*posture.position.tolist(), *self._body.fingers.positions(posture.width))
         self._body.place(joints, (0.0,) * len(joints))
         self._set(bodies)
+        self._stand(obstacles)
         front, behind = View(camera).render(self._client), self._backgrounds[camera.name]
         nearer = front.depth < behind.depth
         return Picture(
@@ -73,6 +81,14 @@ class Stage:
             position, orientation = body.pose.position, body.pose.orientation
             pb.resetBasePositionAndOrientation(self._numbers[name], position, orientation, self._client)
 
+    def _stand(self, obstacles: Iterable[Fixture]) -> None:
+        there = tuple(obstacles)
+        for gone in [body for body in self._obstacles if body not in there]:
+            pb.removeBody(self._obstacles.pop(gone), self._client)
+        for body in there:
+            if body not in self._obstacles:
+                self._obstacles[body] = add_obstacle(body, self._client)
+
 
 class KinematicCamera:
     """`protocols.Camera`, without noise."""
@@ -84,16 +100,18 @@ class KinematicCamera:
         bodies: Bodies,
         clock: Clock,
         posture: Callable[[], Posture],
+        obstacles: Callable[[], Iterable[Fixture]] = tuple,
     ) -> None:
         self._camera = camera
         self._stage = stage
         self._bodies = bodies
         self._clock = clock
         self._posture = posture
+        self._obstacles = obstacles
 
     def capture(self) -> RgbdImage:
         posture = self._posture()
-        picture = self._stage.render(self._camera, posture, self._bodies.present)
+        picture = self._stage.render(self._camera, posture, self._bodies.present, self._obstacles())
         return RgbdImage(
             camera=self._camera.name,
             colour=picture.colour,

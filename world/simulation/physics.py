@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from types import MappingProxyType
+
+import numpy as np
 
 from ..errors import PicktreeError
 from ..journal import Happened
 from ..no_feed import NoFeed
 from ..protocols import Camera, Clock, Feed
 from ..robot.description import RobotDescription
-from ..scene.description import SceneDescription
+from ..robot.model import RobotModel
+from ..scene.description import Fixture, SceneDescription
 from ..streams import Streams
 from ..values import ObjectId, Pose, Vector3
 from .belt_drive import BeltDrive
 from .belts import Belts
-from .bodies import add_fixed
+from .bodies import add_fixed, add_obstacle
 from .camera import PhysicsCamera, backgrounds
 from .checkpoint import Checkpoint, RobotReading
 from .client import Client
@@ -25,12 +28,13 @@ from .devices import PERIOD, PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
 from .engine import pb
 from .feeder import Feeder, FeederState, has_feeder
 from .noise import BodyNoise
+from .obstacles import Obstacles, Room
 from .physics_cell import PhysicsCell
 from .physics_items import PhysicsItems
 from .robot_body import RobotBody
 from .sleeping import EVERY, REST_LOOKS
 from .spawn import spawn_items
-from .truth import TrueBody
+from .truth import TrueBody, TrueObstacle
 
 GRAVITY = 9.81
 """m/s²"""
@@ -76,6 +80,9 @@ class PhysicsHardware:
         self._belts = Belts(scene, client.id, PERIOD)
         self._items = PhysicsItems(scene, spawn_items(scene, seed), client.id, self._belts.running)
         self._fixed: dict[int, str] = {}
+        self._standing: dict[ObjectId, int] = {}
+        self._obstacles = Obstacles(self._stand, self._unstand)
+        self._room: Room | None = None
         behind = backgrounds(scene)
         self._cameras = MappingProxyType(
             {c.name: PhysicsCamera(c, behind[c.name], self._streams, client, senses) for c in scene.cameras}
@@ -88,7 +95,7 @@ class PhysicsHardware:
             self._feeder = Feeder(scene, PhysicsCell(robot, self._items, senses), seed, self._belts.drives)
         self.feed: Feed = self._feeder or NoFeed()
         if start is None:
-            self._empty()
+            self._empty(scene.unknown)
             self._items.spawn(self._fixed)
             self._belts.build(self._fixed)
             self._settle()
@@ -168,7 +175,7 @@ class PhysicsHardware:
                 f"the checkpoint's cameras are {sorted(saved.captures)}, "
                 f"but the scene has {sorted(self._cameras)}"
             )
-        self._empty()
+        self._empty(self.scene.unknown if saved.obstacles is None else saved.obstacles)
         self._items.restore(saved.items, saved.ledger, saved.inventory, self._fixed)
         self._belts.build(self._fixed)
         self._belts.restore(saved.belts)
@@ -196,6 +203,7 @@ class PhysicsHardware:
             belts=self._belts.states(),
             inventory=self._items.inventory.state(),
             feeder=self._feeder.state() if self._feeder is not None else None,
+            obstacles=self._obstacles.here,
         )
 
     def truth(self) -> tuple[TrueBody, ...]:
@@ -230,7 +238,38 @@ class PhysicsHardware:
         """A fault: the item is hit and moves with `velocity`, m/s, and `spin`, rad/s, in the world."""
         self._items.bump(item, velocity, spin)
 
-    def _empty(self) -> None:
+    def obstacles(self) -> tuple[TrueObstacle, ...]:
+        """What stands there that the robot was not told of."""
+        return self._obstacles.truth()
+
+    def room_for(self, body: Fixture) -> bool:
+        """Whether no item and no part of the robot is where the body would stand."""
+        self._room = self._room or Room(RobotModel(self.robot))
+        items = [(item.shape, item.pose) for item in self._items.here()]
+        position, n = self._senses.reading.position, len(self.robot.joints)
+        return self._room.free(body.shape, body.pose, items, np.array(position[:n]), sum(position[n:]))
+
+    def put_obstacle(self, body: Fixture) -> ObjectId:
+        """A fault: something stands in the way from now on; its name."""
+        name = self._obstacles.put(body)
+        self._items.sleepers.stand(self._standing[name])
+        return name
+
+    def take_obstacle(self, name: ObjectId) -> None:
+        """The end of such a fault: it is taken away."""
+        self._obstacles.take(name)
+        self._items.sleepers.wake_all()
+
+    def _stand(self, body: Fixture) -> None:
+        number = self._standing[body.id] = add_obstacle(body, self._client)
+        self._fixed[number] = body.id
+
+    def _unstand(self, name: ObjectId) -> None:
+        number = self._standing.pop(name)
+        del self._fixed[number]
+        pb.removeBody(number, self._client)
+
+    def _empty(self, obstacles: Iterable[Fixture]) -> None:
         """A simulation without items and belts: everything else in the same order as always."""
         client = self._client
         pb.resetSimulation(physicsClientId=client)
@@ -245,6 +284,7 @@ class PhysicsHardware:
         )
         self._fixed = add_fixed(self.scene, self.robot.base_in_world, client)
         self._body.load()
+        self._obstacles.renew(obstacles)
 
     def _settle(self) -> None:
         """Let everything come to rest before time 0."""

@@ -59,6 +59,12 @@ class Sleepers:
         self._set(self._numbers[name], pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
         self._places[name] = (*self._pose(name), 0)
 
+    def stand(self, body: int) -> None:
+        """A body has come that never moves; it is in what was given as fixed."""
+        self._set(body, pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
+        self._set(body, pb.ACTIVATION_STATE_SLEEP, STIR)
+        self.wake_all()
+
     def stepped(self) -> None:
         """To be called after each step."""
         self._steps += 1

@@ -114,7 +114,7 @@ def _too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:
 
 
 def standing(scene: SceneDescription) -> list[Footprint]:
-    """Outlines of bins, and of fixtures that stand on another fixture."""
+    """Outlines of bins, of fixtures that stand on another fixture, and of what the robot is not told of."""
     bins = [
         footprint(box, pose.orientation).at(pose.position[:2]) for b in scene.bins for box, pose in b.parts()
     ]
@@ -125,7 +125,7 @@ def standing(scene: SceneDescription) -> list[Footprint]:
         below = support_height(others, x, y)
         if below is not None and bottom(fixture.shape, fixture.pose) > below - 1e-3:
             raised.append(footprint(fixture.shape, fixture.pose.orientation).at((x, y)))
-    return bins + raised
+    return bins + raised + [footprint(f.shape, f.pose.orientation).at(f.pose.position) for f in scene.unknown]
 
 
 def _colours(spawn: Spawn, number: int, rng: np.random.Generator) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..scene.description import CatalogueEntry, Form
+from ..scene.description import CatalogueEntry, Fixture, Form
 from ..shapes import Shape
 from ..values import ObjectId, Pose, Vector3
 
@@ -31,7 +31,38 @@ class TrueBody:
     brought_by: int | None = None
     """Which entry of the feed has brought it; None: it was there when the run began."""
 
+    @property
+    def role(self) -> str:
+        return "item"
+
     @classmethod
     def of(cls, item_id: ObjectId, entry: CatalogueEntry, colour: str, pose: Pose) -> TrueBody:
         """An item of the catalogue at rest at `pose`."""
         return cls(item_id, entry.kind, entry.form, entry.shape, colour, pose)
+
+
+@dataclass(frozen=True, slots=True)
+class TrueObstacle:
+    """Something that the robot was not told of, as it really stands. No item: nobody scores it."""
+
+    id: ObjectId
+    shape: Shape
+    colour: str
+    pose: Pose
+    """In the world."""
+
+    @property
+    def kind(self) -> str:
+        return "unknown"
+
+    @property
+    def form(self) -> str:
+        return "unknown"
+
+    @property
+    def role(self) -> str:
+        return "obstacle"
+
+    @classmethod
+    def of(cls, body: Fixture) -> TrueObstacle:
+        return cls(body.id, body.shape, body.colour, body.pose)
