@@ -62,6 +62,7 @@ class planning:
         "What was asked for the whole way of a motion does not hold.",
         "ask for less, or start elsewhere",
     )
+    WORKSPACE = Cause("planning.workspace", "The goal lies outside of the workspace.", "ask for another goal")
     ANY = Family("planning")
 
 

@@ -145,11 +145,12 @@ class Collision:
         found: list[Contact] = []
         for index, pair in enumerate(geometry.collisionPairs):
             distance = pin.computeDistance(geometry, geometry_data, index)
-            if distance.min_distance < least[pair.first, pair.second]:
+            margin = float(least[pair.first, pair.second])
+            if distance.min_distance < margin:
                 a, b = pieces[pair.first], pieces[pair.second]
                 x, y, z = (float(c) for c in distance.getNearestPoint2())
                 point: Vector3 = (x, y, z)
-                found.append(Contact(a.name, b.name, float(distance.min_distance), point))
+                found.append(Contact(a.name, b.name, float(distance.min_distance), point, margin))
         return tuple(sorted(found, key=lambda contact: contact.distance))
 
     def nearest(self, q: Array, within: float = np.inf, *, itself: bool = False) -> Contact | None:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import degrees
 
 from ..causes import Failure, planning
-from ..values import Array, Pose
+from ..robot.model import RobotModel
+from ..values import Array, Pose, Vector3
+from .amounts import beyond_limits, missing
 from .constraints import Broken
 from .lines import LineFound
+from .nearest import Nearest
+from .obstructions import Blocked, Enclosure
+from .rejections import Outside, Rejection
 from .requests import (
     Contact,
     JointGoal,
@@ -22,7 +28,15 @@ from .requests import (
     Within,
 )
 
-_WHY = {"reach": "the arm cannot reach further", "jump": "the arm would have to swing round"}
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Where a line stopped: the TCP's point in the world, what would be touched, the joint at its limit."""
+
+    point: Vector3
+    contacts: tuple[Contact, ...] = ()
+    joint: str = ""
+    singular: float | None = None
 
 
 def described(target: Target) -> str:
@@ -46,52 +60,106 @@ def described(target: Target) -> str:
 
 def listed(contacts: Sequence[Contact]) -> list[str]:
     """Contacts as evidence: one line each, the first ten."""
-    return [f"{c.a} {_how_near(c)} {c.b}" for c in contacts[:10]]
+    return [f"{c.a} {how_near(c)} {c.b}{_kept(c)}" for c in contacts[:10]]
 
 
-def stuck(contacts: Sequence[Contact]) -> Failure:
+def _kept(contact: Contact) -> str:
+    """The margin, where that alone is broken."""
+    return f" ({contact.margin * 1000:.1f} mm to keep)" if 0 <= contact.distance < contact.margin else ""
+
+
+def stuck(contacts: Sequence[Contact], *, believed: bool = True) -> Failure:
+    """`believed`: the start is where the arm is, not one that the request gave."""
     worst = contacts[0]
     return Failure(
         planning.START_IN_COLLISION,
-        f"where the arm is, {worst.a} is {_how_near(worst)} {worst.b}",
+        f"{_start(believed)} {worst.a} is {how_near(worst)} {worst.b}",
         pairs=listed(contacts),
         depth=-worst.distance,
     )
 
 
-def outside_limits(q: Array) -> Failure:
+def outside_limits(model: RobotModel, q: Array) -> Failure:
+    """A configuration that is asked for, with joints beyond their limits."""
+    beyond = beyond_limits(model, q)
+    more = f" (and {len(beyond) - 1} more)" if len(beyond) > 1 else ""
     return Failure(
         planning.NO_IK,
-        "the configuration lies outside the joint limits",
-        position=[float(x) for x in q],
+        f"the configuration lies outside the joint limits: {beyond[0]}{more}",
+        position=q.tolist(),
+        joints=beyond,
     )
 
 
-def out_of_reach(poses: Sequence[Pose], solves: int) -> Failure:
+def out_of_reach(model: RobotModel, poses: Sequence[Pose], solves: int, nearest: Nearest) -> Failure:
+    """`nearest`: to the first pose."""
     count = len(poses)
+    begun = "the pose is out of reach" if count == 1 else f"all {count} poses are out of reach, the first one"
     return Failure(
         planning.NO_IK,
-        "the pose is out of reach" if count == 1 else f"all {count} poses are out of reach",
+        f"{begun}: {missing(model, nearest)}",
         poses=count,
         descents=solves,
-        first=list(poses[0].position) if poses else None,
+        first=list(poses[0].position),
+        obstacle=nearest.obstacle,
+        short=nearest.distance,
+        turned=nearest.angle,
+        joints=[one.joint for one in nearest.beyond],
+        at_limit=list(nearest.at_limit),
     )
 
 
-def goal_in_collision(each: Sequence[Sequence[Contact]], poses: int) -> Failure:
-    """`each`: the contacts of every solution that was found; the least bad one is told."""
-    # Two libraries measure a margin: at its very edge one may see a contact that the other does not.
-    unseen = (Contact("arm", "its surroundings", 0.0),)
-    least = max((c for c in each if c), key=lambda c: c[0].distance, default=unseen)
-    best = "" if len(each) == 1 else f" (the best of {len(each)} solutions)"
+def outside_workspace(where: str, outside: Outside, poses: int = 1) -> Failure:
+    """`where`: as `at the goal`."""
     return Failure(
-        planning.GOAL_IN_COLLISION,
-        f"at the goal {least[0].a} is {_how_near(least[0])} {least[0].b}{best}",
-        pairs=listed(least),
-        depth=-least[0].distance,
-        solutions=len(each),
+        planning.WORKSPACE,
+        f"{where} the tool is {how_outside(outside)}",
+        point=list(outside.at),
+        axis=outside.axis,
+        by=outside.by,
         poses=poses,
     )
+
+
+def goal_rejected(each: Sequence[Rejection], poses: int) -> Failure:
+    """`each`: what is wrong with every configuration that was found; the least bad one is told."""
+    best = "" if len(each) == 1 else f" (the best of {len(each)} solutions)"
+    rejected = [f"{k + 1}: {how_rejected(one)}" for k, one in enumerate(each[:10])]
+    touching = [one for one in each if one.contacts]
+    least = max(touching, key=lambda one: one.contacts[0].distance, default=each[0])
+    if not touching and least.outside is not None:
+        return outside_workspace("at the goal", least.outside, poses)
+    return Failure(
+        planning.GOAL_IN_COLLISION,
+        f"at the goal {how_rejected(least)}{best}",
+        pairs=listed(least.contacts),
+        depth=-least.contacts[0].distance if least.contacts else 0.0,
+        solutions=len(each),
+        poses=poses,
+        rejected=rejected,
+    )
+
+
+def how_rejected(rejection: Rejection, verb: str = "is") -> str:
+    """In words, beginning with what is wrong."""
+    if rejection.contacts:
+        worst = rejection.contacts[0]
+        return f"{worst.a} {verb} {how_near(worst)} {worst.b}{_kept(worst)}"
+    if rejection.outside is not None:
+        return f"the tool {verb} {how_outside(rejection.outside)}"
+    if rejection.broken:
+        return how_broken(rejection.broken[0])
+    # Two libraries measure a margin: at its very edge one may see a contact that the other does not.
+    return "the arm is at the very edge of its margin to something"
+
+
+def how_outside(outside: Outside) -> str:
+    """In words, with the axis."""
+    at = dict(zip("xyz", outside.at, strict=True))[outside.axis]
+    where = f"{outside.axis} = {at * 1000:.0f} mm"
+    if outside.by <= 0:
+        return f"only {-outside.by * 1000:.1f} mm from the edge of the workspace ({where})"
+    return f"{outside.by * 1000:.1f} mm outside of the workspace ({where})"
 
 
 def breaks(where: str, broken: Sequence[Broken]) -> Failure:
@@ -115,46 +183,86 @@ def how_broken(broken: Broken) -> str:
     """In words, with what is and what may be."""
     match broken.constraint:
         case Upright(tilt):
-            return f"the tool tilts by {degrees(broken.is_at):.1f} deg of {degrees(tilt):.1f} deg allowed"
+            return f"the tool tilts by {degrees(broken.is_at):.1f} deg, {degrees(tilt):.1f} deg are allowed"
         case Within():
             return f"the tool is {broken.by * 1000:.1f} mm outside of the box that it must stay in"
 
 
-def not_found(checks: int, budget: int, goals: int, excused: Sequence[Contact]) -> Failure:
-    spent = checks >= budget
-    return Failure(
-        planning.BUDGET if spent else planning.NO_PATH,
+def not_found(
+    spent: int,
+    budget: int,
+    goals: int,
+    excused: Sequence[Contact],
+    between: Blocked,
+    enclosed: Enclosure | None,
+) -> Failure:
+    """`spent`: checks (and projections) of the search. What is in the way was looked for afterwards."""
+    used_up = spent >= budget
+    sentence = (
         f"no path within {budget} collision checks"
-        if spent
-        else "every path that was found comes too close to something when it is timed",
-        checks=checks,
+        if used_up
+        else "every path that was found comes too close to something when it is timed"
+    )
+    if enclosed is not None:
+        by = f" by {joined(enclosed.blocked.by[:4])}" if enclosed.blocked.by else ""
+        sentence += f": the {enclosed.where} is enclosed{by}, a search from there gets no further than "
+        sentence += f"{degrees(enclosed.radius):.0f} deg"
+    elif between.by:
+        are = "is" if len(between.by) == 1 else "are"
+        sentence += f": in the way of the straight motion {are} {joined(between.by[:3])}"
+    return Failure(
+        planning.BUDGET if used_up and enclosed is None else planning.NO_PATH,
+        sentence,
+        checks=spent,
         goals=goals,
         excused=listed(excused),
+        in_the_way=list(between.by),
+        enclosed="" if enclosed is None else enclosed.where,
+        enclosed_by=[] if enclosed is None else list(enclosed.blocked.by),
+        gets=None if enclosed is None else enclosed.radius,
     )
 
 
-def line_ended(found: LineFound, least: float, contacts: Sequence[Contact]) -> Failure:
-    why = _WHY.get(found.ended_by, "something is in the way")
-    if contacts:
-        why = f"{contacts[0].a} would be {_how_near(contacts[0])} {contacts[0].b}"
+def line_ended(found: LineFound, least: float, length: float, why: str, at: Stop) -> Failure:
+    """`why`: what stopped the line, in words; `length` of the whole line, m."""
+    where = f" (after {found.fraction * length * 1000:.0f} of {length * 1000:.0f} mm)" if length > 0 else ""
     return Failure(
         planning.NO_PATH,
-        f"only {found.fraction:.0%} of the line is free, {least:.0%} are asked for: {why}",
+        f"only {found.fraction:.0%} of the line is free{where}, {least:.0%} are asked for: {why}",
         fraction=found.fraction,
         ended_by=found.ended_by,
+        at=list(at.point),
+        pairs=listed(at.contacts),
+        joint=at.joint,
+        singular=at.singular,
+    )
+
+
+def line_grazes(fraction: float, contacts: Sequence[Contact] = ()) -> Failure:
+    """The line is free, its timing is not: what the first sample that is not touches."""
+    why = f": {contacts[0].a} would be {how_near(contacts[0])} {contacts[0].b}" if contacts else ""
+    return Failure(
+        planning.NO_PATH,
+        f"the timed line comes too close to something{why}",
+        fraction=fraction,
+        ended_by="timing",
         pairs=listed(contacts),
     )
 
 
-def line_grazes(fraction: float) -> Failure:
-    return Failure(
-        planning.NO_PATH, "the timed line comes too close to something", fraction=fraction, ended_by="timing"
-    )
-
-
-def _how_near(contact: Contact) -> str:
+def how_near(contact: Contact) -> str:
+    """In words, to go between the two names."""
     depth = -contact.distance * 1000
     return f"{depth:.1f} mm deep in" if depth > 0 else f"only {-depth:.1f} mm from"
+
+
+def joined(names: Sequence[str]) -> str:
+    """`a, b and c`"""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _start(believed: bool) -> str:
+    return "where the arm is," if believed else "where the motion starts,"
 
 
 def _point(point: Sequence[float]) -> str:

@@ -8,14 +8,16 @@ from itertools import islice
 
 import numpy as np
 
+from ..causes import Failure
+from ..errors import PicktreeError
 from ..robot.model import RobotModel
 from ..values import Array, Pose
 from . import failing
-from .collision import Collision
 from .constraints import PathConstraints
 from .ik import InverseKinematics
 from .posture import discomfort
 from .regions import poses
+from .rejections import Inspection
 from .requests import Goal, JointGoal, NamedGoal, PoseGoal, RegionGoal
 from .way import Way
 
@@ -45,14 +47,14 @@ class Goals:
         self,
         model: RobotModel,
         ik: InverseKinematics,
-        collision: Collision,
+        inspection: Inspection,
         way: Way,
         start: Array,
         constraints: PathConstraints,
         goal: Goal,
     ) -> None:
         self._model = model
-        self._collision = collision
+        self._inspection = inspection
         self._ik = ik
         self._way = way
         self._start = start
@@ -88,8 +90,12 @@ class Goals:
                 return [Target(self._joints(self._goal), 0)]
 
     def _possible(self, wanted: tuple[Pose, ...]) -> list[tuple[int, Pose]]:
-        """Those at which the constraints hold, numbered."""
-        return [(k, pose) for k, pose in enumerate(wanted) if not self._constraints.broken_by(pose)]
+        """Those in the workspace at which the constraints hold, numbered."""
+        return [
+            (k, pose)
+            for k, pose in enumerate(wanted)
+            if self._inspection.outside(pose.position) is None and not self._constraints.broken_by(pose)
+        ]
 
     def _near(self, possible: list[tuple[int, Pose]]) -> list[Target]:
         targets: list[Target] = []
@@ -104,9 +110,11 @@ class Goals:
         return targets
 
     def _all(self, wanted: tuple[Pose, ...], seed: int, enough: int | None) -> list[Target]:
+        if not wanted:
+            raise PicktreeError("the goal names no pose")
         possible = self._possible(wanted)
-        if wanted and not possible:
-            raise failing.breaks("at the goal", self._constraints.broken_by(wanted[0]))
+        if not possible:
+            raise self._impossible(wanted)
         rng = np.random.default_rng(seed)
         before = self._ik.solves
         targets: list[Target] = []
@@ -119,16 +127,26 @@ class Goals:
         if targets:
             return targets
         if not rejected:
-            raise failing.out_of_reach(wanted, self._ik.solves - before)
-        each = [self._collision.contacts(target.q) for target in rejected]
-        raise failing.goal_in_collision(each, len(wanted))
+            solves = self._ik.solves - before
+            nearest = self._ik.nearest(possible[0][1], self._start)
+            raise failing.out_of_reach(self._model, wanted, solves, nearest)
+        each = [self._inspection.rejection(target.q) for target in rejected]
+        raise failing.goal_rejected(each, len(wanted))
+
+    def _impossible(self, wanted: tuple[Pose, ...]) -> Failure:
+        """All poses are excluded before the arm is thought of: by the workspace, or by a constraint."""
+        off = [outside for pose in wanted if (outside := self._inspection.outside(pose.position)) is not None]
+        if len(off) == len(wanted):
+            return failing.outside_workspace("at the goal", min(off, key=lambda one: one.by), len(wanted))
+        each = [broken for pose in wanted if (broken := self._constraints.broken_by(pose))]
+        return failing.breaks("at the goal", min(each, key=lambda broken: broken[0].by))
 
     def _joints(self, goal: NamedGoal | JointGoal) -> Array:
         q = self._model.named(goal.name) if isinstance(goal, NamedGoal) else np.array(goal.position)
         if bool(np.any(q < self._model.lower) or np.any(q > self._model.upper)):
-            raise failing.outside_limits(q)
+            raise failing.outside_limits(self._model, q)
         if broken := self._constraints.broken(q):
             raise failing.breaks("at the goal", broken)
         if not self._way.free(q):
-            raise failing.goal_in_collision([self._collision.contacts(q)], 1)
+            raise failing.goal_rejected([self._inspection.rejection(q)], 1)
         return q

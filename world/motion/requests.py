@@ -149,6 +149,8 @@ class Plan:
     """Of a chain: the plan of each leg by itself, from rest to rest."""
     request: Request | None = None
     """What it was planned for, its start filled in; a chain's legs have one each."""
+    version: int = 0
+    """Of the belief that it was planned in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,3 +161,5 @@ class Contact:
     b: str
     distance: float
     point: Vector3 = field(default=(0.0, 0.0, 0.0))
+    margin: float = 0.0
+    """What the two should keep between them, m, where that is known."""

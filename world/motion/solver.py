@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..causes import Failure
 from ..robot.model import RobotModel
 from ..scene.planning_scene import PlanningScene
-from ..values import Array, Bounds
+from ..trajectory import Trajectory
+from ..values import Array, Bounds, Pose
 from . import failing
+from .asking import check_request
 from .collision import Collision
 from .constrained import ConstrainedPlanner
 from .constraints import PathConstraints
-from .goals import Goals
+from .endings import ending
+from .goals import Goals, Target
 from .ik import InverseKinematics
-from .lines import straight
+from .lines import LineFound, straight
 from .margins import Margins
+from .obstructions import Obstructions
 from .planner import Budget, Found, Planner, stays_free
-from .requests import Goal, Line, Offset, Plan, Request
+from .rejections import Inspection
+from .requests import Contact, Goal, Line, Offset, Plan, Request
 from .timing import time_smooth
 from .way import Way
 
@@ -47,16 +53,18 @@ class Solver:
         self._scene = scene
         self._configuration = configuration
         self._width = width
+        self._workspace = workspace
 
     def solve(self, request: Request, seed: int) -> Plan:
         """The plan for a request. Fails with planning.*, see `PlanService.solve`."""
+        check_request(self.model, request)
         self.look(request)
-        start = self.start(request)
+        begun = self._begun(request)
         if isinstance(request.target, Line | Offset):
-            plan = self._line(request, request.target, start)
+            plan = self._line(begun, request.target)
         else:
-            plan = self._plan(request, request.target, start, seed)
-        return replace(plan, request=replace(request, start=start))
+            plan = self._plan(begun, request.target, seed)
+        return replace(plan, request=replace(request, start=begun.start), version=self._scene.version)
 
     def start(self, request: Request) -> Array:
         """Where a request begins (n,), rad; a copy."""
@@ -81,69 +89,107 @@ class Solver:
         else:
             self.collision.update(self.scene(request), self.width(request), clearance=request.clearance)
 
-    def _way(self, start: Array) -> Way:
+    def _begun(self, request: Request) -> _Begun:
+        start = self.start(request)
         way = Way(self.collision, start)
         if way.stuck:
-            raise failing.stuck(way.stuck)
-        return way
+            raise failing.stuck(way.stuck, believed=request.start is None)
+        constraints = PathConstraints(self.model, request.constraints)
+        if broken := constraints.broken(start):
+            raise failing.breaks("where the motion starts", broken)
+        return _Begun(request, start, way, constraints, self.collision.checks)
 
-    def _plan(self, request: Request, goal: Goal, start: Array, seed: int) -> Plan:
-        begun = self.collision.checks
-        way = self._way(start)
-        constraints = self._constraints(request, start)
-        planner = self._planner(request, way, start, constraints)
-        goals = Goals(self.model, self.ik, self.collision, way, start, constraints, goal)
+    def _plan(self, begun: _Begun, goal: Goal, seed: int) -> Plan:
+        constraints = begun.constraints
+        planner = self._planner(begun)
+        inspection = Inspection(self.model, self.collision, constraints, self._workspace)
+        goals = Goals(self.model, self.ik, inspection, begun.way, begun.start, constraints, goal)
         try:
-            found, target = self._found(planner, goals, seed)
+            found, reached = self._found(planner, goals, seed)
+            if found is None:
+                raise self._not_found(begun, [target.q for target in reached])
         finally:
             self.ik.solves += constraints.projections
-        checks = self.collision.checks - begun
-        if found is None:
-            raise failing.not_found(checks, request.budget, target, way.excused)
-        return Plan(found.trajectory, found.path, found.planner, checks, target)
+        checks = self.collision.checks - begun.checks
+        return Plan(found.trajectory, found.path, found.planner, checks, reached[found.goal].index)
 
-    def _planner(
-        self, request: Request, way: Way, start: Array, constraints: PathConstraints
-    ) -> Planner | ConstrainedPlanner:
+    def _planner(self, begun: _Begun) -> Planner | ConstrainedPlanner:
+        way, start, request = begun.way, begun.start, begun.request
         if request.constraints:
             return ConstrainedPlanner(
-                self.model, way, start, request.scaling, self.collision, request.budget, constraints
+                self.model, way, start, request.scaling, self.collision, request.budget, begun.constraints
             )
         return Planner(self.model, way, start, request.scaling, Budget(self.collision, request.budget))
 
     def _found(
         self, planner: Planner | ConstrainedPlanner, goals: Goals, seed: int
-    ) -> tuple[Found | None, int]:
-        """What the planner found and the goal's index, or None and how many goals it looked for."""
+    ) -> tuple[Found | None, list[Target]]:
+        """What the planner found, and the configurations that it looked for."""
         for near in goals.near():
             found = planner.direct([target.q for target in near])
             if found is not None:
-                return found, near[found.goal].index
+                return found, near
         targets = goals.all(seed)
         ends = [target.q for target in targets]
-        found = planner.direct(ends) or planner.around(ends, seed)
-        return found, len(targets) if found is None else targets[found.goal].index
+        return planner.direct(ends) or planner.around(ends, seed), targets
 
-    def _constraints(self, request: Request, start: Array) -> PathConstraints:
-        constraints = PathConstraints(self.model, request.constraints)
-        if broken := constraints.broken(start):
-            raise failing.breaks("where the motion starts", broken)
-        return constraints
+    def _not_found(self, begun: _Begun, ends: Sequence[Array]) -> Failure:
+        """The failure, with what is in the way: looked for now, and charged, but not to the budget."""
+        spent = self.collision.checks - begun.checks + begun.constraints.projections
+        way, constraints = begun.way, begun.constraints
+        looked = Obstructions(self.model, self.collision, lambda q: constraints.hold(q) and way.free(q))
+        enclosed = looked.enclosure("goal", ends[0]) if len(ends) == 1 else None
+        for end in ends if len(ends) > 1 else ():
+            enclosed = looked.enclosure("goal", end)
+            if enclosed is None:
+                break
+        if enclosed is None:
+            enclosed = looked.enclosure("start", begun.start)
+        between = looked.between(begun.start, ends)
+        return failing.not_found(spent, begun.request.budget, len(ends), way.excused, between, enclosed)
 
-    def _line(self, request: Request, line: Line | Offset, start: Array) -> Plan:
-        begun = self.collision.checks
-        way = self._way(start)
-        constraints = self._constraints(request, start)
+    def _line(self, begun: _Begun, line: Line | Offset) -> Plan:
+        start, way = begun.start, begun.way
         target = line.tcp_in_world if isinstance(line, Line) else self.model.tcp(start).shifted(line.by)
         found = straight(self.model, self.ik, way, start, target)
         if found.fraction < line.least_fraction:
-            contacts = () if found.blocked is None else self.collision.contacts(found.blocked)
-            raise failing.line_ended(found, line.least_fraction, contacts)
-        trajectory = time_smooth(self.model, found.path, request.scaling)
+            raise self._line_ended(found, line.least_fraction, target)
+        trajectory = time_smooth(self.model, found.path, begun.request.scaling)
         if trajectory is None or not stays_free(way, trajectory):
-            raise failing.line_grazes(found.fraction)
+            graze = () if trajectory is None else self._first_contacts(way, trajectory)
+            raise failing.line_grazes(found.fraction, graze)
         for k, q in enumerate(trajectory.position):
-            if broken := constraints.broken(q):
+            if broken := begun.constraints.broken(q):
                 raise failing.line_breaks(broken, k / (len(trajectory.position) - 1))
-        checks = self.collision.checks - begun
+        checks = self.collision.checks - begun.checks
         return Plan(trajectory, found.path, "line", checks, fraction=found.fraction)
+
+    def _line_ended(self, found: LineFound, least: float, target: Pose) -> Failure:
+        begin, last = self.model.tcp(found.path[0]), self.model.tcp(found.path[-1])
+        length = begin.distance(target)
+        if found.blocked is None:
+            why = ending(self.model, self.ik, found, target)
+            stop = failing.Stop(last.position, (), why.joint, why.singular)
+            return failing.line_ended(found, least, length, why.why, stop)
+        inspection = Inspection(self.model, self.collision, PathConstraints(self.model, ()), self._workspace)
+        rejected = inspection.rejection(found.blocked)
+        stop = failing.Stop(last.position, rejected.contacts)
+        return failing.line_ended(found, least, length, failing.how_rejected(rejected, "would be"), stop)
+
+    def _first_contacts(self, way: Way, trajectory: Trajectory) -> tuple[Contact, ...]:
+        """What the first sample of a trajectory that is too close to something touches."""
+        for q in trajectory.position:
+            if not way.nearly_free(q):
+                return self.collision.contacts(q)
+        return ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Begun:
+    """A request with what it begins with; `checks`: what the checker had counted by then."""
+
+    request: Request
+    start: Array
+    way: Way
+    constraints: PathConstraints
+    checks: int

@@ -1,0 +1,108 @@
+"""Why no path was found: what stands between, and whether start or goal can be left at all."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..robot.model import RobotModel
+from ..values import Array
+from .collision import Collision
+from .edges import RESOLUTION
+
+TRIES = 120
+"""Extensions of a local search."""
+STRIDE = 0.3
+"""Its greatest extension, rad."""
+STEP = 0.06
+"""Between two configurations of an extension, rad."""
+FAR = 1.0
+"""A search that comes this far from where it begins has left, rad."""
+CHECKS = 1500
+"""That a local search may spend."""
+LOOKED_AT = 40
+"""Blocked configurations that are looked at for what blocks them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blocked:
+    """Bodies by how often they were in the way, the most frequent first; links of the robot among them."""
+
+    by: tuple[str, ...] = ()
+    share: float = 0.0
+    """Of the configurations looked at: at the first of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Enclosure:
+    """A local search from `where` (`start` or `goal`) that never came farther than `radius` rad."""
+
+    where: str
+    radius: float
+    blocked: Blocked
+
+
+class Obstructions:
+    """Looks into one request that found no path. Deterministic; its checks count as others do."""
+
+    def __init__(self, model: RobotModel, collision: Collision, free: Callable[[Array], bool]) -> None:
+        """`free`: the test that the search was done with, constraints included."""
+        self._model = model
+        self._collision = collision
+        self._free = free
+
+    def between(self, start: Array, goals: Sequence[Array]) -> Blocked:
+        """What blocks the straight ways in joint space from start to the goals (the first three)."""
+        hit: list[Array] = []
+        for goal in goals[:3]:
+            count = max(2, int(np.ceil(float(np.linalg.norm(goal - start)) / (2 * RESOLUTION))))
+            way = [start + (goal - start) * (k / count) for k in range(1, count)]
+            hit += [q for q in way if not self._free(q)]
+        return self._blocked(hit)
+
+    def enclosure(self, where: str, root: Array) -> Enclosure | None:
+        """Whether a search from a configuration remains near it: a tree that grows towards configurations
+        anywhere. None: it leaves, or comes so far within its checks that nothing can be said."""
+        rng = np.random.default_rng(0)
+        tree = [root]
+        hit: list[Array] = []
+        end = self._collision.checks + CHECKS
+        for _ in range(TRIES):
+            if self._collision.checks >= end:
+                return None
+            target = rng.uniform(self._model.planned_lower, self._model.planned_upper)
+            near = tree[int(np.argmin([float(np.linalg.norm(q - target)) for q in tree]))]
+            along = target - near
+            along = along * min(1.0, STRIDE / float(np.linalg.norm(along)))
+            steps = max(1, int(np.ceil(float(np.linalg.norm(along)) / STEP)))
+            reached = near
+            for k in range(1, steps + 1):
+                q = near + along * (k / steps)
+                if not self._free(q):
+                    hit.append(q)
+                    break
+                reached = q
+            if reached is not near:
+                tree.append(reached)
+                if float(np.linalg.norm(reached - root)) > FAR:
+                    return None
+        radius = max(float(np.linalg.norm(q - root)) for q in tree)
+        return Enclosure(where, radius, self._blocked(hit))
+
+    def _blocked(self, hit: Sequence[Array]) -> Blocked:
+        """By the deepest contact of each of some of these configurations."""
+        if not hit:
+            return Blocked()
+        picked = np.unique(np.linspace(0, len(hit) - 1, min(len(hit), LOOKED_AT)).astype(int))
+        names: Counter[str] = Counter()
+        for k in picked:
+            contacts = self._collision.contacts(hit[int(k)])
+            names.update({contacts[0].b} if contacts else {})
+        if not names:
+            return Blocked()
+        return Blocked(
+            tuple(name for name, _ in names.most_common()), names.most_common(1)[0][1] / len(picked)
+        )
