@@ -87,6 +87,11 @@ def planned(made: PlanMade) -> Plan:
         made.duration,
         made.path,
         made.tool_path,
+        made.start,
+        made.version,
+        made.length,
+        made.way,
+        made.singular,
     )
 
 
@@ -97,8 +102,21 @@ def ranked(choice: CandidatesRanked) -> Candidates:
         choice.object,
         tuple(Stage(name, count) for name, count in choice.stages.items()),
         tuple(
-            Candidate(c.name, c.pose.position, c.pose.orientation, c.score, c.verdict) for c in choice.tried
+            Candidate(
+                c.name,
+                c.pose.position,
+                c.pose.orientation,
+                c.score,
+                c.verdict,
+                c.place,
+                c.stage,
+                c.by,
+                c.gap,
+                c.count,
+            )
+            for c in choice.tried
         ),
+        choice.into,
     )
 
 

@@ -208,7 +208,8 @@ class WrenchReading:
 
 @dataclass(frozen=True)
 class Plan:
-    """One request to the planner and its answer; see `world.journal.PlanMade`."""
+    """One request to the planner and its answer; see `world.journal.PlanMade`. Older logs lack what has a
+    default."""
 
     request: str
     planner: str
@@ -219,6 +220,11 @@ class Plan:
     duration: float
     path: tuple[tuple[float, ...], ...] = ()
     tool_path: tuple[tuple[float, float, float], ...] = ()
+    start: tuple[float, ...] = ()
+    version: int = 0
+    length: float = 0.0
+    way: float = 0.0
+    singular: float | None = None
 
 
 @dataclass(frozen=True)
@@ -236,16 +242,22 @@ class Candidate:
     orientation: tuple[float, float, float, float]
     score: float
     verdict: str
+    place: str = ""
+    stage: str = ""
+    by: str = ""
+    gap: float = 0.0
+    count: int = 1
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """The trail of a choice; see `world.journal.CandidatesRanked`."""
+    """The trail of a choice; see `world.journal.CandidatesRanked`. Older logs lack what has a default."""
 
     purpose: str
     object: str
     stages: tuple[Stage, ...]
     tried: tuple[Candidate, ...]
+    into: str = ""
 
 
 @dataclass(frozen=True)

@@ -4,30 +4,42 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
-from ..world.manipulation.choice import choose
+from ..world.manipulation.candidates import PickAndPlace
 from ..world.manipulation.dropping import let_go
+from ..world.manipulation.escape import escape
 from ..world.manipulation.grasps import GraspCandidate, grasp_candidates
 from ..world.manipulation.holding import Hold
-from ..world.manipulation.reaching import descend, lift
-from ..world.motion.requests import PoseGoal
-from ..world.values import ObjectId
+from ..world.manipulation.legs import onward
+from ..world.manipulation.reaching import CARRIED, feel, lift
+from ..world.manipulation.stream import PickStream
+from ..world.manipulation.trail import PLACE
+from ..world.manipulation.weighing import Weighing
+from ..world.motion.requests import Holding, Plan
+from ..world.underway import Carriage
+from ..world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
+    from ..world.motion.ahead import Prepared
     from ..world.scene.planning_scene import BeliefObject
     from ..world.world import World
+
+SAME_START = 0.005
+"""A plan whose start is further from where the arm stands was made for elsewhere, rad in a joint."""
 
 
 class Grasp(Skill):
     """Grasp an object between the fingers from above and lift it clear.
 
-    Candidates are ranked; one counts only if the hand fits between the neighbours, the arm reaches it,
-    and the object can from there be put where it belongs. Whether it is held is felt, by the opening of
-    the fingers and by the load on the wrist.
+    Candidates are grasps with the places that they lead to, ranked; one counts only if the hand fits between
+    the neighbours, the arm reaches it, and the object can from there be put where it belongs. Whether it is
+    held is felt, by the opening of the fingers and by the load on the wrist.
     """
 
     example = """
@@ -38,6 +50,11 @@ class Grasp(Skill):
     force: In[float] = port("grip force of each finger", unit="N", default=30.0, above=0)
     speed: In[float] = port(
         "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
+    )
+    onward: In[bool] = port(
+        "whether the object is carried on towards where it belongs, for a `Place` that follows at once: lift "
+        "and transfer are one motion then; the arm stops by itself when none does",
+        default=True,
     )
     causes = (
         grasp.NO_CANDIDATE,
@@ -53,33 +70,50 @@ class Grasp(Skill):
     uses = (ARM, GRIPPER)
 
     def run(self, world: World) -> Steps:
+        world.underway.drop()
         if (yield from self._already_held(world)):
             return
         belief = world.scene.get(self.object)
         ranked = grasp_candidates(belief, world.robot.description.gripper)
-        refused: Failure | None = None
-        tried_before = world.attempts.count(self.path, self.object)
-        candidates = world.attempts.remaining(self.path, self.object, ranked)
-        while candidates:
-            candidate = yield from choose(world, belief, candidates, self.path)
-            if candidate is None:
-                break
-            candidates = candidates[candidates.index(candidate) + 1 :]
+        first = world.attempts.count(self.path, self.object) == 0
+        offered = world.attempts.remaining(self.path, self.object, ranked)
+        stream = PickStream(world, belief, offered, self.path)
+        while True:
+            pick = yield from self._next(world, stream)
+            if pick is None:
+                raise self._none(stream, len(ranked), len(ranked) - len(offered))
+            carried = self._prepared(world, pick)
             try:
-                yield from self._approach(world, candidate)
+                yield from self._approach(world, pick, carried)
             except Failure as failure:
-                world.attempts.failed(self.path, self.object, candidate.name)
-                if not failure.cause.name.startswith("planning."):
-                    raise
-                refused = failure
-                continue
-            yield from self._close_and_lift(world, candidate, first=tried_before == 0)
+                if carried is not None and failure is carried.answer:
+                    stream.refuse(pick, failure)
+                    continue
+                world.attempts.failed(self.path, self.object, pick.grasp.name)
+                raise
+            yield from self._close_and_lift(world, pick, carried, first=first)
             return
-        raise refused or Failure(
+
+    def _next(self, world: World, stream: PickStream) -> Doing[PickAndPlace | None]:
+        """The next candidate. An arm that is believed to stand within something gets clear of it first."""
+        try:
+            return (yield from stream.find(speed=self.speed))
+        except Failure as failure:
+            if failure.cause is not planning.START_IN_COLLISION:
+                raise
+        yield from escape(world, world.handling.slowly, self.path)
+        return (yield from stream.find(speed=self.speed))
+
+    def _none(self, stream: PickStream, ranked: int, tried_before: int) -> Failure:
+        """Why there is no candidate: what the planner said of the last one that came so far, or the trail."""
+        if stream.refused is not None and stream.trail.count(PLACE):
+            return stream.refused
+        return Failure(
             grasp.NO_CANDIDATE,
-            f"none of {len(ranked)} grasps of {self.object} is free, reachable and leads to a place",
+            f"none of {ranked} grasps of {self.object} is free, reachable and leads to a place: "
+            f"{stream.trail.summary()}",
             object=self.object,
-            candidates=len(ranked),
+            candidates=ranked,
             tried_before=tried_before,
         )
 
@@ -107,37 +141,57 @@ class Grasp(Skill):
             load=hold.load,
         )
 
-    def _approach(self, world: World, candidate: GraspCandidate) -> Steps:
-        world.grip.start(candidate.opening)
-        pre_grasp = candidate.tcp_in_world.shifted((0.0, 0.0, world.handling.approach))
-        plan = yield from world.plan.to(
-            PoseGoal((pre_grasp,)), scaling=world.handling.scaling(self.speed), node=self.path
+    def _prepared(self, world: World, pick: PickAndPlace) -> Prepared[Plan] | None:
+        """The transfer, planned while the arm approaches. What is flat is felt for: where the fingers will
+        close is known then only."""
+        if pick.above is None or pick.landing is None or pick.grasp.flat or not self.onward:
+            return None
+        holding = Holding(self.object, pick.object_in_tcp)
+        legs = onward(
+            world, holding, pick.at, pick.grasp.expected_width, pick.above, pick.landing.drop, self.speed
         )
-        yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)
+        return world.plan.ahead(world.plan.through(legs, node=self.path))
+
+    def _approach(self, world: World, pick: PickAndPlace, carried: Prepared[Plan] | None) -> Steps:
+        """To the pre-grasp and down in one motion, until it turns out that there is no way on from there."""
+
+        def no_way_on() -> Failure | None:
+            known = carried is not None and carried.ready <= world.clock.now
+            return carried.answer if carried and known and isinstance(carried.answer, Failure) else None
+
         yield from world.control.settle()
         world.control.tare()
-        yield from descend(world, candidate, self.object, self.path)
+        world.grip.start(pick.grasp.opening)
+        guard = world.handling.guard
+        plan = pick.approach.trajectory
+        yield from world.move.along(plan, guard=guard, watch=no_way_on, node=self.path)
+        yield from feel(world, pick.grasp, self.object, self.path)
 
-    def _close_and_lift(self, world: World, candidate: GraspCandidate, *, first: bool) -> Steps:
+    def _close_and_lift(
+        self, world: World, pick: PickAndPlace, carried: Prepared[Plan] | None, *, first: bool
+    ) -> Steps:
         belief = world.scene.get(self.object)
         limit = next((e.force_limit for e in world.description.catalogue if e.kind == belief.kind), None)
-        width = yield from world.grip.close(self.force if limit is None else min(self.force, limit))
+        force = self.force if limit is None else min(self.force, limit)
+        object_in_tcp = world.control.tcp.inverse() @ belief.pose
+        if carried is None and pick.landing is not None and self.onward:
+            carried = self._from_here(world, pick, object_in_tcp)
+        width = yield from world.grip.close(force)
         felt = Hold(width, None)
         if not felt.empty:
-            world.scene.attach(self.object, world.control.tcp.inverse() @ belief.pose)
+            world.scene.attach(self.object, object_in_tcp)
         try:
-            yield from lift(world, self.object, self.path)
+            hold = yield from self._lift(world, pick, carried, felt)
         except Failure:
-            world.attempts.failed(self.path, self.object, candidate.name)
-            self._note(world, belief, candidate, felt, first=first)
+            world.attempts.failed(self.path, self.object, pick.grasp.name)
+            self._note(world, belief, pick.grasp, felt, first=first)
             raise
-        yield from world.control.settle()
-        hold = Hold(world.grip.width, world.control.load())
-        self._note(world, belief, candidate, hold, first=first)
+        self._note(world, belief, pick.grasp, hold, first=first)
         if hold.held:
             world.attempts.clear(self.path, self.object)
             return
-        world.attempts.failed(self.path, self.object, candidate.name)
+        world.attempts.failed(self.path, self.object, pick.grasp.name)
+        world.underway.drop()
         let_go(world.scene, "not felt in the hand")
         yield from world.grip.open()
         cause, what = (
@@ -149,11 +203,63 @@ class Grasp(Skill):
             cause,
             f"{self.object}: {what} (opening {hold.width * 1000:.1f} mm, load {hold.load or 0.0:.2f} N)",
             object=self.object,
-            candidate=candidate.name,
+            candidate=pick.grasp.name,
             width=hold.width,
             load=hold.load,
-            expected_width=candidate.expected_width,
+            expected_width=pick.grasp.expected_width,
         )
+
+    def _from_here(self, world: World, pick: PickAndPlace, object_in_tcp: Pose) -> Prepared[Plan]:
+        """The transfer from where the arm stands, planned while the fingers close."""
+        assert pick.landing is not None
+        holding = Holding(self.object, object_in_tcp)
+        tcp = world.control.tcp
+        # Held a little higher or lower than was thought: the object lands where it was meant to.
+        moved = pick.grasp.tcp_in_world.position[2] - tcp.position[2]
+        above = pick.landing.above.shifted((0.0, 0.0, -moved))
+        start = world.control.held_position
+        legs = onward(
+            world, holding, start, pick.grasp.expected_width, (above,), pick.landing.drop, self.speed
+        )
+        return world.plan.ahead(world.plan.through(legs, node=self.path))
+
+    def _lift(
+        self, world: World, pick: PickAndPlace, carried: Prepared[Plan] | None, felt: Hold
+    ) -> Doing[Hold]:
+        """Out of the neighbours, and what is felt then: on the way to the bin, or at rest."""
+        plan = None if carried is None or felt.empty else (yield from self._onward(world, carried))
+        if plan is not None and pick.landing is not None:
+            lifted = plan.passes[0] + world.tick
+            weighing = Weighing(world, plan.passes[0])
+            guard = world.handling.guard + CARRIED
+            try:
+                yield from world.move.along(
+                    plan.trajectory, guard=guard, watch=weighing.watch, hand_over=lifted, node=self.path
+                )
+            except Failure as failure:
+                if failure is not weighing.doubt:
+                    raise
+            if weighing.hold is not None:
+                held = world.scene.get(self.object)
+                if held.object_in_tcp is not None:
+                    left = Carriage(self.object, held.object_in_tcp, pick.landing, plan, world.scene.version)
+                    world.underway.leave(left)
+                return weighing.hold
+        else:
+            yield from lift(world, self.object, self.path)
+        yield from world.control.settle()
+        return Hold(world.grip.width, world.control.load())
+
+    def _onward(self, world: World, carried: Prepared[Plan]) -> Doing[Plan | None]:
+        """The plan for the way on, if there is one that starts where the arm stands and still holds."""
+        try:
+            plan = yield from world.plan.take(carried)
+        except Failure:
+            return None
+        if plan is None:
+            return None
+        off = float(np.abs(plan.trajectory.start - world.control.held_position).max())
+        return plan if off < SAME_START else None
 
     def _note(
         self, world: World, belief: BeliefObject, candidate: GraspCandidate, hold: Hold, *, first: bool

@@ -13,15 +13,20 @@ from ..world.journal import Happened
 from ..world.manipulation.dropping import let_go
 from ..world.manipulation.feeding import notice_exchanges
 from ..world.manipulation.holding import Hold, released
+from ..world.manipulation.landings import landings, levels, target_for
+from ..world.manipulation.legs import lowering
 from ..world.manipulation.reaching import lower, withdraw
-from ..world.manipulation.spots import STEPS, Spot, blocked, heap, put_down_poses, release_poses, spots
-from ..world.motion.requests import Plan, PoseGoal
+from ..world.manipulation.spots import blocked, put_down_poses
+from ..world.manipulation.weighing import Kept
+from ..world.motion.requests import Plan, PoseGoal, Request
 from ..world.scene.description import Bin
 from ..world.scene.planning_scene import BeliefObject
 from ..world.shapes import bottom
 from ..world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
+    from ..world.trajectory import Trajectory
+    from ..world.underway import Carriage
     from ..world.world import World
 
 ELSEWHERE = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)
@@ -60,6 +65,7 @@ class Place(Skill):
         world_causes.DISTURBED,
     )
     uses = (ARM, GRIPPER)
+    takes_over = True
     hand_after = "empty"
 
     @classmethod
@@ -73,16 +79,52 @@ class Place(Skill):
 
     def run(self, world: World) -> Steps:
         notice_exchanges(world, self.path)
-        held = yield from self._held(world)
-        if self.at:
-            plan = yield from self._over_point(world, held)
-        else:
-            plan = yield from self._over_bin(world, held, self._bin(world))
-        yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)
+        there = yield from self._carried(world)
+        while not there:
+            held = yield from self._held(world)
+            plan = yield from (
+                self._over_point(world, held) if self.at else self._over_bin(world, held, self._bin(world))
+            )
+            guard, grip = world.handling.guard, Kept(world)
+            motion = world.move.along(plan.trajectory, guard=guard, watch=grip.watch, node=self.path)
+            there = yield from self._arrives(motion, grip)
         held = yield from self._held(world)
         hanging = world.control.load()
         yield from lower(world, held, None if self.at else self._bin(world), self.path)
         yield from self._release(world, held, hanging)
+
+    def _carried(self, world: World) -> Doing[bool]:
+        """Whether a motion that `Grasp` has left brings the object to where it is to go. It is finished then;
+        else the arm comes to rest."""
+        left, going = world.underway.take(), world.move.ongoing
+        if left is None or going is None or not self._fits(world, left, going.trajectory):
+            yield from world.move.rest()
+            return False
+        self._spot, self._floor = left.landing.spot, left.landing.height
+        guard, grip = world.handling.guard, Kept(world)
+        motion = world.move.finish(guard=guard, watch=grip.watch, node=self.path)
+        return (yield from self._arrives(motion, grip))
+
+    def _fits(self, world: World, left: Carriage, going: Trajectory) -> bool:
+        """Whether what was left is about this object and this bin, and nothing is known since that was not
+        known then."""
+        return (
+            not self.at
+            and going is left.plan.trajectory
+            and (left.object, left.landing.into) == (self.object, self.into)
+            and left.version == world.scene.version
+        )
+
+    @staticmethod
+    def _arrives(motion: Steps, grip: Kept) -> Doing[bool]:
+        """Follow a motion; False when it was stopped because the fingers moved on the way."""
+        try:
+            yield from motion
+        except Failure as failure:
+            if failure is not grip.doubt:
+                raise
+            return False
+        return True
 
     def _bin(self, world: World) -> Bin:
         bin_ = world.scene.bins.get(self.into)
@@ -122,33 +164,43 @@ class Place(Skill):
 
     def _over_bin(self, world: World, held: BeliefObject, bin_: Bin) -> Doing[Plan]:
         assert held.object_in_tcp is not None
-        seen = world.eyes.bins.get(bin_.id)
-        heights = heap(bin_, world.scene.objects, None if seen is None else seen.cells)
-        cells = spots(bin_, heights, held.shape, held.pose.rotation())
-        if not cells:
+        target = target_for(world, held, bin_.id)
+        if not target.cells:
             raise Failure(
                 place.FULL,
-                f"{bin_.id} is full: its heap is {heights.min() * 1000:.0f} mm high at its lowest",
+                f"{bin_.id} is full: its heap is {target.heights.min() * 1000:.0f} mm high at its lowest",
                 object=self.object,
                 bin=bin_.id,
             )
         refused: Failure | None = None
-        for higher in STEPS:
-            for spot in cells[:4]:
-                goal = PoseGoal(release_poses(bin_, spot, held.shape, held.object_in_tcp, higher))
-                try:
-                    plan = yield from world.plan.to(
-                        goal, scaling=world.handling.scaling(self.speed), node=self.path
-                    )
-                except Failure as failure:
-                    if failure.cause not in ELSEWHERE:
-                        raise
-                    refused = failure
-                    continue
-                self._spot = spot
-                return plan
+        for level in levels(target):
+            over = landings(world, target, level, held.shape, held.object_in_tcp)
+            try:
+                plan = yield from self._down(world, tuple(landing.above for landing in over), over[0].drop)
+            except Failure as failure:
+                if failure.cause not in ELSEWHERE:
+                    raise
+                refused = failure
+                continue
+            self._spot, self._floor = level.spot.name, level.spot.height
+            return plan
         assert refused is not None
         raise refused
+
+    def _down(self, world: World, over: tuple[Pose, ...], drop: float) -> Doing[Plan]:
+        """To one of the poses over the bin, and straight down from it as far as that is free."""
+        goal, scaling = PoseGoal(over), world.handling.scaling(self.speed)
+        if drop > 0.0:
+            try:
+                return (
+                    yield from world.plan.through(
+                        (Request(goal, scaling=scaling), lowering(world, drop)), node=self.path
+                    )
+                )
+            except Failure as failure:
+                if failure.evidence.get("leg") != 1:
+                    raise
+        return (yield from world.plan.to(goal, scaling=scaling, node=self.path))
 
     def _over_point(self, world: World, held: BeliefObject) -> Doing[Plan]:
         assert held.object_in_tcp is not None
@@ -165,7 +217,7 @@ class Place(Skill):
             raise Failure(
                 place.OCCUPIED, f"{by} stands where {self.object} should go", object=self.object, by=by
             )
-        self._spot = Spot("point", (x, y), 0.0)
+        self._spot, self._floor = "point", 0.0
         over = tuple(p.shifted((0.0, 0.0, world.handling.approach)) for p in poses)
         return (
             yield from world.plan.to(
@@ -201,7 +253,7 @@ class Place(Skill):
                 "item_done",
                 f"{held.id} placed {('into ' + self.into) if self.into else f'at {self.at}'}",
                 self.path,
-                {"object": held.id, "form": held.form, "into": self.into, "spot": self._spot.name},
+                {"object": held.id, "form": held.form, "into": self.into, "spot": self._spot},
             )
         )
 
@@ -210,5 +262,5 @@ class Place(Skill):
         if self.at:
             return held.pose
         bin_ = self._bin(world)
-        floor = bin_.pose.position[2] + bin_.wall + max(0.0, self._spot.height)
+        floor = bin_.pose.position[2] + bin_.wall + max(0.0, self._floor)
         return held.pose.shifted((0.0, 0.0, floor - bottom(held.shape, held.pose)))

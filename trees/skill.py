@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Generator
-from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar, cast
+from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 
 from ..world.causes import internal
 from .declaration import Resource
@@ -42,6 +42,9 @@ class Skill(Node, abstract=True):
     """
 
     kind = "action"
+    takes_over: ClassVar[bool] = False
+    """Whether it knows what to do with an arm that is still on the way when it starts, as `Grasp` leaves it
+    for `Place`. Before any other that uses robot or camera the arm is brought to rest."""
 
     def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
         super().__init__(wiring, runtime)
@@ -61,12 +64,17 @@ class Skill(Node, abstract=True):
 
     def on_tick(self) -> NodeStatus:
         if self._steps is None:
-            self._steps = self.run(cast("World", self.world))
+            self._steps = self._body(cast("World", self.world))
         try:
             next(self._steps)
         except StopIteration:
             return self._finished()
         return NodeStatus.RUNNING
+
+    def _body(self, world: World) -> Steps:
+        if self.uses and not self.takes_over and world.move.ongoing is not None:
+            yield from world.move.rest()
+        yield from self.run(world)
 
     def on_halt(self) -> None:
         steps, self._steps = self._steps, None

@@ -29,26 +29,52 @@ class PlanMade:
     path: tuple[tuple[float, ...], ...] = ()
     tool_path: tuple[tuple[float, float, float], ...] = ()
     """Positions of the TCP along the path in the world, m."""
+    start: tuple[float, ...] = ()
+    """Where it was to begin, rad; also of a failure."""
+    version: int = 0
+    """Of the belief that it was planned in."""
+    length: float = 0.0
+    """Way in joint space, rad."""
+    way: float = 0.0
+    """Way of the TCP, along `tool_path`, m."""
+    singular: float | None = None
+    """Smallest singular value of the TCP's Jacobian along `tool_path`."""
 
 
 @dataclass(frozen=True, slots=True)
 class CandidateTried:
-    """One candidate of a grasp or a placement, and where it dropped out (`accepted` when it did not)."""
+    """Candidates of a grasp, or of a grasp with a place, that dropped out alike; or the one that did not."""
 
     name: str
+    """Of the grasp."""
     pose: Pose
+    """Of the TCP in the world at closing."""
     score: float
+    """By which candidates are ranked, the lowest first: seconds, and what is worth some."""
     verdict: str
+    """Why it dropped out, in words; `accepted` when it did not."""
+    place: str = ""
+    """Where it would have been put, of the first of them; empty when it did not come that far."""
+    stage: str = ""
+    """The stage that it did not pass; of the accepted one the last that it passed."""
+    by: str = ""
+    """What was in the way: an id of the scene, or a part of the robot; empty when nothing was."""
+    gap: float = 0.0
+    """Distance to it, negative when it is a depth, m; of several the greatest; 0 when it is not known."""
+    count: int = 1
+    """How many of the grasp's places dropped out alike."""
 
 
 @dataclass(frozen=True, slots=True)
 class CandidatesRanked:
-    """The trail of a choice: how many candidates reached each stage, and each one's verdict."""
+    """The trail of a choice: how many grasps reached each stage, and what became of each one."""
 
     purpose: str
     object: ObjectId
     stages: Mapping[str, int]
     tried: tuple[CandidateTried, ...]
+    into: str = ""
+    """The bin that the object was to go to."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,7 +63,7 @@ def test_a_grasp_that_touched_something_is_not_tried_again_at_once() -> None:
     hardware = cell.hardware
     assert isinstance(hardware, KinematicHardware)
     (body,) = hardware.bodies.items
-    hardware.bodies.put(replace(body, pose=body.pose.shifted((0.017, -0.025, 0.0))))
+    hardware.bodies.put(replace(body, pose=body.pose.shifted((0.025, 0.017, 0.0))))
     assert fails(cell, f"Grasp: {{object: {block}}}") == "world.disturbed"
     ((_, tried),) = cell.world.attempts.state().items()
     assert len(tried) == 1
@@ -83,7 +83,7 @@ def test_a_lift_that_is_broken_off_counts_as_a_pick(monkeypatch: pytest.MonkeyPa
     (block,) = listed(cell)
     with monkeypatch.context() as patch:
         patch.setattr("picktree.skills.grasp.lift", blocked)
-        assert fails(cell, f"Grasp: {{object: {block}}}") == "world.disturbed"
+        assert fails(cell, f"Grasp: {{object: {block}, onward: false}}") == "world.disturbed"
     cell.start(mission(f"Sequence: [SafeRetreat, {{Grasp: {{object: {block}}}}}]"))
     cell.finish()
     assert cell.tree.failure is None

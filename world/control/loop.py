@@ -179,7 +179,9 @@ class ControlLoop:
         self.wrist.sample()
         force = self.wrist.force
         v = state.velocity
-        self._standing = self._standing + 1 if float(v @ v) < REST_SPEED * REST_SPEED else 0
+        # The slow end of a motion does not count: what brakes there is still felt at the wrist.
+        still = isinstance(self._controller, Hold) and float(v @ v) < REST_SPEED * REST_SPEED
+        self._standing = self._standing + 1 if still else 0
         self._reference = self._setpoint.position if self._servo else None
         stopped = self.monitor.check(state, self._reference, force)
         self._periods += 1

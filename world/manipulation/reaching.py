@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import TYPE_CHECKING
 
-from ..motion.requests import Line, Offset
+from ..motion.requests import Offset
 from ..scene.description import Bin
 from ..scene.planning_scene import BeliefObject
 from ..shapes import bottom
@@ -20,28 +20,24 @@ Steps = Generator[None, None, None]
 NEAR = 0.02
 """Neighbours closer than this may be grazed while lifting: they were cleared by the open hand before, m."""
 DOWN = (0.0, 0.0, -1.0)
+CARRIED = 10.0
+"""Force that lifting an object may add to the guard of a motion, N."""
 
 
-def descend(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str) -> Steps:
-    """From the pre-grasp pose straight down to the grasp; the last bit is felt for flat objects."""
-    target = candidate.tcp_in_world
+def feel(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str) -> Steps:
+    """The last bit of the way down onto a flat object, until it is touched; others need none."""
+    if not candidate.flat:
+        return
+    way = world.handling.felt_way
     with world.scene.allow(("gripper", object_id)):
-        if not candidate.flat:
-            plan = yield from world.plan.line(Line(target), scaling=world.handling.slowly, node=node)
-            yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)
-            return
-        way = world.handling.felt_way
-        above = target.shifted((0.0, 0.0, way / 2))
-        plan = yield from world.plan.line(Line(above), scaling=world.handling.slowly, node=node)
-        yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)
         felt = yield from world.move.guarded(
             DOWN, way, force=world.handling.touch, speed=world.handling.touch_speed, node=node
         )
-        if felt.contact:
-            # The tips of fingers on knuckles reach further out while they close.
-            fingers = world.robot.fingers
-            further = fingers.reach(candidate.expected_width) - fingers.reach(candidate.opening)
-            rise = world.handling.back_off + max(0.0, further)
+        # The tips of fingers on knuckles reach further out while they close.
+        fingers = world.robot.fingers
+        further = fingers.reach(candidate.expected_width) - fingers.reach(candidate.opening)
+        rise = max(0.0, further) + (world.handling.back_off if felt.contact else 0.0)
+        if rise > 0.0:
             up = Offset((0.0, 0.0, rise), least_fraction=0.5)
             plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
             yield from world.move.along(plan.trajectory, node=node)
@@ -58,7 +54,7 @@ def lift(world: World, object_id: ObjectId, node: str) -> Steps:
     with world.scene.allow(("gripper", object_id), *near):
         up = Offset((0.0, 0.0, world.handling.approach), least_fraction=0.3)
         plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
-        guard = world.handling.guard + (0.0 if held is None else 10.0)
+        guard = world.handling.guard + (0.0 if held is None else CARRIED)
         yield from world.move.along(plan.trajectory, guard=guard, node=node)
 
 

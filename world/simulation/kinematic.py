@@ -61,6 +61,11 @@ class KinematicArm:
     def read(self) -> JointState:
         return self._state
 
+    @property
+    def free(self) -> bool:
+        """Whether torques move it, instead of a servo."""
+        return self._torque is not None
+
     def follow(self, position: Array, velocity: Array) -> None:
         self._aim = (position.copy(), velocity.copy())
         self._torque = None
@@ -155,6 +160,8 @@ class KinematicHardware:
         self._data = self.model.arm.createData()
         self._on_tcp = np.zeros(6)
         self._height: float | None = None
+        self._centre: tuple[Array, Array] | None = None
+        """Where the hand's centre of mass was in the last period, and its velocity then."""
         self._touching = False
         self._sense()
 
@@ -284,7 +291,7 @@ class KinematicHardware:
         self._belts.restore(saved.belts)
         if self._feeder is not None:
             self._feeder.restore(saved.feeder or FeederState())
-        self._height = None
+        self._height = self._centre = None
         self._sense(still=True)
 
     def _known(self, item: str) -> Body:
@@ -311,8 +318,18 @@ class KinematicHardware:
         if not still and (bodies.held is not None or gripper.width != gripper.target):
             gripper.step(pose_of(placement), self.period)
         weight = self.model.hand_mass * GRAVITY
-        lever_x, lever_y, _ = (rotation @ self._hand_in_flange).tolist()
+        lever = rotation @ self._hand_in_flange
+        lever_x, lever_y, _ = lever.tolist()
         reading = [0.0, 0.0, -weight, -lever_y * weight, lever_x * weight, 0.0]
+        accelerated = self._accelerated(position + rotation @ self._flange_in_tcp + lever)
+        if accelerated is not None:
+            carried = 0.0 if bodies.held is None else bodies[bodies.held].entry.mass
+            x, y, up = (-(self.model.hand_mass + carried) * accelerated).tolist()
+            lever_z = float(lever[2])
+            reading[0], reading[1], reading[2] = x, y, reading[2] + up
+            reading[3] += lever_y * up - lever_z * y
+            reading[4] += lever_z * x - lever_x * up
+            reading[5] += lever_x * y - lever_y * x
         if self._touching:
             self._on_tcp, self._touching = np.zeros(6), False
         z = float(position[2])
@@ -329,6 +346,16 @@ class KinematicHardware:
                 reading[4] -= float(arm_x) * upward
         fx, fy, fz, tx, ty, tz = reading
         self.wrench.reading = Wrench((fx, fy, fz), (tx, ty, tz))
+
+    def _accelerated(self, centre: Array) -> Array | None:
+        """Acceleration (3,) of the hand's centre of mass, which now is there, m/s²; what is held takes part.
+        None when it is not known, and under torques: there the hand is slow, and contacts are stiff."""
+        before, self._centre = self._centre, None
+        if self.arm.free:
+            return None
+        velocity = np.zeros(3) if before is None else (centre - before[0]) / self.period
+        self._centre = (centre, velocity)
+        return None if before is None else (velocity - before[1]) / self.period
 
     def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
         """Points (3,) in the world where something pulls down or pushes up on the hand, with its force."""

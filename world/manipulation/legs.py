@@ -1,0 +1,66 @@
+"""The motions of a pick and place as requests: onto the grasp, and from there over the bin."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..motion.requests import Holding, JointGoal, Line, Offset, PoseGoal, Request
+from ..values import Array, ObjectId, Pose
+from .grasps import GraspCandidate
+from .reaching import NEAR
+
+if TYPE_CHECKING:
+    from ..world import World
+
+LEAST_LIFT = 0.3
+"""Share of the way straight up, or down, that must be free: what is left is done without."""
+
+
+def approach(
+    world: World, object_id: ObjectId, grasp: GraspCandidate, over: Array, speed: float
+) -> tuple[Request, ...]:
+    """From where the arm is to `over` (n,) the grasp, and straight down onto it; for a flat object so far
+    that the rest can be felt."""
+    handling = world.handling
+    felt = handling.felt_way / 2 if grasp.flat else 0.0
+    down = Line(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
+    return (
+        Request(JointGoal(over), scaling=handling.scaling(speed)),
+        Request(down, width=grasp.opening, allowed=(("gripper", object_id),), scaling=handling.slowly),
+    )
+
+
+def onward(
+    world: World,
+    holding: Holding,
+    start: Array,
+    width: float,
+    over: Array | tuple[Pose, ...],
+    drop: float,
+    speed: float,
+) -> tuple[Request, ...]:
+    """From a grasp (n,) with the object between the fingers straight up, over the bin, and down by `drop` m.
+
+    `over`: the configuration (n,) over the landing, or poses of the TCP of which one will do.
+    """
+    handling = world.handling
+    tcp = world.robot.tcp(start)
+    near = world.queries.hand_contacts(tcp, width, ignore=(holding.object,), margin=NEAR)
+    neighbours = tuple(("gripper", name) for name in sorted({contact.b for contact in near}))
+    goal = PoseGoal(over) if isinstance(over, tuple) else JointGoal(over)
+    up = Offset((0.0, 0.0, handling.approach), least_fraction=LEAST_LIFT)
+    legs = [
+        Request(up, start, width, holding, neighbours, scaling=handling.slowly),
+        Request(goal, width=width, holding=holding, scaling=handling.scaling(speed)),
+    ]
+    if drop > 0.0:
+        legs.append(lowering(world, drop, width, holding))
+    return tuple(legs)
+
+
+def lowering(
+    world: World, drop: float, width: float | None = None, holding: Holding | None = None
+) -> Request:
+    """Straight down with an object in the hand, where nothing is expected to be touched."""
+    down = Offset((0.0, 0.0, -drop), least_fraction=LEAST_LIFT)
+    return Request(down, width=width, holding=holding, scaling=world.handling.slowly)

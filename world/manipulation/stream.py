@@ -1,0 +1,265 @@
+"""A ranked stream of whole candidates: each grasp with each place that it leads to, the best one first.
+
+Best first, as in Dijkstra's search: what is known of a candidate's cost bounds it from below, the one with
+the least bound takes its next test, and what passes goes back with what the test has found out. So cheap
+tests are made of many, dear ones of few, and planning is asked for the one that has passed all others.
+The stages are those of MoveIt's Task Constructor (Görner et al., ICRA 2019): generate, filter, connect.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ..causes import Failure, planning
+from ..motion.reach import Reached
+from ..motion.requests import Holding, PoseGoal, Request
+from ..scene.planning_scene import BeliefObject
+from ..underway import Landing
+from ..values import Array, Pose
+from . import trail as stages
+from .candidates import PickAndPlace
+from .effort import guessed, travel
+from .grasps import GraspCandidate
+from .landings import Level, landings, levels, target_for
+from .legs import approach
+from .spots import SUNK
+from .trail import Refusal, Trail, planned, touching, unreached
+
+if TYPE_CHECKING:
+    from ..world import World
+
+SCORE = 3.0
+"""What one point of a grasp's score is worth as time, s: a tight opening costs as much as 1.5 s of way."""
+PLACES = 24
+"""Places of one grasp for which a configuration is looked for: one that fails more often leads nowhere."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Branch:
+    """A candidate on its way through the stages."""
+
+    grasp: GraspCandidate
+    known: float
+    """Cost by what is known, s."""
+    test: Callable[[_Branch], Iterator[_Branch]] | None
+    """What it has to pass next; None: all that is cheap is passed."""
+    guess: float = 0.0
+    """Of the cost that is not known yet, s."""
+    over: Array | None = None
+    at: Array | None = None
+    level: Level | None = None
+    landing: Landing | None = None
+    above: Array | None = None
+
+    @property
+    def place(self) -> str:
+        return "" if self.landing is None else self.landing.name
+
+
+@dataclass(slots=True)
+class _Places:
+    """Where one grasp may lead to: what was not looked at yet, and how often the arm was asked."""
+
+    levels: Iterator[Level]
+    asked: int = 0
+
+
+class PickStream:
+    """The candidates for one object, as the belief is when it is made. `find` gives one after the other.
+
+    The order depends on the belief, on where the arm is and on the candidates alone.
+    """
+
+    def __init__(
+        self, world: World, belief: BeliefObject, grasps: Sequence[GraspCandidate], node: str
+    ) -> None:
+        """`grasps`: those that are offered; `node` keys the planner's randomness and names the purpose."""
+        self._world, self._belief, self._node = world, belief, node
+        into = world.scene.destination(belief.id)
+        self._target = None if into is None else target_for(world, belief, into)
+        self.trail = Trail(f"grasp by {node}", belief.id, into or "", grasps)
+        self.refused: Failure | None = None
+        """What the planner said of the last candidate that passed all other tests."""
+        self._heap: list[tuple[float, int, _Branch]] = []
+        self._number = itertools.count()
+        self._places: dict[str, _Places] = {}
+        self._start = world.control.held_position
+        tcp = world.robot.tcp(self._start)
+        for grasp in grasps:
+            guess = guessed(world.robot, tcp, grasp.tcp_in_world)
+            self._push(_Branch(grasp, SCORE * grasp.score, self._hand_fits, guess))
+
+    # ---- the search
+
+    def find(self, *, speed: float = 1.0) -> Generator[None, None, PickAndPlace | None]:
+        """The next candidate that passes all tests, with its approach planned; None: there is none left.
+
+        Thinking is charged, and each answer goes to the journal with the trail so far. `speed`: share of the
+        joints' speed limits. Fails with planning.start_in_collision: from there no candidate is reached.
+        """
+        while self._heap:
+            branch = heapq.heappop(self._heap)[2]
+            if branch.test is not None:
+                for other in branch.test(branch):
+                    self._push(other)
+                continue
+            found = yield from self._approach(branch, speed)
+            if found is not None:
+                self.trail.accept(found.grasp, found.cost, branch.place, stages.APPROACH)
+                self._note()
+                return found
+        yield from self._world.plan.charge()
+        self._note()
+        return None
+
+    def refuse(self, pick: PickAndPlace, failure: Failure) -> None:
+        """The transfer of a candidate that was given out cannot be planned; `find` goes on with the next."""
+        self.refused = failure
+        place = "" if pick.landing is None else pick.landing.name
+        self.trail.refuse(pick.grasp, pick.cost, planned(stages.TRANSFER, failure), place)
+
+    def _push(self, branch: _Branch) -> None:
+        heapq.heappush(self._heap, (branch.known + branch.guess, next(self._number), branch))
+
+    def _refuse(self, branch: _Branch, refusal: Refusal) -> None:
+        self.trail.refuse(branch.grasp, branch.known, refusal, branch.place)
+
+    def _note(self) -> None:
+        self._world.journal.note(self.trail.entry())
+
+    # ---- the grasp
+
+    def _hand_fits(self, branch: _Branch) -> Iterator[_Branch]:
+        grasp, world = branch.grasp, self._world
+        contacts = world.queries.hand_contacts(
+            grasp.tcp_in_world, grasp.opening, ignore=(self._belief.id,), margin=grasp.margin
+        )
+        if contacts:
+            self._refuse(branch, touching(stages.HAND, "the hand", contacts[0]))
+            return
+        self.trail.passed(grasp, stages.HAND)
+        if self._target is not None and not self._target.cells:
+            full = self._target.bin.id
+            self._refuse(branch, Refusal(stages.ROOM, f"{full} is full", full))
+            return
+        yield replace(branch, test=self._grasp_reached)
+
+    def _grasp_reached(self, branch: _Branch) -> Iterator[_Branch]:
+        grasp = branch.grasp
+        tcp = grasp.tcp_in_world
+        over = self._reach(tcp.shifted((0.0, 0.0, self._world.handling.approach)), self._start, grasp)
+        if over.q is None:
+            self._refuse(branch, unreached(stages.PRE_GRASP, "the pre-grasp", over))
+            return
+        self.trail.passed(grasp, stages.PRE_GRASP)
+        at = self._reach(tcp, over.q, grasp)
+        if at.q is None:
+            self._refuse(branch, unreached(stages.GRASP, "the grasp", at))
+            return
+        self.trail.passed(grasp, stages.GRASP)
+        known = branch.known + travel(self._world.robot, self._start, over.q)
+        held = replace(branch, known=known, guess=0.0, over=over.q, at=at.q, test=None)
+        if self._target is None:
+            yield held
+            return
+        self._places[grasp.name] = _Places(levels(self._target))
+        yield from self._next_level(held)
+
+    def _reach(self, tcp: Pose, near: Array, grasp: GraspCandidate) -> Reached:
+        pair = (("gripper", str(self._belief.id)),)
+        request = Request(PoseGoal((tcp,)), start=near, width=grasp.opening, allowed=pair)
+        return self._world.plan.reached(request)
+
+    # ---- the place
+
+    def _next_level(self, branch: _Branch) -> Iterator[_Branch]:
+        """The same grasp with its next cell of the bin, which waits with its own cost."""
+        level = next(self._places[branch.grasp.name].levels, None)
+        if level is not None:
+            yield replace(branch, level=level, guess=level.cost, test=self._lands)
+
+    def _lands(self, branch: _Branch) -> Iterator[_Branch]:
+        """The landings over one cell, and behind them the next cell."""
+        level, target, grasp = branch.level, self._target, branch.grasp
+        assert level is not None and target is not None
+        for landing in landings(self._world, target, level, self._belief.shape, self._in_tcp(grasp)):
+            guess = guessed(self._world.robot, grasp.tcp_in_world, landing.above)
+            known = branch.known + level.cost
+            yield replace(branch, known=known, guess=guess, landing=landing, test=self._has_room)
+        yield from self._next_level(branch)
+
+    def _has_room(self, branch: _Branch) -> Iterator[_Branch]:
+        landing = branch.landing
+        assert landing is not None
+        there = landing.above @ self._in_tcp(branch.grasp)
+        contacts = self._world.queries.free(
+            self._belief.shape, there, ignore=(self._belief.id,), margin=-SUNK
+        )
+        if contacts:
+            subject = f"over {landing.into} {self._belief.id}"
+            self._refuse(branch, touching(stages.ROOM, subject, contacts[0]))
+            return
+        self.trail.passed(branch.grasp, stages.ROOM)
+        yield replace(branch, test=self._place_reached)
+
+    def _place_reached(self, branch: _Branch) -> Iterator[_Branch]:
+        landing, grasp, at = branch.landing, branch.grasp, branch.at
+        assert landing is not None and at is not None
+        places = self._places[grasp.name]
+        if places.asked >= PLACES:
+            return
+        places.asked += 1
+        request = Request(
+            PoseGoal((landing.above,)),
+            start=at,
+            width=grasp.expected_width,
+            holding=Holding(self._belief.id, self._in_tcp(grasp)),
+        )
+        found = self._world.plan.reached(request)
+        if found.q is None:
+            self._refuse(branch, unreached(stages.PLACE, f"the place over {landing.into}", found))
+            return
+        self.trail.passed(grasp, stages.PLACE)
+        known = branch.known + travel(self._world.robot, at, found.q)
+        yield replace(branch, known=known, guess=0.0, above=found.q, test=None)
+
+    def _in_tcp(self, grasp: GraspCandidate) -> Pose:
+        """How the object will be held, if all is as believed."""
+        return grasp.tcp_in_world.inverse() @ self._belief.pose
+
+    # ---- planning
+
+    def _approach(self, branch: _Branch, speed: float) -> Generator[None, None, PickAndPlace | None]:
+        assert branch.over is not None and branch.at is not None
+        world, grasp = self._world, branch.grasp
+        legs = approach(world, self._belief.id, grasp, branch.over, speed)
+        try:
+            plan = yield from world.plan.through(legs, node=self._node)
+        except Failure as failure:
+            if failure.cause is planning.START_IN_COLLISION:
+                raise
+            self.refused = failure
+            self._refuse(branch, planned(stages.APPROACH, failure))
+            self._drop(grasp)
+            return None
+        self.trail.passed(grasp, stages.APPROACH)
+        return PickAndPlace(
+            self._belief.id,
+            grasp,
+            branch.landing,
+            self._in_tcp(grasp),
+            branch.over,
+            plan.trajectory.end,
+            branch.above,
+            branch.known,
+            plan,
+        )
+
+    def _drop(self, grasp: GraspCandidate) -> None:
+        """The way to a grasp is not free: none of its places is of use."""
+        self._heap = [entry for entry in self._heap if entry[2].grasp.name != grasp.name]
+        heapq.heapify(self._heap)
