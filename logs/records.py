@@ -224,7 +224,7 @@ class Plan:
     version: int = 0
     length: float = 0.0
     way: float = 0.0
-    singular: float | None = None
+    singular: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,8 @@ class PlanMade:
     """Way in joint space, rad."""
     way: float = 0.0
     """Way of the TCP, along `tool_path`, m."""
-    singular: float | None = None
-    """Smallest singular value of the TCP's Jacobian along `tool_path`."""
+    singular: float = 0.0
+    """Smallest singular value of the TCP's Jacobian along `tool_path`; 0 without a path."""
 
 
 @dataclass(frozen=True, slots=True)
