@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from ..robot.model import RobotModel
 from ..values import Array, JointState
+from .boundaries import JointBounds
 from .commands import Controller, JointCommand, TorqueCommand
 from .joint_controllers import Brake
 
@@ -93,7 +94,7 @@ class CartesianImpedance:
 
     D follows K and the tool's inertia Λ by double diagonalisation (Albu-Schäffer et al. 2003). `preload`
     (6,): a constant wrench f that the hand exerts, such as what carries a held object; world axes, about
-    the TCP.
+    the TCP. Joints keep their soft limits (`JointBounds`), and the target slows down for them.
     """
 
     def __init__(
@@ -117,6 +118,9 @@ class CartesianImpedance:
         self._aim = np.zeros(6)
         self._step: float = torque_rate * period
         self._age = 0
+        self._bounds = JointBounds(model)
+        self.blocked_by = ""
+        """The joint whose limit has stopped the target."""
         self.done = False
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
@@ -153,7 +157,8 @@ class CartesianImpedance:
         posture = self._null @ (POSTURE * (self._posture - q) - (2.0 * math.sqrt(POSTURE)) * v)
         torque = jacobian.T @ wrench + posture + pin.nonLinearEffects(arm, data, q, v)
         torque = np.minimum(np.maximum(torque, self._torque - self._step), self._torque + self._step)
-        self._torque = np.minimum(np.maximum(torque, -model.torque_limit), model.torque_limit)
+        torque = np.minimum(np.maximum(torque, -model.torque_limit), model.torque_limit)
+        self._torque = self._bounds.held(q, v, torque)
         return TorqueCommand(self._torque)
 
     def brake(self) -> Controller:
@@ -172,8 +177,9 @@ class CartesianImpedance:
         inertia = np.linalg.inv(jacobian @ by_mass + 1e-6 * np.eye(6))
         inertia = (inertia + inertia.T) / 2
         self._along: Array = inertia[:, :3]
-        rates = np.abs(by_mass @ (self._along @ self.target.direction))
-        self.target.limit(float((JOINT_SPEED * self._model.velocity_limit / np.maximum(rates, 1e-6)).min()))
+        speed = self._bounds.target_speed(q, mass, jacobian, self.target.direction, JOINT_SPEED)
+        self.target.limit(speed.most)
+        self.blocked_by = speed.blocked_by
         lower = np.linalg.cholesky(inertia)
         inverse = np.linalg.inv(lower)
         squares, modes = np.linalg.eigh((inverse * self._stiffness) @ inverse.T)

@@ -9,6 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
+from ..causes import control, safety
 from ..errors import PicktreeError
 from ..protocols import Hardware
 from ..robot.model import RobotModel
@@ -187,8 +188,10 @@ class ControlLoop:
         self._periods += 1
         if self._periods % TOOL_CHECK == 0:
             stopped = self.monitor.check_tool(self.model.tcp(state.position).position) or stopped
-        if stopped or (self._guard is not None and self._guard.touched(force)):
+        if (self._guard is not None and self._guard.touched(force)) or (stopped and self._off_its_way):
             self._stop_at_once()
+        elif stopped:
+            self._brake_motion()
         command = self._controller.update(self._clock.now, state)
         if isinstance(command, JointCommand):
             self._setpoint = command
@@ -263,6 +266,13 @@ class ControlLoop:
         braking = self._controller.brake()
         if braking is not self._controller:
             self._begin(braking)
+
+    @property
+    def _off_its_way(self) -> bool:
+        """Whether the safety stop that was just latched says that the arm is not where it was told to be, or
+        is pushed: then braking on the path would go on with what is wrong."""
+        stop = self.monitor.stopped
+        return stop is not None and stop.cause in (control.TRACKING, safety.FORCE_LIMIT)
 
     def _stop_at_once(self) -> None:
         """After a contact comply with it; else brake as fast as the joints allow, from where they are."""

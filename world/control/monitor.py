@@ -76,6 +76,11 @@ class SafetyMonitor:
     def stopped(self) -> FailureReport | None:
         return self._stopped
 
+    @property
+    def limits(self) -> Limits:
+        """What it enforces of the scene's limits."""
+        return self._limits
+
     def acknowledge(self) -> None:
         """Allow motion again. Only a safe retreat may say this."""
         if self._stopped is not None:

@@ -16,6 +16,7 @@ from ..protocols import Clock
 from ..robot.model import RobotModel
 from ..trajectory import Trajectory
 from ..values import Array, Vector3
+from .boundaries import way_inside
 from .guarded import GuardedResult, GuardedTarget
 from .impedance import FIRM, CartesianImpedance, Stiffness
 from .joint_controllers import Hold, Track, way_back
@@ -221,7 +222,9 @@ class Motions:
         until more than `force` N act against it. The one way to make contact.
 
         The force is relative to what the hand feels at rest just before, so it works with an object in
-        the hand. While standing at the contact the tool presses with `press` N.
+        the hand. While standing at the contact the tool presses with `press` N. It ends, at rest, with
+        safety.workspace or safety.joint_limit where the line leaves the workspace or a joint comes to its
+        limit before there was a contact.
         """
         self._refuse_if_stopped()
         size = float(np.linalg.norm(direction))
@@ -234,9 +237,12 @@ class Motions:
             yield from loop.settle()
             self._check(lease)
             felt = loop.wrist.mean(12, loop.state.position)
+            inside = way_inside(loop.monitor.limits.workspace, loop.tcp.position, along)
+            if inside <= 0.0:
+                raise self._at_the_edge(along, 0.0, distance)
             target = GuardedTarget(
                 along,
-                distance,
+                min(distance, inside),
                 force=force,
                 speed=speed,
                 press=press,
@@ -248,7 +254,8 @@ class Motions:
             begin = np.array(loop.tcp.position)
             carried = self._carrying(felt)
             self._last = None
-            lease.run(CartesianImpedance(self._model, loop.period, target, stiffness, carried))
+            spring = CartesianImpedance(self._model, loop.period, target, stiffness, carried)
+            lease.run(spring)
             limit = self._clock.now + SLOWED * distance / speed + speed + CONTACT_TIME
             stop = math.inf
             while True:
@@ -258,21 +265,31 @@ class Motions:
                     stop = min(stop, self._clock.now + CONTACT_TIME)
                     if target.standing:
                         break
-                if self._clock.now > min(limit, stop):
+                blocked = spring.blocked_by and not target.finished
+                if blocked or self._clock.now > min(limit, stop):
                     break
             lease.run(Hold())
             yield
             self._check(lease)
             pose = loop.tcp
+            travelled = float(along @ (np.array(pose.position) - begin))
+            if not target.finished and spring.blocked_by:
+                raise Failure(
+                    safety.JOINT_LIMIT,
+                    f"{spring.blocked_by} comes to its limit after {travelled * 1000:.0f} mm of a guarded "
+                    f"move of {distance * 1000:.0f} mm",
+                    joint=spring.blocked_by,
+                    travelled=travelled,
+                )
+            if target.finished and not target.contact and inside < distance:
+                raise self._at_the_edge(along, travelled, distance)
             if not target.finished:
                 raise Failure(
                     control.TIMEOUT,
                     f"a guarded move of {distance * 1000:.0f} mm did not end in time",
                     force=target.peak,
                 )
-            return GuardedResult(
-                target.contact, float(along @ (np.array(pose.position) - begin)), target.peak, pose
-            )
+            return GuardedResult(target.contact, travelled, target.peak, pose)
 
     def rest(self) -> Doing[None]:
         """Brake, and yield until the arm is at rest. Allowed while a safety stop is latched."""
@@ -375,6 +392,17 @@ class Motions:
 
     def _arrived(self, end: Array) -> bool:
         return self._loop.at_rest and float(np.abs(self._loop.state.position - end).max()) < ARRIVED
+
+    def _at_the_edge(self, along: Array, travelled: float, distance: float) -> Failure:
+        at = self._loop.tcp.position
+        return Failure(
+            safety.WORKSPACE,
+            f"a guarded move of {distance * 1000:.0f} mm comes to the edge of the workspace after "
+            f"{travelled * 1000:.0f} mm, without a contact",
+            travelled=travelled,
+            position=[round(c, 4) for c in at],
+            direction=[round(float(c), 3) for c in along],
+        )
 
     @staticmethod
     def _touched(force: Vector3, track: Track) -> Failure:

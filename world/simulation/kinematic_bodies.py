@@ -88,7 +88,6 @@ class Bodies:
         parts = [(f.id, f.shape, f.pose) for f in scene.fixtures]
         parts += [(b.id, box, pose) for b in scene.bins for box, pose in b.parts()]
         self._fixed = tuple(Prism.of(name, shape, pose) for name, shape, pose in parts)
-        self._scenery = self._fixed
         self._items: dict[ObjectId, Body] = {}
         self._prisms: dict[ObjectId, Prism] = {}
         self.held: ObjectId | None = None
@@ -134,12 +133,6 @@ class Bodies:
             body = self._items[name]
             self._items[name] = replace(body, pose=body.pose.shifted(way))
             self._prisms[name] = self._prisms[name].shifted(way)
-
-    def stand(self, obstacles: Iterable[Fixture]) -> None:
-        """These stand still among fixtures and bins from now on, and no others; what stood on one that is
-        gone comes down."""
-        self._fixed = (*self._scenery, *(Prism.of(f.id, f.shape, f.pose) for f in obstacles))
-        self.settle()
 
     def fall(self, item: ObjectId, floor: float) -> None:
         """Straight down onto what stands below, or onto the floor, among whatever lies there already."""
@@ -201,22 +194,24 @@ class Bodies:
 
     def below(self, prism: Prism) -> float | None:
         """Height of the highest top under the outline, m."""
+        return max((top for _, top in self.tops_below(prism)), default=None)
+
+    def tops_below(self, prism: Prism) -> list[tuple[str, float]]:
+        """Names and heights (m) of the tops under the outline."""
         limit = prism.low[2] + SINKING
-        tops = (
-            p.high[2]
+        return [
+            (p.id, p.high[2])
             for p in (*self._fixed, *self._prisms.values())
             if p.high[2] <= limit and p.id != prism.id and p.overlaps(prism)
-        )
-        return max(tops, default=None)
+        ]
 
-    def surface(self, x: float, y: float, z: float, deepest: float) -> float | None:
-        """Height of the highest top at (x, y) that is at most `deepest` above z, m."""
-        best: float | None = None
-        for p in (*self._fixed, *self._prisms.values()):
-            top = p.high[2]
-            if top <= z + deepest and (best is None or top > best) and p.covers(x, y):
-                best = top
-        return best
+    def tops(self, x: float, y: float, limit: float) -> list[tuple[str, float]]:
+        """Names and heights (m) of the tops at (x, y) that are no higher than `limit`."""
+        return [
+            (p.id, p.high[2])
+            for p in (*self._fixed, *self._prisms.values())
+            if p.high[2] <= limit and p.covers(x, y)
+        ]
 
     def _measure(self) -> None:
         self.highest = max((p.high[2] for p in (*self._fixed, *self._prisms.values())), default=0.0)
