@@ -24,12 +24,6 @@ RELAXATIONS = 8
 """Rounds in which joints that lack torque leave each other some."""
 LEAST_SHARE = 0.15
 """Of what is left then, with which it brakes in any case."""
-BRAKING_TORQUE = 0.85
-"""Share of the torque limits that braking off the path takes."""
-RELAXATIONS = 8
-"""Rounds in which joints that lack torque leave each other some."""
-LEAST_SHARE = 0.15
-"""Of what is left then, with which it brakes in any case."""
 UNATTENDED = 0.1
 """How long a motion that was handed over goes on before it brakes by itself, s."""
 

@@ -16,7 +16,7 @@ from ..no_feed import NoFeed
 from ..protocols import Camera, Feed
 from ..robot.description import RobotDescription
 from ..robot.model import RobotModel, pose_of
-from ..scene.description import SceneDescription
+from ..scene.description import Fixture, SceneDescription
 from ..shapes import bottom
 from ..values import Array, JointState, ObjectId, Pose, Vector3, Wrench
 from .belt_drive import BeltDrive
@@ -30,8 +30,9 @@ from .kinematic_cell import KinematicCell, body_of, true_body
 from .kinematic_feet import Feet
 from .kinematic_gripper import GRAVITY, KinematicGripper
 from .kinematic_state import ItemState, KinematicState
+from .obstacles import Obstacles, Room
 from .spawn import SpawnedItem, spawn_items
-from .truth import TrueBody
+from .truth import TrueBody, TrueObstacle
 
 STIFFNESS = 2.0e4
 """Of a contact with what is below, N/m."""
@@ -62,6 +63,11 @@ class KinematicArm:
 
     def read(self) -> JointState:
         return self._state
+
+    @property
+    def free(self) -> bool:
+        """Whether torques move it, instead of a servo."""
+        return self._torque is not None
 
     def follow(self, position: Array, velocity: Array) -> None:
         self._aim = (position.copy(), velocity.copy())
@@ -121,6 +127,9 @@ class KinematicHardware:
         items = spawn_items(scene, seed)
         self._inventory = Inventory(scene, items)
         self.bodies = Bodies(scene, (body_of(item) for item in items))
+        self._obstacles = Obstacles(lambda _: self._restand(), lambda _: self._restand())
+        self._obstacles.renew(scene.unknown)
+        self._room: Room | None = None
         self.bodies.settle()
         floor = floor_height(scene.fixtures, robot.base_in_world.position[2])
         self._belts = KinematicBelts(scene, self.bodies, floor, period)
@@ -130,7 +139,12 @@ class KinematicHardware:
         self.wrench = KinematicWrench()
         stage = Stage(scene, robot, period)
         self.cameras: Mapping[str, Camera] = MappingProxyType(
-            {c.name: KinematicCamera(c, stage, self.bodies, self.clock, self._posture) for c in scene.cameras}
+            {
+                c.name: KinematicCamera(
+                    c, stage, self.bodies, self.clock, self._posture, lambda: self._obstacles.here
+                )
+                for c in scene.cameras
+            }
         )
         self._feeder: Feeder | None = None
         if has_feeder(scene):
@@ -149,6 +163,8 @@ class KinematicHardware:
         self._data = self.model.arm.createData()
         self._on_tcp = np.zeros(6)
         self._height: float | None = None
+        self._centre: tuple[Array, Array] | None = None
+        """Where the hand's centre of mass was in the last period, and its velocity then."""
         self._touching = False
         self._feet = Feet()
         self._sense()
@@ -215,6 +231,28 @@ class KinematicHardware:
         self.bodies.put(replace(body, pose=body.pose.shifted((x / speed * way, y / speed * way, 0.0))))
         self.bodies.settle()
 
+    def obstacles(self) -> tuple[TrueObstacle, ...]:
+        """What stands there that the robot was not told of. The arm passes through it: nothing here is
+        solid but tops."""
+        return self._obstacles.truth()
+
+    def room_for(self, body: Fixture) -> bool:
+        """Whether no item and no part of the robot is where the body would stand."""
+        self._room = self._room or Room(self.model)
+        items = [(item.entry.shape, item.pose) for item in self.bodies.present]
+        return self._room.free(body.shape, body.pose, items, self.arm.position, self.gripper.width)
+
+    def put_obstacle(self, body: Fixture) -> ObjectId:
+        """A fault: something stands in the way from now on; its name."""
+        return self._obstacles.put(body)
+
+    def take_obstacle(self, name: ObjectId) -> None:
+        """The end of such a fault: it is taken away."""
+        self._obstacles.take(name)
+
+    def _restand(self) -> None:
+        self.bodies.stand(self._obstacles.here)
+
     def checkpoint(self) -> KinematicState:
         """Save, and go on from what was saved, as a resumed run would."""
         gripper, bodies = self.gripper, self.bodies
@@ -233,6 +271,7 @@ class KinematicHardware:
             self._belts.states(),
             self._inventory.state(),
             self._feeder.state() if self._feeder is not None else None,
+            self._obstacles.here,
         )
         self.restore(saved)
         return saved
@@ -250,11 +289,13 @@ class KinematicHardware:
         gripper = self.gripper
         gripper.width, gripper.target, gripper.force = saved.width, saved.target, saved.force
         gripper.gripped, gripper.item_in_tcp, gripper.speed = saved.gripped, saved.item_in_tcp, 0.0
+        self._obstacles.renew(self.scene.unknown if saved.obstacles is None else saved.obstacles)
+        self._restand()
         self.bodies.replace_all((_restored(known[item.id], item) for item in saved.items), saved.held)
         self._belts.restore(saved.belts)
         if self._feeder is not None:
             self._feeder.restore(saved.feeder or FeederState())
-        self._height = None
+        self._height = self._centre = None
         self._feet.forget()
         self._sense(still=True)
 
@@ -282,8 +323,18 @@ class KinematicHardware:
         if not still and (bodies.held is not None or gripper.width != gripper.target):
             gripper.step(pose_of(placement), self.period)
         weight = self.model.hand_mass * GRAVITY
-        lever_x, lever_y, _ = (rotation @ self._hand_in_flange).tolist()
+        lever = rotation @ self._hand_in_flange
+        lever_x, lever_y, _ = lever.tolist()
         reading = [0.0, 0.0, -weight, -lever_y * weight, lever_x * weight, 0.0]
+        accelerated = self._accelerated(position + rotation @ self._flange_in_tcp + lever)
+        if accelerated is not None:
+            carried = 0.0 if bodies.held is None else bodies[bodies.held].entry.mass
+            x, y, up = (-(self.model.hand_mass + carried) * accelerated).tolist()
+            lever_z = float(lever[2])
+            reading[0], reading[1], reading[2] = x, y, reading[2] + up
+            reading[3] += lever_y * up - lever_z * y
+            reading[4] += lever_z * x - lever_x * up
+            reading[5] += lever_x * y - lever_y * x
         if self._touching:
             self._on_tcp, self._touching = np.zeros(6), False
         z = float(position[2])
@@ -303,12 +354,23 @@ class KinematicHardware:
         fx, fy, fz, tx, ty, tz = reading
         self.wrench.reading = Wrench((fx, fy, fz), (tx, ty, tz))
 
+    def _accelerated(self, centre: Array) -> Array | None:
+        """Acceleration (3,) of the hand's centre of mass, which now is there, m/s²; what is held takes part.
+        None when it is not known, and under torques: there the hand is slow, and contacts are stiff."""
+        before, self._centre = self._centre, None
+        if self.arm.free:
+            return None
+        velocity = np.zeros(3) if before is None else (centre - before[0]) / self.period
+        self._centre = (centre, velocity)
+        return None if before is None else (velocity - before[1]) / self.period
+
     def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
         """Points (3,) in the world where something pulls down or pushes up on the hand, with its force."""
         found: list[tuple[Array, float]] = []
         aside = self.gripper.width / 2 + self._pad / 2
+        reach = self.model.fingers.reach(self.gripper.width)
         for foot, side in (("one tip", aside), ("other tip", -aside)):
-            tip = position + rotation @ np.array([0.0, side, self._tip])
+            tip = position + rotation @ np.array([0.0, side, reach])
             x, y, z = (float(c) for c in tip)
             surface = self._feet.top(foot, z, self.bodies.tops(x, y, z + DEEPEST))
             if surface is not None and surface > z:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 
-from ..scene.description import CatalogueEntry, SceneDescription
+from ..scene.description import CatalogueEntry, Fixture, SceneDescription
 from ..shapes import Shape, extents
 from ..values import ObjectId, Pose, Vector3
 from .footprints import Footprint, distance, footprint
@@ -88,6 +88,7 @@ class Bodies:
         parts = [(f.id, f.shape, f.pose) for f in scene.fixtures]
         parts += [(b.id, box, pose) for b in scene.bins for box, pose in b.parts()]
         self._fixed = tuple(Prism.of(name, shape, pose) for name, shape, pose in parts)
+        self._scenery = self._fixed
         self._items: dict[ObjectId, Body] = {}
         self._prisms: dict[ObjectId, Prism] = {}
         self.held: ObjectId | None = None
@@ -133,6 +134,12 @@ class Bodies:
             body = self._items[name]
             self._items[name] = replace(body, pose=body.pose.shifted(way))
             self._prisms[name] = self._prisms[name].shifted(way)
+
+    def stand(self, obstacles: Iterable[Fixture]) -> None:
+        """These stand still among fixtures and bins from now on, and no others; what stood on one that is
+        gone comes down."""
+        self._fixed = (*self._scenery, *(Prism.of(f.id, f.shape, f.pose) for f in obstacles))
+        self.settle()
 
     def fall(self, item: ObjectId, floor: float) -> None:
         """Straight down onto what stands below, or onto the floor, among whatever lies there already."""
