@@ -13,6 +13,8 @@ from picktree.world.motion.judge import TOLERANCE, Judge
 from picktree.world.motion.requests import Scaling
 from picktree.world.motion.sweep import STEP, TURN, moments_of
 from picktree.world.motion.timing import time_corners
+from picktree.world.robot.load import load_robot
+from picktree.world.robot.model import RobotModel
 from picktree.world.scene.planning_scene import PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.trajectory import Trajectory
@@ -129,3 +131,15 @@ def test_a_motion_that_stands_still_is_judged() -> None:
     assert JUDGE.judge(standing, table_scene(), WIDTH) == ()
     closest = JUDGE.clearance(standing, table_scene(), WIDTH)
     assert closest is not None and closest.distance > 0.0
+
+
+def test_what_one_joint_carries_is_not_judged_against_itself() -> None:
+    """The xArm's gripper is screwed to its last link: their hulls overlap."""
+    arm = RobotModel(load_robot("xarm6"))
+    home = arm.named("home")
+    still = np.zeros((2, arm.n))
+    standing = Trajectory(np.array([0.0, 0.01]), np.array([home, home]), still, still)
+    judge = Judge(arm)
+    assert judge.judge(standing, table_scene(), WIDTH) == ()
+    (tightest,) = judge.tightest(home[None], table_scene(), WIDTH, reach=1.0)
+    assert tightest is not None and tightest.distance > tightest.margin > 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
@@ -49,6 +49,18 @@ class Closest:
     point_b: Vector3
 
 
+@dataclass(frozen=True, slots=True)
+class Tightest:
+    """The pair of one configuration that is closest to its margin, or deepest within it."""
+
+    a: str
+    b: str
+    distance: float
+    """m; negative: depth."""
+    margin: float
+    """What the pair must keep, m."""
+
+
 class Judge:
     """Judges trajectories of one robot; the hulls of its links are made once.
 
@@ -80,7 +92,8 @@ class Judge:
             (i, j)
             for i, a in enumerate(self._things)
             for j, b in enumerate(self._things[i + 1 :], i + 1)
-            if a.name != b.name
+            # What one joint carries does not move against itself.
+            if self._limbs[i].joint != self._limbs[j].joint
             and frozenset((a.name, b.name)) not in disabled
             and not (a.part in gripper and b.part in gripper)
         ]
@@ -173,7 +186,38 @@ class Judge:
         a, b = view.things[i].name, view.things[j].name
         return Closest(a, b, gap.distance, time, configuration.copy(), gap.point_a, gap.point_b)
 
+    def tightest(
+        self,
+        configurations: Array,
+        scene: PlanningScene,
+        width: float,
+        margins: Margins | None = None,
+        reach: float = 0.001,
+    ) -> list[Tightest | None]:
+        """For each configuration (m, n) the pair that keeps its margin by least; None where every pair is
+        further than that by more than `reach` m."""
+        view = self._among(configurations, scene, width)
+        asked = (margins or self._margins).between
+        parts = [thing.part for thing in view.things]
+        keep: Array = np.array([asked(parts[int(pair[0])], parts[int(pair[1])]) for pair in view.pairs])
+        bounds = view.sweep.bounds(view.pairs)
+        found: list[Tightest | None] = []
+        for moment in range(len(configurations)):
+            least: Tightest | None = None
+            for column in np.flatnonzero(bounds[moment] < keep + reach):
+                i, j = (int(k) for k in view.pairs[column])
+                distance, margin = view.sweep.gap(moment, i, j).distance, float(keep[column])
+                so_far = reach if least is None else least.distance - least.margin
+                if distance - margin < so_far:
+                    least = Tightest(view.things[i].name, view.things[j].name, distance, margin)
+            found.append(least)
+        return found
+
     def _view(self, trajectory: Trajectory, scene: PlanningScene, width: float) -> _View:
+        moments = moments_of(self._model, trajectory)
+        return replace(self._among(moments.configurations, scene, width), times=moments.times)
+
+    def _among(self, configurations: Array, scene: PlanningScene, width: float) -> _View:
         bodies = (*still_bodies(scene), *loose_bodies(scene.objects))
         around = [place(solid(body.shape), body.pose) for body in bodies]
         carried, things = list(self._limbs), list(self._things)
@@ -183,10 +227,9 @@ class Judge:
             things.append(_Thing(held.id, Part.HELD))
         robots = len(things)
         things += [_Thing(b.name, Part.SUPPORT if b.support else Part.OBSTACLE) for b in bodies]
-        moments = moments_of(self._model, trajectory)
-        sweep = Sweep(self._model, carried, around, moments.configurations, width)
+        sweep = Sweep(self._model, carried, around, configurations, width)
         pairs = self._pairs(scene, things, robots)
-        return _View(moments.times, moments.configurations, sweep, things, pairs)
+        return _View(np.zeros(len(configurations)), configurations, sweep, things, pairs)
 
     def _held(self, held: BeliefObject) -> Carried:
         assert held.object_in_tcp is not None
