@@ -2,18 +2,58 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 
+from ..robot.model import RobotModel
 from ..values import Array
 
 RESOLUTION = 0.03
 """Greatest step along an edge, rad (Euclidean over the joints)."""
+SWEEP = 0.05
+"""Greatest way of any point of the arm in a step of a `Strides`, m, by an upper bound; about half of that is
+what the hand really moves. A path is checked far more finely when it has been timed."""
+TURN = 0.1
+"""Greatest step of a `Strides` in joint space, rad (Euclidean)."""
+BEYOND = 0.1
+"""How far hand and held object reach beyond the tool centre point, m."""
+
+Free = Callable[[Array], bool]
 
 
-def edge_free(free: Callable[[Array], bool], a: Array, b: Array, resolution: float = RESOLUTION) -> bool:
+class Strides:
+    """Edges in steps that are equally fine for every point of the arm: the wrist may turn further than the
+    shoulder. `share` scales the steps."""
+
+    def __init__(self, model: RobotModel, share: float = 1.0) -> None:
+        self._levers: Array = levers(model) / (SWEEP * share)
+        self._turns = 1.0 / (TURN * share)
+
+    def count(self, along: Array) -> int:
+        """Into how many steps an edge along (n,) is cut."""
+        turned = math.sqrt(float(along @ along)) * self._turns
+        return max(1, math.ceil(max(turned, float(np.abs(along) @ self._levers))))
+
+    def free(self, free: Free, a: Array, b: Array) -> bool:
+        """Whether all steps from a (exclusive) to b (inclusive), both (n,), are free."""
+        along = b - a
+        return all(free(a + along * share) for share in _shares(self.count(along)))
+
+
+def levers(model: RobotModel) -> Array:
+    """(n,): how far any point of the arm moves at most when a joint does, m/rad; m/m for one that slides."""
+    arm = model.arm
+    tool = float(np.linalg.norm(arm.frames[model.tcp_frame].placement.translation)) + BEYOND
+    lengths = [float(np.linalg.norm(arm.jointPlacements[k].translation)) for k in range(2, model.n + 1)]
+    reach: Array = np.cumsum([tool, *reversed(lengths)])[::-1].copy()
+    slides = [arm.joints[k].shortname().startswith("JointModelP") for k in range(1, model.n + 1)]
+    return np.where(slides, 1.0, reach)
+
+
+def edge_free(free: Free, a: Array, b: Array, resolution: float = RESOLUTION) -> bool:
     """Whether all steps from a (exclusive) to b (inclusive), both (n,), are free."""
     along = b - a
     count = max(1, int(np.ceil(float(np.linalg.norm(along)) / resolution)))
@@ -21,16 +61,21 @@ def edge_free(free: Callable[[Array], bool], a: Array, b: Array, resolution: flo
 
 
 @lru_cache(maxsize=512)
-def _shares(count: int) -> tuple[float, ...]:
-    """1/count … 1: the end first, then halves, quarters, … because collisions come in stretches."""
+def halving(count: int) -> tuple[int, ...]:
+    """`count`, then the numbers below as halves, quarters, …, because collisions come in stretches."""
     order = [count]
     left, queue = set(range(1, count)), [(0, count)]
-    while left:
-        low, high = queue.pop(0)
+    for low, high in queue:
         middle = (low + high) // 2
         if middle in left:
             order.append(middle)
             left.remove(middle)
         if high - low > 1:
             queue += [(low, middle), (middle, high)]
-    return tuple(k / count for k in order)
+    return tuple(order)
+
+
+@lru_cache(maxsize=512)
+def _shares(count: int) -> tuple[float, ...]:
+    """1/count … 1 in the order of `halving`."""
+    return tuple(k / count for k in halving(count))

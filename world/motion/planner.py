@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,17 +11,19 @@ from ..robot.model import RobotModel
 from ..trajectory import Trajectory
 from ..values import Array
 from .collision import Collision
-from .edges import RESOLUTION, edge_free
+from .edges import Strides
 from .posture import discomfort
+from .recheck import stays_free
 from .requests import Scaling
-from .rrt import connect
+from .retreat import retreat
+from .rrt import EdgeFree, Rooted, connect, shortened
 from .timing import time_corners
 from .way import Way
 
 RADII = (0.1, 0.05, 0.02, 0.005)
 """How far corners are cut, tried in this order until the timed path is free, rad."""
-RECHECK = 0.02
-"""Distance of the configurations at which a timed path is checked again, rad."""
+ROOTS = 4
+"""Goals, the nearest first, of which a way out is looked for."""
 
 
 class Budget:
@@ -55,6 +57,7 @@ class Planner:
         self._start = start
         self._scaling = scaling
         self._budget = budget
+        self._strides = Strides(model)
 
     def direct(self, goals: Sequence[Array]) -> Found | None:
         """Straight in joint space to one of the goals: the nearest first, uncomfortable ones as detours."""
@@ -63,7 +66,7 @@ class Planner:
             return float(np.linalg.norm(goals[k] - self._start)) + discomfort(self._model, goals[k])
 
         for k in sorted(range(len(goals)), key=effort):
-            if self._edge(self._start, goals[k], RESOLUTION):
+            if self._edge(self._start, goals[k]):
                 path = np.array([self._start, goals[k]])
                 trajectory = self._timed(path)
                 if trajectory is not None:
@@ -72,34 +75,39 @@ class Planner:
 
     def around(self, goals: Sequence[Array], seed: int) -> Found | None:
         """By RRT-Connect to any of the goals. None: the budget is spent, or no timing keeps the margins."""
-        # What is given may lie closer to the limits than what is planned: OMPL refuses states out of bounds.
+        # What is given may lie closer to the limits than what is planned.
         lower: Array = np.min([self._model.planned_lower, self._start, *goals], axis=0)
         upper: Array = np.max([self._model.planned_upper, self._start, *goals], axis=0)
         # A path that grazes between its steps is searched again with smaller ones.
-        for attempt, resolution in enumerate((RESOLUTION, RESOLUTION / 2)):
-            path = connect(
-                lower,
-                upper,
-                self._start,
-                goals,
-                self._free,
-                lambda a, b, step=resolution: self._edge(a, b, step),
-                lambda: self._budget.spent,
-                seed + attempt,
-            )
+        for attempt, strides in enumerate((self._strides, Strides(self._model, 0.5))):
+            rng = np.random.default_rng([seed, attempt])
+
+            def edge(a: Array, b: Array, strides: Strides = strides) -> bool:
+                return strides.free(self._free, a, b)
+
+            def rooted(q: Array, edge: EdgeFree = edge) -> Rooted:
+                return q, retreat(self._model, edge, q, lower, upper)
+
+            ends = self._near_first(goals, rooted)
+            path = connect(lower, upper, rooted(self._start), ends, edge, lambda: self._budget.spent, rng)
             if path is None:
                 return None
-            trajectory = self._timed(path)
+            corners = np.array(shortened(path, edge, rng))
+            trajectory = self._timed(corners)
             if trajectory is not None:
-                nearest = [float(np.abs(goal - path[-1]).max()) for goal in goals]
-                return Found(trajectory, path, "RRTConnect", int(np.argmin(nearest)))
+                missed = [float(np.abs(goal - corners[-1]).max()) for goal in goals]
+                return Found(trajectory, corners, "RRTConnect", int(np.argmin(missed)))
         return None
+
+    def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
+        nearest = sorted(goals, key=lambda q: float(np.linalg.norm(q - self._start)))
+        return [rooted(q) for q in nearest[:ROOTS]] + [(q, ()) for q in nearest[ROOTS:]]
 
     def _free(self, q: Array) -> bool:
         return not self._budget.spent and self._way.free(q)
 
-    def _edge(self, a: Array, b: Array, resolution: float) -> bool:
-        return edge_free(self._free, a, b, resolution)
+    def _edge(self, a: Array, b: Array) -> bool:
+        return self._strides.free(self._free, a, b)
 
     def _timed(self, path: Array) -> Trajectory | None:
         for radius in RADII if len(path) > 2 else RADII[:1]:
@@ -107,12 +115,3 @@ class Planner:
             if trajectory is not None and stays_free(self._way, trajectory):
                 return trajectory
         return None
-
-
-def stays_free(way: Way, trajectory: Trajectory) -> bool:
-    """Whether a timed path is free: corners were cut, and steps fall elsewhere than when it was planned."""
-    q = trajectory.position
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
-    marks = np.arange(0.0, float(along[-1]) + RECHECK, RECHECK)
-    picked = np.unique(np.minimum(np.searchsorted(along, marks), len(q) - 1))
-    return all(way.nearly_free(q[int(k)]) for k in picked)

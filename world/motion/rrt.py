@@ -1,92 +1,160 @@
-"""RRT-Connect by OMPL: between a start and any of several goals, shortened afterwards.
+"""RRT-Connect between a start and any of several goals, and shorter paths afterwards.
 
-Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000.
+Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000. The
+nearest node is found by comparing all: in trees of some hundred nodes that costs less than a collision check.
+Both trees may begin with a way out of the place where they are rooted, see `retreat`.
 """
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from ompl import base as ob
-from ompl import geometric as og
-from ompl import util as ou
 
 from ..values import Array
 
-RANGE = 0.5
+RANGE = 1.0
 """Greatest extension of a tree, rad."""
-SHORTEN = (40, 10)
-"""Attempts to shorten a path, and how many in vain end it."""
+ATTEMPTS = 60
+"""To shorten a path between two random points."""
+IN_VAIN = 12
+"""Attempts in vain one after the other that end shortening."""
+GAIN = 0.02
+"""Share of a path's length below which a shortcut is not worth its checks."""
 
-ou.setLogLevel(ou.LOG_NONE)
-
-Free = Callable[[Array], bool]
 EdgeFree = Callable[[Array, Array], bool]
-
-
-class _Motions(ob.MotionValidator):
-    """Edges by our own test. It must not hold the space information: that would leak it."""
-
-    def __init__(self, information: ob.SpaceInformation, edge: EdgeFree, n: int) -> None:
-        super().__init__(information)
-        self._edge = edge
-        self._n = n
-
-    def checkMotion(self, a: ob.State, b: ob.State) -> bool:  # noqa: N802
-        return self._edge(np.array(a[0 : self._n]), np.array(b[0 : self._n]))
+Rooted = tuple[Array, Sequence[Array]]
+"""A root (n,) and a chain of configurations that leads away from it by free edges."""
 
 
 def connect(
     lower: Array,
     upper: Array,
-    start: Array,
-    goals: Sequence[Array],
-    free: Free,
+    start: Rooted,
+    goals: Sequence[Rooted],
     edge: EdgeFree,
     give_up: Callable[[], bool],
-    seed: int,
-) -> Array | None:
-    """A path (m, n) from start to one of the goals, or None when `give_up` came true first.
+    rng: np.random.Generator,
+) -> list[Array] | None:
+    """A path, each (n,), from start to one of the goals, or None when `give_up` came true first."""
+    ours, theirs = _Tree([start]), _Tree(goals)
+    forward = True
+    for end in ours.ends:
+        for other in theirs.ends:
+            if edge(ours.points[end], theirs.points[other]):
+                return ours.back(end)[::-1] + theirs.back(other)
+    while not give_up():
+        # The smaller tree grows: the one that sits in a narrow place is not left behind.
+        if ours.count > theirs.count:
+            ours, theirs, forward = theirs, ours, not forward
+        new = _extended(ours, rng.uniform(lower, upper), edge)
+        if new is None:
+            continue
+        met = _met(theirs, ours.points[new], edge)
+        if met is not None:
+            path = ours.back(new)[::-1] + theirs.back(met)
+            return path if forward else path[::-1]
+    return None
 
-    The answer depends on the arguments alone: all of OMPL's objects are new for each call, after `seed`
-    (positive) was set.
-    """
-    n = len(start)
-    ou.RNG.setSeed(seed)
-    space = ob.RealVectorStateSpace(n)
-    bounds = ob.RealVectorBounds(n)
-    for joint in range(n):
-        bounds.setLow(joint, float(lower[joint]))
-        bounds.setHigh(joint, float(upper[joint]))
-    space.setBounds(bounds)
-    information = ob.SpaceInformation(space)
-    information.setStateValidityChecker(lambda state: free(np.array(state[0:n])))
-    information.setMotionValidator(_Motions(information, edge, n))
-    information.setup()
 
-    def state_of(q: Array) -> ob.State:
-        state = information.allocState()
-        space.copyFromReals(state, [float(x) for x in q])
-        return state
+def shortened(path: list[Array], edge: EdgeFree, rng: np.random.Generator) -> list[Array]:
+    """A path with the same ends and free edges that is no longer."""
+    return _skipped(_cut(_skipped(path, edge), edge, rng), edge)
 
-    problem = ob.ProblemDefinition(information)
-    problem.addStartState(state_of(start))
-    ends = ob.GoalStates(information)
-    for goal in goals:
-        ends.addState(state_of(goal))
-    problem.setGoal(ends)
-    planner = og.RRTConnect(information)
-    planner.setRange(RANGE)
-    planner.setProblemDefinition(problem)
-    planner.setup()
-    planner.solve(ob.PlannerTerminationCondition(give_up))
-    if not problem.hasExactSolution():
-        return None
-    path = problem.getSolutionPath()
-    shorter = og.PathSimplifier(information)
-    shorter.reduceVertices(path, *SHORTEN)
-    shorter.partialShortcutPath(path, *SHORTEN)
-    shorter.ropeShortcutPath(path)
-    shorter.reduceVertices(path, *SHORTEN)
-    return np.array([path.getState(k)[0:n] for k in range(path.getStateCount())])
+
+class _Tree:
+    """Nodes by number: their configurations and their parents; the roots come first."""
+
+    def __init__(self, roots: Sequence[Rooted]) -> None:
+        self.points: Array = np.empty((256, len(roots[0][0])))
+        self._parents: list[int] = []
+        self.count = 0
+        self.ends: list[int] = []
+        """The last node of each root's chain."""
+        for root, _ in roots:
+            self.add(root, -1)
+        for k, (_, chain) in enumerate(roots):
+            end = k
+            for q in chain:
+                end = self.add(q, end)
+            self.ends.append(end)
+
+    def add(self, q: Array, parent: int) -> int:
+        if self.count == len(self.points):
+            self.points = np.concatenate([self.points, np.empty_like(self.points)])
+        self.points[self.count] = q
+        self._parents.append(parent)
+        self.count += 1
+        return self.count - 1
+
+    def nearest(self, q: Array) -> tuple[int, float]:
+        """The node and its distance, rad."""
+        apart = self.points[: self.count] - q
+        squared: Array = np.einsum("ij,ij->i", apart, apart)
+        k = int(squared.argmin())
+        return k, math.sqrt(float(squared[k]))
+
+    def back(self, k: int) -> list[Array]:
+        """From a node to its root; copies."""
+        path = list[Array]()
+        while k >= 0:
+            path.append(self.points[k].copy())
+            k = self._parents[k]
+        return path
+
+
+def _extended(tree: _Tree, towards: Array, edge: EdgeFree) -> int | None:
+    """The new node, at most RANGE from the nearest one, if the edge is free."""
+    k, distance = tree.nearest(towards)
+    near = tree.points[k]
+    q = towards if distance <= RANGE else near + (towards - near) * (RANGE / distance)
+    return tree.add(q, k) if edge(near, q) else None
+
+
+def _met(tree: _Tree, target: Array, edge: EdgeFree) -> int | None:
+    """The tree grows towards the target for as long as edges are free; the node from which it is reached."""
+    k, distance = tree.nearest(target)
+    while True:
+        near = tree.points[k]
+        q = target if distance <= RANGE else near + (target - near) * (RANGE / distance)
+        if not edge(near, q):
+            return None
+        if distance <= RANGE:
+            return k
+        k, distance = tree.add(q, k), distance - RANGE
+
+
+def _skipped(path: list[Array], edge: EdgeFree) -> list[Array]:
+    """From each point on the furthest that can be reached straight."""
+    kept, k = [path[0]], 0
+    while k < len(path) - 1:
+        k = next(j for j in range(len(path) - 1, k, -1) if j == k + 1 or edge(path[k], path[j]))
+        kept.append(path[k])
+    return kept
+
+
+def _cut(path: list[Array], edge: EdgeFree, rng: np.random.Generator) -> list[Array]:
+    """Shortcuts between random points. Geraerts and Overmars, "Creating high-quality paths for motion
+    planning", IJRR 26 (2007)."""
+    failed = 0
+    for _ in range(ATTEMPTS):
+        if len(path) < 3 or failed == IN_VAIN:
+            break
+        lengths = [float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(path)]
+        along: Array = np.concatenate([[0.0], np.cumsum(lengths)])
+        total = float(along[-1])
+        low, high = sorted(float(x) * total for x in rng.random(2))
+        i, j = (min(int(np.searchsorted(along, x, side="right")) - 1, len(lengths) - 1) for x in (low, high))
+        if i == j:
+            continue
+        a = path[i] + (path[i + 1] - path[i]) * ((low - along[i]) / lengths[i])
+        b = path[j] + (path[j + 1] - path[j]) * ((high - along[j]) / lengths[j])
+        if high - low - float(np.linalg.norm(b - a)) < GAIN * total:
+            continue
+        if edge(a, b):
+            path, failed = [*path[: i + 1], a, b, *path[j + 1 :]], 0
+        else:
+            failed += 1
+    return path

@@ -24,6 +24,7 @@ class Way:
     """
 
     def __init__(self, collision: Collision, start: Array) -> None:
+        self.model = collision.model
         self._collision = collision
         self._start = start
         self.excused: tuple[Contact, ...] = ()
