@@ -23,6 +23,7 @@ from .requests import (
     Offset,
     PoseGoal,
     RegionGoal,
+    Request,
     Target,
     Upright,
     Within,
@@ -56,6 +57,20 @@ def described(target: Target) -> str:
             poses = target.tcp_in_world
             more = f" or {len(poses) - 1} other poses" if len(poses) > 1 else ""
             return f"to {_point(poses[0].position)}{more}" if poses else "to no pose"
+
+
+def asked(request: Request) -> str:
+    """The same with what is asked for beside the goal."""
+    words = [described(request.target)]
+    for constraint in request.constraints:
+        match constraint:
+            case Upright(tilt):
+                words.append(f"upright within {degrees(tilt):.0f} deg")
+            case Within():
+                words.append("within a box")
+    if request.clearance > 0:
+        words.append(f"{request.clearance * 1000:.0f} mm clear")
+    return ", ".join(words)
 
 
 def listed(contacts: Sequence[Contact]) -> list[str]:

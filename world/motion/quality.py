@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,7 +68,7 @@ class Measuring:
     def quality(self, trajectory: Trajectory) -> Quality:
         """Of a whole trajectory, in the scene that the checker was updated with last."""
         picked = list(_picked(trajectory))
-        least = [self._singular(trajectory.position[k]) for k in picked]
+        least = least_singular(self._model, trajectory.position[picked])
         worst = int(np.argmin(least))
         return Quality(
             length(trajectory.position),
@@ -76,7 +76,7 @@ class Measuring:
             trajectory.duration,
             self._nearest(trajectory, picked, itself=False),
             self._nearest(trajectory, picked, itself=True),
-            least[worst],
+            float(least[worst]),
             float(trajectory.times[picked[worst]]),
             self._joint(trajectory),
         )
@@ -91,11 +91,7 @@ class Measuring:
         return nearest
 
     def _way(self, trajectory: Trajectory) -> float:
-        points = np.array([self._model.tcp(q).position for q in trajectory.position])
-        return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-
-    def _singular(self, q: Array) -> float:
-        return float(np.linalg.svd(self._model.jacobian(q), compute_uv=False)[-1])
+        return length(np.array([self._model.tcp(q).position for q in trajectory.position]))
 
     def _joint(self, trajectory: Trajectory) -> JointRoom:
         q = trajectory.position
@@ -105,8 +101,42 @@ class Measuring:
         return JointRoom(name, float(room[moment, joint]), float(trajectory.times[moment]))
 
 
+def least_singular(model: RobotModel, path: Array) -> Array:
+    """Smallest singular value of the TCP's Jacobian at each configuration of a path (m, n)."""
+    jacobians = np.array([model.jacobian(q) for q in path])
+    return np.asarray(np.linalg.svd(jacobians, compute_uv=False), np.float64)[:, -1]
+
+
+def together(parts: Sequence[Quality]) -> Quality:
+    """Of several motions, one after the other, as one; times from the beginning of the first."""
+    whole = parts[0]
+    for part in parts[1:]:
+        since = whole.duration
+        worse = part.singular < whole.singular
+        joint = part.joint if part.joint.room < whole.joint.room else whole.joint
+        if joint is part.joint:
+            joint = replace(joint, at=since + joint.at)
+        whole = Quality(
+            whole.length + part.length,
+            whole.way + part.way,
+            since + part.duration,
+            _nearer(whole.nearest, part.nearest, since),
+            _nearer(whole.itself, part.itself, since),
+            min(whole.singular, part.singular),
+            since + part.singular_at if worse else whole.singular_at,
+            joint,
+        )
+    return whole
+
+
+def _nearer(a: Nearest | None, b: Nearest | None, since: float) -> Nearest | None:
+    if b is None or (a is not None and a.contact.distance <= b.contact.distance):
+        return a
+    return replace(b, at=since + b.at)
+
+
 def length(path: Array) -> float:
-    """Of a path (m, n) in joint space, rad."""
+    """Of a polyline (m, n), in the units of its points."""
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -19,7 +19,7 @@ from ..stopwatch import Stopwatch
 from ..streams import Streams
 from ..thinking import ThinkingAccount
 from ..trajectory import Trajectory
-from ..values import Array, Bounds, Pose, Vector3
+from ..values import Array, Bounds, Pose
 from . import failing
 from .ahead import Ahead, Prepared, still_free
 from .chain import ROUNDED, Chain, parts
@@ -27,6 +27,7 @@ from .costs import Meter, Spent
 from .fcl_queries import SceneQueries
 from .goals import SOLUTIONS
 from .judge import Judge
+from .quality import Measuring, Quality, least_singular, length, together
 from .reach import Reached, reached
 from .requests import BUDGET, Contact, Goal, Line, Offset, Plan, Request, Scaling
 from .solver import Solver
@@ -104,7 +105,7 @@ class PlanService:
                 answer = failure
         if isinstance(answer, Plan):
             self._verify(request, answer.trajectory)
-        self._note(failing.described(request.target), spent, answer)
+        self._note(failing.asked(request), self.solver.start(request), spent, answer)
         yield from self.charge()
         if isinstance(answer, Failure):
             raise answer
@@ -161,7 +162,8 @@ class PlanService:
         if isinstance(answer, Plan):
             for leg, part in zip(legs, parts(answer), strict=True):
                 self._verify(leg, part)
-        self._note(", then ".join(failing.described(leg.target) for leg in legs), spent, answer)
+        asked = ", then ".join(failing.asked(leg) for leg in legs)
+        self._note(asked, self.solver.start(legs[0]), spent, answer)
         yield from self.charge()
         if isinstance(answer, Failure):
             raise answer
@@ -237,6 +239,19 @@ class PlanService:
         with self._stopwatch.measure("planning"), self._meter.measure():
             return reached(self.solver, request, self._streams.at("ik", 0))
 
+    def quality(self, plan: Plan) -> Quality:
+        """How long a plan is, how near it comes to anything, to singularities and to joints' limits, in the
+        belief as it is now with what the plan supposed. Not charged: it decides nothing.
+
+        It takes as long as planning a simple motion; so it is not part of every plan.
+        """
+        measured: list[Quality] = []
+        pieces = parts(plan) if plan.legs else [plan.trajectory]
+        for leg, trajectory in zip(plan.legs or (plan,), pieces, strict=True):
+            self.solver.look(leg.request)
+            measured.append(Measuring(self._model, self.solver.collision).quality(trajectory))
+        return together(measured)
+
     def contacts(self, q: Array | None = None) -> tuple[Contact, ...]:
         """What the arm at q (n,) (default: where it is) is closer to than its margins; not charged."""
         self.solver.look()
@@ -262,31 +277,33 @@ class PlanService:
             self._disagreements.append(Disagreement(name, contacts))
             _log.error("%s: judged to collide: %s", name, "; ".join(failing.listed(contacts)))
 
-    def _note(self, asked: str, spent: Spent, answer: Plan | Failure) -> None:
+    def _note(self, asked: str, start: Array, spent: Spent, answer: Plan | Failure) -> None:
+        noted = PlanMade(
+            asked,
+            "",
+            spent.checks,
+            spent.seconds,
+            "found",
+            "",
+            0.0,
+            start=tuple(start.tolist()),
+            version=self._scene.version,
+        )
         if isinstance(answer, Failure):
-            outcome, message, planner, duration = answer.cause.name, answer.message, "", 0.0
-            path: tuple[tuple[float, ...], ...] = ()
-            tool_path: tuple[Vector3, ...] = ()
-        else:
-            outcome, message, planner = "found", "", answer.planner
-            duration = answer.trajectory.duration
-            path = tuple(tuple(float(x) for x in q) for q in answer.path)
-            tool_path = self._tool_path(answer.trajectory)
+            self._journal.note(replace(noted, outcome=answer.cause.name, message=answer.message))
+            return
+        q = answer.trajectory.position
+        picked = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 25)).astype(int))]
+        tool_path = tuple(self._model.tcp(one).position for one in picked)
         self._journal.note(
-            PlanMade(
-                asked,
-                planner,
-                spent.checks,
-                spent.seconds,
-                outcome,
-                message,
-                duration,
-                path,
-                tool_path,
+            replace(
+                noted,
+                planner=answer.planner,
+                duration=answer.trajectory.duration,
+                path=tuple(tuple(one) for one in answer.path.tolist()),
+                tool_path=tool_path,
+                length=length(q),
+                way=length(np.array(tool_path)),
+                singular=float(least_singular(self._model, picked).min()),
             )
         )
-
-    def _tool_path(self, trajectory: Trajectory) -> tuple[Vector3, ...]:
-        q = trajectory.position
-        picked = np.unique(np.linspace(0, len(q) - 1, min(len(q), 25)).astype(int))
-        return tuple(self._model.tcp(q[int(k)]).position for k in picked)
