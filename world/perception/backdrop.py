@@ -18,8 +18,6 @@ WALL = 0.012
 """What is nearer than this to a bin's wall cannot be told from it, m."""
 FIXTURE = 0.006
 """The same for the sides of fixtures, m."""
-OVER_RIM = 0.03
-"""Grey depth over a bin that is not higher than this over the rim belongs to its heap, m."""
 BELOW = 0.005
 """What lies on a surface may be measured this much below it, m."""
 SURFACE = 0.004
@@ -168,12 +166,12 @@ class Floors:
             heights[outside.covers(x, y)] = bin_.pose.position[2] + bin_.size[2]
         return heights
 
-    def in_heap(self, points: Array) -> NDArray[np.bool_]:
-        """Which points (n, 3) of the world lie over a bin, but not far over its rim."""
+    def in_heap(self, points: Array, over: float) -> NDArray[np.bool_]:
+        """Which points (n, 3) of the world lie over a bin, but not higher than `over` m over its rim."""
         x, y, z = points.T
         found = np.zeros(len(points), dtype=np.bool_)
         for bin_, outside in self._bins:
-            found |= outside.covers(x, y) & (z < bin_.pose.position[2] + bin_.size[2] + OVER_RIM)
+            found |= outside.covers(x, y) & (z < bin_.pose.position[2] + bin_.size[2] + over)
         return found
 
 

@@ -38,7 +38,7 @@ def grey(
     if int(raised.sum()) < LEAST:
         return []
     rows, columns = np.nonzero(raised)
-    raised[rows, columns] = ~in_heap(_points(picture, rows, columns))
+    raised[rows, columns] = ~in_heap(points_of(picture, rows, columns))
     items = cv2.dilate((picture.owner > 0).astype(np.uint8), np.ones((5, 5), np.uint8))
     opened = cv2.morphologyEx(
         (raised & (items == 0) & _backed(picture.depth, raised)).astype(np.uint8),
@@ -74,7 +74,7 @@ def boxed(picture: Picture, rows: Pixels, columns: Pixels, support: float) -> Un
     if int(seen.sum()) < 4:
         return None
     rows, columns, depths = rows[seen], columns[seen], depths[seen]
-    points = _points(picture, rows, columns)
+    points = points_of(picture, rows, columns)
     top = float(np.percentile(points[:, 2], 95.0))
     if top - support < LOW:
         return None
@@ -88,7 +88,7 @@ def boxed(picture: Picture, rows: Pixels, columns: Pixels, support: float) -> Un
     return Unexplained(Box(size), pose, hues.NAMES[label] or "grey", rows, columns)
 
 
-def _points(picture: Picture, rows: Pixels, columns: Pixels) -> Array:
+def points_of(picture: Picture, rows: Pixels, columns: Pixels) -> Array:
     """What the pixels show in the world (n, 3), m."""
     rays = picture.sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))
     return picture.sight.origin + rays * picture.depth[rows, columns][:, None]

@@ -19,7 +19,7 @@ from .backdrop import SURFACE, Backdrop, Floor, Floors, levelled, table_of
 from .bins import heap
 from .blobs import Blob, Patch, Picture, connected, outlined
 from .fitting import GOOD, Fitter, Hypothesis
-from .obstacles import RAISED, boxed, grey
+from .obstacles import RAISED, boxed, grey, points_of
 from .rests import rests
 from .robot_mask import HIGH, Body, RobotMask, with_what_hangs_on
 from .sight import Sight
@@ -40,6 +40,11 @@ SUBPIXEL = 0.12
 the grid they all err alike."""
 FRAGMENT = 0.4
 """A blob that fills less of the silhouette than this may be a part of anything."""
+OVER_RIM, OVER_HEAP = 0.03, 0.10
+"""Depth over a bin that is not higher than this over its rim is of its heap, grey or of an item's colour:
+items may lean over the rim, m."""
+TALLER = 0.015
+"""What is higher than the tallest item by this is none, m."""
 BEYOND = 0.02
 """So far beyond what never moves a ray is taken to go on, so that it clears what touches that, m."""
 VAGUE = 0.012
@@ -64,6 +69,8 @@ class Perception:
             table_z if table_z is not None else 0.0 if table is None else top(table.shape, table.pose)
         )
         self._rests = tuple(rest for entry in description.catalogue for rest in rests(entry))
+        self.tallest = max((rest.height for rest in self._rests), default=0.0)
+        """Height of the tallest item as it stands, m."""
         self._floors = Floors(description.fixtures, description.bins)
         self._noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
         self._backdrops: dict[tuple[object, Pose], Backdrop] = {}
@@ -112,9 +119,9 @@ class Perception:
             self._backdrops[key] = Backdrop.of(self._description, sight, self._table, self._table_z)
         return self._backdrops[key]
 
-    def in_heap(self, points: Array) -> NDArray[np.bool_]:
-        """Which points (n, 3) of the world belong to what lies in a bin."""
-        return self._floors.in_heap(points)
+    def in_heap(self, points: Array, over: float = OVER_RIM) -> NDArray[np.bool_]:
+        """Which points (n, 3) of the world belong to what lies in a bin: no higher than `over` m over it."""
+        return self._floors.in_heap(points, over)
 
     def floor(self, x: float, y: float, below: float) -> Floor:
         return self._floors.under(x, y, below)
@@ -165,8 +172,7 @@ class _Finding:
         """Find the grey depth that nothing known explains. In bins it is a part of the heap."""
         picture = self.picture
         for rows, columns in grey(picture, self.backdrop.depth, self.robot, self.perception.in_heap):
-            floor = self._floor(rows, columns, float(np.median(picture.height[rows, columns])))
-            self._box(rows, columns, floor)
+            self._box(rows, columns)
 
     def reach(self) -> NDArray[np.float32]:
         """See `View`."""
@@ -206,8 +212,8 @@ class _Finding:
             if detection.sigma_position < VAGUE:
                 self.detections.append(detection)
                 return
-        if not floor.in_bin and not self._beside_robot(blob):
-            self._box(blob.patch.rows, blob.patch.columns, floor)
+        if not self._beside_robot(blob) or self._too_large(blob, floor):
+            self._box(blob.patch.rows, blob.patch.columns, floor if floor.in_bin else None)
 
     def _beside_robot(self, blob: Blob) -> bool:
         """Whether the robot may hide a part of it, so that it cannot be expected to fit."""
@@ -216,8 +222,20 @@ class _Finding:
         x0, x1 = max(int(columns.min()) - 2, 0), int(columns.max()) + 3
         return bool(self.robot[y0:y1, x0:x1].any()) and not blob.whole
 
-    def _box(self, rows: NDArray[np.intp], columns: NDArray[np.intp], floor: Floor) -> None:
-        box = boxed(self.picture, rows, columns, floor.height)
+    def _too_large(self, blob: Blob, floor: Floor) -> bool:
+        """Whether it cannot be a part of any item, however much of that the robot hides."""
+        return blob.top - floor.height > self.perception.tallest + TALLER
+
+    def _box(self, rows: NDArray[np.intp], columns: NDArray[np.intp], heap: Floor | None = None) -> None:
+        """Take the patch for something unknown; of one that seems to lie in a `heap` what is far above it."""
+        known = self.picture.depth[rows, columns] > 0
+        points = points_of(self.picture, rows, columns)
+        known &= ~self.perception.in_heap(points, OVER_RIM if heap is None else OVER_HEAP)
+        if int(known.sum()) < LEAST:
+            return
+        x, y, z = (float(c) for c in np.median(points[known], axis=0))
+        below = self.perception.floor(x, y, z + 0.005)
+        box = boxed(self.picture, rows[known], columns[known], below.height)
         if box is not None:
             self.unexplained.append(box)
 

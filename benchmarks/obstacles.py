@@ -1,0 +1,308 @@
+"""Campaign: something that the robot is not told of stands in its way, or is put there between two picks.
+
+    python benchmarks/obstacles.py --runs 50
+
+In each run one thing of random size (a post, a round post, a wall, a bar that hangs) stands on the straight
+way from an item to its bin: from the beginning (even seeds), or from a random time in the last half second of
+a pick on (odd seeds). What touches it is asked of the simulator at every step; it stands fast, so nothing
+moves it. Each scene is run again with the volumes left out of the belief, to show that it is in the way.
+
+Each finished run is a line in the results file; a campaign that was interrupted goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from _campaign import ROOT, Row, campaign, rate
+
+if TYPE_CHECKING:
+    from picktree.logs.session import Session
+    from picktree.world.scene.description import Fixture, SceneDescription
+    from picktree.world.simulation.spawn import SpawnedItem
+
+COST_A_RUN = 25.0
+"""CPU seconds that two or three runs of four items take, for the forecast."""
+ITEM_GAP, BIN_GAP = 0.045, 0.012
+"""What is put there keeps so far from items and bins as seen from above, m."""
+HANGS = 0.12
+"""A bar that hangs leaves at least this below it, m."""
+COLOURS = ("grey", "dark_grey", "white", "red", "green", "blue", "yellow")
+
+
+@dataclass(frozen=True)
+class Job:
+    mission: str
+    scene: str
+    seed: int
+    out: str
+
+
+def one(job: Job) -> Row:
+    """All runs of one seed; what came of them, or the error that one died of."""
+    try:
+        return {"seed": job.seed, **_scene(job)}
+    except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
+        return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
+
+
+def _scene(job: Job) -> Row:
+    from picktree.world.scene.load import load_scene
+    from picktree.world.simulation.spawn import spawn_items
+
+    scene = load_scene(job.scene)
+    rng = np.random.default_rng([job.seed, 77])
+    items = list(spawn_items(scene, job.seed))
+    folder = Path(job.out) / f"{Path(job.scene).stem}-{job.seed}"
+    folder.mkdir(parents=True, exist_ok=True)
+    if job.seed % 2 == 0:
+        item = items[int(rng.integers(len(items)))]
+        entry = _drawn(rng, scene, items, item, job.seed)
+        text = json.dumps({"picktree": 1, "kind": "scene", "base": job.scene, "unknown": {"thing": entry}})
+        (folder / "scene.yaml").write_text(text)
+        with_it: dict[str, Any] = {"scene": str(folder / "scene.yaml")}
+        row: Row = {"comes": None}
+    else:
+        with _watched() as touches:
+            free = _run(job, folder / "free", touches, scene=job.scene)
+        done = free["done"]
+        number = int(rng.integers(len(done) - 1))
+        item = next(
+            i for i in items if i.colour in done[number + 1][1] and i.entry.kind in done[number + 1][1]
+        )
+        entry = _drawn(rng, scene, items, item, job.seed)
+        at = done[number][0] - float(rng.uniform(0.0, 0.5))
+        fault = {"fault": "obstacle", "when": {"at": round(at, 3)}, "body": entry, "name": "thing"}
+        (folder / "faults.yaml").write_text(json.dumps({"picktree": 1, "kind": "faults", "faults": [fault]}))
+        with_it = {"scene": job.scene, "faults": folder / "faults.yaml"}
+        row = {"comes": round(at, 3), "free": free}
+    with _watched() as touches:
+        row["seen"] = _run(job, folder / "seen", touches, **with_it)
+    with _watched() as touches, _without_volumes():
+        row["blind"] = _run(job, folder / "blind", touches, **with_it)
+    return row | {"thing": entry, "item": f"{item.colour} {item.entry.kind}"}
+
+
+def _run(
+    job: Job, folder: Path, touches: Callable[[Session], dict[str, Any]], **options: Any
+) -> dict[str, Any]:
+    from picktree.logs.run import Run
+    from picktree.logs.session import RunRequest, Session
+
+    request = RunRequest(mission=Path(job.mission), seed=job.seed, out=folder, **options)
+    session = Session(request)
+    touched = touches(session)
+    result = session.run()
+    with Run(result.folder) as run:
+        done = [
+            (at.time, str(at.record.data["object"])) for at in run.events if at.record.kind == "item_done"
+        ]
+    items = result.items
+    return {
+        "sorted": items.sorted,
+        "total": items.total,
+        "status": result.status,
+        "failures": dict(result.failures),
+        "seconds": round(result.sim_seconds, 2),
+        "cpu": round(result.cpu_seconds, 2),
+        "done": done,
+        "touched": touched,
+        "folder": str(result.folder),
+    }
+
+
+@contextmanager
+def _watched() -> Generator[Callable[[Session], dict[str, Any]]]:
+    """Who touches what the robot was not told of, with the time of the first touch and the greatest force, N:
+    filled in while the session runs, by asking the simulator after each step."""
+    from picktree.world.simulation.physics import PhysicsHardware
+
+    def watch(session: Session) -> dict[str, Any]:
+        hardware = session.hardware
+        assert isinstance(hardware, PhysicsHardware)
+        found: dict[str, Any] = {}
+        step = hardware.step
+
+        def stepped() -> None:
+            step()
+            names = {str(body.id) for body in hardware.obstacles()}
+            if not names:
+                return
+            for contact in hardware.true_contacts():
+                if contact.distance > 0.0 and contact.force <= 0.0:
+                    continue
+                pair = {contact.one, contact.other}
+                for other in pair - names if pair & names else ():
+                    known = found.setdefault(other, {"at": round(hardware.clock.now, 3), "force": 0.0})
+                    known["force"] = round(max(known["force"], contact.force), 2)
+
+        hardware.step = stepped  # pyright: ignore[reportAttributeAccessIssue]
+        return found
+
+    yield watch
+
+
+@contextmanager
+def _without_volumes() -> Generator[None]:
+    """The belief holds nothing but items meanwhile."""
+    from picktree.world.perception import association
+    from picktree.world.values import ObjectId
+
+    kept = association.update_volumes
+
+    def nothing(*_: object) -> list[ObjectId]:
+        return []
+
+    association.update_volumes = nothing
+    try:
+        yield
+    finally:
+        association.update_volumes = kept
+
+
+def _drawn(
+    rng: np.random.Generator, scene: SceneDescription, items: list[SpawnedItem], item: SpawnedItem, seed: int
+) -> dict[str, Any]:
+    """Something in the way from the item to its bin, as an entry of a scene file."""
+    from picktree.world.robot.load import load_robot
+    from picktree.world.robot.model import RobotModel
+    from picktree.world.scene.destinations import destination_rule
+    from picktree.world.simulation.footprints import distance, footprint
+    from picktree.world.simulation.obstacles import Room
+    from picktree.world.simulation.truth import TrueBody
+
+    body = TrueBody.of(item.id, item.entry, item.colour, item.pose)
+    goal = next(b for b in scene.bins if b.id == destination_rule(scene.destinations)(body))
+    start, end = np.array(item.pose.position[:2]), np.array(goal.pose.position[:2])
+    across = math.atan2(float(end[1] - start[1]), float(end[0] - start[0])) + math.pi / 2
+    model = RobotModel(load_robot(scene.robot))
+    room = Room(model)
+    around = [footprint(i.entry.shape, i.pose.orientation).at(i.pose.position[:2]) for i in items]
+    bins = [footprint(s, p.orientation).at(p.position[:2]) for b in scene.bins for s, p in b.parts()]
+    for _ in range(500):
+        at = start + (end - start) * float(rng.uniform(0.2, 0.8)) + rng.uniform(-0.03, 0.03, 2)
+        entry, thing = _thing(rng, float(at[0]), float(at[1]), across)
+        outline = footprint(thing.shape, thing.pose.orientation).at(thing.pose.position[:2])
+        if any(distance(outline, other) < ITEM_GAP for other in around):
+            continue
+        if any(distance(outline, other) < BIN_GAP for other in bins):
+            continue
+        if room.free(thing.shape, thing.pose, (), model.named("home"), 0.08):
+            return entry
+    raise RuntimeError(f"seed {seed}: nothing fits between {item.colour} {item.entry.kind} and {goal.id}")
+
+
+def _thing(rng: np.random.Generator, x: float, y: float, across: float) -> tuple[dict[str, Any], Fixture]:
+    from picktree.world.scene.entries import unknown
+    from picktree.world.scene.schema import UnknownFile
+
+    def drawn(low: float, high: float) -> float:
+        return round(float(rng.uniform(low, high)), 4)
+
+    colour = COLOURS[int(rng.integers(len(COLOURS)))]
+    kind = rng.choice(["post", "post", "round", "wall", "bar"])
+    entry: dict[str, Any]
+    if kind == "post":
+        high = drawn(0.10, 0.40)
+        yaw = drawn(-math.pi, math.pi)
+        entry = {"box": [drawn(0.04, 0.10), drawn(0.04, 0.10), high], "at": [x, y, high / 2], "yaw": yaw}
+    elif kind == "round":
+        high = drawn(0.10, 0.40)
+        entry = {"cylinder": {"radius": drawn(0.02, 0.05), "height": high}, "at": [x, y, high / 2]}
+    else:
+        yaw, long, thick = across + drawn(-0.4, 0.4), drawn(0.12, 0.30), drawn(0.03, 0.06)
+        high = drawn(0.08, 0.30) if kind == "wall" else drawn(0.03, 0.06)
+        middle = high / 2 if kind == "wall" else drawn(HANGS + high / 2, 0.35)
+        entry = {"box": [long, thick, high], "at": [x, y, middle], "yaw": yaw}
+    entry["colour"] = colour
+    return entry, unknown("thing", UnknownFile.model_validate(entry))
+
+
+def report(rows: list[Row]) -> str:
+    done = [row for row in rows if "seen" in row]
+    lines = [f"scenes {len(rows)}, crashed {len(rows) - len(done)}"]
+    for name, of in (("the volumes", "seen"), ("no volumes", "blind")):
+        runs = [row[of] for row in done]
+        touched = sum(bool(run["touched"]) for run in runs)
+        lines += [
+            f"with {name}",
+            rate("  runs with a touch", touched, len(runs)),
+            rate("    by the robot", sum(any(map(_robot, run["touched"])) for run in runs), len(runs)),
+            rate(
+                "    by an item",
+                sum(any(not _robot(who) for who in run["touched"]) for run in runs),
+                len(runs),
+            ),
+            rate("  items sorted", sum(r["sorted"] for r in runs), sum(r["total"] for r in runs)),
+            rate("  scenes with all sorted", sum(r["sorted"] == r["total"] for r in runs), len(runs)),
+        ]
+        causes: Counter[str] = Counter()
+        for run in runs:
+            causes.update(run["failures"])
+        lines.append(
+            "  failures by cause: " + (", ".join(f"{c} {n}" for c, n in causes.most_common()) or "none")
+        )
+    seconds = sum(r["seen"]["seconds"] for r in done) / max(1, sum(r["seen"]["sorted"] for r in done))
+    lines.append(f"simulated seconds an item sorted, with the volumes: {seconds:.2f}")
+    for row in rows:
+        if "crash" in row:
+            lines.append(f"  seed {row['seed']}: {row['crash']}")
+        elif row["seen"]["touched"] or row["seen"]["sorted"] < row["seen"]["total"]:
+            seen = row["seen"]
+            lines.append(
+                f"  seed {row['seed']}: {seen['sorted']} of {seen['total']} sorted, touched by "
+                f"{seen['touched'] or 'nothing'}; {row['thing']}, comes {row['comes'] or 'at the beginning'}"
+            )
+    return "\n".join(lines)
+
+
+def _robot(who: str) -> bool:
+    return not who.startswith("item_")
+
+
+def _short(row: Row) -> str:
+    if "crash" in row:
+        return str(row["crash"])
+    seen, blind = row["seen"], row["blind"]
+    return (
+        f"{seen['sorted']} of {seen['total']}, touched {seen['touched'] or 'nothing'}; "
+        f"blind {blind['sorted']} of {blind['total']}, touched {list(blind['touched']) or 'nothing'}"
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Does the arm keep clear of what it was not told of?")
+    parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_past_obstacles.yaml"))
+    parser.add_argument("--scene", default="sort_small")
+    parser.add_argument("--runs", type=int, default=50)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--out", default=str(ROOT / "runs" / "obstacles"))
+    options = parser.parse_args()
+    out = Path(options.out)
+    jobs = [
+        Job(options.mission, options.scene, seed, str(out))
+        for seed in range(options.first, options.first + options.runs)
+    ]
+    name = f"{Path(options.mission).stem}-{Path(options.scene).stem}"
+    started = time.perf_counter()
+    rows = campaign(out / f"{name}.jsonl", jobs, one, cost=COST_A_RUN, workers=options.workers, short=_short)
+    print(f"{name}: {time.perf_counter() - started:.0f} s")
+    print(report(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
