@@ -12,7 +12,7 @@ from picktree.world.motion.lines import JUMP, STEP, slerp, straight, straight_fr
 from picktree.world.motion.way import Way
 from picktree.world.scene.planning_scene import PlanningScene
 from picktree.world.shapes import Box
-from picktree.world.values import Array, Pose
+from picktree.world.values import Array, Pose, Quaternion
 
 from .motion_cell import HOME, MODEL, down, item, table_scene
 
@@ -23,6 +23,11 @@ def at(pose: Pose) -> Array:
     q = IK.descend(pose, HOME)
     assert q is not None
     return q
+
+
+def quaternion(values: Array) -> Quaternion:
+    x, y, z, w = (float(value) for value in values)
+    return (x, y, z, w)
 
 
 def way(start: Array, scene: PlanningScene | None = None) -> Way:
@@ -97,9 +102,9 @@ def test_another_posture_gets_through_where_the_first_meets_a_limit() -> None:
 def test_slerp_agrees_with_scipy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     ends = Rotation.from_rotvec(rng.uniform(-2, 2, (2, 3)))
-    a, b = (tuple(float(c) for c in q) for q in ends.as_quat())
+    a, b, minus_b = (quaternion(q) for q in (ends.as_quat()[0], ends.as_quat()[1], -ends.as_quat()[1]))
     for share in (0.0, 0.3, 1.0):
-        for other in (b, tuple(-c for c in b)):
+        for other in (b, minus_b):
             mixed = Rotation.from_quat(slerp(a, other, share))
             wanted = Slerp([0.0, 1.0], ends)(share)
             assert (mixed.inv() * wanted).magnitude() < 1e-9
