@@ -132,7 +132,9 @@ def _choices(cursor: Cursor, visit: Visit) -> Iterator[str]:
         stages = ", ".join(f"{stage.count} {stage.name}" for stage in choice.stages)
         yield f"  at {at.time:.2f} s chose for {choice.object}: {stages}"
         for tried in choice.tried[:_CANDIDATES]:
-            yield f"    {tried.name}: {tried.verdict}"
+            there = f", {tried.place}" if tried.place else ""
+            more = f" ({tried.count} places)" if tried.count > 1 else ""
+            yield f"    {tried.name}{there}: {tried.verdict}{more}"
         if len(choice.tried) > _CANDIDATES:
             yield f"    … {len(choice.tried) - _CANDIDATES} more"
 

@@ -14,12 +14,13 @@ from ..world.journal import Happened
 from ..world.manipulation.candidates import PickAndPlace
 from ..world.manipulation.dropping import let_go
 from ..world.manipulation.escape import escape
+from ..world.manipulation.fates import fates, told
 from ..world.manipulation.grasps import GraspCandidate, grasp_candidates
 from ..world.manipulation.holding import Hold
 from ..world.manipulation.legs import onward
 from ..world.manipulation.reaching import CARRIED, feel, lift
+from ..world.manipulation.stages import PLACE
 from ..world.manipulation.stream import PickStream
-from ..world.manipulation.trail import PLACE
 from ..world.manipulation.weighing import Weighing
 from ..world.motion.requests import Holding, Plan
 from ..world.underway import Carriage
@@ -108,10 +109,11 @@ class Grasp(Skill):
         """Why there is no candidate: what the planner said of the last one that came so far, or the trail."""
         if stream.refused is not None and stream.trail.count(PLACE):
             return stream.refused
+        trail = stream.trail.entry()
+        why = told(fates(trail.tried, trail.into)) or "an object of this width is not grasped"
         return Failure(
             grasp.NO_CANDIDATE,
-            f"none of {ranked} grasps of {self.object} is free, reachable and leads to a place: "
-            f"{stream.trail.summary()}",
+            f"none of {ranked} grasps of {self.object} is free, reachable and leads to a place: {why}",
             object=self.object,
             candidates=ranked,
             tried_before=tried_before,
@@ -201,7 +203,7 @@ class Grasp(Skill):
         )
         raise Failure(
             cause,
-            f"{self.object}: {what} (opening {hold.width * 1000:.1f} mm, load {hold.load or 0.0:.2f} N)",
+            f"{self.object}: {what} ({hold})",
             object=self.object,
             candidate=pick.grasp.name,
             width=hold.width,

@@ -154,8 +154,7 @@ class Place(Skill):
             yield from world.grip.open()
             raise Failure(
                 grasp.SLIPPED,
-                f"{self.object} was lost on the way (opening {hold.width * 1000:.1f} mm, "
-                f"load {hold.load or 0.0:.2f} N)",
+                f"{self.object} was lost on the way ({hold})",
                 object=self.object,
                 width=hold.width,
                 load=hold.load,

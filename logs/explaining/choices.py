@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from ...world.manipulation.fates import fates
 from ..records import Candidates, Plan
 from ..run_log import At
 from ..visits import Visit
@@ -34,6 +35,11 @@ def choices_before(run: Run, source: Visit) -> tuple[Choice, ...]:
 
 def _of_candidates(at: At[Candidates]) -> Choice:
     record = at.record
+    stages = tuple((stage.name, stage.count) for stage in record.stages)
+    found = fates(record.tried, record.into)
+    if found:
+        rejections = tuple(Rejection(f.name, f.words, f.count, f.stage, f.by) for f in found)
+        return Choice(at.time, record.purpose, record.object, stages, rejections)
     refused = Counter(c.verdict for c in record.tried if c.verdict != "accepted")
     names: dict[str, str] = {}
     for candidate in record.tried:
@@ -42,7 +48,7 @@ def _of_candidates(at: At[Candidates]) -> Choice:
         at.time,
         record.purpose,
         record.object,
-        tuple((stage.name, stage.count) for stage in record.stages),
+        stages,
         tuple(Rejection(names[reason], reason, count) for reason, count in refused.most_common()),
     )
 

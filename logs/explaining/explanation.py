@@ -54,6 +54,10 @@ class Rejection:
     reason: str
     count: int = 1
     """How many were rejected alike."""
+    stage: str = ""
+    """Of a grasp: the stage that it did not pass (`world.manipulation.stages`); empty in older logs."""
+    by: str = ""
+    """What was in the way: an id of the scene; empty when nothing was, or in older logs."""
 
 
 @dataclass(frozen=True, slots=True)

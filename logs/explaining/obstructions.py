@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
+from ...world.manipulation.stages import PLACE, ROOM, TRANSFER
 from ...world.values import Pose
 from .bins import APPROACH, NOWHERE, full_bin, no_way_to_bin
 from .case import Case, Finding
@@ -51,22 +52,25 @@ def _no_grasp(case: Case, failure: FailureStory) -> Finding | None:
     choice = next((c for c in reversed(failure.choices) if c.purpose != "plan"), None)
     if choice is None or not choice.rejections:
         return None
-    counts = Counter({r.reason: r.count for r in choice.rejections})
-    total = sum(counts.values())
+    total = sum(r.count for r in choice.rejections)
     touched: Counter[str] = Counter()
+    hindered: Counter[str] = Counter()
     far = nowhere = 0
-    for reason, count in counts.items():
+    for rejection in choice.rejections:
+        reason, count = rejection.reason, rejection.count
         match = TOUCHES.match(reason)
-        if match:
-            touched[match.group(1).split("/")[0]] += count
-        elif FAR in reason:
-            far += count
-        elif NOWHERE in reason:
+        if rejection.stage in (ROOM, PLACE, TRANSFER) or NOWHERE in reason:
             nowhere += count
+        elif match:
+            touched[(rejection.by or match.group(1)).split("/")[0]] += count
+        elif rejection.stage or FAR in reason:
+            far += count
+            if rejection.by:
+                hindered[rejection.by] += count
     if nowhere >= max(far, touched.total()):
         return no_way_to_bin(case, failure, nowhere, total)
     if far >= touched.total():
-        return _far(case, failure, choice, far, total)
+        return _far(case, failure, choice, far, total, hindered)
     tried = tuple(
         f"in {count} of {total} grasps the hand would touch {name}" for name, count in touched.most_common(4)
     )
@@ -117,7 +121,10 @@ def _doing(failure: FailureStory) -> str:
     return f"{verb} {failure.item}" if failure.item and failure.id in ("Grasp", "Place") else verb
 
 
-def _far(case: Case, failure: FailureStory, choice: Choice, far: int, total: int) -> Finding | None:
+def _far(
+    case: Case, failure: FailureStory, choice: Choice, far: int, total: int, hindered: Counter[str]
+) -> Finding | None:
+    """`hindered`: how often the arm itself would touch what."""
     lies = (
         case.belief.tracks[failure.item].before(failure.time) if failure.item in case.belief.tracks else None
     )
@@ -132,6 +139,11 @@ def _far(case: Case, failure: FailureStory, choice: Choice, far: int, total: int
             "configuration of the arm exists, collisions aside",
         )
         return Finding("item.out_of_reach", failure.item, title, reasons, failure.item, failure.time)
+    reasons = tuple(f"in {n} of {total} grasps the arm would touch {by}" for by, n in hindered.most_common(3))
+    fixed = [name for name, _ in hindered.most_common() if name in case.fixtures]
+    if fixed:
+        title = f"{fixed[0]} stands in the way of the arm at {failure.item}"
+        return Finding("scene.blocked", fixed[0], title, reasons, failure.item, failure.time)
     near = fixtures_around(case, lies) if lies else []
     if near:
         title = f"{near[0]} stands in the way of the arm at {failure.item}"
@@ -141,7 +153,7 @@ def _far(case: Case, failure: FailureStory, choice: Choice, far: int, total: int
         )
         return Finding("scene.blocked", near[0], title, reasons, failure.item, failure.time)
     title = f"the arm cannot get to {failure.item}{where} without touching something"
-    reasons = (f"{far} of {total} grasps were out of reach or in collision",)
+    reasons = (f"{far} of {total} grasps were out of reach or in collision", *reasons)
     return Finding("item.hemmed_in", failure.item, title, reasons, failure.item, failure.time)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from ...world.files.rendering import Paint
+from ...world.manipulation.stages import RANKED
 from .explanation import Choice, FailureStory, Handling
 from .wording import counted, listed, seconds, wrapped
 
@@ -119,10 +120,15 @@ def _alike(failures: Sequence[FailureStory]) -> list[list[FailureStory]]:
 
 def _tells(choice: Choice, story: FailureStory) -> bool:
     """Whether a choice says more than the failure's own words."""
+    if any(r.stage for r in choice.rejections) and all(r.reason in story.message for r in choice.rejections):
+        return False
     return any(r.count > 1 or story.message not in r.reason for r in choice.rejections)
 
 
 def _choice(choice: Choice) -> str:
+    if any(r.stage for r in choice.rejections):
+        asked = counted(dict(choice.stages).get(RANKED, 0), "candidate")
+        return f"Grasps at {seconds(choice.time)}: {asked}: {'; '.join(_few(_counts(choice)))}."
     stages = ", ".join(f"{count} {name}" for name, count in choice.stages)
     what = "Plans" if choice.purpose == "plan" else f"Grasps at {seconds(choice.time)}"
     told = f"{what}: {stages}."
@@ -132,3 +138,8 @@ def _choice(choice: Choice) -> str:
 
 def _few(words: Sequence[str], most: int = 4) -> list[str]:
     return [*words[:most], f"{len(words) - most} other reasons"] if len(words) > most else [*words]
+
+
+def _counts(choice: Choice) -> list[str]:
+    """`11 the hand would touch wall (1.2 mm from it at best)`."""
+    return [f"{r.count} {r.reason}" for r in choice.rejections]

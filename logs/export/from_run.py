@@ -80,6 +80,7 @@ def candidates(run: Run) -> Iterator[rows.CandidateRow]:
         for c in at.record.tried:
             yield rows.CandidateRow(
                 at.time, at.record.purpose, at.record.object, c.name, c.verdict, c.score,
+                c.place, c.stage, c.by, c.gap, c.count,
                 *c.position, *c.orientation,
             )  # fmt: skip
 

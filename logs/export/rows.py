@@ -83,6 +83,11 @@ class CandidateRow:
     name: Annotated[str, Says("of the candidate")]
     verdict: Annotated[str, Says("accepted, or why not")]
     score: Annotated[float, Says("by which candidates were ranked, the lowest first")]
+    place: Annotated[str, Says("where the object would have been put; empty when it did not come that far")]
+    stage: Annotated[str, Says("that it did not pass, or the last that it passed; empty in older logs")]
+    by: Annotated[str, Says("what was in the way")]
+    gap: Annotated[float, Says("distance to it, negative when it is a depth; 0 when not known", "m")]
+    count: Annotated[int, Says("how many places of the grasp dropped out alike")]
     x: X
     y: Y
     z: Z

@@ -33,6 +33,10 @@ class Hold:
     def held(self) -> bool:
         return not self.empty and self.loaded
 
+    def __str__(self) -> str:
+        """`opening 40.2 mm, load 1.18 N`, without a minus before a zero."""
+        return f"opening {self.width * 1000:.1f} mm, load {round(self.load or 0.0, 2) + 0.0:.2f} N"
+
 
 def released(before: float, after: float) -> bool:
     """Whether the load on the wrist, N, says that the fingers have let go."""

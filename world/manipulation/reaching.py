@@ -28,16 +28,16 @@ def feel(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str
     """The last bit of the way down onto a flat object, until it is touched; others need none."""
     if not candidate.flat:
         return
-    way = world.handling.felt_way
+    # Fingers on knuckles reach further out the more they are closed.
+    fingers = world.robot.fingers
+    at_grip, opened = fingers.reach(candidate.expected_width), fingers.reach(candidate.opening)
+    way = world.handling.felt_way + world.robot.description.gripper.tip - opened
     with world.scene.allow(("gripper", object_id)):
         felt = yield from world.move.guarded(
             DOWN, way, force=world.handling.touch, speed=world.handling.touch_speed, node=node
         )
-        # The tips of fingers on knuckles reach further out while they close.
-        fingers = world.robot.fingers
-        further = fingers.reach(candidate.expected_width) - fingers.reach(candidate.opening)
-        rise = max(0.0, further) + (world.handling.back_off if felt.contact else 0.0)
-        if rise > 0.0:
+        if felt.contact:
+            rise = world.handling.back_off + max(0.0, at_grip - opened)
             up = Offset((0.0, 0.0, rise), least_fraction=0.5)
             plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
             yield from world.move.along(plan.trajectory, node=node)

@@ -20,7 +20,7 @@ from ..motion.requests import Holding, PoseGoal, Request
 from ..scene.planning_scene import BeliefObject
 from ..underway import Landing
 from ..values import Array, Pose
-from . import trail as stages
+from . import stages
 from .candidates import PickAndPlace
 from .effort import guessed, travel
 from .grasps import GraspCandidate

@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from ..causes import Failure
 from ..journal import CandidatesRanked, CandidateTried
-from ..motion.reach import Reached
 from ..motion.requests import Contact
 from ..values import ObjectId
 from .grasps import GraspCandidate
+from .stages import APPROACH, RANKED, STAGES, TRANSFER
 
-RANKED = "ranked"
-HAND = "hand fits"
-PRE_GRASP = "pre-grasp reached"
-GRASP = "grasp reached"
-ROOM = "room at the place"
-PLACE = "place reached"
-APPROACH = "approach planned"
-TRANSFER = "transfer planned"
-STAGES = (RANKED, HAND, PRE_GRASP, GRASP, ROOM, PLACE, APPROACH, TRANSFER)
-"""In this order, the cheapest first: two of geometry and kinematics for the grasp, two for the place, and
-then what is planned."""
+if TYPE_CHECKING:
+    from ..motion.reach import Reached
 
 _WAYS = {APPROACH: "no way to the grasp", TRANSFER: "no way to the place"}
 _PAIR = re.compile(r"(?:deep in|from) (\S+)$")
@@ -98,28 +89,10 @@ class Trail:
         """Grasps that have passed a stage."""
         return len(self._passed[stage])
 
-    @property
-    def refusals(self) -> tuple[CandidateTried, ...]:
-        return tuple(tried for tried in self._tried.values() if tried.verdict != "accepted")
-
-    def summary(self) -> str:
-        """What the grasps failed of, the most frequent first: one line for a sentence."""
-        last: dict[str, CandidateTried] = {}
-        for tried in self.refusals:
-            before = last.get(tried.name)
-            if before is None or (_depth(tried), tried.count) > (_depth(before), before.count):
-                last[tried.name] = tried
-        counts = Counter(tried.verdict for tried in last.values())
-        return "; ".join(f"{count} × {words}" for words, count in counts.most_common(3))
-
     def entry(self) -> CandidatesRanked:
         """For the journal."""
         stages = {stage: len(names) for stage, names in self._passed.items()}
         return CandidatesRanked(self._purpose, self._object, stages, tuple(self._tried.values()), self._into)
-
-
-def _depth(tried: CandidateTried) -> int:
-    return STAGES.index(tried.stage)
 
 
 def _named(failure: Failure) -> Iterator[str]:
