@@ -10,7 +10,7 @@ from ..causes import Failure
 from ..errors import PicktreeError
 from ..thinking import ThinkingAccount
 from .chain import parts
-from .planner import stays_free
+from .recheck import stays_free
 from .requests import Plan
 from .solver import Solver
 from .way import Way

@@ -15,10 +15,12 @@ from ..values import Array
 from . import failing
 from .constraints import PathConstraints
 from .curves import Curve, bridge, cornered, distinct, joined, splined
-from .planner import RADII, stays_free
+from .limits import Stretch
+from .planner import RADII
+from .recheck import stays_free
 from .requests import Line, Offset, Plan, Request
 from .solver import Solver
-from .timing import Stretch, Timed, standing, time_curve
+from .timing import Timed, standing, time_curve
 from .way import Way
 
 ROUNDED = 0.02
@@ -117,7 +119,7 @@ class Chain:
             way = self._way(request)
             for radius in RADII:
                 curve = cornered(points, radius)
-                if _free(way, curve.at(_steps(0.0, curve.length))):
+                if all(way.nearly_free(q) for q in curve.at(_steps(0.0, curve.length))):
                     return curve
         return splined(distinct(plan.trajectory.position[:: max(1, len(plan.trajectory.times) // 60)]))
 
@@ -136,9 +138,8 @@ class Chain:
 
     def _allows(self, leg: _Leg, configurations: Array) -> bool:
         constraints = PathConstraints(self._solver.model, leg.request.constraints)
-        return _free(self._way(leg.request), configurations) and not any(
-            constraints.broken(q) for q in configurations
-        )
+        way = self._way(leg.request)
+        return all(way.free(q) for q in configurations) and all(constraints.hold(q) for q in configurations)
 
     def _room(self, leg: _Leg, *, at_end: bool) -> float:
         """How far a corner may reach into a leg, rad."""
@@ -182,7 +183,7 @@ class Chain:
             constraints = PathConstraints(self._solver.model, leg.request.constraints)
             if not stays_free(self._way(leg.request), part):
                 return False
-            if any(constraints.broken(q) for q in part.position):
+            if not all(constraints.hold(q) for q in part.position):
                 return False
             begin = end
         return True
@@ -271,7 +272,3 @@ def _end(curve: Curve) -> Array:
 
 def _steps(low: float, high: float) -> Array:
     return np.linspace(low, high, max(2, int(np.ceil((high - low) / STEP)) + 1))
-
-
-def _free(way: Way, configurations: Array) -> bool:
-    return all(way.nearly_free(q) for q in configurations)
