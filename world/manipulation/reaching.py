@@ -31,7 +31,7 @@ def feel(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str
     # Fingers on knuckles reach further out the more they are closed.
     fingers = world.robot.fingers
     at_grip, opened = fingers.reach(candidate.expected_width), fingers.reach(candidate.opening)
-    way = world.handling.felt_way + world.robot.description.gripper.tip - opened
+    way = world.handling.felt_way + (world.robot.description.gripper.tip - opened)
     with world.scene.allow(("gripper", object_id)):
         felt = yield from world.move.guarded(
             DOWN, way, force=world.handling.touch, speed=world.handling.touch_speed, node=node

@@ -21,6 +21,8 @@ GAIN = 0.2
 """Share of a knuckle's error that one step removes."""
 HOLD = 1.0
 """The same of the joints that follow a knuckle."""
+MOST_PASSED = 3.0
+"""How much of it the bars take up at most, as a multiple of what the knuckle's own torque is."""
 BARS = 200.0
 """How strong the bars are that keep a finger upright, Nm."""
 
@@ -84,12 +86,14 @@ class LinkageMotors:
             aim = by * target + offset
             ahead = 1.0 if aim >= position[joint] else -1.0
             torque = self._grip.force * per_rad / abs(by)
+            # What is gripped presses against the bars; what shakes them in between is not passed on.
+            bars = min(max(ahead * passed_on[joint], 0.0), MOST_PASSED * torque)
             pb.setJointMotorControl2(
                 self._body,
                 joint,
                 pb.POSITION_CONTROL,
                 targetPosition=aim,
-                force=max(torque + ahead * passed_on[joint], 0.0),
+                force=torque + bars,
                 positionGain=GAIN,
                 velocityGain=1.0,
                 maxVelocity=self._speed / per_rad * abs(by),
