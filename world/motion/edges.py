@@ -37,10 +37,12 @@ class Strides:
         turned = math.sqrt(float(along @ along)) * self._turns
         return max(1, math.ceil(max(turned, float(np.abs(along) @ self._levers))))
 
-    def free(self, free: Free, a: Array, b: Array) -> bool:
-        """Whether all steps from a (exclusive) to b (inclusive), both (n,), are free."""
+    def free(self, free: Free, a: Array, b: Array, *, ends_free: bool = False) -> bool:
+        """Whether all steps from a (exclusive) to b (n,) are free; b itself is asked about, too, unless
+        `ends_free` says that it is known to be."""
         along = b - a
-        return all(free(a + along * share) for share in _shares(self.count(along)))
+        shares = _column(self.count(along))
+        return all(map(free, a + along * (shares[1:] if ends_free else shares)))
 
 
 def levers(model: RobotModel) -> Array:
@@ -79,3 +81,10 @@ def halving(count: int) -> tuple[int, ...]:
 def _shares(count: int) -> tuple[float, ...]:
     """1/count … 1 in the order of `halving`."""
     return tuple(k / count for k in halving(count))
+
+
+@lru_cache(maxsize=512)
+def _column(count: int) -> Array:
+    """(count, 1): the same."""
+    column: Array = np.array(halving(count))[:, None] / count
+    return column

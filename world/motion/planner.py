@@ -33,8 +33,7 @@ class Budget:
         self._collision = collision
         self._end = collision.checks + checks
 
-    @property
-    def spent(self) -> bool:
+    def is_spent(self) -> bool:
         return self._collision.checks >= self._end
 
 
@@ -85,14 +84,18 @@ class Planner:
             def edge(a: Array, b: Array, strides: Strides = strides) -> bool:
                 return strides.free(self._free, a, b)
 
+            def between(a: Array, b: Array, strides: Strides = strides) -> bool:
+                return strides.free(self._free, a, b, ends_free=True)
+
             def rooted(q: Array, edge: EdgeFree = edge) -> Rooted:
                 return q, retreat(self._model, edge, q, lower, upper)
 
             ends = self._near_first(goals, rooted)
-            path = connect(lower, upper, rooted(self._start), ends, edge, lambda: self._budget.spent, rng)
+            spent = self._budget.is_spent
+            path = connect(lower, upper, rooted(self._start), ends, edge, between, spent, rng)
             if path is None:
                 return None
-            corners = np.array(shortened(path, edge, rng))
+            corners = np.array(shortened(path, between, rng))
             trajectory = self._timed(corners)
             if trajectory is not None:
                 missed = [float(np.abs(goal - corners[-1]).max()) for goal in goals]
@@ -104,7 +107,7 @@ class Planner:
         return [rooted(q) for q in nearest[:ROOTS]] + [(q, ()) for q in nearest[ROOTS:]]
 
     def _free(self, q: Array) -> bool:
-        return not self._budget.spent and self._way.free(q)
+        return not self._budget.is_spent() and self._way.free(q)
 
     def _edge(self, a: Array, b: Array) -> bool:
         return self._strides.free(self._free, a, b)

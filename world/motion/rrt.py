@@ -17,14 +17,15 @@ from ..values import Array
 
 RANGE = 1.0
 """Greatest extension of a tree, rad."""
-ATTEMPTS = 60
+ATTEMPTS = 120
 """To shorten a path between two random points."""
-IN_VAIN = 12
+IN_VAIN = 20
 """Attempts in vain one after the other that end shortening."""
 GAIN = 0.02
 """Share of a path's length below which a shortcut is not worth its checks."""
 
 EdgeFree = Callable[[Array, Array], bool]
+"""Whether all between two configurations is free, and the second one, where that is not known before."""
 Rooted = tuple[Array, Sequence[Array]]
 """A root (n,) and a chain of configurations that leads away from it by free edges."""
 
@@ -35,15 +36,19 @@ def connect(
     start: Rooted,
     goals: Sequence[Rooted],
     edge: EdgeFree,
+    between: EdgeFree,
     give_up: Callable[[], bool],
     rng: np.random.Generator,
 ) -> list[Array] | None:
-    """A path, each (n,), from start to one of the goals, or None when `give_up` came true first."""
+    """A path, each (n,), from start to one of the goals, or None when `give_up` came true first.
+
+    `edge` asks about the second configuration, too, `between` does not.
+    """
     ours, theirs = _Tree([start]), _Tree(goals)
     forward = True
     for end in ours.ends:
         for other in theirs.ends:
-            if edge(ours.points[end], theirs.points[other]):
+            if between(ours.points[end], theirs.points[other]):
                 return ours.back(end)[::-1] + theirs.back(other)
     while not give_up():
         # The smaller tree grows: the one that sits in a narrow place is not left behind.
@@ -52,16 +57,24 @@ def connect(
         new = _extended(ours, rng.uniform(lower, upper), edge)
         if new is None:
             continue
-        met = _met(theirs, ours.points[new], edge)
+        met = _met(theirs, ours.points[new], edge, between)
         if met is not None:
             path = ours.back(new)[::-1] + theirs.back(met)
             return path if forward else path[::-1]
     return None
 
 
-def shortened(path: list[Array], edge: EdgeFree, rng: np.random.Generator) -> list[Array]:
-    """A path with the same ends and free edges that is no longer."""
-    return _skipped(_cut(_skipped(path, edge), edge, rng), edge)
+def shortened(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
+    """A path with the same ends and free edges that is no longer; `between` is asked about free ends only."""
+    known: dict[tuple[bytes, bytes], bool] = {}
+
+    def asked_once(a: Array, b: Array) -> bool:
+        key = a.tobytes(), b.tobytes()
+        if key not in known:
+            known[key] = between(a, b)
+        return known[key]
+
+    return _skipped(_cut(_skipped(path, asked_once), asked_once, rng), asked_once)
 
 
 class _Tree:
@@ -113,17 +126,16 @@ def _extended(tree: _Tree, towards: Array, edge: EdgeFree) -> int | None:
     return tree.add(q, k) if edge(near, q) else None
 
 
-def _met(tree: _Tree, target: Array, edge: EdgeFree) -> int | None:
+def _met(tree: _Tree, target: Array, edge: EdgeFree, between: EdgeFree) -> int | None:
     """The tree grows towards the target for as long as edges are free; the node from which it is reached."""
     k, distance = tree.nearest(target)
-    while True:
+    while distance > RANGE:
         near = tree.points[k]
-        q = target if distance <= RANGE else near + (target - near) * (RANGE / distance)
+        q = near + (target - near) * (RANGE / distance)
         if not edge(near, q):
             return None
-        if distance <= RANGE:
-            return k
         k, distance = tree.add(q, k), distance - RANGE
+    return k if between(tree.points[k], target) else None
 
 
 def _skipped(path: list[Array], edge: EdgeFree) -> list[Array]:
