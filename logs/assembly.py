@@ -11,6 +11,7 @@ from ..world.eyes import Eyes
 from ..world.handling import Handling
 from ..world.journal import Journal
 from ..world.motion.fcl_queries import SceneQueries
+from ..world.motion.gate import Gate
 from ..world.motion.service import PlanService
 from ..world.perception.pipeline import Perception
 from ..world.protocols import Hardware
@@ -85,7 +86,7 @@ def assemble(
         thinking=thinking,
         control=control,
         plan=plan,
-        move=Motions(control, model, hardware.clock, journal),
+        move=Motions(control, model, hardware.clock, journal, Gate(model, plan, scene.limits.workspace)),
         grip=grip,
         eyes=eyes,
         queries=queries,

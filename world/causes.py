@@ -62,6 +62,7 @@ class planning:
         "What was asked for the whole way of a motion does not hold.",
         "ask for less, or start elsewhere",
     )
+    BLOCKED = Cause("planning.blocked", "The way that was planned is not free any more.", "plan again")
     WORKSPACE = Cause("planning.workspace", "The goal lies outside of the workspace.", "ask for another goal")
     ANY = Family("planning")
 
@@ -105,6 +106,10 @@ class safety:
     SPEED_LIMIT = Cause("safety.speed_limit", "A joint moved faster than it may.", "retreat safely")
     WORKSPACE = Cause("safety.workspace", "The tool left the workspace.", "retreat safely")
     JOINT_LIMIT = Cause("safety.joint_limit", "A joint came too close to its limit.", "retreat safely")
+    ACCELERATION_LIMIT = Cause(
+        "safety.acceleration_limit", "A joint would be accelerated more than it may be.", "plan again"
+    )
+    TRAJECTORY = Cause("safety.trajectory", "A trajectory is not sound.", "mend what made it")
     STOP = Cause("safety.stop", "Motion is refused: a safety stop is not acknowledged.", "retreat safely")
     ANY = Family("safety")
 

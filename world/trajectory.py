@@ -9,7 +9,7 @@ import numpy as np
 from .values import Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Trajectory:
     """Samples of a joint motion on an even or uneven time grid, starting and ending at rest.
 

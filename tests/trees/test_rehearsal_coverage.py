@@ -123,6 +123,8 @@ def test_causes_that_leaves_declare() -> None:
         "Main/Fallback/Pick safety.speed_limit",
         "Main/Fallback/Pick safety.workspace",
         "Main/Fallback/Pick safety.joint_limit",
+        "Main/Fallback/Pick safety.acceleration_limit",
+        "Main/Fallback/Pick safety.trajectory",
         "Main/Fallback/Pick safety.stop",
         "Main/Fallback/Put grasp.slipped",
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
+from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -73,10 +73,27 @@ class _HandedOver:
     node: str
 
 
+class Gate(Protocol):
+    """What every trajectory passes before the arm starts it."""
+
+    def passes(self, trajectory: Trajectory) -> Generator[None, None, None]:
+        """Return when it may begin; raise a Failure that says why it may not."""
+        ...
+
+
 class Motions:
     """What skills move the arm with. One motion at a time: starting one takes the arm from the other."""
 
-    def __init__(self, loop: ControlLoop, model: RobotModel, clock: Clock, journal: Journal) -> None:
+    def __init__(
+        self,
+        loop: ControlLoop,
+        model: RobotModel,
+        clock: Clock,
+        journal: Journal,
+        gate: Gate | None = None,
+    ) -> None:
+        """`gate`: what trajectories must pass; without one the arm follows whatever begins where it is."""
+        self._gate = gate
         self._loop = loop
         self._model = model
         self._clock = clock
@@ -110,11 +127,14 @@ class Motions:
         `finish` goes on with it. When nobody does within two ticks, the arm brakes on its path.
 
         Other failures: control.tracking when the arm is not where the trajectory starts, control.timeout,
-        safety.*.
+        safety.*; those of the gate, before the arm moves.
         """
         self._refuse_if_stopped()
         with self._loop.acquire(node) as lease:
             yield from self._until_rest(lease)
+            if self._gate is not None:
+                yield from self._gate.passes(trajectory)
+                self._check(lease)
             self._check_start(trajectory)
             track = Track(trajectory, self._model, self._loop.period)
             touch = None if guard is None else ForceGuard(guard, self._felt())

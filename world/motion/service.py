@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -27,6 +28,7 @@ from .costs import Meter, Spent
 from .fcl_queries import SceneQueries
 from .goals import SOLUTIONS
 from .judge import Judge
+from .made import MadePlans
 from .quality import Measuring, Quality, least_singular, length, together
 from .reach import Reached, reached
 from .requests import BUDGET, Contact, Goal, Line, Offset, Plan, Request, Scaling
@@ -85,6 +87,7 @@ class PlanService:
         self._ahead = Ahead(thinking, now)
         self._judge = Judge(model) if verify else None
         self._disagreements: list[Disagreement] = []
+        self.made = MadePlans(scene, width)
 
     @property
     def disagreements(self) -> tuple[Disagreement, ...]:
@@ -104,7 +107,8 @@ class PlanService:
             except Failure as failure:
                 answer = failure
         if isinstance(answer, Plan):
-            self._verify(request, answer.trajectory)
+            self.made.note(answer)
+            self.verify(request, answer.trajectory)
         self._note(failing.asked(request), self.solver.start(request), spent, answer)
         yield from self.charge()
         if isinstance(answer, Failure):
@@ -160,8 +164,9 @@ class PlanService:
             except Failure as failure:
                 answer = failure
         if isinstance(answer, Plan):
+            self.made.note(answer)
             for leg, part in zip(legs, parts(answer), strict=True):
-                self._verify(leg, part)
+                self.verify(leg, part)
         asked = ", then ".join(failing.asked(leg) for leg in legs)
         self._note(asked, self.solver.start(legs[0]), spent, answer)
         yield from self.charge()
@@ -208,7 +213,16 @@ class PlanService:
         """Whether a plan is free of collision in the belief as it is now. Answers at once; the cost is owed
         to the thinking account."""
         with self._stopwatch.measure("planning"), self._meter.measure():
-            return still_free(self.solver, plan)
+            free = still_free(self.solver, plan)
+        if free:
+            self.made.renew(plan.trajectory)
+        return free
+
+    @contextmanager
+    def checking(self) -> Generator[None]:
+        """What is asked of the checker meanwhile is owed to the thinking account."""
+        with self._stopwatch.measure("planning"), self._meter.measure():
+            yield
 
     def forget(self) -> None:
         """Drop what was planned ahead, as a checkpoint does."""
@@ -266,7 +280,8 @@ class PlanService:
         line = isinstance(request.target, Line | Offset)
         return 0 if line else self._streams.number(f"planner {node}")
 
-    def _verify(self, request: Request, trajectory: Trajectory) -> None:
+    def verify(self, request: Request, trajectory: Trajectory) -> None:
+        """Let the second judge look at what the planner calls free, where that was asked for."""
         if self._judge is None:
             return
         with self._stopwatch.measure("verifying"):
