@@ -12,7 +12,7 @@ from ..values import Array
 from .lattice import CELL, HALF_DIAGONAL, NONE, Indices, Keys, centres, keys
 from .view import Unexplained, View
 
-PAD = 1.5
+PAD = 2.0
 """Each pixel stands for what lies within so many pixels of its middle: at edges every second one is lost."""
 SIGMAS = 2.5
 """A ray passes a cell only if what it meets is so many sigmas of its depth beyond."""
