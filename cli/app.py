@@ -25,6 +25,7 @@ from .layout import layout
 from .new import new
 from .nodes import nodes
 from .output import painter
+from .plan import plan
 from .rehearse import rehearse
 from .render import render
 from .replay import replay
@@ -53,6 +54,7 @@ app.command()(export)
 app.command()(layout)
 app.command()(new)
 app.command()(nodes)
+app.command()(plan)
 app.command()(rehearse)
 app.command()(render)
 app.command()(replay)

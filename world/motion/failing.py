@@ -83,14 +83,15 @@ def _kept(contact: Contact) -> str:
     return f" ({contact.margin * 1000:.1f} mm to keep)" if 0 <= contact.distance < contact.margin else ""
 
 
-def stuck(contacts: Sequence[Contact], *, believed: bool = True) -> Failure:
-    """`believed`: the start is where the arm is, not one that the request gave."""
+def stuck(q: Array, contacts: Sequence[Contact], *, believed: bool = True) -> Failure:
+    """`believed`: the start q (n,) is where the arm is, not one that the request gave."""
     worst = contacts[0]
     return Failure(
         planning.START_IN_COLLISION,
         f"{_start(believed)} {worst.a} is {how_near(worst)} {worst.b}",
         pairs=listed(contacts),
         depth=-worst.distance,
+        configuration=q.tolist(),
     )
 
 
@@ -101,7 +102,7 @@ def outside_limits(model: RobotModel, q: Array) -> Failure:
     return Failure(
         planning.NO_IK,
         f"the configuration lies outside the joint limits: {beyond[0]}{more}",
-        position=q.tolist(),
+        configuration=q.tolist(),
         joints=beyond,
     )
 
@@ -121,6 +122,7 @@ def out_of_reach(model: RobotModel, poses: Sequence[Pose], solves: int, nearest:
         turned=nearest.angle,
         joints=[one.joint for one in nearest.beyond],
         at_limit=list(nearest.at_limit),
+        configuration=nearest.q.tolist(),
     )
 
 
@@ -152,6 +154,7 @@ def goal_rejected(each: Sequence[Rejection], poses: int) -> Failure:
         solutions=len(each),
         poses=poses,
         rejected=rejected,
+        configuration=least.q.tolist(),
     )
 
 
@@ -206,7 +209,7 @@ def how_broken(broken: Broken) -> str:
 def not_found(
     spent: int,
     budget: int,
-    goals: int,
+    goals: Sequence[Array],
     excused: Sequence[Contact],
     between: Blocked,
     enclosed: Enclosure | None,
@@ -229,7 +232,8 @@ def not_found(
         planning.BUDGET if used_up and enclosed is None else planning.NO_PATH,
         sentence,
         checks=spent,
-        goals=goals,
+        goals=len(goals),
+        configuration=goals[0].tolist(),
         excused=listed(excused),
         in_the_way=list(between.by),
         enclosed="" if enclosed is None else enclosed.where,
@@ -250,6 +254,7 @@ def line_ended(found: LineFound, least: float, length: float, why: str, at: Stop
         pairs=listed(at.contacts),
         joint=at.joint,
         singular=at.singular,
+        configuration=(found.path[-1] if found.blocked is None else found.blocked).tolist(),
     )
 
 

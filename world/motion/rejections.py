@@ -23,10 +23,12 @@ class Outside:
     at: Vector3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Rejection:
     """Of one configuration. All empty: it is at the very edge of a margin, where it may not come nearer."""
 
+    q: Array
+    """(n,)"""
     contacts: tuple[Contact, ...] = ()
     """Pairs that are closer than their margin, the deepest first."""
     outside: Outside | None = None
@@ -51,7 +53,7 @@ class Inspection:
     def rejection(self, q: Array) -> Rejection:
         """What is wrong with q (n,)."""
         tool = self._model.tcp(q).position
-        return Rejection(self._collision.contacts(q), self.outside(tool), self._constraints.broken(q))
+        return Rejection(q, self._collision.contacts(q), self.outside(tool), self._constraints.broken(q))
 
     def outside(self, tool: Vector3) -> Outside | None:
         """How far a point in the world is outside of where planning may bring the tool."""

@@ -93,7 +93,7 @@ class Solver:
         start = self.start(request)
         way = Way(self.collision, start)
         if way.stuck:
-            raise failing.stuck(way.stuck, believed=request.start is None)
+            raise failing.stuck(start, way.stuck, believed=request.start is None)
         constraints = PathConstraints(self.model, request.constraints)
         if broken := constraints.broken(start):
             raise failing.breaks("where the motion starts", broken)
@@ -146,7 +146,7 @@ class Solver:
         if enclosed is None:
             enclosed = looked.enclosure("start", begun.start)
         between = looked.between(begun.start, ends)
-        return failing.not_found(spent, begun.request.budget, len(ends), way.excused, between, enclosed)
+        return failing.not_found(spent, begun.request.budget, ends, way.excused, between, enclosed)
 
     def _line(self, begun: _Begun, line: Line | Offset) -> Plan:
         start, way = begun.start, begun.way

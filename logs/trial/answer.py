@@ -1,0 +1,171 @@
+"""What came of a plan in a scene: one value, rendered once as text and once as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from math import degrees
+
+from ...world.causes import Evidence
+
+MILLIMETRES = frozenset({"depth", "by", "short", "at", "point", "first"})
+"""Evidence that is told in mm; it is in m."""
+DEGREES = frozenset({"turned", "gets"})
+"""The same in deg; it is in rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The plan's figures; SI units."""
+
+    planner: str
+    legs: tuple[str, ...]
+    """Planners of a chain's motions; empty for a single one."""
+    checks: int
+    thinking: float
+    """Simulated seconds that were charged."""
+    duration: float
+    length: float
+    """rad"""
+    way: float
+    """Of the tool, m."""
+    nearest: tuple[str, str] | None
+    """Which two come nearest: of the robot, and around it."""
+    clearance: float | None
+    nearest_at: float | None
+    itself: tuple[str, str] | None
+    """The same of the robot's own links."""
+    itself_clearance: float | None
+    singular: float
+    singular_at: float
+    joint: str
+    """The one that comes nearest to a limit of its own."""
+    joint_room: float
+    joint_room_at: float
+    joint_slides: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Why there is no plan."""
+
+    cause: str
+    message: str
+    remedy: str
+    evidence: Evidence
+
+
+@dataclass(frozen=True, slots=True)
+class PlanAnswer:
+    """`picktree plan`."""
+
+    scene: str
+    robot: str
+    seed: int
+    asked: str
+    begins: str
+    grasp: str = ""
+    """Of an object: the one that was planned for."""
+    found: Found | None = None
+    refused: Refused | None = None
+    rejected: tuple[str, ...] = ()
+    """Why other grasps of an object were not taken."""
+    judged: tuple[str, ...] | None = None
+    """With --verify: what the second checker found against the plan; None: it was not asked."""
+    picture: str = ""
+
+    @property
+    def good(self) -> bool:
+        """Whether there is a plan, and nothing was found against it."""
+        return self.found is not None and not self.judged
+
+    def to_json_text(self) -> str:
+        return json.dumps(asdict(self), indent=2, default=_plain) + "\n"
+
+    def to_text(self) -> str:
+        """For people."""
+        lines = [
+            f"{self.asked}, from {self.begins}",
+            f"scene {self.scene}, robot {self.robot}, seed {self.seed}; everything is believed where it is",
+            "",
+        ]
+        if self.found is not None:
+            lines += _table(self._figures(self.found))
+        if self.refused is not None:
+            lines += self._why_not(self.refused)
+        if self.picture:
+            lines += ["", f"picture: {self.picture}"]
+        return "\n".join(lines)
+
+    def _figures(self, found: Found) -> Iterator[tuple[str, str]]:
+        if self.grasp:
+            yield "grasp", self.grasp
+        legs = f" of {', '.join(found.legs)}" if found.legs else ""
+        yield "planner", found.planner + legs
+        yield "checks", f"{found.checks} ({found.thinking * 1000:.0f} ms of thinking)"
+        yield "motion", f"{found.duration:.2f} s, {found.length:.2f} rad, the tool {found.way * 1000:.0f} mm"
+        if found.nearest is None or found.clearance is None:
+            yield "nearest", "nothing within 500 mm"
+        else:
+            a, b = found.nearest
+            yield "nearest", f"{found.clearance * 1000:.1f} mm: {a} to {b}, at {found.nearest_at:.2f} s"
+        if found.itself is not None and found.itself_clearance is not None:
+            a, b = found.itself
+            yield "itself", f"{found.itself_clearance * 1000:.1f} mm: {a} to {b}"
+        yield (
+            "singularity",
+            f"smallest singular value {found.singular:.3f}, at {found.singular_at:.2f} s",
+        )
+        room = (
+            f"{found.joint_room * 1000:.1f} mm"
+            if found.joint_slides
+            else f"{degrees(found.joint_room):.1f} deg"
+        )
+        yield "joint limits", f"{found.joint} comes within {room}, at {found.joint_room_at:.2f} s"
+        if self.judged is not None:
+            yield "judged", "free by the second checker" if not self.judged else "; ".join(self.judged)
+
+    def _why_not(self, refused: Refused) -> list[str]:
+        lines = [f"no plan: {refused.cause}", f"  {refused.message}", f"  to try: {refused.remedy}"]
+        rows = list(_rows(refused.evidence))
+        if rows:
+            lines += ["", *(f"  {line}" for line in _table(rows))]
+        if self.rejected:
+            lines += ["", "grasps that were not taken:", *(f"  {one}" for one in self.rejected)]
+        return lines
+
+
+def _rows(evidence: Evidence) -> Iterator[tuple[str, str]]:
+    """What was found out, as lines; nothing for what is empty."""
+    for key, value in evidence.items():
+        name = key.replace("_", " ")
+        if isinstance(value, list):
+            if value and isinstance(value[0], str):
+                for k, one in enumerate(value):
+                    yield (name if k == 0 else "", str(one))
+            elif value:
+                numbers = [float(one) for one in value]
+                if key in MILLIMETRES:
+                    yield name, ", ".join(f"{one * 1000:.1f}" for one in numbers) + " mm"
+                else:
+                    yield name, ", ".join(f"{one:.3f}" for one in numbers)
+        elif key in MILLIMETRES and isinstance(value, float):
+            yield name, f"{value * 1000:.1f} mm"
+        elif key in DEGREES and isinstance(value, float):
+            yield name, f"{degrees(value):.1f} deg"
+        elif isinstance(value, float):
+            yield name, f"{value:.4g}"
+        elif value not in ("", None):
+            yield name, str(value)
+
+
+def _table(rows: Iterator[tuple[str, str]] | list[tuple[str, str]]) -> list[str]:
+    listed = list(rows)
+    wide = max(len(name) for name, _ in listed)
+    return [f"{name:<{wide}}  {text}" for name, text in listed]
+
+
+def _plain(value: object) -> object:
+    """What JSON has no word for."""
+    return str(value)
