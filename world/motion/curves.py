@@ -7,10 +7,11 @@ between the two.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_banded
 
 from ..trajectory import quintic
 from ..values import Array
@@ -18,6 +19,10 @@ from ..values import Array
 DEGREE = 5
 SAME = 1e-6
 """Waypoints closer than this are one, rad."""
+_FACTORS = [
+    np.array([float(math.perm(power, order)) for power in range(order, DEGREE + 1)]) for order in range(4)
+]
+"""What the powers are multiplied with in the derivative of each order."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,17 +43,18 @@ class Curve:
 
     def at(self, s: Array | float, order: int = 0) -> Array:
         """The derivative of that order (m, n) at parameters (m,); (n,) for a single one."""
-        where: Array = np.atleast_1d(np.asarray(s, dtype=np.float64))
-        piece = np.clip(np.searchsorted(self.breaks, where, side="right") - 1, 0, len(self.breaks) - 2)
-        u = (where - self.breaks[piece])[:, None]
-        c = self.coefficients[piece]
-        value = np.zeros_like(c[:, 0])
-        for power in range(DEGREE, order - 1, -1):
-            factor = 1.0
-            for k in range(order):
-                factor *= power - k
-            value = value * u + factor * c[:, power]
+        value = self.derivatives(np.atleast_1d(np.asarray(s, dtype=np.float64)), order, order)[0]
         return value if np.ndim(s) else value[0]
+
+    def derivatives(self, s: Array, last: int, first: int = 0) -> list[Array]:
+        """The derivatives (m, n) of the orders from `first` to `last` at parameters (m,)."""
+        piece = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
+        powers = np.vander(s - self.breaks[piece], DEGREE + 1, increasing=True)
+        c = self.coefficients[piece]
+        return [
+            np.einsum("mp,mpn->mn", powers[:, : DEGREE + 1 - order] * _FACTORS[order], c[:, order:])
+            for order in range(first, last + 1)
+        ]
 
     def piece(self, low: float, high: float) -> Curve:
         """The part between two parameters, its own parameter from 0."""
@@ -97,11 +103,21 @@ def cornered(points: Array, radius: float) -> Curve:
 
 def splined(points: Array) -> Curve:
     """The natural cubic spline through points (m, n), m > 2, no two in a row the same."""
-    knots: Array = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    cubic: Array = CubicSpline(knots, points, bc_type="natural").c
-    coefficients = np.zeros((len(knots) - 1, DEGREE + 1, points.shape[1]))
-    coefficients[:, :4] = cubic[::-1].transpose(1, 0, 2)
-    return Curve(knots, coefficients)
+    along = np.diff(points, axis=0)
+    h: Array = np.linalg.norm(along, axis=1)[:, None]
+    slopes = along / h
+    # Second derivatives: 0 at both ends, and such that the first ones agree between.
+    bands = np.zeros((3, len(h) - 1))
+    bands[0, 1:] = bands[2, :-1] = h[1:-1, 0]
+    bands[1] = 2.0 * (h[:-1, 0] + h[1:, 0])
+    bend = np.zeros_like(points)
+    bend[1:-1] = solve_banded((1, 1), bands, 6.0 * np.diff(slopes, axis=0))
+    coefficients = np.zeros((len(h), DEGREE + 1, points.shape[1]))
+    coefficients[:, 0] = points[:-1]
+    coefficients[:, 1] = slopes - h * (2.0 * bend[:-1] + bend[1:]) / 6.0
+    coefficients[:, 2] = bend[:-1] / 2.0
+    coefficients[:, 3] = np.diff(bend, axis=0) / (6.0 * h)
+    return Curve(np.concatenate([[0.0], np.cumsum(h)]), coefficients)
 
 
 def bridge(before: Curve, after: Curve, radius: float) -> Curve:
@@ -109,8 +125,8 @@ def bridge(before: Curve, after: Curve, radius: float) -> Curve:
     the fifth degree that agrees with both in its first and second derivatives."""
     span = 2.0 * radius
     a, b = before.length - radius, radius
-    p0, v0, w0 = (before.at(a, order) for order in range(3))
-    p1, v1, w1 = (after.at(b, order) for order in range(3))
+    p0, v0, w0 = (value[0] for value in before.derivatives(np.array([a]), 2))
+    p1, v1, w1 = (value[0] for value in after.derivatives(np.array([b]), 2))
     return Curve(np.array([0.0, span]), quintic(p0, v0, w0, p1, v1, w1, span)[None])
 
 

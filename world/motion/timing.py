@@ -80,17 +80,15 @@ def standing(q: Array) -> Trajectory:
 def time_curve(model: RobotModel, curve: Curve, stretches: Sequence[Stretch]) -> Timed | None:
     """Along a curve from rest to rest, each stretch of it with its own scaling; the last one ends where the
     curve does. None when no timing is found, or when the curve leaves the joints' limits."""
-    if not _within(model, curve):
-        return None
     limits = Limits(model, stretches)
     grid = _grid(curve, stretches)
-    first, second, third = (curve.at(grid, order) for order in (1, 2, 3))
+    at, first, second, third = curve.derivatives(grid, 3)
     # The averaged law is where the profile was a moment ago.
     speed = limits.speed(grid, first, WINDOW)
     acceleration = RESERVE * limits.kinematic(grid, limits.around(grid, first, WINDOW))[1]
     # At a constant speed the joints still jerk, where the path's bend changes.
     speed = np.minimum(speed, np.cbrt(least_ratio(BEND * limits.jerk, third)))
-    inertia, bending = (share / HEAVY for share in limits.torques(curve.at(grid), first, second))
+    inertia, bending = (share / HEAVY for share in limits.torques(at, first, second))
     best: Timed | None = None
     for _ in range(PASSES):
         law = fastest(grid, first, second, speed, acceleration, (inertia, bending))
@@ -105,7 +103,7 @@ def time_curve(model: RobotModel, curve: Curve, stretches: Sequence[Stretch]) ->
         speed = np.minimum(speed, np.where(slower > 1.0, law.speed / slower, speed))
         acceleration = acceleration / slower[:, None] ** 2
         inertia, bending = inertia * slower[:, None] ** 2, bending * slower[:, None] ** 2
-    return best
+    return best if best is not None and _within(model, curve, best.trajectory.position) else None
 
 
 def _trajectory(model: RobotModel, curve: Curve, scaling: Scaling) -> Trajectory | None:
@@ -120,8 +118,8 @@ def _followed(limits: Limits, curve: Curve, law: TimeLaw) -> tuple[Timed, Array,
     times: Array = np.linspace(0.0, duration, max(2, int(np.ceil(duration / PERIOD)) + 1))
     s, ds, dds = law.averaged(times, WINDOW)
     s = np.clip(s, 0.0, curve.length)
-    along, bend = curve.at(s, 1), curve.at(s, 2)
-    q, v = curve.at(s), along * ds[:, None]
+    q, along, bend = curve.derivatives(s, 2)
+    v = along * ds[:, None]
     a = along * dds[:, None] + bend * (ds**2)[:, None]
     v[0] = v[-1] = a[0] = a[-1] = 0.0
     excess = limits.excess(times, s, q, v, a)
@@ -154,10 +152,10 @@ def _grid(curve: Curve, stretches: Sequence[Stretch]) -> Array:
     return grid
 
 
-def _within(model: RobotModel, curve: Curve) -> bool:
-    """Whether the curve stays within the limits, and where its own corners lie beyond them, within those."""
-    corners = np.concatenate([curve.coefficients[:, 0], curve.at(np.array([curve.length]))])
-    lower = np.minimum(model.lower, corners.min(axis=0))
-    upper = np.maximum(model.upper, corners.max(axis=0))
-    q = curve.at(np.linspace(0.0, curve.length, max(2, int(curve.length / 0.02) + 1)))
+def _within(model: RobotModel, curve: Curve, q: Array) -> bool:
+    """Whether configurations (m, n) on the curve keep the joints' limits, and where its own corners lie
+    beyond them, those."""
+    corners = curve.coefficients[:, 0]
+    lower = np.minimum(model.lower, np.minimum(corners.min(axis=0), q[-1]))
+    upper = np.maximum(model.upper, np.maximum(corners.max(axis=0), q[-1]))
     return bool((q >= lower - 1e-9).all() and (q <= upper + 1e-9).all())
