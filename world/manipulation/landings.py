@@ -53,6 +53,11 @@ class Level:
     cost: float
     """s"""
 
+    @property
+    def name(self) -> str:
+        more = f" {self.higher * 1000:.0f} mm higher" if self.higher else ""
+        return f"{self.spot.name}{more}"
+
 
 def levels(target: Target) -> Iterator[Level]:
     """The lowest release over the best cell first."""
@@ -66,9 +71,6 @@ def landings(
 ) -> Sequence[Landing]:
     """The hand points down, at several yaws."""
     poses = release_poses(target.bin, level.spot, shape, object_in_tcp, level.higher)
-    name = f"{target.bin.id} {level.spot.name}"
-    if level.higher:
-        name += f" {level.higher * 1000:.0f} mm higher"
     return tuple(
         Landing(
             target.bin.id,
@@ -76,7 +78,7 @@ def landings(
             level.spot.height,
             above,
             drop_over(world, target, above, shape, object_in_tcp),
-            f"{name} turned {360 * k // YAWS}",
+            f"{target.bin.id} {level.name} turned {360 * k // YAWS}",
         )
         for k, above in enumerate(poses)
     )

@@ -1,8 +1,8 @@
 """A ranked stream of whole candidates: each grasp with each place that it leads to, the best one first.
 
-Best first, as in Dijkstra's search: what is known of a candidate's cost bounds it from below, the one with
-the least bound takes its next test, and what passes goes back with what the test has found out. So cheap
-tests are made of many, dear ones of few, and planning is asked for the one that has passed all others.
+Best first: of each candidate something is known of its cost and the rest is guessed; the one with the least
+sum takes its next test, and what passes goes back with what the test has found out. So cheap tests are made
+of many, dear ones of few, and planning is asked for the one that has passed all others.
 The stages are those of MoveIt's Task Constructor (Görner et al., ICRA 2019): generate, filter, connect.
 """
 
@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import heapq
 import itertools
+from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ..causes import Failure, planning
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 
 SCORE = 3.0
 """What one point of a grasp's score is worth as time, s: a tight opening costs as much as 1.5 s of way."""
+TURNS, TAKEN = 3, 36
+"""Turns of the hand over one cell, and places in all, at which one grasp finds no room before it gives up."""
 PLACES = 24
 """Places of one grasp for which a configuration is looked for: one that fails more often leads nowhere."""
 
@@ -62,10 +65,12 @@ class _Branch:
 
 @dataclass(slots=True)
 class _Places:
-    """Where one grasp may lead to: what was not looked at yet, and how often the arm was asked."""
+    """Where one grasp may lead to: what was not looked at yet, and what was asked."""
 
     levels: Iterator[Level]
     asked: int = 0
+    taken: Counter[str] = field(default_factory=Counter[str])
+    """How often there was no room, by cell and height."""
 
 
 class PickStream:
@@ -193,13 +198,16 @@ class PickStream:
         yield from self._next_level(branch)
 
     def _has_room(self, branch: _Branch) -> Iterator[_Branch]:
-        landing = branch.landing
-        assert landing is not None
+        landing, level, places = branch.landing, branch.level, self._places[branch.grasp.name]
+        assert landing is not None and level is not None
+        if places.taken[level.name] >= TURNS or places.taken.total() >= TAKEN:
+            return
         there = landing.above @ self._in_tcp(branch.grasp)
         contacts = self._world.queries.free(
             self._belief.shape, there, ignore=(self._belief.id,), margin=-SUNK
         )
         if contacts:
+            places.taken[level.name] += 1
             subject = f"over {landing.into} {self._belief.id}"
             self._refuse(branch, touching(stages.ROOM, subject, contacts[0]))
             return

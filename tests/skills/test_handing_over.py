@@ -1,0 +1,194 @@
+"""From the grasp over the bin in one motion: `Grasp` leaves the arm moving, `Place` goes on with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from picktree.trees.skill import Steps
+from picktree.world.control.motion import Motions
+from picktree.world.journal import CandidatesRanked, Entry
+from picktree.world.manipulation.legs import onward
+from picktree.world.manipulation.stages import TRANSFER
+from picktree.world.motion.requests import Offset, Request
+from picktree.world.simulation.kinematic import KinematicHardware
+
+from .cell import Cell, items, mission
+
+LOOK = 'Observe: {camera: overhead, objects: "{items}"}'
+
+
+def looked(**counts: int) -> tuple[Cell, list[str]]:
+    """A cell whose items were seen, and their ids."""
+    cell = Cell(mission(LOOK), items(**counts))
+    cell.finish()
+    value = cell.tree.blackboard.save()["Main/items"]
+    assert isinstance(value, list)
+    return cell, [str(item) for item in value]
+
+
+def sorting(item: str, into: str) -> str:
+    return f"Sequence: [{{Grasp: {{object: {item}}}}}, {{Place: {{object: {item}, into: {into}}}}}]"
+
+
+def to_the_place(cell: Cell) -> None:
+    """Tick until `Place` runs."""
+    while cell.leaf != "Place":
+        cell.tick()
+        assert cell.running
+
+
+def destination(cell: Cell, item: str) -> str:
+    into = cell.world.scene.destination(item)
+    assert into is not None
+    return str(into)
+
+
+def placed(cell: Cell) -> str:
+    (body,) = cell.hardware.truth()
+    x, y, _ = body.pose.position
+    return next((str(b.id) for b in cell.world.scene.bins.values()
+                 if np.hypot(x - b.pose.position[0], y - b.pose.position[1]) < 0.1), "")  # fmt: skip
+
+
+def test_the_arm_does_not_stop_between_grasp_and_place() -> None:
+    cell, (block,) = looked(block=1)
+    into = destination(cell, block)
+    cell.start(mission(sorting(block, into)))
+    to_the_place(cell)
+    assert cell.happened("pick") == [f"pick: {block}: held"]
+    speeds: list[float] = []
+    while cell.world.control.controller == "Track":
+        speeds.append(cell.speed)
+        cell.tick()
+    assert len(speeds) > 8
+    assert min(speeds[:-4]) > 0.1
+    cell.finish()
+    assert (cell.tree.status.value, placed(cell)) == ("SUCCESS", into)
+
+
+def test_a_grasp_alone_ends_with_the_arm_at_rest_and_the_object_held() -> None:
+    cell, (block,) = looked(block=1)
+    cell.start(mission(f"Grasp: {{object: {block}}}"))
+    cell.finish()
+    assert cell.tree.status.value == "SUCCESS"
+    cell.rest()
+    held = cell.world.scene.held
+    assert held is not None
+    (body,) = cell.hardware.truth()
+    assert (held.id, body.pose.position[2] > 0.08) == (block, True)
+
+
+def test_whoever_else_comes_next_begins_at_rest() -> None:
+    for other in ("{GoTo: {pose: home}}", "OpenGripper"):
+        cell, (block,) = looked(block=1)
+        cell.start(mission(f"Sequence: [{{Grasp: {{object: {block}}}}}, {other}]"))
+        cell.finish()
+        assert (cell.tree.status.value, cell.tree.failure) == ("SUCCESS", None)
+
+
+def test_without_onward_the_object_is_lifted_only() -> None:
+    cell, (block,) = looked(block=1)
+    x, y, z = cell.world.scene.get(block).pose.position
+    cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
+    cell.finish()
+    assert cell.world.control.at_rest
+    (body,) = cell.hardware.truth()
+    assert np.linalg.norm(np.subtract(body.pose.position, (x, y, z + 0.08))) < 0.005
+
+
+def test_another_bin_than_the_one_it_belongs_into() -> None:
+    cell, (block,) = looked(block=1)
+    into = next(b for b in cell.world.scene.bins if b != destination(cell, block))
+    cell.start(mission(sorting(block, into)))
+    cell.finish()
+    assert (cell.tree.status.value, placed(cell)) == ("SUCCESS", into)
+
+
+def test_what_is_known_since_is_heeded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Something new in the belief: `Place` does not trust the plan that was made without it."""
+    finished: list[object] = []
+    finish = Motions.finish
+
+    def finishing(self: Motions, **how: Any) -> Steps:
+        finished.append(self.ongoing)
+        yield from finish(self, **how)
+
+    monkeypatch.setattr(Motions, "finish", finishing)
+    for news in (False, True):
+        cell, (block,) = looked(block=1)
+        into = destination(cell, block)
+        cell.start(mission(f"Grasp: {{object: {block}}}"))
+        cell.finish()
+        if news:
+            held = cell.world.scene.get(block)
+            cell.world.scene.put(replace(held, confidence=0.5), "test")
+        cell.start(mission(f"Place: {{object: {block}, into: {into}}}"))
+        cell.finish()
+        assert (cell.tree.status.value, placed(cell)) == ("SUCCESS", into)
+    assert len(finished) == 1
+
+
+def test_what_is_lost_on_the_way_is_told_as_that() -> None:
+    cell, (block,) = looked(block=1)
+    cell.start(mission(sorting(block, destination(cell, block))))
+    to_the_place(cell)
+    hardware = cell.hardware
+    assert isinstance(hardware, KinematicHardware)
+    hardware.remove("item_00")
+    cell.finish()
+    assert cell.tree.failure is not None
+    assert str(cell.tree.failure.cause) == "grasp.slipped"
+    assert cell.tree.failure.message.startswith(f"{block} was lost on the way (opening ")
+    assert cell.world.scene.held is None
+
+
+def test_what_slips_out_while_it_is_lifted_was_never_held() -> None:
+    cell, (block,) = looked(block=1)
+    cell.start(mission(sorting(block, destination(cell, block))))
+    while cell.world.scene.held is None:
+        cell.tick()
+    for _ in range(4):
+        cell.tick()
+    hardware = cell.hardware
+    assert isinstance(hardware, KinematicHardware)
+    hardware.remove("item_00")
+    cell.finish()
+    assert cell.tree.failure is not None
+    assert str(cell.tree.failure.cause) == "grasp.slipped"
+    assert "it was between the fingers and slipped out" in cell.tree.failure.message
+    assert cell.happened("pick") == [f"pick: {block}: not held"]
+
+
+def test_the_approach_is_broken_off_when_there_is_no_way_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The transfer is planned while the arm approaches: the fingers do not close in vain."""
+    cell, (block,) = looked(block=1)
+    asked: list[Request] = []
+
+    def blocked_at_first(*what: Any) -> tuple[Request, ...]:
+        legs = onward(*what)
+        asked.append(legs[0])
+        return (Request(Offset((0.0, 0.0, -0.5)), legs[0].start), *legs[1:]) if len(asked) == 1 else legs
+
+    monkeypatch.setattr("picktree.skills.grasp.onward", blocked_at_first)
+    ranked: list[CandidatesRanked] = []
+    note = cell.world.journal.note
+
+    def noting(entry: Entry) -> None:
+        if isinstance(entry, CandidatesRanked):
+            ranked.append(entry)
+        note(entry)
+
+    monkeypatch.setattr(cell.world.journal, "note", noting)
+    cell.start(mission(sorting(block, destination(cell, block))))
+    cell.finish()
+    assert cell.tree.status.value == "SUCCESS"
+    assert len(asked) == 2
+    (refused,) = (tried for tried in ranked[-1].tried if tried.stage == TRANSFER)
+    assert refused.verdict.startswith(
+        "no way to the place: motion 1 of 3 (straight by (0.000, 0.000, -0.500)): "
+    )
+    assert cell.happened("pick") == [f"pick: {block}: held"]
