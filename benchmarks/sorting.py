@@ -78,6 +78,16 @@ def report(rows: list[Row]) -> str:
         f"picks a simulated hour       {3600 * held / simulated:.0f}; "
         f"a pick takes {simulated / held:.2f} s simulated and {cpu / held:.2f} s CPU"
     )
+    wall = sum(r["wall_seconds"]["planning"] for r in done)
+    tries = max(1, sum(r["picks"]["tried"] for r in done))
+    each = [r["sim_seconds"] / max(1, r["picks"]["held"]) for r in done]
+    lines.append(
+        f"planning                     {1000 * wall / held:.0f} ms of wall time a pick held, "
+        f"{1000 * wall / tries:.0f} ms a pick tried"
+    )
+    lines.append(
+        f"simulated seconds a pick     {min(each):.2f} … {max(each):.2f} over runs, median {median(each):.2f}"
+    )
     costs = [r["cpu_seconds"] / max(1, r["picks"]["held"]) for r in done]
     speeds = [r["sim_seconds"] / r["cpu_seconds"] for r in done]
     lines.append(
