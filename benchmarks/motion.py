@@ -1,115 +1,92 @@
-"""What planning costs: `python benchmarks/motion.py`. CPU milliseconds; nothing else should be running."""
+"""All of motion in one command: what it costs and how often it is right, each beside a reference.
+
+python benchmarks/motion.py                               everything
+python benchmarks/motion.py --only collision,ik --runs 2000
+python benchmarks/motion.py --json figures.json
+
+Parts and what --runs counts in them:
+{parts}
+
+Times are CPU time of one thread, medians and 95th percentiles; rates come with their N and 95 % interval.
+What else runs on the machine changes times, ratios less: each reference is measured in the same run.
+"""
 
 from __future__ import annotations
 
+import argparse
+import json
+import os
+import sys
 import time
-from collections.abc import Callable
-from dataclasses import replace
+from pathlib import Path
 
-import numpy as np
+from _campaign import THREADS
 
-from picktree.world.causes import Failure
-from picktree.world.journal import Journal
-from picktree.world.motion.collision import Collision
-from picktree.world.motion.fcl_queries import SceneQueries
-from picktree.world.motion.ik import InverseKinematics
-from picktree.world.motion.judge import Judge
-from picktree.world.motion.requests import PoseGoal
-from picktree.world.motion.service import PlanService
-from picktree.world.robot.load import load_robot
-from picktree.world.robot.model import RobotModel
-from picktree.world.scene.description import Fixture
-from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
-from picktree.world.shapes import Box
-from picktree.world.streams import Streams
-from picktree.world.thinking import ThinkingAccount
-from picktree.world.values import ObjectId, Pose
+for _variable in THREADS:
+    os.environ.setdefault(_variable, "1")
 
-MODEL = RobotModel(load_robot("panda"))
-HOME = MODEL.named("home")
+import _motion_collision  # noqa: E402
+import _motion_ik  # noqa: E402
+import _motion_lines  # noqa: E402
+import _motion_timing  # noqa: E402
+from _motion_tables import Part, Table  # noqa: E402
+
+PARTS: tuple[Part, ...] = (_motion_collision.PART, _motion_ik.PART, _motion_lines.PART, _motion_timing.PART)
 
 
-def table() -> PlanningScene:
-    """Twenty boxes on a table."""
-    rng = np.random.default_rng(0)
-    scene = PlanningScene([Fixture(ObjectId("table"), Box((1.0, 1.4, 0.04)), Pose((0.5, 0.0, -0.02)))], [])
-    for k in range(20):
-        x, y = rng.uniform([0.35, -0.3], [0.65, 0.3])
-        box, pose = Box((0.04, 0.04, 0.05)), Pose((float(x), float(y), 0.025))
-        scene.put(
-            BeliefObject(ObjectId(f"box_{k}"), "item", "box", "box", box, "red", pose, 0, 0, 1, 0), "set up"
+def chosen(names: str | None) -> list[Part]:
+    """The parts of that list, in the order of the benchmark. Ends the program when one is unknown."""
+    if names is None:
+        return list(PARTS)
+    wanted = [name.strip() for name in names.split(",") if name.strip()]
+    known = [part.name for part in PARTS]
+    unknown = [name for name in wanted if name not in known]
+    if unknown or not wanted:
+        print(
+            f"--only {names}: no part {', '.join(unknown) or 'named'}; known: {', '.join(known)}",
+            file=sys.stderr,
         )
-    return scene
+        raise SystemExit(2)
+    return [part for part in PARTS if part.name in wanted]
 
 
-def milliseconds(work: Callable[[], object]) -> float:
-    begun = time.process_time()
-    work()
-    return (time.process_time() - begun) * 1e3
+def write(file: Path, found: dict[str, list[Table]], seed: int) -> None:
+    """All tables as one JSON object, whole or not at all."""
+    tables = {part: [table.to_json() for table in of] for part, of in found.items()}
+    beside = file.with_name(file.name + ".part")
+    beside.write_text(json.dumps({"seed": seed, "parts": tables}, indent=2, ensure_ascii=False) + "\n")
+    beside.replace(file)
 
 
-def say(what: str, times: list[float]) -> None:
-    print(f"{what:34} median {np.median(times):7.3f} ms   p95 {np.percentile(times, 95):7.3f} ms")
-
-
-def main() -> None:
-    rng = np.random.default_rng(1)
-    scene = table()
-    collision = Collision(MODEL)
-    collision.update(scene, 0.08)
-    configurations = rng.uniform(MODEL.lower, MODEL.upper, (5000, MODEL.n))
-    spent = milliseconds(lambda: [collision.free(q) for q in configurations])
-    print(f"{'collision check':34} {spent / 5:7.1f} µs")
-
-    ik = InverseKinematics(MODEL)
-    poses = [MODEL.tcp(q) for q in rng.uniform(MODEL.planned_lower, MODEL.planned_upper, (500, MODEL.n))]
-    solved: list[bool] = []
-    times = [
-        milliseconds(lambda p=pose: solved.append(bool(ik.solutions(p, np.random.default_rng(0), HOME, 1))))
-        for pose in poses
-    ]
-    say(f"IK, {sum(solved)} of {len(solved)} reachable solved", times)
-
-    times = []
-    for k in range(50):
-        box = scene.get("box_0")
-        scene.put(replace(box, shape=Box((0.04, 0.04, 0.03 + k * 1e-4))), "resized")
-        times.append(milliseconds(lambda: collision.update(scene, 0.08)))
-    say("scene rebuilt", times)
-
-    at, judge = HOME, Judge(MODEL)
-    service = PlanService(
-        MODEL,
-        scene,
-        SceneQueries(MODEL, scene),
-        Streams(1),
-        Journal(),
-        ThinkingAccount(0.05),
-        25e-6,
-        configuration=lambda: at,
-        width=lambda: 0.08,
+def main(arguments: list[str] | None = None) -> int:
+    listed = "\n".join(f"  {part.name:10} {part.about} ({part.runs} {part.unit})" for part in PARTS)
+    assert __doc__ is not None
+    parser = argparse.ArgumentParser(
+        description=__doc__.format(parts=listed), formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    times, judging = list[float](), list[float]()
-    planners: dict[str, int] = {}
-    for _ in range(100):
-        x, y, z, yaw = (float(c) for c in rng.uniform([0.35, -0.3, 0.1, -1.5], [0.65, 0.3, 0.3, 1.5]))
+    parser.add_argument("--only", metavar="PART,…", help="these parts")
+    parser.add_argument("--runs", type=int, metavar="N", help="how many, in every part")
+    parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the tables there, too")
+    given = parser.parse_args(arguments)
+    parts = chosen(given.only)
+    if given.runs is not None and given.runs < 1:
+        parser.error("--runs must be at least 1")
+    if given.json is not None and not given.json.absolute().parent.is_dir():
+        parser.error(f"--json {given.json}: the folder {given.json.absolute().parent} does not exist")
+    runs = {part.name: given.runs or part.runs for part in parts}
+    print("\n".join(part.forecast(runs[part.name]) for part in parts), flush=True)
+    found: dict[str, list[Table]] = {}
+    for part in parts:
         begun = time.process_time()
-        steps = service.to(PoseGoal((Pose.from_rpy((x, y, z), (np.pi, 0.0, yaw)),)))
-        try:
-            while True:
-                next(steps)
-        except StopIteration as end:
-            plan = end.value
-        except Failure as failure:
-            planners[failure.cause.name] = planners.get(failure.cause.name, 0) + 1
-            continue
-        times.append((time.process_time() - begun) * 1e3)
-        planners[plan.planner] = planners.get(plan.planner, 0) + 1
-        at = plan.trajectory.end
-        judging.append(milliseconds(lambda p=plan: judge.judge(p.trajectory, scene, 0.08)))
-    say(f"plan {planners}", times)
-    say("judge (python-fcl)", judging)
+        found[part.name] = part.measure(runs[part.name], given.seed)
+        print(f"\n== {part.name}: {part.about} ({time.process_time() - begun:.0f} s CPU)")
+        for table in found[part.name]:
+            print(f"\n{table.text()}", flush=True)
+    if given.json is not None:
+        write(given.json, found, given.seed)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

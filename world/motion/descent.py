@@ -119,7 +119,7 @@ class Descent:
             if at_limit:
                 # Joints that stand at a limit and would go on leave the set that moves.
                 slopes = error.dot(jacobian).tolist()
-                for joint, (at, low, high) in enumerate(zip(angles, lows, highs, strict=True)):
+                for joint, (at, low, high) in enumerate(zip(angles, lows, highs)):  # noqa: B905  it costs
                     if (at <= low and slopes[joint] < 0.0) or (at >= high and slopes[joint] > 0.0):
                         jacobian[:, joint] = 0.0
             # The damped step among the six errors: J^T (J J^T + d)^-1 e equals (J^T J + d)^-1 J^T e.
@@ -129,10 +129,15 @@ class Descent:
             length = math.hypot(*step.tolist())
             if length > LONGEST:
                 step *= LONGEST / length
-            beyond = q + step
-            q = np.minimum(np.maximum(beyond, lower), upper)
+            q = q + step
             angles = q.tolist()
-            at_limit = angles != beyond.tolist()
+            at_limit = False
+            for joint, (at, low, high) in enumerate(zip(angles, lows, highs)):  # noqa: B905  it costs
+                if not low < at < high:
+                    angles[joint] = low if at <= low else high
+                    at_limit = True
+            if at_limit:
+                q = np.array(angles)
         return Reached(best_q, False, best)
 
 
