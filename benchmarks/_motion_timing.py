@@ -204,10 +204,10 @@ def _chains(model: RobotModel, name: str, runs: int, seed: int) -> tuple[str | f
         if plan is None:
             continue
         found += 1
-        speed = np.linalg.norm(plan.trajectory.velocity, axis=1)
+        speed: Array = np.linalg.norm(plan.trajectory.velocity, axis=1)
         costs.append(cost * 1000)
         gained.append(plan.trajectory.duration / sum(leg.trajectory.duration for leg in plan.legs))
-        slowest += [float(np.interp(t, plan.trajectory.times, speed)) for t in plan.passes[:-1]]
+        slowest += [float(v) for v in np.interp(plan.passes[:-1], plan.trajectory.times, speed)]
     through = len([each for each in slowest if each > 1e-3])
     return (
         name,
