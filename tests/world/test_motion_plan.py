@@ -6,6 +6,7 @@ import logging
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -329,3 +330,50 @@ def test_the_same_bits_in_another_process_with_another_hash_seed() -> None:
         )
         digests.add(done.stdout)
     assert len(digests) == 1 and len(digests.pop()) == 65
+
+
+def test_the_hand_leaves_a_neighbour_that_is_believed_a_little_too_near() -> None:
+    """Where the finger is, the neighbour is not: a depth by which the belief may be wrong is left, straight up."""
+    half = 0.02 + MODEL.description.gripper.tip
+    cell = Cell(table_scene(), width=0.05)
+    cell.at = run(cell.plan.to(PoseGoal((down(0.5, 0.0, half),))))[0].trajectory.end
+
+    def beside(depth: float, sigma: float, height: float = 0.06) -> None:
+        # The outer face of the finger that opens along y.
+        face = max(corner for corner in finger_faces(cell) if corner > 0.0)
+        place = Pose((0.5, face - depth + 0.03, height / 2))
+        neighbour = replace(item("near", Box((0.03, 0.06, height)), place), sigma_position=sigma)
+        cell.scene.put(neighbour, "test")
+
+    beside(0.003, 0.001)
+    plan, _ = run(cell.plan.line(Offset((0.0, 0.0, 0.1))))
+    assert plan.fraction == 1.0
+    with pytest.raises(Failure):
+        run(cell.plan.line(Offset((0.0, 0.03, 0.0))))
+    beside(0.003, 0.0001)
+    assert cause_of(cell, Offset((0.0, 0.0, 0.1))) == planning.START_IN_COLLISION
+    beside(0.008, 0.01)
+    assert cause_of(cell, Offset((0.0, 0.0, 0.1))) == planning.START_IN_COLLISION
+    assert cell.plan.disagreements == ()
+
+
+def cause_of(cell: Cell, line: Offset) -> object:
+    with pytest.raises(Failure) as raised:
+        run(cell.plan.line(line))
+    return raised.value.cause
+
+
+def finger_faces(cell: Cell) -> list[float]:
+    """How far the fingers reach to both sides, y in the world, m, by probing with a thin wall."""
+    reach: list[float] = []
+    for side in (-1.0, 1.0):
+        inside, outside = 0.0, 0.15
+        for _ in range(20):
+            middle = (inside + outside) / 2
+            wall = item("wall", Box((0.03, 0.001, 0.06)), Pose((0.5, side * (middle + 0.0005), 0.03)))
+            cell.scene.put(wall, "probe")
+            touching = any(c.b == "wall" and c.distance < 0.0 for c in cell.plan.contacts())
+            inside, outside = (middle, outside) if touching else (inside, middle)
+        cell.scene.remove("wall", "probe")
+        reach.append(side * inside)
+    return reach

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -131,10 +130,20 @@ class Collision:
                 margins[i, j] = min(margins[i, j], contact.distance - slack)
         return self._now.checker(margins)
 
-    def asked(self, checker: Checker, q: Array) -> bool:
-        """Ask another checker of this robot about q, and count it."""
+    def asked(self, checker: Checker, q: Array, *, within: bool = False) -> bool:
+        """Ask another checker of this robot about q, and count it; `within`: and the workspace."""
         self.checks += 1
-        return checker.free(self._at(q))
+        return checker.free(self._at(q)) and not (within and not self._inside(checker))
+
+    def within(self, q: Array) -> bool:
+        """Whether the tool is within the workspace at q."""
+        pin.forwardKinematics(self.model.full, self._now.full.data, self._at(q))
+        return self._inside(self._now.full)
+
+    def believed(self, name: str) -> BeliefObject | None:
+        """The object of that id as it was last taken over; None for fixtures, bins and links."""
+        objects = () if self._seen is None else self._seen.objects
+        return next((o for o in objects if o.id == name), None)
 
     def contacts(self, q: Array) -> tuple[Contact, ...]:
         """Every pair that is closer than its margin at q, the deepest first. Slow: for explanations."""

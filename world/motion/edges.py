@@ -13,10 +13,11 @@ from ..values import Array
 
 RESOLUTION = 0.03
 """Greatest step along an edge, rad (Euclidean over the joints)."""
-SWEEP = 0.05
-"""Greatest way of any point of the arm in a step of a `Strides`, m, by an upper bound; about half of that is
-what the hand really moves. A path is checked far more finely when it has been timed."""
-TURN = 0.1
+SWEEP = 0.1
+"""Greatest way of any point of the arm in a step of a `Strides`, m, by an upper bound; the hand really moves
+about half of that. A path is checked far more finely when it has been timed: one in thirty then grazes and is
+searched again in smaller steps, which costs less than smaller steps for all."""
+TURN = 0.2
 """Greatest step of a `Strides` in joint space, rad (Euclidean)."""
 BEYOND = 0.1
 """How far hand and held object reach beyond the tool centre point, m."""
@@ -65,15 +66,12 @@ def edge_free(free: Free, a: Array, b: Array, resolution: float = RESOLUTION) ->
 @lru_cache(maxsize=512)
 def halving(count: int) -> tuple[int, ...]:
     """`count`, then the numbers below as halves, quarters, …, because collisions come in stretches."""
-    order = [count]
-    left, queue = set(range(1, count)), [(0, count)]
-    for low, high in queue:
-        middle = (low + high) // 2
-        if middle in left:
-            order.append(middle)
-            left.remove(middle)
+    order, spans = [count], [(0, count)]
+    for low, high in spans:
         if high - low > 1:
-            queue += [(low, middle), (middle, high)]
+            middle = (low + high) // 2
+            order.append(middle)
+            spans += [(low, middle), (middle, high)]
     return tuple(order)
 
 

@@ -17,7 +17,7 @@ from .fcl_shapes import Solid, hull, place, solid
 from .margins import Margins, Part
 from .requests import Contact
 from .sweep import Carried, Pairs, Sweep, moments_of
-from .way import SLACK, ZONE
+from .way import LEAVING, SLACK, ZONE
 
 TOLERANCE = 0.0001
 """Penetration that is put down to rounding, m."""
@@ -114,7 +114,7 @@ class Judge:
         with `excuse_start` nor does what touches already at the start, near it, unless it gets deeper.
         """
         view = self._view(trajectory, scene, width)
-        near_start = np.abs(view.configurations - trajectory.start).max(axis=1) <= ZONE
+        from_start = np.abs(view.configurations - trajectory.start).max(axis=1)
         pairs = view.sweep.near(view.pairs, 0.0)
         bounds, travel = view.sweep.bounds(pairs), view.sweep.travel(pairs)
         worst: dict[tuple[str, str], Contact] = {}
@@ -129,7 +129,7 @@ class Judge:
             key = (a.name, b.name)
             if excuse_start and moment == 0 and between.distance < least:
                 at_start[key] = min(between.distance, at_start.get(key, 0.0))
-            if near_start[moment] and key in at_start:
+            if key in at_start and from_start[moment] <= (ZONE if scene.find(b.name) is None else LEAVING):
                 least = min(least, at_start[key] - SLACK)
             if between.distance < min(least - TOLERANCE, worst[key].distance if key in worst else 0.0):
                 worst[key] = Contact(a.name, b.name, between.distance, between.point_b)

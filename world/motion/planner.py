@@ -13,7 +13,8 @@ from ..values import Array
 from .collision import Collision
 from .edges import Strides
 from .posture import discomfort
-from .recheck import stays_free
+from .recheck import first_hit
+from .recheck import stays_free as stays_free
 from .requests import Scaling
 from .retreat import retreat
 from .rrt import EdgeFree, Rooted, connect, shortened
@@ -22,6 +23,10 @@ from .way import Way
 
 RADII = (0.1, 0.05, 0.02, 0.005)
 """How far corners are cut, tried in this order until the timed path is free, rad."""
+SHARES = (1.0, 0.5, 0.25)
+"""Of the greatest steps of an edge, in this order, for as long as paths graze."""
+ON_PATH = 1e-4
+"""A configuration this close to a path lies on a straight part of it, rad."""
 ROOTS = 4
 """Goals, the nearest first, of which a way out is looked for."""
 
@@ -74,11 +79,11 @@ class Planner:
 
     def around(self, goals: Sequence[Array], seed: int) -> Found | None:
         """By RRT-Connect to any of the goals. None: the budget is spent, or no timing keeps the margins."""
-        # What is given may lie closer to the limits than what is planned.
-        lower: Array = np.min([self._model.planned_lower, self._start, *goals], axis=0)
-        upper: Array = np.max([self._model.planned_upper, self._start, *goals], axis=0)
+        # Start and goals may lie nearer to the limits than what is planned between them.
+        lower, upper = self._model.planned_lower, self._model.planned_upper
         # A path that grazes between its steps is searched again with smaller ones.
-        for attempt, strides in enumerate((self._strides, Strides(self._model, 0.5))):
+        for attempt, share in enumerate(SHARES):
+            strides = Strides(self._model, share)
             rng = np.random.default_rng([seed, attempt])
 
             def edge(a: Array, b: Array, strides: Strides = strides) -> bool:
@@ -88,7 +93,7 @@ class Planner:
                 return strides.free(self._free, a, b, ends_free=True)
 
             def rooted(q: Array, edge: EdgeFree = edge) -> Rooted:
-                return q, retreat(self._model, edge, q, lower, upper)
+                return q, retreat(self._model, edge, q)
 
             ends = self._near_first(goals, rooted)
             spent = self._budget.is_spent
@@ -115,6 +120,21 @@ class Planner:
     def _timed(self, path: Array) -> Trajectory | None:
         for radius in RADII if len(path) > 2 else RADII[:1]:
             trajectory = time_corners(self._model, path, self._scaling, radius)
-            if trajectory is not None and stays_free(self._way, trajectory):
+            if trajectory is None:
+                continue
+            hit = first_hit(self._way, trajectory)
+            if hit is None:
                 return trajectory
+            if _apart(path, hit) < ON_PATH:
+                # Where it is straight, cutting less of the corners helps nothing.
+                return None
         return None
+
+
+def _apart(path: Array, q: Array) -> float:
+    """Distance of q (n,) to a polyline (m, n), rad."""
+    along = np.diff(path, axis=0)
+    squared = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
+    share = np.clip(np.einsum("ij,ij->i", q - path[:-1], along) / squared, 0.0, 1.0)
+    apart: Array = np.linalg.norm(path[:-1] + share[:, None] * along - q, axis=1)
+    return float(apart.min())

@@ -22,12 +22,14 @@ DAMPING = 1e-4
 EdgeFree = Callable[[Array, Array], bool]
 
 
-def retreat(model: RobotModel, edge: EdgeFree, q: Array, lower: Array, upper: Array) -> list[Array]:
-    """Configurations (n,) behind q, one after the other with free edges.
+def retreat(model: RobotModel, edge: EdgeFree, q: Array) -> list[Array]:
+    """Configurations (n,) behind q, one after the other with free edges; no nearer to the limits than is
+    planned, or than q is.
 
     The TCP goes back against the direction in which the tool points, its orientation kept. Where that ends
     soon, it goes up and then towards the axis of the base, turning as it comes.
     """
+    lower, upper = np.minimum(model.planned_lower, q), np.maximum(model.planned_upper, q)
     walk = _Walk(model, edge, lower, upper)
     chain = walk.along(q, -model.tcp(q).rotation()[:, 2], upright=True)
     for towards in (_up, _home):

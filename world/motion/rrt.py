@@ -7,7 +7,6 @@ Both trees may begin with a way out of the place where they are rooted, see `ret
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -138,24 +137,27 @@ def _met(tree: _Tree, target: Array, edge: EdgeFree, between: EdgeFree) -> int |
     return k if between(tree.points[k], target) else None
 
 
-def _skipped(path: list[Array], edge: EdgeFree) -> list[Array]:
+def _skipped(path: list[Array], between: EdgeFree) -> list[Array]:
     """From each point on the furthest that can be reached straight."""
     kept, k = [path[0]], 0
     while k < len(path) - 1:
-        k = next(j for j in range(len(path) - 1, k, -1) if j == k + 1 or edge(path[k], path[j]))
+        k = next(j for j in range(len(path) - 1, k, -1) if j == k + 1 or between(path[k], path[j]))
         kept.append(path[k])
     return kept
 
 
-def _cut(path: list[Array], edge: EdgeFree, rng: np.random.Generator) -> list[Array]:
+def _cut(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
     """Shortcuts between random points. Geraerts and Overmars, "Creating high-quality paths for motion
     planning", IJRR 26 (2007)."""
-    failed = 0
+    failed, changed = 0, True
+    lengths, along = np.empty(0), np.empty(0)
     for _ in range(ATTEMPTS):
         if len(path) < 3 or failed == IN_VAIN:
             break
-        lengths = [float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(path)]
-        along: Array = np.concatenate([[0.0], np.cumsum(lengths)])
+        if changed:
+            lengths: Array = np.linalg.norm(np.diff(path, axis=0), axis=1)
+            along: Array = np.concatenate([[0.0], np.cumsum(lengths)])
+            changed = False
         total = float(along[-1])
         low, high = sorted(float(x) * total for x in rng.random(2))
         i, j = (min(int(np.searchsorted(along, x, side="right")) - 1, len(lengths) - 1) for x in (low, high))
@@ -163,10 +165,10 @@ def _cut(path: list[Array], edge: EdgeFree, rng: np.random.Generator) -> list[Ar
             continue
         a = path[i] + (path[i + 1] - path[i]) * ((low - along[i]) / lengths[i])
         b = path[j] + (path[j + 1] - path[j]) * ((high - along[j]) / lengths[j])
-        if high - low - float(np.linalg.norm(b - a)) < GAIN * total:
+        if high - low - math.sqrt(float((b - a) @ (b - a))) < GAIN * total:
             continue
-        if edge(a, b):
-            path, failed = [*path[: i + 1], a, b, *path[j + 1 :]], 0
+        if between(a, b):
+            path, failed, changed = [*path[: i + 1], a, b, *path[j + 1 :]], 0, True
         else:
             failed += 1
     return path
