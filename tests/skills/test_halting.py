@@ -66,7 +66,7 @@ def test_retreat_and_gripper_halted_at_every_second_tick_within_recover() -> Non
 @pytest.mark.slow
 def test_halted_at_random_ticks_in_physics() -> None:
     """`benchmarks/halting.py` does it two hundred times."""
-    chosen = np.random.default_rng([5, 0]).choice(400, 8, replace=False) + 1
+    chosen = np.random.default_rng([5, 0]).choice(250, 8, replace=False) + 1
     answers = halted_at(Cell(sorting(), load_scene("sort_small"), "physics", 5), lambda t: t in chosen)
     assert [a for a in answers if not a.fine] == []
     assert len(answers) == 8

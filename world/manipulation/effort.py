@@ -19,6 +19,14 @@ def travel(robot: RobotModel, a: Array, b: Array) -> float:
     return float(np.max(np.abs(b - a) / robot.velocity_limit)) + DETOUR * discomfort(robot, b)
 
 
+def slewed(robot: RobotModel, a: Pose, x: float, y: float) -> float:
+    """The part of `guessed` that is known of a point before the hand's direction there is, s."""
+    base = robot.description.base_in_world.inverse()
+    there = base.apply(np.array([x, y, 0.0]))
+    facing = math.atan2(float(there[1]), float(there[0]))
+    return abs(_wrapped(facing - _turns(base @ a)[0])) / float(robot.velocity_limit[0])
+
+
 def guessed(robot: RobotModel, a: Pose, b: Pose) -> float:
     """The time from one TCP pose to another before any configuration is known, s. It only says what to look
     at first: an arm on an upright base turns its first joint to face a point, its last to turn the hand."""

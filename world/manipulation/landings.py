@@ -22,6 +22,8 @@ CELLS_TRIED = 4
 """Cells of a bin that are tried at each height, the lowest first."""
 CELL_COST, STEP_COST = 0.1, 2.0
 """What the next best cell, and the next higher release, is worth as time, s."""
+RIM_ROOM = 0.012
+"""Of the finger tips above the rim where the fingers open, m: nearer, and the straight way out touches it."""
 HEAP_ROOM = 0.015
 """Of the object's underside above the highest that is known of the heap, on a way that is not felt, m."""
 
@@ -96,6 +98,6 @@ def drop_over(world: World, target: Target, above: Pose, shape: Shape, object_in
     floor = bin_.pose.position[2] + bin_.wall
     tips = above.position[2] - world.robot.description.gripper.tip
     rim = bin_.pose.position[2] + bin_.size[2]
-    down_to_rim = tips - rim - world.handling.rim_clearance
+    down_to_rim = tips - rim - max(RIM_ROOM, world.handling.rim_clearance)
     down_to_heap = low - floor - float(np.max(target.heights)) - HEAP_ROOM
     return max(0.0, min(down_to_rim, down_to_heap))

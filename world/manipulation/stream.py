@@ -23,7 +23,7 @@ from ..underway import Landing
 from ..values import Array, Pose
 from . import stages
 from .candidates import PickAndPlace
-from .effort import guessed, travel
+from .effort import guessed, slewed, travel
 from .grasps import GraspCandidate
 from .landings import Level, landings, levels, target_for
 from .legs import approach
@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 
 SCORE = 3.0
 """What one point of a grasp's score is worth as time, s: a tight opening costs as much as 1.5 s of way."""
+FURTHER = 0.05
+"""How much more a candidate may cost for each stage that it is further than others and still be looked at
+first, s: so not all of many that are nearly alike are tested before one is taken."""
 TURNS, TAKEN = 3, 36
 """Turns of the hand over one cell, and places in all, at which one grasp finds no room before it gives up."""
 PLACES = 24
@@ -57,6 +60,13 @@ class _Branch:
     level: Level | None = None
     landing: Landing | None = None
     above: Array | None = None
+    passed: int = 0
+    """Stages that it has passed."""
+
+    @property
+    def bound(self) -> float:
+        """What says whose turn it is, s."""
+        return self.known + self.guess - FURTHER * self.passed
 
     @property
     def place(self) -> str:
@@ -128,7 +138,7 @@ class PickStream:
         self.trail.refuse(pick.grasp, pick.cost, planned(stages.TRANSFER, failure), place)
 
     def _push(self, branch: _Branch) -> None:
-        heapq.heappush(self._heap, (branch.known + branch.guess, next(self._number), branch))
+        heapq.heappush(self._heap, (branch.bound, next(self._number), branch))
 
     def _refuse(self, branch: _Branch, refusal: Refusal) -> None:
         self.trail.refuse(branch.grasp, branch.known, refusal, branch.place)
@@ -151,7 +161,7 @@ class PickStream:
             full = self._target.bin.id
             self._refuse(branch, Refusal(stages.ROOM, f"{full} is full", full))
             return
-        yield replace(branch, test=self._grasp_reached)
+        yield replace(branch, passed=1, test=self._grasp_reached)
 
     def _grasp_reached(self, branch: _Branch) -> Iterator[_Branch]:
         grasp = branch.grasp
@@ -167,7 +177,7 @@ class PickStream:
             return
         self.trail.passed(grasp, stages.GRASP)
         known = branch.known + travel(self._world.robot, self._start, over.q)
-        held = replace(branch, known=known, guess=0.0, over=over.q, at=at.q, test=None)
+        held = replace(branch, known=known, guess=0.0, over=over.q, at=at.q, passed=3, test=None)
         if self._target is None:
             yield held
             return
@@ -185,7 +195,8 @@ class PickStream:
         """The same grasp with its next cell of the bin, which waits with its own cost."""
         level = next(self._places[branch.grasp.name].levels, None)
         if level is not None:
-            yield replace(branch, level=level, guess=level.cost, test=self._lands)
+            way = slewed(self._world.robot, branch.grasp.tcp_in_world, *level.spot.centre)
+            yield replace(branch, level=level, guess=level.cost + way, passed=3, test=self._lands)
 
     def _lands(self, branch: _Branch) -> Iterator[_Branch]:
         """The landings over one cell, and behind them the next cell."""
@@ -194,7 +205,7 @@ class PickStream:
         for landing in landings(self._world, target, level, self._belief.shape, self._in_tcp(grasp)):
             guess = guessed(self._world.robot, grasp.tcp_in_world, landing.above)
             known = branch.known + level.cost
-            yield replace(branch, known=known, guess=guess, landing=landing, test=self._has_room)
+            yield replace(branch, known=known, guess=guess, landing=landing, passed=3, test=self._has_room)
         yield from self._next_level(branch)
 
     def _has_room(self, branch: _Branch) -> Iterator[_Branch]:
@@ -212,7 +223,7 @@ class PickStream:
             self._refuse(branch, touching(stages.ROOM, subject, contacts[0]))
             return
         self.trail.passed(branch.grasp, stages.ROOM)
-        yield replace(branch, test=self._place_reached)
+        yield replace(branch, passed=4, test=self._place_reached)
 
     def _place_reached(self, branch: _Branch) -> Iterator[_Branch]:
         landing, grasp, at = branch.landing, branch.grasp, branch.at
@@ -233,7 +244,7 @@ class PickStream:
             return
         self.trail.passed(grasp, stages.PLACE)
         known = branch.known + travel(self._world.robot, at, found.q)
-        yield replace(branch, known=known, guess=0.0, above=found.q, test=None)
+        yield replace(branch, known=known, guess=0.0, above=found.q, passed=5, test=None)
 
     def _in_tcp(self, grasp: GraspCandidate) -> Pose:
         """How the object will be held, if all is as believed."""

@@ -11,8 +11,10 @@ from .posture import discomfort
 from .requests import Contact, PoseGoal, Request
 from .solver import Solver
 
+HOME = "home"
+"""Pose of the robot file from which a comfortable solution is likely."""
 UNCOMFORTABLE = 0.3
-"""See `posture.discomfort`, rad: above it other solutions are looked for."""
+"""See `posture.discomfort`, rad: above it the solution that home leads to is looked for, too."""
 SOLUTIONS = 4
 """IK solutions that are looked for."""
 
@@ -45,12 +47,15 @@ def reached(solver: Solver, request: Request, rng: np.random.Generator) -> Reach
     pose = request.target.tcp_in_world[0]
     near = solver.start(request)
     solver.look(request)
-    first = solver.ik.descend(pose, near)
-    if first is not None and solver.collision.free(first) and discomfort(solver.model, first) < UNCOMFORTABLE:
-        return Reached(first, 1)
-    solutions = solver.ik.solutions(pose, rng, near, SOLUTIONS)
-    if first is not None:
-        solutions.insert(0, first)
+    solutions: list[Array] = []
+    for seed in (near, solver.model.named(HOME)):
+        q = solver.ik.descend(pose, seed)
+        if q is not None:
+            solutions.append(q)
+            if solver.collision.free(q) and discomfort(solver.model, q) < UNCOMFORTABLE:
+                return Reached(q, len(solutions))
+    if not any(solver.collision.free(q) for q in solutions):
+        solutions += solver.ik.solutions(pose, rng, near, SOLUTIONS)
     free = [q for q in solutions if solver.collision.free(q)]
     if free:
         best = min(free, key=lambda q: float(np.linalg.norm(q - near)) + discomfort(solver.model, q))
