@@ -22,6 +22,17 @@ AGREED = 1e-4
 REACH = 0.002
 """How near to its margin a pair is measured, m."""
 HALVINGS = 40
+COSTS = """
+ours: Collision.free. bare call: pinocchio's computeCollisions with the broad phase that ours uses; AABB
+tree: with the other one that misses nothing; naive: every pair. All with the same pairs and margins, up
+to the first hit. python-fcl: the judge's tightest pair, 200 configurations at once. Medians over scenes
+of 200.
+"""
+AGREEMENT = """
+against: different answers; with python-fcl one counts when its signed distance lies more than 0.1 mm on
+the other side of the margin. edges: configurations halved down to where ours changes its answer; there
+python- fcl's distance should be the margin, and the worst is told.
+"""
 
 
 @dataclass
@@ -152,12 +163,7 @@ def measure(runs: int, seed: int) -> list[Table]:
             )
             for name, t in tallies.items()
         ],
-        (
-            "ours: Collision.free. bare call: pinocchio's computeCollisions with the broad phase that ours "
-            "uses; AABB tree: with the other one that misses nothing; naive: every pair. All with the same pairs "
-            "and margins, up to the first hit. python-fcl: the judge's tightest pair, 200 configurations at "
-            "once. Medians over scenes of 200 configurations.",
-        ),
+        (COSTS,),
     )
     agree = Table(
         "Do they agree? Scenes of boxes, cylinders, spheres, hulls; in 6 of 10 something is in the hand",
@@ -181,9 +187,7 @@ def measure(runs: int, seed: int) -> list[Table]:
             for name, t in tallies.items()
         ],
         (
-            "against: different answers; with python-fcl one counts when its signed distance lies more than "
-            "0.1 mm on the other side of the margin. edges: configurations halved down to where ours changes its "
-            "answer; there python-fcl's distance should be the margin, and the worst is told.",
+            AGREEMENT,
             *(f"{name}: {told}" for name, t in tallies.items() for told in t.against_fcl[:5]),
         ),
     )

@@ -22,6 +22,12 @@ BLOCK = 250
 SEVERAL = 4
 FEWER = 10
 """Of the poses every so manieth is asked for several solutions."""
+MEANING = """
+solved: within the joint limits, 0.1 mm and 1 mrad, by forward kinematics of its own. bare FK: pinocchio's
+forwardKinematics and updateFramePlacement. median, p95: one solution, looked for from `home` on; in bare
+FK: the median of each time over the bare call's of its block of 250 poses. of 4: different solutions
+found when four are asked for; for 4: the median of that.
+"""
 
 
 def _right(model: RobotModel, q: Array, wanted: Pose) -> bool:
@@ -99,12 +105,7 @@ def measure(runs: int, seed: int) -> list[Table]:
                 Column("for 4, ms", ".2f"),
             ),
             [_row(name, model, runs, seed) for name, model in shipped().items()],
-            (
-                "solved: within the joint limits, 0.1 mm and 1 mrad, by forward kinematics of its own. bare FK: "
-                "pinocchio's forwardKinematics and updateFramePlacement. median, p95: one solution, looked for "
-                "from `home` on; in bare FK: the median of each time over the bare call's of its block of 250 "
-                "poses. of 4: different solutions found when four are asked for; for 4: the median of that.",
-            ),
+            (MEANING,),
         )
     ]
 

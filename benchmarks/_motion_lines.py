@@ -22,6 +22,12 @@ from picktree.world.values import Array, Pose
 LENGTH = 0.2
 """m"""
 POSTURES = 6
+MEANING = """
+reach, jump: lines that ended because the arm reaches no further, or would have to swing round. from any
+posture: to the end from one of up to six solutions at the start. / bare: over pinocchio's Jacobian and
+frame placement once a step. backwards: complete lines that lead back again, and how far from the first
+configuration they end (median): a joint to spare drifts.
+"""
 
 
 def _bare(model: RobotModel, path: Array) -> float:
@@ -108,12 +114,7 @@ def measure(runs: int, seed: int) -> list[Table]:
                 Column("off, rad", ".3f"),
             ),
             [_row(name, model, runs, seed) for name, model in shipped().items()],
-            (
-                "reach, jump: lines that ended because the arm reaches no further, or would have to swing round. "
-                "from any posture: to the end from one of up to six solutions at the start. / bare: over "
-                "pinocchio's Jacobian and frame placement once a step. backwards: complete lines that lead back "
-                "again, and how far from the first configuration they end (median): a joint to spare drifts.",
-            ),
+            (MEANING,),
         )
     ]
 

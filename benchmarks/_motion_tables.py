@@ -47,13 +47,17 @@ class Table:
         lines = [self.title, line(head), "  " + "  ".join("-" * w for w in widths)]
         lines += [line(row) for row in cells]
         for note in self.notes:
-            lines += textwrap.wrap(note, 100, initial_indent="  ", subsequent_indent="  ")
+            lines += textwrap.wrap(" ".join(note.split()), 100, initial_indent="  ", subsequent_indent="  ")
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, object]:
         names = [column.name for column in self.columns]
-        rows = [dict(zip(names, row, strict=True)) for row in self.rows]
-        return {"title": self.title, "rows": rows, "notes": list(self.notes)}
+        return {
+            "title": self.title,
+            "columns": names,
+            "rows": [list(row) for row in self.rows],
+            "notes": [" ".join(note.split()) for note in self.notes],
+        }
 
 
 @dataclass(frozen=True)
