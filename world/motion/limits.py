@@ -16,6 +16,8 @@ TORQUE = 0.7
 """Share of the torque limits that is planned with: the servo and a held object need the rest."""
 RISE = 0.025
 """The jerk limit of a joint is its acceleration limit over this time, s."""
+APART = 4
+"""Torques are looked at at every so many samples of a motion: they cost more than the rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +87,10 @@ class Limits:
         # What the servo sees between samples are these differences.
         steps = (np.abs(np.diff(v, axis=0)) / (dt * acceleration[1:])).max(axis=1)
         squared[1:] = np.maximum(squared[1:], steps)
-        weight = self._weight(q[::2])
-        moving = np.abs(self._rnea(q[::2], v[::2], a[::2]) - weight) / self._left(weight)
-        squared[::2] = np.maximum(squared[::2], moving.max(axis=1))
+        some = slice(None, None, APART)
+        weight = self._weight(q[some])
+        moving = np.abs(self._rnea(q[some], v[some], a[some]) - weight) / self._left(weight)
+        squared[some] = np.maximum(squared[some], moving.max(axis=1))
         factor = np.maximum(factor, np.sqrt(squared))
         jerk = (np.abs(np.diff(a, axis=0)) / (dt * self.jerk)).max(axis=1)
         factor[1:] = np.maximum(factor[1:], np.cbrt(jerk))

@@ -115,7 +115,8 @@ def _followed(limits: Limits, curve: Curve, law: TimeLaw) -> tuple[Timed, Array,
     """The averaged law's motion, stretched as a whole until it keeps all limits; by how much each sample
     (m,) exceeded them before, and when it was (m,), s."""
     duration = float(law.times[-1]) + WINDOW
-    times: Array = np.linspace(0.0, duration, max(2, int(np.ceil(duration / PERIOD)) + 1))
+    # Limits are looked at between the samples, too.
+    times: Array = np.linspace(0.0, duration, 2 * max(1, int(np.ceil(duration / PERIOD))) + 1)
     s, ds, dds = law.averaged(times, WINDOW)
     s = np.clip(s, 0.0, curve.length)
     q, along, bend = curve.derivatives(s, 2)
@@ -124,7 +125,8 @@ def _followed(limits: Limits, curve: Curve, law: TimeLaw) -> tuple[Timed, Array,
     v[0] = v[-1] = a[0] = a[-1] = 0.0
     excess = limits.excess(times, s, q, v, a)
     stretch = max(1.0, float(excess.max()))
-    return Timed(Trajectory(times * stretch, q, v / stretch, a / stretch**2), s), excess, times
+    t, q, v, a = (rows[::2] for rows in (times * stretch, q, v / stretch, a / stretch**2))
+    return Timed(Trajectory(t, q, v, a), s[::2]), excess, times
 
 
 def _where(law: TimeLaw, grid: Array, times: Array, excess: Array) -> Array:
