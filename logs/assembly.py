@@ -12,6 +12,7 @@ from ..world.handling import Handling
 from ..world.journal import Journal
 from ..world.motion.fcl_queries import SceneQueries
 from ..world.motion.gate import Gate
+from ..world.motion.lookout import Lookout
 from ..world.motion.service import PlanService
 from ..world.perception.pipeline import Perception
 from ..world.protocols import Hardware
@@ -86,7 +87,15 @@ def assemble(
         thinking=thinking,
         control=control,
         plan=plan,
-        move=Motions(control, model, hardware.clock, journal, Gate(model, plan, scene.limits.workspace)),
+        move=Motions(
+            control,
+            model,
+            hardware.clock,
+            journal,
+            Gate(model, plan, scene.limits.workspace),
+            Lookout(plan),
+            TICK,
+        ),
         grip=grip,
         eyes=eyes,
         queries=queries,

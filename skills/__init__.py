@@ -6,6 +6,7 @@ from .exchange_bin import ExchangeBin
 from .go_to import GoTo
 from .grasp import Grasp
 from .gripper import CloseGripper, OpenGripper
+from .jog import Jog
 from .observe import Observe
 from .place import Place
 
@@ -18,5 +19,6 @@ NODES: tuple[type[Node], ...] = (
     CloseGripper,
     AwaitItems,
     ExchangeBin,
+    Jog,
 )
 """What the entry point `picktree.nodes` offers."""

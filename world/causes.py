@@ -109,6 +109,9 @@ class safety:
     ACCELERATION_LIMIT = Cause(
         "safety.acceleration_limit", "A joint would be accelerated more than it may be.", "plan again"
     )
+    SINGULARITY = Cause(
+        "safety.singularity", "The arm came to a singular configuration.", "go there by a planned motion"
+    )
     TRAJECTORY = Cause("safety.trajectory", "A trajectory is not sound.", "mend what made it")
     STOP = Cause("safety.stop", "Motion is refused: a safety stop is not acknowledged.", "retreat safely")
     ANY = Family("safety")

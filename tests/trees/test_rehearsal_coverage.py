@@ -124,6 +124,7 @@ def test_causes_that_leaves_declare() -> None:
         "Main/Fallback/Pick safety.workspace",
         "Main/Fallback/Pick safety.joint_limit",
         "Main/Fallback/Pick safety.acceleration_limit",
+        "Main/Fallback/Pick safety.singularity",
         "Main/Fallback/Pick safety.trajectory",
         "Main/Fallback/Pick safety.stop",
         "Main/Fallback/Put grasp.slipped",

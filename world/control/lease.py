@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import TracebackType
 from typing import Protocol
 
@@ -17,6 +18,10 @@ class ForceGuard:
         self._baseline = baseline
         self.contact: tuple[float, float, float] | None = None
         """The force that stopped the motion, N in the world."""
+
+    def size(self, force: tuple[float, float, float]) -> float:
+        """Of a force beyond what was felt before, N."""
+        return math.dist(force, self._baseline)
 
     def touched(self, force: tuple[float, float, float]) -> bool:
         x, y, z = force

@@ -19,6 +19,7 @@ from ..values import Array, Vector3
 from .boundaries import way_inside
 from .guarded import GuardedResult, GuardedTarget
 from .impedance import FIRM, CartesianImpedance, Stiffness
+from .jogging import Jogging, JogResult, Lookout, Twists
 from .joint_controllers import Hold, Track, way_back
 from .lease import ForceGuard, Lease
 from .loop import ControlLoop
@@ -38,6 +39,8 @@ ARRIVAL_LIMIT = 1.0
 """Longest wait for the arrival after the end of a trajectory, s."""
 SLOWED = 4.0
 """How much longer a guarded move may take near a singularity, where it goes slower."""
+JOG_GUARD = 25.0
+"""Contact force that stops a jog unless the caller says otherwise, N."""
 CONTACT_TIME = 1.5
 """Longest wait for the arm to stand after a guarded move, s."""
 
@@ -91,9 +94,13 @@ class Motions:
         clock: Clock,
         journal: Journal,
         gate: Gate | None = None,
+        lookout: Lookout | None = None,
+        tick: float = 0.05,
     ) -> None:
-        """`gate`: what trajectories must pass; without one the arm follows whatever begins where it is."""
+        """`gate`: what trajectories must pass; without one the arm follows whatever begins where it is.
+        `lookout`: what is asked about the way ahead of a jog, each `tick` s."""
         self._gate = gate
+        self._jogging = Jogging(loop, model, lookout, tick)
         self._loop = loop
         self._model = model
         self._clock = clock
@@ -310,6 +317,36 @@ class Motions:
                     force=target.peak,
                 )
             return GuardedResult(target.contact, travelled, target.peak, pose)
+
+    def jog(
+        self,
+        twists: Twists,
+        *,
+        node: str = "",
+        guard: float = JOG_GUARD,
+        duration: float = math.inf,
+        distance: float = math.inf,
+    ) -> Doing[JogResult]:
+        """Move the tool by twists: one that stays, or who is asked for one each tick until he says None.
+
+        A twist that stays ends after `duration` s or `distance` m of the TCP, or where something stops it: a
+        contact of more than `guard` N, a joint limit, a singularity, the edge of the workspace, or what it
+        would touch; the result says which. It slows down for all of them, and ends at rest. Failures:
+        safety.*, control.timeout when the skill was not ticked for a while.
+        """
+        self._refuse_if_stopped()
+        if not (guard > 0.0 and duration > 0.0 and distance > 0.0):
+            raise PicktreeError("a jog needs a guard, a duration and a distance above 0")
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            self._check(lease)
+            self._last = None
+            touch = ForceGuard(guard, self._felt())
+            return (
+                yield from self._jogging.run(
+                    lease, twists, touch, duration, distance, self._check, self._until_rest
+                )
+            )
 
     def rest(self) -> Doing[None]:
         """Brake, and yield until the arm is at rest. Allowed while a safety stop is latched."""

@@ -1,0 +1,90 @@
+"""Jog: move the tool by a velocity, slower where it must be, until something stops it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal, cast
+
+from ..trees.given import Given, Misfit
+from ..trees.ports import In, Out, port
+from ..trees.skill import ARM, Skill, Steps
+from ..world.causes import control, planning, safety
+from ..world.causes import world as world_causes
+from ..world.control.jog import Twist
+from ..world.control.jogging import FASTEST, FASTEST_TURN
+from ..world.errors import PicktreeError
+
+if TYPE_CHECKING:
+    from ..world.values import Vector3
+    from ..world.world import World
+
+
+class Jog(Skill):
+    """Move the tool with a velocity and turn it, for a time, a distance, or until something stops it.
+
+    Nothing is planned. The arm slows down towards joint limits, singularities, the edge of the workspace and
+    whatever it is believed to touch, and stops before; more than `guard` N stop it, too. With
+    `when_stopped: succeed` that is what was asked for, and `stopped_by` says what it was.
+    """
+
+    example = """
+    Jog: {velocity: [0, 0, -0.05], distance: 30 mm, when_stopped: succeed, stopped_by: "{end}"}
+    """
+
+    velocity: In[list[float]] = port(
+        "of the tool's centre point along x, y, z", unit="m/s", default=[0, 0, 0]
+    )
+    turn: In[list[float]] = port("of the tool about x, y, z", unit="rad/s", default=[0, 0, 0])
+    frame: In[Literal["world", "tool"]] = port("whose axes these are", default="world")
+    duration: In[float] = port("how long; 0 for as long as nothing stops it", unit="s", default=0.0, least=0)
+    distance: In[float] = port("how far; 0 for as far as nothing stops it", unit="m", default=0.0, least=0)
+    guard: In[float] = port("contact force that stops it", unit="N", default=25.0, above=0)
+    when_stopped: In[Literal["fail", "succeed"]] = port(
+        "what it comes to when something stops it before time and distance are over", default="fail"
+    )
+    stopped_by: Out[str] = port("`done`, `contact`, `collision`, `joint_limit`, `singularity` or `workspace`")
+    travelled: Out[float] = port("way of the tool's centre point", unit="m")
+    causes = (planning.BLOCKED, world_causes.DISTURBED, control.ANY, safety.ANY)
+    uses = (ARM,)
+
+    @classmethod
+    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+        if not given.any_of("velocity", "turn"):
+            return ("'velocity' or 'turn' must be given",)
+        return tuple(
+            misfit
+            for key, most, unit in (("velocity", FASTEST, "m/s"), ("turn", FASTEST_TURN, "rad/s"))
+            if (misfit := _misfit(key, given.constants.get(key), most, unit)) is not None
+        )
+
+    def run(self, world: World) -> Steps:
+        twist = Twist(_vector(self.velocity), _vector(self.turn), self.frame)
+        result = yield from world.move.jog(
+            twist,
+            node=self.path,
+            guard=self.guard,
+            duration=self.duration or math.inf,
+            distance=self.distance or math.inf,
+        )
+        self.stopped_by, self.travelled = result.stopped_by, result.travelled
+        failure = result.failure()
+        if failure is not None and self.when_stopped == "fail":
+            raise failure
+
+
+def _vector(numbers: list[float]) -> Vector3:
+    if len(numbers) != 3:
+        raise PicktreeError(f"a jog needs three numbers x, y, z, not {numbers}")
+    x, y, z = numbers
+    return x, y, z
+
+
+def _misfit(key: str, value: object, most: float, unit: str) -> Misfit | None:
+    if not isinstance(value, list):
+        return None
+    numbers = cast("list[float]", value)
+    if len(numbers) != 3:
+        return Misfit(key, f"three numbers x, y, z are wanted, not {len(numbers)}")
+    if math.hypot(*numbers) > most:
+        return Misfit(key, f"a jog does at most {most:g} {unit}, not {math.hypot(*numbers):.3g}")
+    return None

@@ -1,0 +1,70 @@
+"""The node `Jog`: what it comes to, what it fails with, and what is wrong at load already."""
+
+from __future__ import annotations
+
+import pytest
+
+from picktree.world.errors import PicktreeError
+from picktree.world.simulation.backends import Backend
+
+from .cell import Cell, items, mission
+
+
+def cell(body: str, backend: Backend = "kinematic") -> Cell:
+    one = Cell(mission(body), items(block=1), backend)
+    one.finish()
+    return one
+
+
+def outcome(one: Cell) -> str:
+    failure = one.tree.failure
+    return one.tree.status.value if failure is None else f"{failure.cause}: {failure.message}"
+
+
+@pytest.mark.parametrize("backend", ["kinematic", "physics"])
+def test_a_distance_and_back(backend: Backend) -> None:
+    one = cell(
+        """\
+Sequence:
+  - Jog: {velocity: [0, 100 mm/s, 0], distance: 80 mm, travelled: "{way}"}
+  - Jog: {velocity: [0, -0.1, 0], duration: 0.8 s, stopped_by: "{end}"}
+""",
+        backend,
+    )
+    assert outcome(one) == "SUCCESS"
+    assert one.world.control.tcp.position[1] == pytest.approx(0.0, abs=6e-3)
+    board = one.tree.blackboard.save()
+    assert float(str(board["Main/way"])) == pytest.approx(0.08, abs=1e-3)
+    assert board["Main/end"] == "done"
+
+
+def test_what_stops_it_is_a_failure_or_what_was_wanted() -> None:
+    text = "planning.blocked: stopped before table after 477 mm of a jog"
+    assert outcome(cell("Jog: {velocity: [0, 0, -0.2]}")) == text
+    one = cell('Jog: {velocity: [0, 0, -0.2], when_stopped: succeed, stopped_by: "{end}"}')
+    assert (outcome(one), one.tree.blackboard.save()["Main/end"]) == ("SUCCESS", "collision")
+
+
+def test_keys_that_do_not_fit_are_found_at_load() -> None:
+    for body, text in (
+        ("Jog: {distance: 10 mm}", "'velocity' or 'turn' must be given"),
+        ("Jog: {velocity: [0, 1]}", "three numbers x, y, z are wanted, not 2"),
+        ("Jog: {velocity: [0, 0, -0.7]}", "a jog does at most 0.5 m/s, not 0.7"),
+        ("Jog: {turn: [0, 3, 0]}", "a jog does at most 2 rad/s, not 3"),
+        ("Jog: {velocity: [0, 0, -0.1], frame: base}", "frame"),
+    ):
+        with pytest.raises(PicktreeError) as caught:
+            mission(body)
+        assert text in str(caught.value)
+
+
+@pytest.mark.parametrize("backend", ["kinematic", "physics"])
+def test_halted_at_any_tick_the_arm_stands_soon(backend: Backend) -> None:
+    body = "Jog: {velocity: [0.1, 0.2, -0.1], turn: [0, 0, 0.5], duration: 1 s}"
+    for ticks in (1, 4, 9, 16, 22):
+        one = Cell(mission(body), items(block=1), backend)
+        for _ in range(ticks):
+            one.tick()
+        one.halt()
+        assert one.rest() <= 0.5
+        assert one.world.control.monitor.stopped is None
