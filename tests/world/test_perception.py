@@ -202,7 +202,7 @@ def test_the_held_object_is_masked_with_the_robot() -> None:
     view = view_of(things, robot=hand, scene=scene)
     assert view.detections == () and view.unexplained == ()
     scene.detach(held.id, held.pose, "table")
-    assert view_of(things, robot=hand, scene=scene).detections != (), "without the mask it is seen"
+    assert view_of(things, robot=hand, scene=scene).unexplained != (), "without the mask it is seen"
 
 
 def test_the_heap_in_a_bin_is_measured_by_cells() -> None:

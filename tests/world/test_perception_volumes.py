@@ -243,3 +243,13 @@ def test_a_ball_is_covered_down_to_the_table() -> None:
     scene = empty_scene()
     look(scene, ball, now=1)
     assert share_covered(scene, ball) > 0.97, "but for a rim of some mm on the far side"
+
+
+def test_a_tower_of_an_items_colour_and_width_is_no_stack_of_items() -> None:
+    for high in (0.11, 0.1243, 0.2):
+        tower = Thing(
+            Box((0.046, 0.047, high)), Pose.from_rpy((0.4, 0.22, high / 2), (0.0, 0.0, 1.0)), "blue"
+        )
+        scene = empty_scene()
+        look(scene, tower, now=1)
+        assert [str(o.id) for o in scene.objects] == ["obstacle_1"]

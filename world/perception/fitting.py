@@ -15,8 +15,9 @@ from .silhouettes import OUTLIER, Stand, fit_outline, likely_turns, silhouette
 
 HEIGHT_GATE = 0.009
 """A rest whose top is further than this from the blob's is not tried, m."""
-STACK = 2.0
-"""Items lie on heaps no higher than so many of the tallest."""
+HOVER = 0.025
+"""On a table an item that leans or lies on another is at most so far above it, m: what is believed to hover
+higher is a part of something else."""
 OUTLINE_GATE = 2.5
 """A start whose support function is further off than this is not tried, pixels (root mean square)."""
 STARTS = 12
@@ -58,20 +59,17 @@ class Fitter:
     sight: Sight
     noise: float
 
-    @property
-    def _stack(self) -> float:
-        """What lies on others lies no higher above their support than this, m: else it is something else."""
-        return STACK * max((rest.height for rest in self.rests), default=0.0)
-
-    def explain(self, blob: Blob, support: float, content: float = GOOD) -> list[Hypothesis]:
+    def explain(
+        self, blob: Blob, support: float, content: float = GOOD, hover: float = HOVER
+    ) -> list[Hypothesis]:
         """Hypotheses for the blob, best first, at most one for each entry and manner of support.
 
-        `support` is the height under it in the world, m. Items that lie on others are tried when none on
-        the support has a misfit below `content`.
+        `support` is the height under it in the world, m. Items that lie on others, up to `hover` m
+        above the support, are tried when none on it has a misfit below `content`.
         """
-        found = self._fits(blob, support, True)
+        found = self._fits(blob, support, True, hover)
         if all(f.misfit > content for f in found):
-            found += self._fits(blob, support, False)
+            found += self._fits(blob, support, False, hover)
         found.sort(key=_rank)
         best: dict[tuple[str, bool], Hypothesis] = {}
         for one in found:
@@ -84,13 +82,13 @@ class Fitter:
         least = min(rest.footprint for rest in self.rests) * (self.sight.intrinsics.fx / depth) ** 2
         return int(blob.area / (0.6 * least))
 
-    def _fits(self, blob: Blob, support: float, supported: bool) -> list[Hypothesis]:
+    def _fits(self, blob: Blob, support: float, supported: bool, hover: float) -> list[Hypothesis]:
         starts: list[tuple[float, Stand]] = []
         for rest in self.rests:
             below = support if supported else blob.top - rest.height
             if supported and abs(support + rest.height - blob.top) > HEIGHT_GATE:
                 continue
-            if not supported and not support - HEIGHT_GATE <= below <= support + self._stack:
+            if not supported and not support - HEIGHT_GATE <= below <= support + hover:
                 continue
             x, y = self.sight.at_height(blob.middle, below + rest.height / 2)
             stand = Stand(rest, np.array([x, y, below + rest.below]), 0.0)

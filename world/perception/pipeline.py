@@ -18,7 +18,7 @@ from . import hues
 from .backdrop import SURFACE, Backdrop, Floor, Floors, levelled, table_of
 from .bins import heap
 from .blobs import Blob, Patch, Picture, connected, outlined
-from .fitting import GOOD, Fitter, Hypothesis
+from .fitting import GOOD, HOVER, Fitter, Hypothesis
 from .obstacles import RAISED, boxed, grey, points_of
 from .rests import rests
 from .robot_mask import HIGH, Body, RobotMask, with_what_hangs_on
@@ -195,7 +195,8 @@ class _Finding:
         if patch.top - floor.height < FLAT:
             return
         blob = outlined(self.picture, patch)
-        hypotheses = self.fitter.explain(blob, floor.height, 0.0 if floor.in_bin else GOOD)
+        heaped = (0.0, math.inf) if floor.in_bin else (GOOD, HOVER)
+        hypotheses = self.fitter.explain(blob, floor.height, *heaped)
         misfit = hypotheses[0].misfit if hypotheses else 9.0
         if misfit > GOOD and not floor.in_bin:
             parts = split(self.picture, self.fitter, blob, floor.height, misfit)
