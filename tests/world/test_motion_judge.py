@@ -102,6 +102,8 @@ def test_moments_are_close_together_and_begin_and_end_with_the_motion() -> None:
     np.testing.assert_array_equal(moments.configurations[[0, -1]], trajectory.position[[0, -1]])
     assert (moments.times[0], moments.times[-1]) == (0.0, trajectory.duration)
     assert np.all(np.diff(moments.times) > 0)
+    for time, q in zip(moments.times, moments.configurations, strict=True):
+        np.testing.assert_allclose(q, trajectory.sample(float(time))[0], atol=1e-12)
 
 
 def test_clearance_says_between_what_where_and_when() -> None:

@@ -58,12 +58,23 @@ def moments_of(model: RobotModel, trajectory: Trajectory) -> Moments:
     )
     along = np.concatenate([[0.0], np.cumsum(ways)])
     total = float(along[-1])
-    marks: Array = np.linspace(0.0, total, max(2, int(np.ceil(total)) + 1))
+    # Between samples the way is taken to be even in time, which it is not quite.
+    marks: Array = np.linspace(0.0, total, max(2, int(np.ceil(1.1 * total)) + 1))
     times: Array = np.interp(marks, along, trajectory.times)
-    configurations: Array = np.empty((len(marks), q.shape[1]))
-    for joint in range(q.shape[1]):
-        configurations[:, joint] = np.interp(marks, along, q[:, joint])
-    return Moments(times, configurations)
+    return Moments(times, _at(trajectory, times))
+
+
+def _at(trajectory: Trajectory, times: Array) -> Array:
+    """Where the arm is at those times, (t, n): between samples it follows their polynomials."""
+    q = trajectory.position
+    k = np.clip(np.searchsorted(trajectory.times, times, side="right") - 1, 0, len(q) - 2)
+    u = (times - trajectory.times[k])[:, None]
+    powers = trajectory.polynomials()[k]
+    configurations = powers[:, -1]
+    for power in range(powers.shape[1] - 2, -1, -1):
+        configurations = configurations * u + powers[:, power]
+    configurations[0], configurations[-1] = q[0], q[-1]
+    return configurations
 
 
 class Sweep:
