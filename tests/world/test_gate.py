@@ -134,6 +134,30 @@ def test_what_its_request_supposes_is_supposed_again() -> None:
     assert cell.checks(world.move.along(plan.trajectory)) > 20
 
 
+def test_what_comes_into_the_belief_on_the_way_stops_the_arm_before_it() -> None:
+    cell = Cell()
+    world = cell.world
+    trajectory = away(0, 1.2, 3.0)
+    doing = world.move.along(trajectory)
+    for _ in range(15):
+        next(doing)
+        world.control.step_tick(TICK)
+    before = world.plan.solver.collision.checks
+    cell.put(0.8, -0.4, 0.04)
+    next(doing)
+    assert world.plan.solver.collision.checks - before > 20
+    world.control.step_tick(TICK)
+    x, y, z = MODEL.tcp(trajectory.end).position
+    cell.put(x, y, z, 0.2, "intruder")
+    with pytest.raises(
+        Failure, match=r"^planning.blocked: the way is not free: .*intruder.* after \d\.\d+ s"
+    ) as caught:
+        cell.run(doing)
+    assert world.control.at_rest
+    assert world.control.tcp.position[1] < y - 0.1
+    assert float(str(caught.value.evidence["fraction"])) > 0.4
+
+
 def test_verify_judges_what_is_checked_again(monkeypatch: pytest.MonkeyPatch) -> None:
     cell = Cell(verify=True)
     seen: list[Trajectory] = []
@@ -146,7 +170,8 @@ def test_verify_judges_what_is_checked_again(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(cell.world.plan, "verify", watched)
     trajectory = away(0, 0.4)
     cell.run(cell.world.move.along(trajectory))
-    assert seen == [trajectory]
+    assert len(seen) == 1
+    assert np.array_equal(seen[0].position, trajectory.position)
     assert cell.world.plan.disagreements == ()
 
 

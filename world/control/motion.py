@@ -83,6 +83,10 @@ class Gate(Protocol):
         """Return when it may begin; raise a Failure that says why it may not."""
         ...
 
+    def blocked(self, trajectory: Trajectory, done: float) -> Failure | None:
+        """Asked each tick on the way, `done` s of it: why it must not go on."""
+        ...
+
 
 class Motions:
     """What skills move the arm with. One motion at a time: starting one takes the arm from the other."""
@@ -196,6 +200,8 @@ class Motions:
                 self._check(lease)
                 raise self._touched(guard.contact, track)
             noticed = None if watch is None else watch()
+            if noticed is None and self._gate is not None:
+                noticed = self._gate.blocked(trajectory, track.progress)
             if noticed is not None:
                 track.brake()
                 yield from self._until_rest(lease)

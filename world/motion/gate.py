@@ -58,14 +58,27 @@ class Gate:
         self._stays_inside(trajectory)
         made = self._plans.made.of(trajectory)
         while made is None or not _still_holds(made, self._plans):
-            seen = self._plans.made.now()
             with self._plans.checking():
                 self._free(trajectory, made)
             self._plans.made.renew(trajectory)
             yield from self._plans.charge()
-            if made is None and self._plans.made.now().version == seen.version:
-                return
             made = self._plans.made.of(trajectory)
+
+    def blocked(self, trajectory: Trajectory, done: float) -> Failure | None:
+        """Asked while the arm follows a trajectory, `done` s of it: what stands on the rest of the way when
+        the belief has changed since it passed. What was allowed to touch when it began still is; checks are
+        owed to the thinking account."""
+        plans = self._plans
+        made = plans.made.of(trajectory)
+        if made is None or made.seen.version == plans.made.now().version:
+            return None
+        try:
+            with plans.checking():
+                self._free(trajectory, made, done)
+        except Failure as failure:
+            return failure
+        plans.made.renew(trajectory)
+        return None
 
     def _limits(self, trajectory: Trajectory) -> None:
         model = self._model
@@ -122,11 +135,17 @@ class Gate:
             fraction=_share(at, trajectory),
         )
 
-    def _free(self, trajectory: Trajectory, made: Made | None) -> None:
+    def _free(self, trajectory: Trajectory, made: Made | None, done: float = 0.0) -> None:
         begin = 0.0
         for request, end in _pieces(trajectory, made):
-            part = trajectory if made is None else between(trajectory, begin, end)
+            since, begin = max(begin, done), end
+            if since > 0.0 and since >= end:
+                continue
+            part = between(trajectory, since, end)
             supposed = self._supposed(request)
+            if made is not None and done > 0.0:
+                allowed = tuple((a, b) for a, b in map(sorted, made.seen.allowed))
+                supposed = replace(supposed, start=part.start, allowed=(*supposed.allowed, *allowed))
             solver = self._plans.solver
             try:
                 solver.look(supposed)
@@ -139,9 +158,8 @@ class Gate:
             start = part.start if supposed.start is None else supposed.start
             way = Way(solver.collision, start)
             if first_hit(way, part) is not None:
-                self._refuse(trajectory, part, way, begin)
+                self._refuse(trajectory, part, way, since)
             self._plans.verify(supposed, part)
-            begin = end
 
     def _supposed(self, request: Request) -> Request:
         """What a plan supposed to be held is by now, perhaps, and as it is felt to be."""
@@ -160,7 +178,7 @@ class Gate:
         touched = "; ".join(failing.listed(contacts)) or "the edge of the workspace"
         raise Failure(
             planning.BLOCKED,
-            f"the trajectory is refused: {touched} {_when(at, trajectory)}",
+            f"the way is not free: {touched} {_when(at, trajectory)}",
             contacts=failing.listed(contacts),
             time=at,
             fraction=_share(at, trajectory),

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 from ..scene.planning_scene import PlanningScene
 from ..trajectory import Trajectory
-from .requests import Plan, Request
+from .requests import JointGoal, Plan, Request
 
 SAME_WIDTH = 0.002
 """Change of the fingers' opening that makes no difference, m."""
@@ -60,13 +60,15 @@ class MadePlans:
             self._made[plan.trajectory] = Made(known, passes, self.now())
 
     def renew(self, trajectory: Trajectory) -> None:
-        """The trajectory was found free again, in the belief as it is now."""
+        """The trajectory, which need be no plan of ours, was found free in the belief as it is now."""
         made = self._made.get(trajectory)
-        if made is not None:
-            self._made[trajectory] = replace(made, seen=self.now())
+        if made is None:
+            request = Request(JointGoal(trajectory.end), trajectory.start)
+            made = Made((request,), (trajectory.duration,), self.now())
+        self._made[trajectory] = replace(made, seen=self.now())
 
     def of(self, trajectory: Trajectory) -> Made | None:
-        """None: no plan of ours."""
+        """None: no plan of ours, and never found free."""
         return self._made.get(trajectory)
 
     def now(self) -> Seen:
