@@ -7,6 +7,7 @@ import pytest
 from trimesh import load_mesh  # pyright: ignore[reportUnknownVariableType]
 
 from picktree.world.motion.bodies import loose_bodies, still_bodies
+from picktree.world.motion.collision import Collision
 from picktree.world.motion.fcl_shapes import gap, hull, place, solid
 from picktree.world.motion.ik import InverseKinematics
 from picktree.world.motion.judge import TOLERANCE, Judge
@@ -16,7 +17,7 @@ from picktree.world.motion.timing import time_corners
 from picktree.world.robot.load import load_robot
 from picktree.world.robot.model import RobotModel
 from picktree.world.scene.planning_scene import PlanningScene
-from picktree.world.shapes import Box
+from picktree.world.shapes import Box, ConvexMesh
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Pose
 
@@ -145,3 +146,33 @@ def test_what_one_joint_carries_is_not_judged_against_itself() -> None:
     assert judge.judge(standing, table_scene(), WIDTH) == ()
     (tightest,) = judge.tightest(home[None], table_scene(), WIDTH, reach=1.0)
     assert tightest is not None and tightest.distance > tightest.margin > 0.0
+
+
+def test_where_the_fast_checker_changes_its_answer_the_judge_measures_the_margin() -> None:
+    """Halved down between a free and a colliding configuration, among hulls and with one in the hand."""
+    rng = np.random.default_rng(5)
+    scene = littered(1, high=0.6)
+    hulls = [
+        ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in points), "made up")
+        for points in rng.normal(size=(9, 12, 3)) * 0.04
+    ]
+    for k, shape in enumerate(hulls[1:]):
+        x, y, z = (float(c) for c in rng.uniform([0.2, -0.5, 0.1], [0.8, 0.5, 0.8]))
+        scene.put(item(f"hull_{k}", shape, Pose((x, y, z))), "test")
+    scene.put(item("held", hulls[0], Pose()), "test")
+    scene.attach("held", Pose((0.0, 0.0, 0.05)))
+    collision = Collision(MODEL)
+    collision.update(scene, WIDTH)
+    drawn = rng.uniform(MODEL.lower, MODEL.upper, (120, 7))
+    free = [q for q in drawn if collision.free(q)]
+    hit = [q for q in drawn if not collision.free(q)]
+    edges: list[Array] = []
+    for low, high in zip(free, hit, strict=False):
+        for _ in range(30):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if collision.free(middle) else (low, middle)
+        edges.append(low)
+    assert len(edges) > 20
+    for tightest in JUDGE.tightest(np.array(edges), scene, WIDTH):
+        assert tightest is not None
+        assert tightest.distance == pytest.approx(tightest.margin, abs=1e-4)
