@@ -31,6 +31,7 @@ from .render import render
 from .replay import replay
 from .report import report
 from .resim import resim
+from .robot import robot
 from .run import run
 from .schema import schema
 from .snapshot import snapshot
@@ -60,6 +61,7 @@ app.command()(render)
 app.command()(replay)
 app.command()(report)
 app.command()(resim)
+app.add_typer(robot, name="robot")
 app.command()(run)
 app.command()(schema)
 app.command()(snapshot)

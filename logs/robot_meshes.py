@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from importlib.util import find_spec
 
 from ..world.errors import PicktreeError
 from ..world.robot.urdf import LinkMesh as MeshFile
-from ..world.robot.urdf import link_geometry
+from ..world.robot.urdf import LinkShape, link_geometry
 from .glb import write_glb
 from .meshes import Mesh, joined, load_mesh, shape_mesh
 from .records import LinkMesh
@@ -14,12 +15,27 @@ from .records import LinkMesh
 MOST_FACES = 2000
 
 
+def _shown(urdf: str) -> list[MeshFile | LinkShape]:
+    """The visual geometry, or the collision geometry of links that nobody here can show otherwise."""
+    visual = link_geometry(urdf, "visual")
+    unread = {e.link for e in visual if isinstance(e, MeshFile) and not _is_readable(e.path)}
+    plain = [e for e in link_geometry(urdf, "collision") if e.link in unread] if unread else []
+    return [*(e for e in visual if e.link not in unread), *plain]
+
+
+def _is_readable(path: str) -> bool:
+    return not path.lower().endswith(".dae") or find_spec("collada") is not None
+
+
 @lru_cache(maxsize=4)
 def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
-    """A model for each link that has a visual element. Raises PicktreeError for an unreadable mesh."""
+    """A model for each link that has a visual element. Raises PicktreeError for an unreadable mesh.
+
+    A link whose meshes are of a kind that only an absent library reads looks like what collides of it.
+    """
     parts: dict[str, list[Mesh]] = {}
     files: dict[str, Mesh] = {}
-    for element in link_geometry(urdf, "visual"):
+    for element in _shown(urdf):
         if isinstance(element, MeshFile):
             if element.path not in files:
                 try:

@@ -19,6 +19,8 @@ HIGH = (0.5, 0.42, 0.58, 0.35, 0.65)
 """Heights of the tool over the base that are tried for `home`, as shares of the reach."""
 FOLDED_NEAR = (0.3, 0.36, 0.42)
 FOLDED_HIGH = (0.55, 0.65, 0.45, 0.75)
+SEEDS = 4
+"""Random configurations from which a pose is searched."""
 TURN = np.pi / 2
 """By which the arm turns away from the table to let a camera see it, rad."""
 
@@ -132,9 +134,13 @@ class _Search:
 
     def _solutions(self, tool: Pose) -> list[Array]:
         middle = np.clip(np.zeros(self._model.n), self._model.planned_lower, self._model.planned_upper)
-        seeds = [middle] + [
-            self._generator.uniform(self._model.planned_lower, self._model.planned_upper) for _ in range(3)
-        ]
+        seeds = [middle]
+        for k in range(SEEDS):
+            seed = self._generator.uniform(self._model.planned_lower, self._model.planned_upper)
+            if k % 2 == 0:
+                # From a seed whose twisting joints are straight, the arm stays in its plane.
+                seed[::2] = middle[::2]
+            seeds.append(seed)
         return [q for seed in seeds if (q := self._ik.descend(tool, seed)) is not None]
 
     def _value(self, q: Array) -> float:

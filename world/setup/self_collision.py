@@ -60,9 +60,11 @@ class Question:
     neighbours: frozenset[frozenset[str]]
     """Links that are joined by one joint."""
     rest: Array
-    """The configuration in which nothing should collide: what does is `default`."""
+    """The configuration in which nothing should collide: neighbours that do are `default`."""
     unchecked: frozenset[frozenset[str]] = frozenset()
     """Pairs that nobody checks anyway, as those within a gripper."""
+    near: frozenset[frozenset[str]] = frozenset()
+    """Pairs that may be `default`: other ones that collide at `rest` do so in earnest."""
 
 
 def sample(question: Question, samples: int = SAMPLES, seed: int = 0) -> SelfCollision:
@@ -101,7 +103,7 @@ def sample(question: Question, samples: int = SAMPLES, seed: int = 0) -> SelfCol
     checked: list[tuple[str, str, int]] = []
     for pair in sorted(counts, key=lambda pair: sorted(order[name] for name in pair)):
         first, second = sorted(pair, key=lambda name: order[name])
-        reason = _reason(pair, counts[pair], samples, question.neighbours, at_rest)
+        reason = _reason(pair, counts[pair], samples, question.neighbours, at_rest & question.near)
         if reason is None:
             checked.append((first, second, counts[pair]))
         else:
