@@ -14,7 +14,7 @@ from ..robot.model import RobotModel
 from ..trajectory import Trajectory
 from ..values import Array
 from .collision import Collision
-from .constraints import PathConstraints
+from .constraints import RESERVE, PathConstraints
 from .edges import RESOLUTION, edge_free
 from .planner import RADII, Found, stays_free
 from .posture import discomfort
@@ -25,6 +25,11 @@ from .way import Way
 NAME = "CBiRRT"
 STRIDE = 0.3
 """Greatest step of a tree between two projections, rad."""
+STEPS = 1
+"""Of the tree that grows towards a sample; the other one then comes to meet it as far as it gets."""
+WITHIN = (0.1, 0.9)
+"""Share of their room that samples keep from the constraints' borders, at least and at most: else all of
+them would lie on the borders."""
 CURVATURE = 8.0
 """A step s rad leaves a constraint between its ends by about s² / CURVATURE."""
 SHORTEN = 60
@@ -92,9 +97,9 @@ class ConstrainedPlanner:
                 return Found(trajectory, path, NAME, int(np.argmin(nearest)))
         return None
 
-    def project(self, q: Array, lower: Array, upper: Array) -> Array | None:
-        """A configuration near q where the constraints hold."""
-        return self._constraints.project(q, lower, upper)
+    def project(self, q: Array, lower: Array, upper: Array, reserve: float = RESERVE) -> Array | None:
+        """A configuration near q where the constraints hold with a reserve."""
+        return self._constraints.project(q, lower, upper, reserve)
 
     @property
     def spent(self) -> bool:
@@ -186,7 +191,7 @@ class _Search:
         turn = 0
         while not self._planner.spent:
             one, other = trees[turn], trees[1 - turn]
-            reached = self._extend(one, one.nearest(target), target)
+            reached = self._extend(one, one.nearest(target), target, STEPS)
             tip = one.at(reached)
             met = self._extend(other, other.nearest(tip), tip)
             if float(np.abs(other.at(met) - tip).max()) < 1e-9:
@@ -199,20 +204,22 @@ class _Search:
 
     def _sample(self) -> Array:
         q = self._rng.uniform(self._lower, self._upper)
-        projected = self._planner.project(q, self._lower, self._upper)
+        reserve = float(self._rng.uniform(*WITHIN))
+        projected = self._planner.project(q, self._lower, self._upper, reserve)
         return q if projected is None else projected
 
-    def _extend(self, tree: _Tree, index: int, target: Array) -> int:
-        """From a configuration of a tree towards the target, as far as it goes; the last one's index."""
-        for q in self._walk(tree.at(index), target):
+    def _extend(self, tree: _Tree, index: int, target: Array, most: int | None = None) -> int:
+        """From a configuration of a tree towards the target, as far as it goes or so many steps; the last
+        one's index."""
+        for q in self._walk(tree.at(index), target, most):
             index = tree.add(q, index)
         return index
 
-    def _walk(self, q: Array, target: Array) -> list[Array]:
+    def _walk(self, q: Array, target: Array, most: int | None = None) -> list[Array]:
         """Projected steps from q (exclusive) towards the target, which is the last where it is reached."""
         steps: list[Array] = []
         left = float(np.linalg.norm(target - q))
-        while left > 1e-9 and not self._planner.spent:
+        while left > 1e-9 and not self._planner.spent and (most is None or len(steps) < most):
             towards = target if left <= self._stride else q + (target - q) * (self._stride / left)
             step = towards if towards is target else self._planner.project(towards, self._lower, self._upper)
             if step is None or float(np.linalg.norm(step - q)) > 2 * self._stride:

@@ -76,16 +76,18 @@ class PathConstraints:
                 told.append(Broken(constraint, excess, excess + row.room * isinstance(constraint, Upright)))
         return tuple(told)
 
-    def project(self, q: Array, lower: Array, upper: Array) -> Array | None:
-        """A configuration near q (n,) where all hold with some reserve, or None.
+    def project(self, q: Array, lower: Array, upper: Array, reserve: float = RESERVE) -> Array | None:
+        """A configuration near q (n,) where all hold with some reserve (a share of their room), or None.
 
         Newton's method on the constraints that are broken, by the damped pseudoinverse, as in Berenson,
         Srinivasa, Ferguson and Kuffner, "Manipulation planning on constraint manifolds", ICRA 2009.
         """
+        if not self._rows:
+            return q
         for step in range(STEPS):
             pin.computeJointJacobians(self._arm, self._data, q)
             pose = pin.updateFramePlacement(self._arm, self._data, self._frame)
-            excess = np.concatenate([row.excess(pose, RESERVE) for row in self._rows])
+            excess = np.concatenate([row.excess(pose, reserve) for row in self._rows])
             broken = excess > (0.0 if step == 0 else 1e-7)
             if not broken.any():
                 return q

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +11,11 @@ import numpy as np
 from ..robot.model import RobotModel
 from ..values import Array
 from .collision import Collision
+from .constraints import PathConstraints
 from .edges import RESOLUTION
+from .way import Way
 
-TRIES = 120
+TRIES = 240
 """Extensions of a local search."""
 STRIDE = 0.3
 """Its greatest extension, rad."""
@@ -21,8 +23,10 @@ STEP = 0.06
 """Between two configurations of an extension, rad."""
 FAR = 1.0
 """A search that comes this far from where it begins has left, rad."""
-CHECKS = 1500
+CHECKS = 2500
 """That a local search may spend."""
+CONSTRAINT = "the constraint"
+"""Named among the bodies where it is what stops the arm."""
 LOOKED_AT = 40
 """Blocked configurations that are looked at for what blocks them."""
 
@@ -48,11 +52,14 @@ class Enclosure:
 class Obstructions:
     """Looks into one request that found no path. Deterministic; its checks count as others do."""
 
-    def __init__(self, model: RobotModel, collision: Collision, free: Callable[[Array], bool]) -> None:
-        """`free`: the test that the search was done with, constraints included."""
+    def __init__(
+        self, model: RobotModel, collision: Collision, way: Way, constraints: PathConstraints
+    ) -> None:
+        """`way` and `constraints`: what the search was done with."""
         self._model = model
         self._collision = collision
-        self._free = free
+        self._way = way
+        self._constraints = constraints
 
     def between(self, start: Array, goals: Sequence[Array]) -> Blocked:
         """What blocks the straight ways in joint space from start to the goals (the first three)."""
@@ -67,22 +74,31 @@ class Obstructions:
         """Whether a search from a configuration remains near it: a tree that grows towards configurations
         anywhere. None: it leaves, or comes so far within its checks that nothing can be said."""
         rng = np.random.default_rng(0)
+        lower = np.minimum(self._model.planned_lower, root)
+        upper = np.maximum(self._model.planned_upper, root)
         tree = [root]
         hit: list[Array] = []
         end = self._collision.checks + CHECKS
-        for _ in range(TRIES):
+        for attempt in range(TRIES):
             if self._collision.checks >= end:
                 return None
-            target = rng.uniform(self._model.planned_lower, self._model.planned_upper)
+            # Ways out of narrow places begin with small moves: every second target lies nearby.
+            if attempt % 2:
+                target = np.clip(root + rng.normal(0.0, STRIDE, len(root)), lower, upper)
+            else:
+                target = rng.uniform(lower, upper)
             near = tree[int(np.argmin([float(np.linalg.norm(q - target)) for q in tree]))]
             along = target - near
+            if not along.any():
+                continue
             along = along * min(1.0, STRIDE / float(np.linalg.norm(along)))
             steps = max(1, int(np.ceil(float(np.linalg.norm(along)) / STEP)))
             reached = near
             for k in range(1, steps + 1):
-                q = near + along * (k / steps)
-                if not self._free(q):
-                    hit.append(q)
+                straight = near + along * (k / steps)
+                q = self._constraints.project(straight, lower, upper)
+                if q is None or float(np.abs(q - reached).max()) > STRIDE or not self._free(q):
+                    hit.append(straight if q is None else q)
                     break
                 reached = q
             if reached is not near:
@@ -92,6 +108,9 @@ class Obstructions:
         radius = max(float(np.linalg.norm(q - root)) for q in tree)
         return Enclosure(where, radius, self._blocked(hit))
 
+    def _free(self, q: Array) -> bool:
+        return self._constraints.hold(q) and self._way.free(q)
+
     def _blocked(self, hit: Sequence[Array]) -> Blocked:
         """By the deepest contact of each of some of these configurations."""
         if not hit:
@@ -100,7 +119,10 @@ class Obstructions:
         names: Counter[str] = Counter()
         for k in picked:
             contacts = self._collision.contacts(hit[int(k)])
-            names.update({contacts[0].b} if contacts else {})
+            if contacts:
+                names.update((contacts[0].b,))
+            elif not self._constraints.hold(hit[int(k)]):
+                names.update((CONSTRAINT,))
         if not names:
             return Blocked()
         return Blocked(

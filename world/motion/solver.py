@@ -136,8 +136,8 @@ class Solver:
     def _not_found(self, begun: _Begun, ends: Sequence[Array]) -> Failure:
         """The failure, with what is in the way: looked for now, and charged, but not to the budget."""
         spent = self.collision.checks - begun.checks + begun.constraints.projections
-        way, constraints = begun.way, begun.constraints
-        looked = Obstructions(self.model, self.collision, lambda q: constraints.hold(q) and way.free(q))
+        way = begun.way
+        looked = Obstructions(self.model, self.collision, way, begun.constraints)
         enclosed = looked.enclosure("goal", ends[0]) if len(ends) == 1 else None
         for end in ends if len(ends) > 1 else ():
             enclosed = looked.enclosure("goal", end)
