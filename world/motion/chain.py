@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..causes import Failure
+from ..causes import Failure, planning
 from ..trajectory import Trajectory
 from ..values import Array
 from . import failing
@@ -85,7 +85,11 @@ class Chain:
             if timed is None and any(corners):
                 timed = self._timed(moving, [None] * len(corners))
             if timed is None:
-                raise failing.line_grazes(1.0)
+                raise Failure(
+                    planning.NO_PATH,
+                    "each of the motions is free, but not all of them as one, stops between them included",
+                    motions=len(plans),
+                )
             trajectory, passed = timed
             ends = _passes([leg.index for leg in moving], passed, len(plans))
         checks = sum(plan.checks for plan in plans) + self._solver.collision.checks - begun
