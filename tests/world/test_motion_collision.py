@@ -175,7 +175,7 @@ def test_a_start_within_the_margin_is_excused_near_it_only() -> None:
     assert way.free(start) and way.nearly_free(start)
     assert not way.free(at(down(0.5, 0.0, 0.1 + tip - 0.002)))
     assert way.free(at(down(0.5, 0.0, 0.2)))
-    deep = Way(collision, at(down(0.5, 0.0, 0.1 + tip - 0.003)))
+    deep = Way(collision, at(down(0.5, 0.0, 0.1 + tip - 0.005)))
     assert {(c.a, c.b) for c in deep.stuck} == {("panda_leftfinger", "block"), ("panda_rightfinger", "block")}
 
 

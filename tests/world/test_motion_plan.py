@@ -300,10 +300,15 @@ from picktree.world.values import Pose
 
 digest = hashlib.sha256()
 cell = cell_module.Cell(cell_module.shelf_scene(), verify={verify})
-rng = np.random.default_rng(0)
+rng, rng_of_its_own = np.random.default_rng(0), np.random.default_rng(1)
 for _ in range(6):
     x, y, z = rng.uniform([0.5, -0.25, 0.3], [0.62, 0.25, 0.5])
     pose = Pose.from_rpy((float(x), float(y), float(z)), (0.0, np.pi / 2, 0.0))
+    if {curious}:
+        supposed = cell.scene.supposing(allowed=[("gripper", "roof")])
+        cell.plan.solver.collision.update(supposed, 0.01, clearance=0.02)
+        for other in rng_of_its_own.uniform(-1.5, 1.5, (20, 7)):
+            cell.plan.solver.collision.free(other), cell.plan.contacts(other)
     try:
         plan, ticks = cell_module.run(cell.plan.to(PoseGoal((pose,)), node="a"))
     except Failure as failure:
@@ -319,8 +324,10 @@ print(digest.hexdigest())
 def test_the_same_bits_in_another_process_with_another_hash_seed() -> None:
     folder = os.path.dirname(__file__)
     digests: set[str] = set()
-    for hash_seed, verify in (("1", True), ("77", False)):
-        program = PROGRAM.format(tests=folder, cell=os.path.join(folder, "motion_cell.py"), verify=verify)
+    # One is verified, and one is asked other things in between.
+    for hash_seed, verify, curious in (("1", True, False), ("77", False, False), ("4242", False, True)):
+        cell = os.path.join(folder, "motion_cell.py")
+        program = PROGRAM.format(tests=folder, cell=cell, verify=verify, curious=curious)
         done = subprocess.run(
             [sys.executable, "-c", program],
             env={**os.environ, "PYTHONHASHSEED": hash_seed},
@@ -333,7 +340,7 @@ def test_the_same_bits_in_another_process_with_another_hash_seed() -> None:
 
 
 def test_the_hand_leaves_a_neighbour_that_is_believed_a_little_too_near() -> None:
-    """Where the finger is, the neighbour is not: a depth by which the belief may be wrong is left, straight up."""
+    """Where the finger is, the neighbour is not: as deep as the belief may be wrong, the hand goes up."""
     half = 0.02 + MODEL.description.gripper.tip
     cell = Cell(table_scene(), width=0.05)
     cell.at = run(cell.plan.to(PoseGoal((down(0.5, 0.0, half),))))[0].trajectory.end

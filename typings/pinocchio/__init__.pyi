@@ -111,6 +111,9 @@ class CollisionRequest:
     gjk_initial_guess: object
     enable_cached_gjk_guess: bool
 
+class DistanceRequest:
+    enable_cached_gjk_guess: bool
+
 class DistanceResult:
     min_distance: float
     def getNearestPoint1(self) -> _F: ...
@@ -130,6 +133,7 @@ class GeometryModel:
 class GeometryData:
     oMg: Sequence[SE3]
     collisionRequests: Sequence[CollisionRequest]
+    distanceRequests: Sequence[DistanceRequest]
     distanceResults: Sequence[DistanceResult]
     def __init__(self, model: GeometryModel) -> None: ...
     def setSecurityMargins(

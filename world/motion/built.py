@@ -13,7 +13,7 @@ from ..robot.model import se3
 from ..shapes import Shape
 from ..values import Array, Pose
 from .bodies import Body
-from .coal_shapes import CoalShapes
+from .coal_shapes import CoalShapes, measuring
 from .gaps import Gaps
 from .margins import GRIPPER, Part
 
@@ -125,7 +125,7 @@ class Built:
     def distances(self) -> tuple[pin.Data, pin.GeometryData]:
         """Scratch memory to measure distances with."""
         if self._distances is None:
-            self._distances = (self._robot.model.createData(), pin.GeometryData(self.geometry))
+            self._distances = (self._robot.model.createData(), measuring(self.geometry))
         return self._distances
 
     @property

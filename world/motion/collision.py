@@ -23,6 +23,8 @@ INSIDE = 0.002
 """Distance of the tool to the edges of the workspace that planning keeps, m."""
 
 
+NANOMETRES = 9
+"""Decimals of distances, m."""
 KEPT = 6
 """Geometries that are remembered: of the belief as it is, and with other things supposed."""
 
@@ -157,9 +159,11 @@ class Collision:
             margin = float(least[pair.first, pair.second])
             if distance.min_distance < margin:
                 a, b = pieces[pair.first], pieces[pair.second]
-                x, y, z = (float(c) for c in distance.getNearestPoint2())
+                # In the last bits answers depend on where in memory things lie.
+                x, y, z = (round(float(c), NANOMETRES) for c in distance.getNearestPoint2())
                 point: Vector3 = (x, y, z)
-                found.append(Contact(a.name, b.name, float(distance.min_distance), point, margin))
+                depth = round(float(distance.min_distance), NANOMETRES)
+                found.append(Contact(a.name, b.name, depth, point, margin))
         return tuple(sorted(found, key=lambda contact: contact.distance))
 
     def nearest(self, q: Array, within: float = np.inf, *, itself: bool = False) -> Contact | None:

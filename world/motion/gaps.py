@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..values import Array
+from .coal_shapes import measuring
 from .requests import Contact
 
 
@@ -22,7 +23,7 @@ class Gaps:
         self._geometry = geometry
         self._names = names
         self._data = model.createData()
-        self._geometry_data = pin.GeometryData(geometry)
+        self._geometry_data = measuring(geometry)
         boxes = [o.geometry.aabb_local for o in geometry.geometryObjects]
         low, high = np.array([b.min_ for b in boxes]), np.array([b.max_ for b in boxes])
         self._middles: Array = (low + high) / 2
