@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from picktree.world.motion.bodies import loose_bodies
 from picktree.world.perception.association import update_belief
 from picktree.world.perception.lattice import CELL, body_of, cells_of, centres, keys, within
 from picktree.world.perception.merging import merged
@@ -253,3 +254,18 @@ def test_a_tower_of_an_items_colour_and_width_is_no_stack_of_items() -> None:
         scene = empty_scene()
         look(scene, tower, now=1)
         assert [str(o.id) for o in scene.objects] == ["obstacle_1"]
+
+
+def test_a_hull_stands_for_many_blocks_where_it_is_tight() -> None:
+    scene = empty_scene()
+    look(scene, POST, now=1)
+    (post,) = obstacles(scene)
+    assert len(post.blocks) > 1
+    (body,) = loose_bodies([post])
+    assert body.name == "obstacle_1"
+    assert inside(body.shape, body.pose, centres(cells_of(post))).all()
+    bent = np.concatenate([within(Box((0.3, 0.04, 0.2)), Pose()), within(Box((0.04, 0.3, 0.2)), Pose())])
+    shape, pose, blocks = body_of(merged(np.unique(bent)))
+    loose = loose_bodies([replace(post, shape=shape, pose=pose, blocks=blocks)])
+    assert [b.name for b in loose] == ["obstacle_1"] * len(blocks)
+    assert len(blocks) == 2

@@ -6,13 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..scene.planning_scene import BeliefObject, PlanningScene
-from ..shapes import Box, Shape, extents
+from ..shapes import Box, ConvexMesh, Shape, extents
 from ..values import Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """One convex part of what a name stands for: a bin has five, an obstacle as many as it has blocks."""
+    """One convex part of what a name stands for: a bin has five, an obstacle often one, else its blocks."""
 
     name: str
     """Id of the fixture, bin or object; the name that `PlanningScene.allow` takes."""
@@ -40,12 +40,12 @@ def still_bodies(scene: PlanningScene) -> tuple[Body, ...]:
 
 
 def loose_bodies(objects: Iterable[BeliefObject]) -> tuple[Body, ...]:
-    """Objects that are not in the hand; of an obstacle each block."""
+    """Objects that are not in the hand."""
     return tuple(body for o in objects if not o.attached for body in bodies_of(o))
 
 
 def bodies_of(o: BeliefObject) -> tuple[Body, ...]:
-    """The convex parts of one object, all under its name."""
-    if not o.blocks:
+    """The convex parts of one object, all under its name: a hull stands for its blocks."""
+    if not o.blocks or isinstance(o.shape, ConvexMesh):
         return (Body(o.id, o.shape, o.pose),)
     return tuple(Body(o.id, Box(block.size), o.pose @ Pose(block.at)) for block in o.blocks)

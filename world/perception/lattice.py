@@ -11,14 +11,17 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from ..scene.planning_scene import BeliefObject, Block
-from ..shapes import Box, Shape, extents
+from ..shapes import Box, ConvexMesh, Shape, extents
 from ..values import Array, Pose
 from .rays import inside
 
 CELL: Array = np.array([0.01, 0.01, 0.02])
 """Edge lengths of a cell, m; the world's origin is a corner of one."""
+TIGHT = 1.25
+"""A hull with at most so many times the volume of the cells stands for them."""
 HALF_DIAGONAL = float(np.linalg.norm(CELL)) / 2
 
 Keys: TypeAlias = NDArray[np.int64]
@@ -67,25 +70,46 @@ def cells_of(o: BeliefObject) -> Keys:
     """What an obstacle of the belief takes up."""
     if not o.blocks:
         return within(o.shape, o.pose)
-    spans: list[Indices] = []
-    for block in o.blocks:
-        middle, half = np.array(o.pose.position) + block.at, np.array(block.size) / 2
-        first = np.round((middle - half) / CELL).astype(np.int64)
-        last = np.round((middle + half) / CELL).astype(np.int64)
-        spans.append(_span(first, last))
-    return keys(np.concatenate(spans))
+    return keys(np.concatenate([_cells(block, np.array(o.pose.position)) for block in o.blocks]))
 
 
-def body_of(boxes: Sequence[tuple[Indices, Indices]]) -> tuple[Box, Pose, tuple[Block, ...]]:
-    """The box about all, its place in the world, and each box as a block in it. A box is its first cell and
-    the one after its last, (3,) each."""
+def _cells(block: Block, origin: Array) -> Indices:
+    """The cells of a block of a body at `origin` (3,)."""
+    middle, half = origin + block.at, np.array(block.size) / 2
+    first = np.round((middle - half) / CELL).astype(np.int64)
+    last = np.round((middle + half) / CELL).astype(np.int64)
+    return _span(first, last)
+
+
+def body_of(boxes: Sequence[tuple[Indices, Indices]]) -> tuple[Shape, Pose, tuple[Block, ...]]:
+    """What is about all, its place in the world, and each box as a block in it. A box is its first cell and
+    the one after its last, (3,) each.
+
+    What is about all is their convex hull where that wastes little, so that a check of collisions meets one
+    body for many boxes; else the box about them.
+    """
     first = np.min([low for low, _ in boxes], axis=0)
     last = np.max([high for _, high in boxes], axis=0)
     middle = (first + last) * CELL / 2
     blocks = tuple(
         Block(_vector((high - low) * CELL), _vector((low + high) * CELL / 2 - middle)) for low, high in boxes
     )
-    return Box(_vector((last - first) * CELL)), Pose(_vector(middle)), blocks
+    return _about(blocks), Pose(_vector(middle)), blocks
+
+
+def _about(blocks: Sequence[Block]) -> Shape:
+    signs = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    corners = np.concatenate([np.array(block.at) + signs * np.array(block.size) for block in blocks])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    if len(blocks) == 1:
+        return Box(_vector(high - low))
+    spans = [_cells(block, -low) for block in blocks]
+    volume = len(keys(np.concatenate(spans))) * float(np.prod(CELL))
+    hull = ConvexHull(corners)
+    if float(hull.volume) > TIGHT * volume:
+        return Box(_vector(high - low))
+    vertices = np.unique(corners[hull.vertices], axis=0)
+    return ConvexMesh(tuple(_vector(vertex) for vertex in vertices), "volume")
 
 
 def _span(first: Indices, last: Indices) -> Indices:

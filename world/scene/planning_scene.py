@@ -53,8 +53,9 @@ class BeliefObject:
     place: str = "table"
     """Where it is believed to lie: `table`, a bin's id, `hand`, or `aside`."""
     blocks: tuple[Block, ...] = ()
-    """Of an obstacle: what it takes up, together, while `shape` is the box about all of them. Empty where the
-    shape itself is taken up, as by items, and by the obstacles of older logs."""
+    """Of an obstacle: what it takes up, as far as it is known. `shape` is their convex hull where that wastes
+    little, and collisions are checked with it alone; else the box about them, and they are checked with each.
+    Empty where the shape itself is taken up, as by items, and by the obstacles of older logs."""
 
     @property
     def attached(self) -> bool:
