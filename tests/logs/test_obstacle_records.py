@@ -1,0 +1,59 @@
+"""Obstacles in logs and checkpoints: what they take up comes back as it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from picktree.logs.conversions import believed, real
+from picktree.logs.json_records import decode, encode
+from picktree.logs.messages import encode_scene, read_scene
+from picktree.logs.parts import parts_of
+from picktree.logs.records import Body, Scene
+from picktree.world.perception.lattice import body_of, cells_of, within
+from picktree.world.perception.merging import merged
+from picktree.world.scene.description import Fixture
+from picktree.world.scene.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
+from picktree.world.shapes import Box
+from picktree.world.simulation.truth import TrueObstacle
+from picktree.world.values import ObjectId, Pose
+
+CELLS = within(Box((0.08, 0.06, 0.3)), Pose.from_rpy((0.5, 0.2, 0.15), (0.0, 0.0, 0.5)))
+SHAPE, POSE, BLOCKS = body_of(merged(CELLS))
+OBSTACLE = BeliefObject(
+    ObjectId("obstacle_1"), "obstacle", "unknown", "unknown", SHAPE, "grey", POSE, 0.005, 0.1, 0.5, 1.5,
+    blocks=BLOCKS,
+)  # fmt: skip
+
+
+def test_a_checkpoint_holds_it_exactly() -> None:
+    scene = PlanningScene((), ())
+    scene.put(OBSTACLE, "test")
+    adapter = TypeAdapter(SceneSnapshot)
+    again = PlanningScene((), ())
+    again.restore(adapter.validate_json(adapter.dump_json(scene.snapshot())), {"obstacle": 1})
+    assert again.objects == scene.objects
+    assert np.array_equal(cells_of(again.get("obstacle_1")), CELLS)
+    assert again.new_id("obstacle") == "obstacle_2"
+
+
+def test_the_log_holds_its_blocks_and_viewers_draw_them() -> None:
+    body = believed(OBSTACLE)
+    (read,) = read_scene(encode_scene(0, Scene((body,), ()), locked=True)).bodies
+    assert read == body
+    assert [shape.size for shape, _ in parts_of(read) if isinstance(shape, Box)] == [b.size for b in BLOCKS]
+
+
+def test_a_body_of_an_older_log_has_none() -> None:
+    data = encode(replace(believed(OBSTACLE), blocks=(), shape=Box((0.1, 0.1, 0.1))))
+    older = decode(Body, data.replace(b',"blocks":[]', b""))
+    assert older.blocks == ()
+    assert parts_of(older) == ((Box((0.1, 0.1, 0.1)), Pose()),)
+
+
+def test_the_truth_says_that_it_is_no_item() -> None:
+    thing = Fixture(ObjectId("post"), Box((0.1, 0.1, 0.3)), Pose((0.5, 0.2, 0.15)), "red")
+    body = real(TrueObstacle.of(thing))
+    assert (body.id, body.role, body.shape, body.colour) == ("post", "obstacle", thing.shape, "red")
