@@ -6,8 +6,8 @@ python benchmarks/motion_bench_maker.py --data FOLDER          where motion_benc
 
 CPU milliseconds of one thread, for the whole way: the planning scene into the checker, the search, the
 shortened path, the timed trajectory and its re-check. Beside each problem stands a bare OMPL solve of the
-same run on the same shapes with the same margin: RRT-Connect, OMPL's simplification, pinocchio's broad phase; no
-scene, no timing. The bare solves are most of the cost; --no-bare leaves them out.
+same run on the same shapes with the same margin: RRT-Connect, OMPL's simplification, pinocchio's broad phase;
+no scene, no timing. The bare solves are most of the cost; --no-bare leaves them out.
 """
 
 from __future__ import annotations

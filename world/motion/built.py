@@ -56,17 +56,19 @@ class Robot:
 class Checker:
     """One set of margins over the geometry. Broad phase and answers do not depend on earlier queries."""
 
-    def __init__(self, model: pin.Model, geometry: pin.GeometryModel, margins: Array) -> None:
-        self._model = model
-        self.data = model.createData()
+    def __init__(self, robot: Robot, geometry: pin.GeometryModel, margins: Array) -> None:
+        self.model = robot.model
+        self.data = robot.model.createData()
+        self.tool_joint = self.data.oMi[robot.tcp_joint]
+        """In the world, at the configuration that was asked about last: a view of what pinocchio writes."""
         self._geometry_data = pin.GeometryData(geometry)
         self._geometry_data.setSecurityMargins(geometry, margins, True, False)
         # It compares the bounding boxes of all pairs: up to 200 bodies that costs less than keeping a tree of
         # them, half at 30. SaP and AABBTreeArray miss collisions; this one was compared with the naive test.
-        self._manager = pin.BroadPhaseManager_NaiveCollisionManager(model, geometry, self._geometry_data)
+        self.manager = pin.BroadPhaseManager_NaiveCollisionManager(self.model, geometry, self._geometry_data)
 
     def free(self, full_q: Array) -> bool:
-        return not pin.computeCollisions(self._model, self.data, self._manager, full_q, True)
+        return not pin.computeCollisions(self.model, self.data, self.manager, full_q, True)
 
 
 class Built:
@@ -112,7 +114,7 @@ class Built:
 
     def checker(self, margins: Array) -> Checker:
         """With margins of its own for each pair of pieces."""
-        return Checker(self._robot.model, self.geometry, margins)
+        return Checker(self._robot, self.geometry, margins)
 
     @property
     def halved(self) -> Checker:

@@ -115,8 +115,11 @@ class Collision:
     def free(self, q: Array) -> bool:
         """Whether the arm at q keeps all margins, and its tool the workspace."""
         self.checks += 1
-        checker = self._now.full
-        return checker.free(self._at(q)) and self._inside(checker)
+        checker, full_q = self._now.full, self._full_q
+        full_q[self._arm_q] = q
+        # Written out, because calls within calls are a tenth of a check.
+        hit = pin.computeCollisions(checker.model, checker.data, checker.manager, full_q, True)
+        return not hit and (self._room is None or self._inside(checker))
 
     def nearly_free(self, q: Array) -> bool:
         """The same with positive margins halved: for what lies between configurations found free."""
@@ -186,7 +189,7 @@ class Collision:
         """Whether the tool is within the workspace at the configuration that `checker` saw last."""
         if self._room is None:
             return True
-        tool = checker.data.oMi[self._robot.tcp_joint].act(self._tcp_offset)
+        tool = checker.tool_joint.act(self._tcp_offset)
         (left, front, low), (right, back, high) = self._room
         x, y, z = tool.tolist()
         return left <= x <= right and front <= y <= back and low <= z <= high
