@@ -80,12 +80,12 @@ def load() -> None:
     from ..logs.circumstances import revision, sources
     from ..logs.recipe_record import installed_meshes
     from ..logs.robot_meshes import link_meshes
-    from ..world.robot.load import load_robot, robot_names
+    from ..world.robot.load import load_robot
 
-    for name in robot_names():
-        robot = load_robot(name)
-        link_meshes(robot.urdf)
-        installed_meshes(robot)
+    # The robot of the shipped scenes; with another one, each job loads its own.
+    robot = load_robot("panda")
+    link_meshes(robot.urdf)
+    installed_meshes(robot)
     revision()
     sources()
     gc.collect()

@@ -256,12 +256,13 @@ class Recorder:
         state: JointState,
         fingers: Sequence[str] = (),
         gripper: GripperState | None = None,
+        fingers_at: Sequence[float] = (),
     ) -> None:
-        """The arm's joints, and those of the fingers, each at half of the opening."""
+        """The arm's joints, and those of the fingers: at `fingers_at`, else each at half of the opening."""
         position, velocity, effort = (a.tolist() for a in (state.position, state.velocity, state.effort))
         if gripper is not None:
+            position += fingers_at or [gripper.width / 2] * len(fingers)
             for _ in fingers:
-                position.append(gripper.width / 2)
                 velocity.append(gripper.speed)
                 effort.append(gripper.force)
             names = (*names, *fingers)

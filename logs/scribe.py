@@ -149,7 +149,8 @@ class Scribe:
         recorder.tick(now, _tick(report))
         robot = world.robot.description
         state, gripper = world.control.state, self._gripper.read()
-        recorder.joints(now, robot.joints, state, robot.gripper.joints, gripper)
+        fingers_at = world.robot.fingers.positions(gripper.width)
+        recorder.joints(now, robot.joints, state, robot.gripper.joints, gripper, fingers_at)
         objects = world.scene.objects
         recorder.transforms(now, world.robot.link_poses(state.position, gripper.width), objects)
         recorder.belief(now, objects, world.scene.take_changes())
