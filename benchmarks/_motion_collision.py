@@ -31,7 +31,7 @@ of 200.
 AGREEMENT = """
 against: different answers; with python-fcl one counts when its signed distance lies more than 0.1 mm on
 the other side of the margin. edges: configurations halved down to where ours changes its answer; there
-python- fcl's distance should be the margin, and the worst is told.
+python-fcl's distance should be the margin, and the worst is told.
 """
 
 

@@ -47,7 +47,13 @@ class Table:
         lines = [self.title, line(head), "  " + "  ".join("-" * w for w in widths)]
         lines += [line(row) for row in cells]
         for note in self.notes:
-            lines += textwrap.wrap(" ".join(note.split()), 100, initial_indent="  ", subsequent_indent="  ")
+            lines += textwrap.wrap(
+                " ".join(note.split()),
+                100,
+                break_on_hyphens=False,
+                initial_indent="  ",
+                subsequent_indent="  ",
+            )
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, object]:

@@ -28,10 +28,19 @@ for _variable in THREADS:
 import _motion_collision  # noqa: E402
 import _motion_ik  # noqa: E402
 import _motion_lines  # noqa: E402
+import _motion_maker  # noqa: E402
+import _motion_scenes  # noqa: E402
 import _motion_timing  # noqa: E402
 from _motion_tables import Part, Table  # noqa: E402
 
-PARTS: tuple[Part, ...] = (_motion_collision.PART, _motion_ik.PART, _motion_lines.PART, _motion_timing.PART)
+PARTS: tuple[Part, ...] = (
+    _motion_collision.PART,
+    _motion_ik.PART,
+    _motion_lines.PART,
+    _motion_scenes.PART,
+    _motion_maker.PART,
+    _motion_timing.PART,
+)
 
 
 def chosen(names: str | None) -> list[Part]:

@@ -28,6 +28,7 @@ class Placed:
         points = solid.corners @ rotation.T + position
         self.low: Array = points.min(axis=0)
         self.high: Array = points.max(axis=0)
+        self.solid = solid
         self.object = fcl.CollisionObject(solid.geometry, fcl.Transform(rotation, position))
 
 

@@ -21,6 +21,9 @@ from .way import LEAVING, SLACK, ZONE
 
 TOLERANCE = 0.0001
 """Penetration that is put down to rounding, m."""
+SLOP = 0.0015
+"""By how much python-fcl may call a distance too large, m. Of 3000 pairs at their margin, compared with exact
+distances, its search ended early in 9: by 0.02 to 1.3 mm. Whether bodies touch it says rightly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +147,7 @@ class Judge:
             left = np.flatnonzero(unknown[:, column])
             while len(left):
                 moment = int(left[len(left) // 2])
-                room = max(look(column, moment), 0.0)
+                room = max(look(column, moment) - SLOP, 0.0)
                 away = np.abs(travel[left, column] - travel[moment, column])
                 left = left[(away >= room) & (left != moment)]
         return tuple(sorted(worst.values(), key=lambda contact: contact.distance))
@@ -178,7 +181,7 @@ class Judge:
             if distance < best:
                 best, answer = distance, (moment, i, j)
             away = np.abs(travel[:, column] - travel[moment, column])
-            bounds[:, column] = np.maximum(bounds[:, column], distance - away)
+            bounds[:, column] = np.maximum(bounds[:, column], distance - SLOP - away)
             bounds[moment, column] = np.inf
         moment, i, j = answer
         gap = sweep.gap(moment, i, j)
@@ -207,6 +210,8 @@ class Judge:
             for column in np.flatnonzero(bounds[moment] < keep + reach):
                 i, j = (int(k) for k in view.pairs[column])
                 distance, margin = view.sweep.gap(moment, i, j).distance, float(keep[column])
+                if abs(distance - margin) < reach + SLOP:
+                    distance = min(distance, *view.sweep.again(moment, i, j))
                 so_far = reach if least is None else least.distance - least.margin
                 if distance - margin < so_far:
                     least = Tightest(view.things[i].name, view.things[j].name, distance, margin)

@@ -21,6 +21,7 @@ TURN = 0.03
 """Greatest way in joint space between them, rad: the elbow may move while the TCP does not."""
 
 Pairs = NDArray[np.intp]
+_TURNS = tuple(Pose.from_rpy((0.0, 0.0, 0.0), rpy).rotation() for rpy in ((0.7, 1.1, 2.3), (-1.3, 0.4, 0.9)))
 
 
 class Carried:
@@ -104,6 +105,7 @@ class Sweep:
         self._around_high: Array = np.array([b.high for b in around]).reshape(-1, 3)
         self._travel = self._travelled(centre, half)
         self._objects = [fcl.CollisionObject(c.solid.geometry) for c in carried]
+        self._solids = [*(c.solid for c in carried), *(b.solid for b in around)]
 
     def _travelled(self, centre: Array, half: Array) -> Array:
         """(moments, carried): the way that the fastest point of each has made up to each moment, m.
@@ -151,12 +153,27 @@ class Sweep:
         """The signed distance of a pair at a moment, by python-fcl."""
         return gap_of(self._object(moment, i), self._object(moment, j))
 
+    def again(self, moment: int, i: int, j: int) -> tuple[float, ...]:
+        """The same distance measured in other ways, m: the other way round, and with both bodies turned about
+        the origin. Each is the distance of two points of the bodies: what is too large shows in the least."""
+        a, b = self._object(moment, i), self._object(moment, j)
+        found = [gap_of(b, a).distance]
+        for turn in _TURNS:
+            one, other = (_turned_copy(self._solids[k], body, turn) for k, body in ((i, a), (j, b)))
+            found += [gap_of(one, other).distance, gap_of(other, one).distance]
+        return tuple(found)
+
     def _object(self, moment: int, i: int) -> fcl.CollisionObject:
         if i >= len(self._objects):
             return self._around[i - len(self._objects)].object
         body = self._objects[i]
         body.setTransform(fcl.Transform(self._rotation[moment, i], self._position[moment, i]))
         return body
+
+
+def _turned_copy(solid: Solid, body: fcl.CollisionObject, turn: Array) -> fcl.CollisionObject:
+    place = fcl.Transform(turn @ body.getRotation(), turn @ body.getTranslation())
+    return fcl.CollisionObject(solid.geometry, place)
 
 
 def _of(moving: Array, still: Array, numbers: NDArray[np.intp]) -> Array:
