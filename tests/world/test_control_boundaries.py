@@ -134,3 +134,18 @@ def test_a_guarded_move_ends_where_a_joint_comes_to_its_limit() -> None:
     assert 30 < travelled < 150
     assert cell.loop.monitor.stopped is None
     assert 0.0 < MODEL.upper[5] - cell.loop.state.position[5] < 0.01
+
+
+def test_lowering_with_the_elbow_turned_ends_at_the_limit_of_the_first_joint() -> None:
+    """Joint 1 was driven beyond its limit, a safety stop; here the others cannot do without it."""
+    cell = Cell(backend=PhysicsHardware)
+    turned = np.array([2.85, -0.557, -1.678, -2.533, -0.875, 2.387, -2.018])
+    cell.run(cell.move.along(swing(HOME, turned, 5.0)))
+    begin = cell.loop.tcp
+    with pytest.raises(
+        Failure, match=r"^safety.joint_limit: panda_joint1 comes to its limit after \d\d mm of"
+    ):
+        cell.run(cell.move.guarded((0.0, 0.0, -1.0), 0.06, force=4.0, speed=0.12))
+    assert cell.loop.monitor.stopped is None
+    assert cell.hardware.arm.read().position[0] < MODEL.upper[0]
+    assert np.linalg.norm(np.subtract(cell.loop.tcp.position, begin.position)[:2]) < 0.008

@@ -97,6 +97,12 @@ class JointBounds:
         blocked = held >= 0 and best < STUCK
         return TargetSpeed(best, self._model.description.joints[held] if blocked else "")
 
+    def at_limit(self, q: Array) -> str:
+        """The joint that stands at its limit; empty when none does."""
+        room = np.minimum(self._upper - q, q - self._lower)
+        k = int(room.argmin())
+        return self._model.description.joints[k] if float(room[k]) < ROOM else ""
+
     def _fastest(self, room: Array) -> Array:
         """Speed (n,) towards a limit from which each joint can stop before it; beyond it: back, rad/s."""
         inside = np.sqrt(2.0 * self._deceleration * np.maximum(room, 0.0))

@@ -23,6 +23,9 @@ TORQUE_RATE = 1000.0
 """Nm/s"""
 LIMIT_ROOM = 0.2
 """The posture keeps so far from the joints' limits, rad, where the task leaves it room."""
+BESIDE, TURNED = 0.004, 0.03
+"""Where a joint is at its limit and the tool is so far beside its line or turned away, it goes no further: m,
+rad."""
 POSTURE = 25.0
 """Stiffness of the null-space posture over inertia, 1/s²; critically damped."""
 
@@ -169,6 +172,12 @@ class CartesianImpedance:
             self._model.arm, self._data, self._model.tcp_frame, pin.LOCAL_WORLD_ALIGNED
         )
 
+    def _strayed(self) -> bool:
+        """Whether the tool is beside the line of its target, or turned: contacts push it along the line."""
+        direction, off = self.target.direction, self._error[:3]
+        beside = off - direction * float(direction @ off)
+        return float(beside @ beside) > BESIDE**2 or float(self._error[3:] @ self._error[3:]) > TURNED**2
+
     def _refresh(self, q: Array, jacobian: Array) -> None:
         """Damping and null-space projector at q."""
         self._age = 0
@@ -179,7 +188,7 @@ class CartesianImpedance:
         self._along: Array = inertia[:, :3]
         speed = self._bounds.target_speed(q, mass, jacobian, self.target.direction, JOINT_SPEED)
         self.target.limit(speed.most)
-        self.blocked_by = speed.blocked_by
+        self.blocked_by = speed.blocked_by or (self._bounds.at_limit(q) if self._strayed() else "")
         lower = np.linalg.cholesky(inertia)
         inverse = np.linalg.inv(lower)
         squares, modes = np.linalg.eigh((inverse * self._stiffness) @ inverse.T)

@@ -198,7 +198,7 @@ def _checked(wanted: Twist) -> Twist:
     if len(numbers) != 6 or not all(math.isfinite(number) for number in numbers):
         raise PicktreeError(f"a twist needs three m/s and three rad/s, not {numbers}")
     speed, turn = wanted.speed, math.hypot(*wanted.angular)
-    if speed > FASTEST or turn > FASTEST_TURN:
+    if speed > FASTEST * (1.0 + 1e-9) or turn > FASTEST_TURN * (1.0 + 1e-9):
         raise PicktreeError(
             f"a jog goes at most {FASTEST:g} m/s and turns at most {FASTEST_TURN:g} rad/s, "
             f"not {speed:.3g} m/s and {turn:.3g} rad/s"
