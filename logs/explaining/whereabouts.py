@@ -25,6 +25,8 @@ BESIDE = 0.12
 TOUCHED = 6.0
 """Force at the wrist that tells of a touch, N: more than the hand's own weight gives when it is swung."""
 NOWHERE = "it is nowhere in the robot's world any more"
+STEP = 0.1
+"""Between two looks at where the hand was, s."""
 EMPTY = 0.002
 """Fingers that are closer than this hold nothing, m."""
 SAMPLED = 1.05
@@ -142,15 +144,18 @@ def by_the_arm(case: Case, true: str, moving: Moving) -> tuple[bool, str]:
     """Whether the arm moved the item, and what tells so."""
     track = case.truth.tracks[true]
     body, after = track.before(moving.start) or track.first, track.after(moving.end) or track.bodies[-1]
-    times = np.arange(moving.start, moving.end + 1e-6, 0.1)
-    hands = [hand for hand in (case.hand(float(time)) for time in times) if hand is not None]
+    times = np.arange(moving.start, moving.end + 1e-6, STEP)
+    where = [(float(time), hand) for time in times if (hand := case.hand(float(time))) is not None]
+    hands = [hand for _, hand in where]
     if not hands:
         return False, "where the hand was then is not in the log"
     nearest = min(math.dist(hand, body.pose.position) for hand in hands)
     if nearest > BESIDE:
         return False, f"something else than the arm moved it: the hand was {distance(nearest)} away, or more"
     wrenches = case.run.wrenches
-    here = (wrenches.times >= moving.start) & (wrenches.times <= moving.end)
+    # Elsewhere on its way the hand is swung, and feels its own weight.
+    beside = np.array([time for time, hand in where if math.dist(hand, body.pose.position) <= BESIDE])
+    here = (np.abs(wrenches.times[:, None] - beside) <= STEP / 2).any(axis=1)
     felt = float(np.linalg.norm(wrenches.forces[here], axis=1).max()) if bool(here.any()) else 0.0
     if felt < TOUCHED:
         return False, f"something else than the arm moved it: the hand felt no more than {force(felt)} then"

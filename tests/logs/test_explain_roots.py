@@ -96,7 +96,7 @@ def test_an_item_that_was_taken_away(tmp_path: Path) -> None:
     assert cause.reasons == (
         "its true place is in the log until 0.00 s (x 0.44, y -0.09 m), and then no more",
         "the fingers met (0.0 mm) and hold nothing",
-        "at 5.25 s its place was seen empty, and the robot gave it up",
+        "at 4.95 s its place was seen empty, and the robot gave it up",
     )
     assert cause.planted == ()
     with Run(folder) as log:
@@ -225,6 +225,6 @@ def test_a_run_of_which_nothing_is_to_be_said(tmp_path: Path) -> None:
     assert (item.state, item.truth) == ("done", "truly in blue_bin, where it belongs")
     assert [event.what for event in item.events] == [
         "seen for the first time, at x 0.50, y 0.11 m",
-        "held (40 mm between the fingers, 0.98 N on the wrist)",
+        "held (40 mm between the fingers, 1.00 N on the wrist)",
         "placed into blue_bin",
     ]

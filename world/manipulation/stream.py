@@ -40,7 +40,7 @@ FURTHER = 0.05
 first, s: so not all of many that are nearly alike are tested before one is taken."""
 TURNS, TAKEN = 3, 36
 """Turns of the hand over one cell, and places in all, at which one grasp finds no room before it gives up."""
-PLACES = 24
+PLACES = 12
 """Places of one grasp for which a configuration is looked for: one that fails more often leads nowhere."""
 
 

@@ -55,6 +55,9 @@ def reached(solver: Solver, request: Request, rng: np.random.Generator) -> Reach
             if solver.collision.free(q) and discomfort(solver.model, q) < UNCOMFORTABLE:
                 return Reached(q, len(solutions))
     if not any(solver.collision.free(q) for q in solutions):
+        blocked = next((c for q in solutions[:1] for c in solver.collision.contacts(q)), None)
+        if blocked is not None and _of_the_hand(solver, request, blocked):
+            return Reached(None, len(solutions), blocked)
         solutions += solver.ik.solutions(pose, rng, near, SOLUTIONS)
     free = [q for q in solutions if solver.collision.free(q)]
     if free:
@@ -63,3 +66,13 @@ def reached(solver: Solver, request: Request, rng: np.random.Generator) -> Reach
     worst = [contacts[0] for q in solutions if (contacts := solver.collision.contacts(q))]
     least = max(worst, key=lambda contact: contact.distance, default=None)
     return Reached(None, len(solutions), least)
+
+
+def _of_the_hand(solver: Solver, request: Request, contact: Contact) -> bool:
+    """Whether it is the hand, or what it holds, that touches something around: then it does so at this pose
+    however the arm stands."""
+    description, scene = solver.model.description, solver.scene(request)
+    held = scene.held
+    hand = (*description.gripper.fingers, description.tcp_link, *(() if held is None else (held.id,)))
+    around = (*scene.fixtures, *scene.bins, *(o.id for o in scene.objects))
+    return contact.a in hand and contact.b.split("/")[0] in around
