@@ -8,6 +8,7 @@ Both trees may begin with a way out of the place where they are rooted, see `ret
 from __future__ import annotations
 
 import math
+from bisect import bisect
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -149,26 +150,27 @@ def _skipped(path: list[Array], between: EdgeFree) -> list[Array]:
 def _cut(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
     """Shortcuts between random points. Geraerts and Overmars, "Creating high-quality paths for motion
     planning", IJRR 26 (2007)."""
-    failed, changed = 0, True
-    lengths, along = np.empty(0), np.empty(0)
-    for _ in range(ATTEMPTS):
+    failed, along = 0, _lengths(path)
+    for low, high in np.sort(rng.random((ATTEMPTS, 2)), axis=1).tolist():
         if len(path) < 3 or failed == IN_VAIN:
             break
-        if changed:
-            lengths: Array = np.linalg.norm(np.diff(path, axis=0), axis=1)
-            along: Array = np.concatenate([[0.0], np.cumsum(lengths)])
-            changed = False
-        total = float(along[-1])
-        low, high = sorted(float(x) * total for x in rng.random(2))
-        i, j = (min(int(np.searchsorted(along, x, side="right")) - 1, len(lengths) - 1) for x in (low, high))
+        low, high = low * along[-1], high * along[-1]
+        i, j = bisect(along, low) - 1, min(bisect(along, high) - 1, len(path) - 2)
         if i == j:
             continue
-        a = path[i] + (path[i + 1] - path[i]) * ((low - along[i]) / lengths[i])
-        b = path[j] + (path[j + 1] - path[j]) * ((high - along[j]) / lengths[j])
-        if high - low - math.sqrt(float((b - a) @ (b - a))) < GAIN * total:
+        a = path[i] + (path[i + 1] - path[i]) * ((low - along[i]) / (along[i + 1] - along[i]))
+        b = path[j] + (path[j + 1] - path[j]) * ((high - along[j]) / (along[j + 1] - along[j]))
+        if high - low - math.sqrt(float((b - a) @ (b - a))) < GAIN * along[-1]:
             continue
         if between(a, b):
-            path, failed, changed = [*path[: i + 1], a, b, *path[j + 1 :]], 0, True
+            path, failed = [*path[: i + 1], a, b, *path[j + 1 :]], 0
+            along = _lengths(path)
         else:
             failed += 1
     return path
+
+
+def _lengths(path: list[Array]) -> list[float]:
+    """Up to each point, rad."""
+    steps: Array = np.diff(np.array(path), axis=0)
+    return [0.0, *np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps))).tolist()]
