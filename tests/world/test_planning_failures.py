@@ -91,11 +91,13 @@ def test_1_the_start_is_in_a_body() -> None:
     block = item("block", Box((0.1, 0.3, 0.1)), Pose((x, y, z - 0.05 + 0.0028)))
     found = failure(table_scene(block), Request(NamedGoal("observe")))
     assert found.cause == planning.START_IN_COLLISION
-    assert found.message == "where the arm is, panda_rightfinger is 10.0 mm deep in block"
+    finger = found.message.split()[4]
+    assert finger in ("panda_leftfinger", "panda_rightfinger")
+    assert found.message == f"where the arm is, {finger} is 10.0 mm deep in block"
     assert number(found, "depth") == pytest.approx(0.01, abs=2e-4)
     assert {pair.split()[0] for pair in several(found, "pairs")} == {"panda_leftfinger", "panda_rightfinger"}
     given = failure(table_scene(block), Request(NamedGoal("observe"), start=HOME))
-    assert given.message == "where the motion starts, panda_rightfinger is 10.0 mm deep in block"
+    assert given.message == f"where the motion starts, {finger} is 10.0 mm deep in block"
 
 
 def test_2_the_goal_is_in_a_body_in_every_posture() -> None:
@@ -255,7 +257,7 @@ def test_16_start_or_goal_is_enclosed(where: str) -> None:
     far = number(found, "gets")
     assert far < 1.0
     assert found.message == (
-        f"no path within 1500 collision checks: the {where} is enclosed by {by[0]}, {by[1]}, {by[2]} and "
+        f"no path within 1500 collision checks: the {where} seems enclosed by {by[0]}, {by[1]}, {by[2]} and "
         f"{by[3]}, a search from there gets no further than {degrees(far):.0f} deg"
     )
 

@@ -223,7 +223,7 @@ def not_found(
     )
     if enclosed is not None:
         by = f" by {joined(enclosed.blocked.by[:4])}" if enclosed.blocked.by else ""
-        sentence += f": the {enclosed.where} is enclosed{by}, a search from there gets no further than "
+        sentence += f": the {enclosed.where} seems enclosed{by}, a search from there gets no further than "
         sentence += f"{degrees(enclosed.radius):.0f} deg"
     elif between.by:
         are = "is" if len(between.by) == 1 else "are"
