@@ -66,6 +66,11 @@ class Case:
         return Tracks(list(self.run.log.truths()), "item")
 
     @cached_property
+    def obstacles(self) -> Tracks:
+        """What really stood in the way without the robot's knowledge."""
+        return Tracks(list(self.run.log.truths()), "obstacle")
+
+    @cached_property
     def pairs(self) -> Mapping[str, str]:
         """True item of each believed one."""
         return paired(self.belief, self.truth)

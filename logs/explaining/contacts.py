@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from ...world.shapes import extents
+from ...world.values import Vector3
 from .case import Case, Finding
 from .evidence import number, numbers, word
 from .explanation import FailureStory
@@ -51,11 +55,35 @@ def touched(case: Case, failure: FailureStory) -> Finding | None:
             return Finding("bin.crowded", target, title, tuple(reasons), failure.item, time)
         title = f"{verb}{where}: {name} lay next to it"
         return Finding("contact.item", true, title, tuple(reasons), failure.item, time)
+    unknown = _obstacle_near(case, hand, time)
+    if unknown is not None:
+        title = f"{verb}{where}: {unknown}, which nobody had told the robot of, stood next to it"
+        reasons.append(_when_seen(case, time))
+        return Finding("contact.obstacle", unknown, title, tuple(reasons), failure.item, time)
     title = f"{verb}{where}: nothing known was near"
     about = failure.item or failure.node
     return Finding(
         word(failure, "stopped_by") or failure.cause, about, title, tuple(reasons), failure.item, time
     )
+
+
+def _obstacle_near(case: Case, hand: Vector3 | None, time: float) -> str | None:
+    """The nearest thing about the hand that the robot was not told of, by the truth."""
+    near: list[tuple[float, str]] = []
+    for name in case.obstacles.tracks:
+        body = case.obstacles.at(name, time)
+        if body is not None and hand is not None:
+            low, high = extents(body.shape, np.eye(3))
+            local = body.pose.inverse().apply(np.array([hand]))[0]
+            near.append((float(np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0))), name))
+    away, name = min(near, default=(math.inf, ""))
+    return name if away < AROUND else None
+
+
+def _when_seen(case: Case, time: float) -> str:
+    """When the robot last looked before it."""
+    looks = case.events("image", start=0.0, end=time)
+    return f"it was looked for the last time at {seconds(looks[-1].time)}" if looks else "nobody had looked"
 
 
 def pressed_from_below(failure: FailureStory) -> bool:

@@ -123,11 +123,12 @@ def truths_of(run: Run) -> list[Sampled]:
 
 def _taken(run: Run) -> dict[str, int]:
     """The tick at which it was taken away, by the true body's id."""
-    return {
-        str(at.record.data.get("item", "")): run.ticks.number_at(at.time)
-        for at in run.events
-        if at.record.kind == "fault" and at.record.data.get("fault") == "remove"
-    }
+    taken: dict[str, int] = {}
+    for at in run.events:
+        data = at.record.data
+        if at.record.kind == "fault" and (data.get("fault") == "remove" or data.get("gone")):
+            taken[str(data.get("item") or data.get("obstacle") or "")] = run.ticks.number_at(at.time)
+    return taken
 
 
 def spans(flags: Flags) -> list[Span]:
