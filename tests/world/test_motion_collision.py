@@ -85,6 +85,16 @@ def test_agrees_with_fcl() -> None:
     assert 10 < hits < 110
 
 
+def test_without_a_margin_what_lies_deep_in_each_other_is_seen() -> None:
+    """With a margin of nought coal takes these two links, 9 mm deep in each other, for apart."""
+    q = np.array([1.0462881, 0.72710322, 1.04743667, -0.76741345, -2.43633052, 0.38170118, 2.05911783])
+    scene = table_scene(item("held", Box((0.05, 0.05, 0.15)), Pose()))
+    scene.attach("held", Pose((0.0, 0.0, 0.05)))
+    collision = looking_at(scene, 0.06, Margins(0.0, 0.0, 0.0, -0.002))
+    assert names(collision, q) == {("panda_link5", "panda_hand")}
+    assert not collision.free(q)
+
+
 def test_fingers_come_nearer_to_a_board_than_to_anything_else() -> None:
     tip = MODEL.description.gripper.tip
     collision = looking_at(table_scene())

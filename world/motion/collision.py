@@ -14,7 +14,7 @@ from ..scene.description import Bin, Fixture
 from ..scene.planning_scene import BeliefObject, PlanningScene
 from ..values import Array, Bounds, Vector3
 from .bodies import Body, loose_bodies, still_bodies
-from .built import Built, Checker, Content, Piece, Robot
+from .built import FAINT, Built, Checker, Content, Piece, Robot
 from .coal_shapes import CoalShapes, hull
 from .margins import GRIPPER, Margins, Part
 from .requests import Contact
@@ -132,7 +132,8 @@ class Collision:
         margins = self._now.least.copy()
         for contact in contacts:
             for i, j in self._indices(contact.a, contact.b):
-                margins[i, j] = min(margins[i, j], contact.distance - slack)
+                margin = min(margins[i, j], contact.distance - slack)
+                margins[i, j] = margin if abs(margin) > FAINT else -FAINT
         return self._now.checker(margins)
 
     def asked(self, checker: Checker, q: Array, *, within: bool = False) -> bool:
