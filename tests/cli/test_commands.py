@@ -52,13 +52,14 @@ def test_unknown_command_is_bad_input(capsys: pytest.CaptureFixture[str]) -> Non
 
 
 def test_request_carries_every_option(stage: Any) -> None:
-    line = "run m.yaml --scene dense --seed 5 --set a=1 --set b=x=y --faults f.yaml --out o --verify --watch"
+    line = "run m.yaml --scene dense --robot iiwa --seed 5 --set a=1 --set b=x=y --faults f.yaml --out o"
     rotating = ["--rotate-mb", "2", "--rotate-minutes", "1.5", "--limit", "90 min"]
-    assert answer([*line.split(), "--backend", "kinematic", *rotating]) == 0
+    assert answer([*line.split(), "--verify", "--watch", "--backend", "kinematic", *rotating]) == 0
     assert stage.requests == [
         {
             "mission": Path("m.yaml"),
             "scene": "dense",
+            "robot": "iiwa",
             "seed": 5,
             "parameters": {"a": "1", "b": "x=y"},
             "faults": Path("f.yaml"),
