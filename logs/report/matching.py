@@ -14,6 +14,8 @@ RIDES = 0.03
 """A held body that is truly within this distance (m) of where it is believed moves with the hand."""
 FAR = 0.3
 """Distances (m) beyond it tell nothing more of which body is which."""
+NEVER = 10.0
+"""What an item costs that would be an obstacle, m."""
 UNLIKE = 0.1
 """What another kind or another colour counts for in a match, m each."""
 
@@ -22,14 +24,13 @@ def matched(believed: Sequence[Believed], truths: Sequence[Sampled]) -> list[int
     """For each true body the believed one (its number), or None: with the least sum of mean distances."""
     from scipy.optimize import linear_sum_assignment
 
-    items = [k for k, one in enumerate(believed) if one.looks[0].body.role == "item"]
-    costs = np.array([[_cost(believed[k], truth) for k in items] for truth in truths])
+    costs = np.array([[_cost(one, truth) for one in believed] for truth in truths])
     found: list[int | None] = [None] * len(truths)
     if not costs.size:
         return found
     for truth, column in zip(*linear_sum_assignment(costs), strict=True):
         if costs[truth, column] < FAR + UNLIKE:
-            found[int(truth)] = items[int(column)]
+            found[int(truth)] = int(column)
     return found
 
 
@@ -37,6 +38,8 @@ def _cost(one: Believed, truth: Sampled) -> float:
     poses = one.track[truth.ticks]
     there = ~np.isnan(poses[:, 0])
     body = one.looks[-1].body
+    if body.role != truth.body.role:
+        return NEVER
     unlike = UNLIKE * ((body.kind != truth.body.kind) + (body.colour != truth.body.colour))
     if not there.any():
         return FAR + UNLIKE + unlike

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..protocols import Clock, RgbdImage
 from ..robot.description import RobotDescription
-from ..scene.description import CameraDescription, SceneDescription
+from ..scene.description import CameraDescription, Fixture, SceneDescription
 from ..values import Array, ObjectId
 from .bodies import add_item, add_obstacle
 from .camera import Picture, View, backgrounds, intrinsics
