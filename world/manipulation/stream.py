@@ -40,8 +40,11 @@ FURTHER = 0.05
 first, s: so not all of many that are nearly alike are tested before one is taken."""
 TURNS, TAKEN = 3, 36
 """Turns of the hand over one cell, and places in all, at which one grasp finds no room before it gives up."""
-PLACES = 12
-"""Places of one grasp for which a configuration is looked for: one that fails more often leads nowhere."""
+PLACES, FEW, BARREN = 16, 3, 3
+"""Places of one grasp for which a configuration is looked for: one that fails more often leads nowhere. When
+three grasps have led nowhere, a few places of each of the others are asked for."""
+UNREACHED = 4
+"""Turns of the hand over one cell that are not reached, after which the next cell is looked at."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +84,8 @@ class _Places:
     asked: int = 0
     taken: Counter[str] = field(default_factory=Counter[str])
     """How often there was no room, by cell and height."""
+    unreached: Counter[str] = field(default_factory=Counter[str])
+    """How often the arm did not get there."""
 
 
 class PickStream:
@@ -102,6 +107,7 @@ class PickStream:
         self._heap: list[tuple[float, int, _Branch]] = []
         self._number = itertools.count()
         self._places: dict[str, _Places] = {}
+        self._barren = 0
         self._start = world.control.held_position
         tcp = world.robot.tcp(self._start)
         for grasp in grasps:
@@ -202,6 +208,8 @@ class PickStream:
         """The landings over one cell, and behind them the next cell."""
         level, target, grasp = branch.level, self._target, branch.grasp
         assert level is not None and target is not None
+        if self._leads_nowhere(grasp):
+            return
         for landing in landings(self._world, target, level, self._belief.shape, self._in_tcp(grasp)):
             guess = guessed(self._world.robot, grasp.tcp_in_world, landing.above)
             known = branch.known + level.cost
@@ -211,7 +219,7 @@ class PickStream:
     def _has_room(self, branch: _Branch) -> Iterator[_Branch]:
         landing, level, places = branch.landing, branch.level, self._places[branch.grasp.name]
         assert landing is not None and level is not None
-        if places.taken[level.name] >= TURNS or places.taken.total() >= TAKEN:
+        if places.taken[level.name] >= TURNS or self._leads_nowhere(branch.grasp):
             return
         there = landing.above @ self._in_tcp(branch.grasp)
         contacts = self._world.queries.free(
@@ -226,10 +234,10 @@ class PickStream:
         yield replace(branch, passed=4, test=self._place_reached)
 
     def _place_reached(self, branch: _Branch) -> Iterator[_Branch]:
-        landing, grasp, at = branch.landing, branch.grasp, branch.at
-        assert landing is not None and at is not None
+        landing, level, grasp, at = branch.landing, branch.level, branch.grasp, branch.at
+        assert landing is not None and level is not None and at is not None
         places = self._places[grasp.name]
-        if places.asked >= PLACES:
+        if places.unreached[level.name] >= UNREACHED or self._leads_nowhere(grasp):
             return
         places.asked += 1
         request = Request(
@@ -240,11 +248,19 @@ class PickStream:
         )
         found = self._world.plan.reached(request)
         if found.q is None:
+            places.unreached[level.name] += 1
+            self._barren += places.asked == PLACES
             self._refuse(branch, unreached(stages.PLACE, f"the place over {landing.into}", found))
             return
         self.trail.passed(grasp, stages.PLACE)
         known = branch.known + travel(self._world.robot, at, found.q)
         yield replace(branch, known=known, guess=0.0, above=found.q, passed=5, test=None)
+
+    def _leads_nowhere(self, grasp: GraspCandidate) -> bool:
+        """Whether enough of a grasp's places were asked for."""
+        places = self._places[grasp.name]
+        most = PLACES if self._barren < BARREN else FEW
+        return places.asked >= most or places.taken.total() >= TAKEN
 
     def _in_tcp(self, grasp: GraspCandidate) -> Pose:
         """How the object will be held, if all is as believed."""
