@@ -66,8 +66,14 @@ def test_an_item_that_still_rolls_in_its_bin_when_the_mission_ends(tmp_path: Pat
         '      - Observe: {camera: overhead, objects: "{items}"}\n'
         '      - ForEach: {in: "{items}", out: "{item}", do: {Sequence: [{Grasp: {object: "{item}"}}, '
         '{Place: {object: "{item}", into: red_bin}}]}}\n'
+        "      - Observe: {camera: overhead}\n"
     )
-    result = Session(RunRequest(tmp_path / "mission.yaml", out=tmp_path)).run()
+    faults = tmp_path / "faults.yaml"
+    faults.write_text(
+        "picktree: 1\nkind: faults\nfaults:\n  - {fault: bump, when: {node: Observe, start: 2}, "
+        "target: {kind: ball}, velocity: [0, 0.2, 0]}\n"
+    )
+    result = Session(RunRequest(tmp_path / "mission.yaml", faults=faults, out=tmp_path)).run()
     assert (result.status, result.items.sorted) == ("incomplete", 0)
     with Run(result.folder) as log:
         (cause,) = log.explanation.root_causes
