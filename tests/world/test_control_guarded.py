@@ -57,6 +57,7 @@ def test_guarded_move_works_with_an_object_in_the_hand() -> None:
     (item,) = cell.hardware.truth()
     x, y, _ = item.pose.position
     cell.go(x, y, 0.15)
+    cell.run(cell.loop.settle())
     cell.loop.tare()
     turn = 2 * np.arctan2(item.pose.orientation[2], item.pose.orientation[3])
     tcp = Pose((x, y, 0.02), LOOKING_DOWN) @ Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, -turn % (np.pi / 2)))
@@ -101,7 +102,7 @@ def test_guard_on_a_free_way() -> None:
     evidence = failure.evidence
     assert isinstance(evidence["force"], float) and 25.0 < evidence["force"] < 60.0
     assert isinstance(evidence["fraction"], float) and 0.3 < evidence["fraction"] < 0.9
-    assert evidence["direction"] == [0.0, 0.0, 1.0]
+    assert evidence["direction"] == pytest.approx([0.0, 0.0, 1.0], abs=0.01)
     assert cell.loop.at_rest
     assert abs(cell.loop.wrist.force[2]) < 10.0
     assert cell.monitor.stopped is None
@@ -115,5 +116,6 @@ def test_tare_load_and_external_wrench() -> None:
     np.testing.assert_allclose((*wrench.force, *wrench.torque), np.zeros(6), atol=1e-9)
     turned = HOME + np.array([0.3, 0.2, 0.1, -0.2, 0.6, 0.4, 0.3])
     cell.run(cell.move.along(swing(cell.loop.held_position, turned)))
+    cell.run(cell.loop.settle())
     wrench = cell.loop.wrench_external()
     np.testing.assert_allclose((*wrench.force, *wrench.torque), np.zeros(6), atol=1e-9)

@@ -71,7 +71,8 @@ def test_guarded_move_onto_the_table(speed: float) -> None:
     assert abs(one.loop.wrench_external().force[2]) < 4.0
     assert one.monitor.stopped is None
     up = one.run(one.move.guarded((0.0, 0.0, 1.0), 0.03, force=15.0, speed=0.1))
-    assert not up.contact and up.travelled == pytest.approx(0.03, abs=1e-3)
+    # What was felt at its start counts as carried: up to 4 N of the contact, at 2000 N/m.
+    assert not up.contact and up.travelled == pytest.approx(0.03, abs=2e-3)
 
 
 def test_guarded_move_presses() -> None:

@@ -163,7 +163,7 @@ class KinematicHardware:
         self._data = self.model.arm.createData()
         self._on_tcp = np.zeros(6)
         self._height: float | None = None
-        self._centre: tuple[Array, Array] | None = None
+        self._centre: tuple[Array, Array | None] | None = None
         """Where the hand's centre of mass was in the last period, and its velocity then."""
         self._touching = False
         self._feet = Feet()
@@ -360,9 +360,11 @@ class KinematicHardware:
         before, self._centre = self._centre, None
         if self.arm.free:
             return None
-        velocity = np.zeros(3) if before is None else (centre - before[0]) / self.period
+        velocity = None if before is None else (centre - before[0]) / self.period
         self._centre = (centre, velocity)
-        return None if before is None else (velocity - before[1]) / self.period
+        if before is None or before[1] is None or velocity is None:
+            return None
+        return (velocity - before[1]) / self.period
 
     def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
         """Points (3,) in the world where something pulls down or pushes up on the hand, with its force."""
