@@ -37,6 +37,12 @@ class FakeClock:
         self.now = 0.0
 
 
+class StandingArm:
+    """An arm that is never on the way when a skill begins."""
+
+    ongoing: None = None
+
+
 @dataclass
 class FakeWorld:
     clock: FakeClock = field(default_factory=FakeClock)
@@ -46,6 +52,7 @@ class FakeWorld:
     journal: Journal = field(default_factory=Journal)
     attempts: Attempts = field(default_factory=Attempts)
     streams: Streams = field(default_factory=lambda: Streams(0))
+    move: StandingArm = field(default_factory=StandingArm)
     known: dict[str, object] = field(default_factory=dict[str, object])
     trace: list[str] = field(default_factory=list[str])
     """What the scripted leaves did, in order."""

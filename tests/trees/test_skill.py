@@ -153,7 +153,7 @@ def test_a_crash_is_an_internal_error_with_its_traceback() -> None:
     [
         ("Forgetful", "Forgetful ended without writing its output 'width'"),
         ("Wrong", "TypeError while Wrong was ticked: output 'width': 'wide' is not a number"),
-        ("Plain", "TypeError while Plain was ticked: 'NoneType' object is not an iterator"),
+        ("Plain", "TypeError while Plain was ticked: 'NoneType' object is not iterable"),
     ],
 )
 def test_a_skill_that_breaks_its_contract_is_an_internal_error(name: str, message: str) -> None:

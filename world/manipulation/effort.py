@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..motion.posture import discomfort
-from ..robot.model import RobotModel
 from ..values import Array, Pose
+
+if TYPE_CHECKING:
+    from ..robot.model import RobotModel
 
 DETOUR = 0.4
 """What a radian of detour (`posture.discomfort`) is worth as time, s."""

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ..causes import Failure, planning
-from ..motion.reach import Reached
 from ..motion.requests import Holding, PoseGoal, Request
 from ..scene.planning_scene import BeliefObject
 from ..underway import Landing
@@ -31,6 +30,7 @@ from .spots import SUNK
 from .trail import Refusal, Trail, planned, touching, unreached
 
 if TYPE_CHECKING:
+    from ..motion.reach import Reached
     from ..world import World
 
 SCORE = 3.0
