@@ -33,8 +33,8 @@ def believed(
 ) -> BeliefObject:
     """A red cube."""
     return BeliefObject(
-        ObjectId(name), "item", "block", "box", Box((size, size, size)), "red", Pose(at), 0.001, 0.01, 1.0, 0.0,
-        place=place,
+        ObjectId(name), "item", "block", "box", Box((size, size, size)), "red", Pose(at),
+        0.001, 0.01, 1.0, 0.0, place=place,
     )  # fmt: skip
 
 
