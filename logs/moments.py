@@ -9,7 +9,8 @@ from typing import Generic, TypeVar
 
 from ..world.errors import PicktreeError
 from .captions import Caption, Trouble
-from .records import Plan, Scene, Tick, Tree
+from .followed import Followed
+from .records import Scene, Tick, Tree
 from .run_log import At, RunLog
 from .scenery import Show, Shown
 from .visits import Following, Visit
@@ -126,7 +127,7 @@ def moments(
     frames = _Latest(log.transforms_at(start), log.transforms(start, end))
     beliefs = _Latest(log.belief_at(start), log.beliefs(start, end))
     truths = _Latest(log.truth_at(start), log.truths(start, end))
-    plans = _Latest[Plan](None, log.plans(max(0.0, start - 10.0), end))
+    followed = Followed(log.plans(max(0.0, start - 10.0), end))
     items = Items(log, end)
     note = " · ".join(_notes(show, speed))
     long = max(end - start, 1e-9)
@@ -145,7 +146,7 @@ def moments(
                 {t.child: t.pose for t in transforms.record} if transforms else {},
                 _with_fixtures(solid.record, belief),
                 truth.record if show == "both" and truth else None,
-                _path(plans.at(time), time),
+                plan.tool_path if (plan := followed.at(time)) else (),
             ),
             Caption(
                 time,
@@ -193,13 +194,6 @@ def _notes(show: Show, speed: float) -> Iterator[str]:
 def _with_fixtures(scene: Scene, belief: At[Scene] | None) -> Scene:
     """Fixtures stand in the belief, should they be missing beside the truth."""
     return scene if scene.fixed or belief is None else Scene(scene.bodies, belief.record.fixed)
-
-
-def _path(plan: At[Plan] | None, time: float) -> tuple[tuple[float, float, float], ...]:
-    """Of the plan that is being followed."""
-    if plan is None or time > plan.time + plan.record.thinking + plan.record.duration + 0.1:
-        return ()
-    return plan.record.tool_path
 
 
 def _tip(tick: Tick) -> tuple[str, str, str]:

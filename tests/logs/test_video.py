@@ -55,7 +55,7 @@ def test_an_mp4_is_h264_that_browsers_play(picked: Path, tmp_path: Path) -> None
 
 def test_the_robot_moves_and_the_line_at_the_foot_goes_on(picked: Path, tmp_path: Path) -> None:
     with RunLog(picked) as log:
-        film(log, tmp_path / "film.mp4", FilmRequest(start=0.5, end=3.5, fps=4, size=SMALL))
+        film(log, tmp_path / "film.mp4", FilmRequest(start=0.3, end=1.3, fps=12, size=SMALL))
     frames = decoded(tmp_path / "film.mp4")
     assert len(frames) == 12
     for before, after in pairwise(frames):
@@ -123,9 +123,12 @@ def test_the_planned_path_is_shown_while_it_is_followed(picked: Path) -> None:
     with RunLog(picked) as log:
         plan = next(at for at in log.plans() if at.record.tool_path)
         end = plan.time + plan.record.thinking + plan.record.duration
-        before, amid = moments(log, [plan.time - 0.01, (plan.time + end) / 2], (0.0, end))
+        ahead = [at for at in log.plans() if at.record.tool_path][1]
+        times = [plan.time - 0.01, (plan.time + end) / 2, end + 0.5 * ahead.record.duration]
+        before, amid, after = moments(log, times, (0.0, log.end))
     assert before.shown.path == ()
     assert amid.shown.path == plan.record.tool_path
+    assert after.shown.path == ahead.record.tool_path
 
 
 def test_what_runs_and_how_much_is_done_is_said(picked: Path) -> None:
