@@ -123,14 +123,18 @@ def test_a_dropped_item_falls_and_the_skill_finds_out_by_feeling(accident: str) 
     held = cell.world.scene.held
     heights = [body.pose.position[2]]
     for _ in range(8):
-        cell.tick()
+        if cell.running:  # it may be noticed before the item has come to rest
+            cell.tick()
+        else:
+            cell.wait()
         heights.append(hardware.truth()[0].pose.position[2])
     fall = -np.diff(heights) / 0.05
     assert heights[-1] < 0.03
     assert fall.max() > 0.3, "it sank instead of falling"
     assert held is not None
 
-    cell.finish()
+    if cell.running:
+        cell.finish()
     assert cell.tree.failure is not None
     assert str(cell.tree.failure.cause) == "grasp.slipped"
     assert cell.tree.failure.message.startswith(f"{held.id} was lost on the way (opening ")
