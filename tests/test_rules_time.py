@@ -82,7 +82,8 @@ def test_only_those_who_measure_import_a_clock() -> None:
 
 
 def test_thinking_is_charged_in_whole_ticks() -> None:
-    """The same plans and pictures; only what they cost differs."""
+    """The same plans and pictures; only what they cost differs. What is planned ahead passes while the arm
+    moves, so that not all of it is waited for."""
     spans: list[float] = []
     owed: list[float] = []
     for share in (0.0, 1.0, 100.0):
@@ -97,7 +98,7 @@ def test_thinking_is_charged_in_whole_ticks() -> None:
     assert owed[2] == pytest.approx(100 * owed[1], rel=0.2)
     assert owed[2] > 5.0
     for more in (1, 2):
-        assert spans[more] - spans[0] == pytest.approx(owed[more], abs=0.5)
+        assert 0.8 * owed[more] - 0.5 < spans[more] - spans[0] < owed[more] + 0.5
 
 
 def test_thinking_that_is_free_is_said_in_the_report(tmp_path: Path) -> None:
