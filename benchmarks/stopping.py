@@ -20,9 +20,9 @@ import numpy as np
 from picktree.logs.assembly import assemble
 from picktree.world.causes import Failure
 from picktree.world.control.impedance import Comply
-from picktree.world.control.jog import Twist
 from picktree.world.control.jogging import FASTEST
 from picktree.world.control.joint_controllers import Brake
+from picktree.world.control.twist import Twist
 from picktree.world.motion.requests import JointGoal
 from picktree.world.robot.load import load_robot
 from picktree.world.scene.load import load_scene

@@ -10,8 +10,7 @@ from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, Skill, Steps
 from ..world.causes import control, planning, safety
 from ..world.causes import world as world_causes
-from ..world.control.jog import Twist
-from ..world.control.jogging import FASTEST, FASTEST_TURN
+from ..world.control.twist import FASTEST, FASTEST_TURN, Twist
 from ..world.errors import PicktreeError
 
 if TYPE_CHECKING:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from picktree.world.causes import Failure
-from picktree.world.control.jog import JogLaw, JogState, Twist
+from picktree.world.control.jog import JogLaw, JogState
 from picktree.world.control.jogging import JogResult, JogStatus
+from picktree.world.control.twist import Twist
 from picktree.world.errors import PicktreeError
 from picktree.world.simulation.backends import Backend
 from picktree.world.values import Array, Bounds

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -19,8 +18,7 @@ from ..robot.model import RobotModel
 from ..values import Array, Bounds, JointState, Vector3
 from .boundaries import ROOM, way_inside
 from .commands import Controller, JointCommand
-
-Frame = Literal["world", "tool"]
+from .twist import Twist
 
 GAIN, LOSS = (1.0, 4.0), (2.0, 8.0)
 """How fast a twist may grow, and how fast it may shrink: m/s² and rad/s²."""
@@ -42,30 +40,6 @@ AHEAD_STEPS = 120
 """Of the look ahead, at most."""
 COMMAND_TIME = 0.15
 """After this time without a new command it brakes, s."""
-
-
-@dataclass(frozen=True, slots=True)
-class Twist:
-    """How the tool shall move, m/s and rad/s about the TCP, in the world's axes or the tool's own."""
-
-    linear: Vector3 = (0.0, 0.0, 0.0)
-    angular: Vector3 = (0.0, 0.0, 0.0)
-    frame: Frame = "world"
-
-    @property
-    def speed(self) -> float:
-        """Of the TCP, m/s."""
-        return math.hypot(*self.linear)
-
-    @property
-    def size(self) -> float:
-        """0 when nothing is to move: m/s, or rad/s where it only turns."""
-        return max(self.speed, math.hypot(*self.angular))
-
-    def scaled(self, share: float) -> Twist:
-        x, y, z = self.linear
-        a, b, c = self.angular
-        return Twist((x * share, y * share, z * share), (a * share, b * share, c * share), self.frame)
 
 
 @dataclass(slots=True, eq=False)

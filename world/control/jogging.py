@@ -11,9 +11,10 @@ from ..causes import Cause, Failure, control, planning, safety, world
 from ..errors import PicktreeError
 from ..robot.model import RobotModel
 from ..values import Array, Pose
-from .jog import Jog, Twist
+from .jog import Jog
 from .lease import ForceGuard, Lease
 from .loop import ControlLoop
+from .twist import FASTEST, FASTEST_TURN, Twist
 
 StoppedBy: TypeAlias = Literal["done", "contact", "collision", "joint_limit", "singularity", "workspace"]
 Lookout: TypeAlias = Callable[[Array], tuple[str, ...]]
@@ -27,8 +28,6 @@ STANDING = 0.02
 """Share of the commanded speed below which a jog stands."""
 STANDING_TICKS = 4
 """So long it must stand before something counts as having stopped it: it has to get going first."""
-FASTEST, FASTEST_TURN = 0.5, 2.0
-"""Of a commanded twist: the look ahead sees as far as it brakes from there, m/s and rad/s."""
 
 
 @dataclass(frozen=True, slots=True)

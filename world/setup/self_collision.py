@@ -7,6 +7,7 @@ Software: a MoveIt! Case Study", 2014.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -81,7 +82,10 @@ def sample(question: Question, samples: int = SAMPLES, seed: int = 0) -> SelfCol
     for request in geometry_data.collisionRequests:
         request.security_margin = MARGIN
         request.enable_contact = False
-        request.enable_cached_gjk_guess = False
+        with warnings.catch_warnings():
+            # What is said to replace the old switch does not switch this off.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            request.enable_cached_gjk_guess = False
 
     def colliding(q: Array) -> set[frozenset[str]]:
         pin.updateGeometryPlacements(model, data, geometry, geometry_data, q)
