@@ -2,9 +2,18 @@
 
 import signal
 
+import pytest
+
 
 def pytest_configure() -> None:
-    """Ctrl-C means what it means at a terminal, also where whoever started the tests ignores it, as a shell
-    does for what it runs in the background; programs that tests start inherit that."""
+    """Ctrl-C and a closed terminal mean what they mean at a terminal, also where whoever started the tests
+    ignores them, as a shell or `nohup` does in the background; what tests start inherits that."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What takes long begins first, so that no worker waits for another at the end."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)

@@ -128,7 +128,7 @@ def test_mission_of_the_readme_loads() -> None:
     assert parse_mission(mission, Path("first.yaml")).name == "first mission"
 
 
-SMALLER = {"0:20": "0:4", "items=40": "items=8"}
+SMALLER = {"0:20": "0:2", "items=40": "items=8"}
 """A test needs no rate: what the README runs for the sake of numbers is run with fewer."""
 
 
