@@ -21,6 +21,8 @@ BORNE = 2.0
 """A load this far below nothing is a push from below, N."""
 AROUND = 0.15
 """From the fingers' joints to what they, or what they hold, may touch, m."""
+CLOSE = 0.08
+"""An item nearer to the hand than that was touched rather than an unknown thing beside it, m."""
 
 
 def touched(case: Case, failure: FailureStory) -> Finding | None:
@@ -41,6 +43,11 @@ def touched(case: Case, failure: FailureStory) -> Finding | None:
                 near.append((away, true))
     verb = f"the arm met something with {felt}" if felt else "the arm was stopped"
     where = f" on its way with {failure.item}" if failure.item else ""
+    unknown = _obstacle_near(case, hand, time)
+    if unknown is not None and (not near or min(near)[0] > CLOSE):
+        title = f"{verb}{where}: {unknown}, which nobody had told the robot of, stood next to it"
+        reasons.append(_when_seen(case, time))
+        return Finding("contact.obstacle", unknown, title, tuple(reasons), failure.item, time)
     if near:
         away, true = min(near)
         name = case.name_of(true)
@@ -55,11 +62,6 @@ def touched(case: Case, failure: FailureStory) -> Finding | None:
             return Finding("bin.crowded", target, title, tuple(reasons), failure.item, time)
         title = f"{verb}{where}: {name} lay next to it"
         return Finding("contact.item", true, title, tuple(reasons), failure.item, time)
-    unknown = _obstacle_near(case, hand, time)
-    if unknown is not None:
-        title = f"{verb}{where}: {unknown}, which nobody had told the robot of, stood next to it"
-        reasons.append(_when_seen(case, time))
-        return Finding("contact.obstacle", unknown, title, tuple(reasons), failure.item, time)
     title = f"{verb}{where}: nothing known was near"
     about = failure.item or failure.node
     return Finding(
