@@ -279,3 +279,4 @@ def test_a_plan_keeps_every_limit_between_its_samples_too() -> None:
     for goal in ("observe", "rest", "home"):
         plan = cell.run(cell.world.plan.to(NamedGoal(goal), node="test"))
         cell.run(cell.world.move.along(plan.trajectory))
+        np.testing.assert_allclose(cell.world.control.held_position, MODEL.named(goal), atol=1e-6)

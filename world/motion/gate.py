@@ -157,8 +157,9 @@ class Gate:
                 ) from None
             start = part.start if supposed.start is None else supposed.start
             way = Way(solver.collision, start)
-            if first_hit(way, part) is not None:
-                self._refuse(trajectory, part, way, since)
+            hit = first_hit(way, part)
+            if hit is not None:
+                self._refuse(trajectory, part, way, since, hit)
             self._plans.verify(supposed, part)
 
     def _supposed(self, request: Request) -> Request:
@@ -169,10 +170,11 @@ class Gate:
             return replace(request, holding=None)
         return request
 
-    def _refuse(self, trajectory: Trajectory, part: Trajectory, way: Way, begin: float) -> None:
+    def _refuse(self, trajectory: Trajectory, part: Trajectory, way: Way, begin: float, found: Array) -> None:
+        """`found` (n,): some configuration that is hit; the earliest one is told."""
         collision = self._plans.solver.collision
         path = steps(self._model, part)
-        hit = next(q for q in path if not way.free(q) and not way.nearly_free(q))
+        hit = next((q for q in path if not way.free(q) and not way.nearly_free(q)), found)
         at = begin + _time_of(part, hit)
         contacts = collision.contacts(hit)
         touched = "; ".join(failing.listed(contacts)) or "the edge of the workspace"

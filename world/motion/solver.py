@@ -138,10 +138,10 @@ class Solver:
         spent = self.collision.checks - begun.checks + begun.constraints.projections
         way = begun.way
         looked = Obstructions(self.model, self.collision, way, begun.constraints)
-        enclosed = looked.enclosure("goal", ends[0]) if len(ends) == 1 else None
-        for end in ends if len(ends) > 1 else ():
+        enclosed = None
+        for end in ends:
             enclosed = looked.enclosure("goal", end)
-            if enclosed is None:
+            if enclosed is None:  # one that is not enclosed is enough
                 break
         if enclosed is None:
             enclosed = looked.enclosure("start", begun.start)
