@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 from ..shapes import Box, Shape
 from ..values import Bounds, ObjectId, Pose, Vector3
 from .feed import Belt, Delivery, Exchange
+from .holes import CERTAIN, Hole, Uncertainty
 
 Form: TypeAlias = Literal["box", "cylinder", "sphere", "plate", "mesh"]
 
@@ -19,8 +20,11 @@ class Fixture:
     id: ObjectId
     shape: Shape
     pose: Pose
-    """In the world."""
+    """In the world, as everybody believes it."""
     colour: str = "grey"
+    holes: tuple[Hole, ...] = ()
+    uncertainty: Uncertainty = CERTAIN
+    """How far from there it may really stand: only the simulation draws where."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +73,8 @@ class CameraDescription:
     near: float = 0.05
     far: float = 3.0
     error: Pose = field(default_factory=Pose)
+    on: Literal["world", "hand"] = "world"
+    """`hand`: it moves with the tool, and `pose` is the optical frame in the TCP's."""
 
 
 @dataclass(frozen=True, slots=True)
