@@ -67,7 +67,7 @@ def through_the_camera(finding: Finding | None, failure: FailureStory) -> Findin
 def never_seen(case: Case, true: str) -> Finding:
     """For a true item that no belief ever was of."""
     body = case.truth.tracks[true].first
-    cameras = case.scene.cameras if case.scene else ()
+    cameras = [c for c in case.scene.cameras if c.on == "world"] if case.scene else []
     views = [f"it lies outside the picture of {c.name}" for c in cameras if not in_picture(c, body)]
     hidden = [f"it lies within the picture of {c.name}, hidden or not recognised" for c in cameras]
     looks = len(case.events("image"))

@@ -153,6 +153,7 @@ def looking(at: Vector3, target: Vector3, up: Vector3 | None) -> Pose | None:
     candidates = (up,) if up is not None else ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     for upward in candidates:
         right = np.cross(forward, np.array(upward))
+        on=entry.on,
         if float(np.linalg.norm(right)) > 1e-6 * max(1e-12, float(np.linalg.norm(upward))):
             right = _unit(right)
             return Pose.from_rotation(at, np.column_stack([right, np.cross(forward, right), forward]))

@@ -187,20 +187,24 @@ class OffsetFile(FileModel):
 
 
 class CameraFile(FileModel):
-    """A camera for colour and depth that hangs still."""
+    """A camera for colour and depth, which hangs still or is mounted on the hand."""
 
     at: Vector
-    """Where it hangs: x, y, z in the world."""
+    """Where it hangs: x, y, z in the world, or in the frame of the TCP."""
     look_at: Vector
-    """The point in the middle of its picture: x, y, z in the world."""
+    on: Literal["world", "hand"] = "world"
+    """`hand`: it moves with the tool, and `at`, `look_at` and `up` are in the frame of the TCP: its z points
+    out of the hand, and along its y the fingers close."""
+    """The point in the middle of its picture, in the same frame."""
     up: Vector | None = None
-    """What is up in the picture, a direction in the world; z unless given, x when it looks up or down."""
+    """What is up in the picture, a direction in the same frame; z unless given, x when it looks along z."""
     size: tuple[Pixels, Pixels] = (320, 240)
     """Width and height of the picture in pixels."""
     fov: FieldOfView = math.radians(60)
     """Vertical field of view."""
     depth_noise: Noise = 0.002
-    """Standard deviation of the depth at 0.7 m; it grows with the square of the depth."""
+    """Standard deviation of the depth at 0.7 m; it grows with the square of the depth, and is never less than
+    0.2 mm unless it is zero."""
     edge_dropout: Share = 0.5
     """Probability that a pixel on an edge of the depth picture returns nothing."""
     near: Distance = 0.05
@@ -322,6 +326,37 @@ class DestinationFile(FileModel):
 
 class WorkspaceFile(FileModel):
     """A box along the world's axes."""
+
+class ToolErrorFile(FileModel):
+    """How far the hand is really mounted from where the robot file has it, in the frame of its TCP."""
+
+    offset: Vector = (0.0, 0.0, 0.0)
+    """Along the TCP's x, y and z (out of the hand)."""
+    rpy: Angles = (0.0, 0.0, 0.0)
+    """About the TCP's x, y and z."""
+
+
+class CalibratedCameraFile(FileModel):
+    """Where a camera is, as a calibration has found."""
+
+    at: Vector
+    """Its optical centre: in the world, or in the frame of the calibrated TCP for a camera on the hand."""
+    rpy: Angles
+    """How its optical frame (x right, y down, z forward) is turned: about that frame's x, then y, then z."""
+
+
+class CalibrationFile(FileModel):
+    """What `picktree calibrate` has found: it takes the place of what is stated elsewhere."""
+
+    cameras: Annotated[dict[Name, CalibratedCameraFile], Field(default_factory=dict)]
+    """Of the scene's cameras those that were calibrated, by name."""
+    tcp: ToolErrorFile = ToolErrorFile()
+    """Where the TCP is, seen from where the robot file says."""
+    date: str = ""
+    """When it was calibrated."""
+    by: str = ""
+    """What has calibrated."""
+
 
     min: Vector = Limits().workspace.min
     """Smallest x, y, z in the world."""

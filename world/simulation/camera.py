@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,9 @@ from .noise import noisy_colour, noisy_depth
 
 LIGHT = (0.3, 0.2, 1.0)
 """Direction towards the light, in the world."""
+CLOSE = 0.01
+"""The hand is in the picture of a camera on it, and hides what is behind, also where it is too near to be
+measured: what is nearer than this only is not drawn, m."""
 
 
 def intrinsics(camera: CameraDescription) -> Intrinsics:
@@ -32,28 +35,39 @@ def intrinsics(camera: CameraDescription) -> Intrinsics:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """Noise-free colour (h, w, 3), and depth (h, w) along the optical axis, m; infinite where nothing is."""
+    """Noise-free colour (h, w, 3), and depth (h, w) along the optical axis, m; infinite where nothing is, 0
+    where something is nearer than the camera can measure."""
 
     colour: NDArray[np.uint8]
     depth: NDArray[np.float32]
 
 
 class View:
-    """A true point of view: renders what stands in a pybullet client."""
+    """The projection of a camera: renders what stands in a pybullet client."""
 
     def __init__(self, camera: CameraDescription) -> None:
-        self._camera = camera
-        self._view = view_matrix(camera.pose @ camera.error)
-        up = camera.near * math.tan(camera.fov / 2)
+        self.camera = camera
+        self._clip = camera.near if camera.on == "world" else min(camera.near, CLOSE)
+        up = self._clip * math.tan(camera.fov / 2)
         right = up * camera.size[0] / camera.size[1]
-        self._projection = pb.computeProjectionMatrix(-right, right, -up, up, camera.near, camera.far)
+        self._projection = pb.computeProjectionMatrix(-right, right, -up, up, self._clip, camera.far)
 
-    def render(self, client: int) -> Picture:
-        width, height = self._camera.size
+    def truly(self, tool: Pose) -> Pose:
+        """The true optical frame in the world, for a tool that truly is at `tool`."""
+        mounted = self.camera.pose @ self.camera.error
+        return mounted if self.camera.on == "world" else tool @ mounted
+
+    def believed(self, tool: Pose) -> Pose:
+        """The optical frame in the world as everybody believes it, for a tool believed to be at `tool`."""
+        return self.camera.pose if self.camera.on == "world" else tool @ self.camera.pose
+
+    def render(self, client: int, optical: Pose) -> Picture:
+        """What the camera with its true optical frame there sees."""
+        width, height = self.camera.size
         _, _, colour, buffer, _ = pb.getCameraImage(
             width,
             height,
-            self._view,
+            view_matrix(optical),
             self._projection,
             lightDirection=LIGHT,
             lightColor=(1.0, 1.0, 1.0),
@@ -65,50 +79,90 @@ class View:
             flags=pb.ER_NO_SEGMENTATION_MASK,
             physicsClientId=client,
         )
-        near, far = self._camera.near, self._camera.far
+        near, far = self._clip, self.camera.far
         z = far * near / (far - (far - near) * buffer.reshape(height, width).astype(np.float64))
         depth = np.where(z < 0.999 * far, z, np.inf).astype(np.float32)
+        if near < self.camera.near:
+            depth[depth < self.camera.near] = 0.0
         return Picture(colour.reshape(height, width, 4)[:, :, :3].copy(), depth)
 
 
-def backgrounds(scene: SceneDescription) -> Mapping[str, Picture]:
-    """What each camera sees of fixtures and bins. They never move, and filling the image with a table is
-    four fifths of the cost of rendering."""
-    client = Client()
-    add_scenery(scene, client.id)
-    return {camera.name: View(camera).render(client.id) for camera in scene.cameras}
+class Scenery:
+    """What never moves, as cameras see it: fixtures and bins. Filling a picture with a table is four fifths
+    of the cost of rendering, so it is done once for a camera that hangs still, and again for each picture of
+    one that moves."""
+
+    def __init__(self, scene: SceneDescription) -> None:
+        client = Client()
+        add_scenery(scene, client.id)
+        still = [camera for camera in scene.cameras if camera.on == "world"]
+        self._still = {c.name: _still(View(c), client.id) for c in still}
+        self._client = client if len(still) < len(scene.cameras) else None
+
+    def behind(self, view: View, optical: Pose) -> Picture:
+        """What the camera, its true optical frame there, sees where nothing that moves is in the way."""
+        picture = self._still.get(view.camera.name)
+        if picture is not None:
+            return picture
+        assert self._client is not None, "there is a camera that moves"
+        return view.render(self._client.id, optical)
+
+
+def _still(view: View, client: int) -> Picture:
+    return view.render(client, view.truly(Pose()))
+
+
+def in_front(front: Picture, behind: Picture) -> Picture:
+    """One picture of two that were taken from the same place."""
+    nearer = front.depth < behind.depth
+    return Picture(
+        np.where(nearer[:, :, None], front.colour, behind.colour),
+        np.where(nearer, front.depth, behind.depth),
+    )
 
 
 class PhysicsCamera:
     """`protocols.Camera` over pybullet's TINY renderer, which needs no graphics card and is deterministic."""
 
     def __init__(
-        self, camera: CameraDescription, background: Picture, streams: Streams, client: Client, clock: Clock
+        self,
+        camera: CameraDescription,
+        scenery: Scenery,
+        streams: Streams,
+        client: Client,
+        clock: Clock,
+        tool: Callable[[], Pose],
+        believed_tool: Callable[[], Pose],
     ) -> None:
+        """`tool`: where the TCP truly is in the world; `believed_tool`: where it is by the encoders. Only a
+        camera on the hand asks."""
         self.captures = 0
         self._description = camera
-        self._background = background
+        self._scenery = scenery
         self._client = client
         self._streams = streams
         self._clock = clock
+        self._tool = tool
+        self._believed_tool = believed_tool
         self._intrinsics = intrinsics(camera)
         self._view = View(camera)
 
     def capture(self) -> RgbdImage:
-        camera, behind = self._description, self._background
-        front = self._view.render(self._client.id)
-        nearer = front.depth < behind.depth
-        colour = np.where(nearer[:, :, None], front.colour, behind.colour)
-        depth = np.where(nearer, front.depth, behind.depth)
+        camera, moving = self._description, self._description.on == "hand"
+        optical = self._view.truly(self._tool() if moving else Pose())
+        seen = in_front(
+            self._view.render(self._client.id, optical), self._scenery.behind(self._view, optical)
+        )
         rng = self._streams.at(f"sensor/camera/{camera.name}", self.captures)
         self.captures += 1
+        depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))
         return RgbdImage(
             camera=camera.name,
-            colour=noisy_colour(colour, rng),
-            depth=noisy_depth(np.where(np.isfinite(depth), depth, np.float32(0.0)), camera, rng),
+            colour=noisy_colour(seen.colour, rng),
+            depth=noisy_depth(depth, camera, rng),
             stamp=self._clock.now,
             intrinsics=self._intrinsics,
-            camera_in_world=camera.pose,
+            camera_in_world=self._view.believed(self._believed_tool() if moving else Pose()),
         )
 
 

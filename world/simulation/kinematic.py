@@ -311,7 +311,7 @@ class KinematicHardware:
         return body
 
     def _posture(self) -> Posture:
-        return Posture(self.arm.position, self.gripper.width)
+        return Posture(self.arm.position, self.gripper.width, self.model.tcp(self.arm.position))
 
     def _sense(self, still: bool = False) -> None:
         """Fingers, contacts and the wrist's reading at the arm's new configuration."""

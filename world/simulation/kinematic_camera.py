@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +10,9 @@ import numpy as np
 from ..protocols import Clock, RgbdImage
 from ..robot.description import RobotDescription
 from ..scene.description import CameraDescription, Fixture, SceneDescription
-from ..values import Array, ObjectId
+from ..values import Array, ObjectId, Pose
 from .bodies import add_item, add_obstacle
-from .camera import Picture, View, backgrounds, intrinsics
+from .camera import Picture, Scenery, View, in_front, intrinsics
 from .client import Client
 from .engine import pb
 from .kinematic_bodies import Bodies, Body
@@ -22,10 +22,11 @@ from .spawn import SpawnedItem
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
-    """How the robot stands: joints (n,) rad, opening m."""
+    """How the robot stands: joints (n,) rad, opening m, and the TCP in the world."""
 
     position: Array
     width: float
+    tool: Pose
 
 
 class Stage:
@@ -38,7 +39,7 @@ class Stage:
         self._client = -1
         self._numbers: dict[ObjectId, int] = {}
         self._obstacles: dict[Fixture, int] = {}
-        self._backgrounds: Mapping[str, Picture] = {}
+        self._scenery: Scenery | None = None
 
     def render(
         self,
@@ -49,25 +50,22 @@ class Stage:
     ) -> Picture:
         """What the camera sees of robot, items and obstacles, in front of what never moves; `bodies` and
         `obstacles` are those that are there."""
-        if self._client < 0:
-            self._open()
+        if self._scenery is None:
+            self._scenery = self._open()
         joints = (*posture.position.tolist(), *self._body.fingers.positions(posture.width))
         self._body.place(joints, (0.0,) * len(joints))
         self._set(bodies)
         self._stand(obstacles)
-        front, behind = View(camera).render(self._client), self._backgrounds[camera.name]
-        nearer = front.depth < behind.depth
-        return Picture(
-            np.where(nearer[:, :, None], front.colour, behind.colour),
-            np.where(nearer, front.depth, behind.depth),
-        )
+        view = View(camera)
+        optical = view.truly(posture.tool)
+        return in_front(view.render(self._client, optical), self._scenery.behind(view, optical))
 
-    def _open(self) -> None:
+    def _open(self) -> Scenery:
         owner = Client()
         self._client = owner.id
         self._body = RobotBody(self._robot, owner, self._period)
         self._body.load()
-        self._backgrounds = backgrounds(self._scene)
+        return Scenery(self._scene)
 
     def _set(self, bodies: Iterable[Body]) -> None:
         """Bring those that are there where they are, and take the others away."""
@@ -118,5 +116,5 @@ class KinematicCamera:
             depth=np.where(np.isfinite(picture.depth), picture.depth, np.float32(0.0)),
             stamp=self._clock.now,
             intrinsics=intrinsics(self._camera),
-            camera_in_world=self._camera.pose,
+            camera_in_world=View(self._camera).believed(posture.tool),
         )

@@ -17,6 +17,8 @@ VELOCITY_RATE = 10.0
 """Noise of a joint's velocity over that of its position, 1/s: encoders differentiated over about 0.1 s."""
 EDGE = 0.01
 """Step of depth between neighbouring pixels that makes an edge, m."""
+FLOOR = 2e-4
+"""Least standard deviation of a depth that is noisy at all, m."""
 COLOUR_NOISE = 4
 """Greatest error of a colour channel, of 255."""
 
@@ -78,13 +80,19 @@ class BodyNoise:
 def noisy_depth(
     depth: NDArray[np.float32], camera: CameraDescription, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """Depth (h, w) with noise that grows with its square, and dropouts at edges; 0 stays 0.
+    """Depth (h, w) with noise that grows with its square, from a floor, and dropouts at edges; 0 stays 0.
 
     The noise model is that of structured light and stereo: Khoshelham & Elberink (2012), eq. 10.
     """
     noisy = rng.standard_normal(depth.shape, dtype=np.float32)
+    share = np.float32(camera.depth_noise / 0.7**2)
+    # So near the square promises more than any sensor keeps.
+    near = np.nonzero((depth * depth * share < FLOOR) & (depth > 0)) if share > 0 else ()
+    least = noisy[near] * np.float32(FLOOR) if near else None
     noisy *= depth
-    noisy *= depth * np.float32(camera.depth_noise / 0.7**2)
+    noisy *= depth * share
+    if near and least is not None:
+        noisy[near] = least
     noisy += depth
     edges = np.nonzero(_edges(depth))
     lost = rng.random(len(edges[0])) < camera.edge_dropout

@@ -21,7 +21,7 @@ from ..values import ObjectId, Pose, Vector3
 from .belt_drive import BeltDrive
 from .belts import Belts
 from .bodies import add_fixed, add_obstacle
-from .camera import PhysicsCamera, backgrounds
+from .camera import PhysicsCamera, Scenery
 from .checkpoint import Checkpoint, RobotReading
 from .client import Client
 from .devices import PERIOD, PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
@@ -83,11 +83,17 @@ class PhysicsHardware:
         self._standing: dict[ObjectId, int] = {}
         self._obstacles = Obstacles(self._stand, self._unstand)
         self._room: Room | None = None
-        behind = backgrounds(scene)
-        self._cameras = MappingProxyType(
-            {c.name: PhysicsCamera(c, behind[c.name], self._streams, client, senses) for c in scene.cameras}
-        )
         self.arm = PhysicsArm(senses, self._body)
+        self._model: RobotModel | None = None
+        scenery = Scenery(scene)
+        self._cameras = MappingProxyType(
+            {
+                c.name: PhysicsCamera(
+                    c, scenery, self._streams, client, senses, self._body.tcp, self._believed_tcp
+                )
+                for c in scene.cameras
+            }
+        )
         self.gripper = PhysicsGripper(senses, self._body)
         self.wrench = PhysicsWrench(senses)
         self._feeder: Feeder | None = None
@@ -227,6 +233,11 @@ class PhysicsHardware:
         )
 
     def remove(self, item: str) -> None:
+    def _believed_tcp(self) -> Pose:
+        """Where the tool is by the encoders."""
+        self._model = self._model or RobotModel(self.robot)
+        return self._model.tcp(self.arm.read().position)
+
         """A fault: the item is snatched away."""
         self._items.remove(item)
 
