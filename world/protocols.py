@@ -143,6 +143,11 @@ class Hardware(Protocol):
         """Length of a control period, s."""
         ...
 
+    def pace(self, rate: int | None = None) -> None:
+        """Let control go `rate` times a second from now on, where contacts want that; without a rate as
+        everyday. Raises PicktreeError for a rate that it does not have."""
+        ...
+
     def step(self) -> None:
         """Apply the commands, let `period` pass, refresh the sensors."""
         ...

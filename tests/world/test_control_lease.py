@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from picktree.world.causes import Failure
-from picktree.world.control.impedance import CartesianImpedance, StillTarget
+from picktree.world.control.courses import Stay
+from picktree.world.control.impedance import CartesianImpedance
 from picktree.world.control.joint_controllers import Brake, Hold, Track
 from picktree.world.control.lease import Lease
 from picktree.world.errors import PicktreeError
@@ -118,7 +119,7 @@ def test_brake_slows_each_joint_at_its_limit() -> None:
 def test_torque_to_position_and_back_without_a_step() -> None:
     cell = Cell()
     lease: Lease = cell.loop.acquire("skill")
-    lease.run(CartesianImpedance(cell.model, cell.loop.period, StillTarget()))
+    lease.run(CartesianImpedance(cell.model, cell.loop.period, Stay()))
     positions, velocities = record(cell, 480)
     assert np.abs(positions - HOME).max() < 1e-6
     assert np.abs(velocities).max() < 1e-5

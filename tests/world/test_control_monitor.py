@@ -17,6 +17,7 @@ from picktree.world.values import Array, Bounds, JointState, Pose, Vector3
 from .control_cell import DOWN, HOME, MODEL, Cell, reach, swing
 
 CALM: Vector3 = (0.0, 0.0, 0.0)
+PERIOD = 1 / 240
 
 
 def state(position: Array = HOME, velocity: Array | None = None) -> JointState:
@@ -50,7 +51,7 @@ def test_each_limit_stops_with_its_cause() -> None:
     ]
     for reading, commanded, force, text in cases:
         watch = monitor()
-        tripped = [watch.check(reading, commanded, force) for _ in range(60)]
+        tripped = [watch.check(reading, commanded, force, PERIOD) for _ in range(60)]
         assert tripped.count(True) == 1
         assert watch.stopped is not None
         assert f"{watch.stopped.cause}: {watch.stopped.message}" == text
@@ -68,11 +69,11 @@ def test_workspace() -> None:
 def test_a_short_blow_is_no_stop_but_a_push_is() -> None:
     watch = monitor()
     for size in (400.0, 120.0, 30.0, 0.0):
-        assert not watch.check(state(), HOME, (0.0, 0.0, size))
+        assert not watch.check(state(), HOME, (0.0, 0.0, size), PERIOD)
     for _ in range(60):
-        watch.check(state(), HOME, CALM)
+        watch.check(state(), HOME, CALM, PERIOD)
     periods = 1
-    while not watch.check(state(), HOME, (0.0, 0.0, 165.0)):
+    while not watch.check(state(), HOME, (0.0, 0.0, 165.0), PERIOD):
         periods += 1
     assert periods == 5
 
@@ -81,7 +82,7 @@ def test_after_acknowledging_what_stands_is_tolerated_until_it_grows() -> None:
     watch = monitor()
 
     def push(size: float) -> bool:
-        tripped = [watch.check(state(), HOME, (0.0, 0.0, size)) for _ in range(120)]
+        tripped = [watch.check(state(), HOME, (0.0, 0.0, size), PERIOD) for _ in range(120)]
         return any(tripped)
 
     assert push(80.0)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from picktree.world.causes import Failure
-from picktree.world.control.impedance import CartesianImpedance, Stiffness, StillTarget
+from picktree.world.control.courses import Stay
+from picktree.world.control.impedance import CartesianImpedance, Stiffness
 from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.values import Array, Pose
 
@@ -47,7 +48,7 @@ def test_impedance_at_rest_stays_put(linear: float) -> None:
     one.loop.step_tick(0.05)
     begin = one.hardware.true_tcp()
     lease = one.loop.acquire("test")
-    lease.run(CartesianImpedance(one.model, one.loop.period, StillTarget(), Stiffness(linear=linear)))
+    lease.run(CartesianImpedance(one.model, one.loop.period, Stay(), Stiffness(linear=linear)))
     speeds: list[float] = []
     for _ in range(40):
         one.loop.step_tick(0.05)

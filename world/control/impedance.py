@@ -1,24 +1,26 @@
-"""Cartesian impedance: the tool as a damped spring about a moving target (Hogan 1985; Ott 2008)."""
+"""Cartesian impedance: the tool as a damped spring about a moving anchor (Hogan 1985; Ott 2008)."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 
 from ..robot.model import RobotModel
-from ..values import Array, JointState
+from ..values import Array, JointState, Vector3
 from .boundaries import JointBounds
 from .commands import Controller, JointCommand, TorqueCommand
+from .courses import Course, Felt, Stay
+from .feeling import Feeling
 from .joint_controllers import Brake
 
 REFRESH = 12
 """Control periods between two computations of what depends on the inertia."""
 JOINT_SPEED = 0.4
-"""Share of the joints' speed limits that following the target may take."""
+"""Share of the joints' speed limits that following the anchor may take."""
 TORQUE_RATE = 1000.0
 """Nm/s"""
 LIMIT_ROOM = 0.2
@@ -32,11 +34,30 @@ POSTURE = 25.0
 
 @dataclass(frozen=True, slots=True)
 class Stiffness:
-    """Of the spring between tool and target: N/m and Nm/rad; share of the critical damping."""
+    """Of the spring between the tool and its anchor, of one number or one for each axis of `frame`: N/m and
+    Nm/rad; share of the critical damping. An axis without stiffness is moved by the course's wrench alone,
+    and damped as if it had `LEAST`."""
 
-    linear: float = 1500.0
-    angular: float = 40.0
+    linear: float | Vector3 = 1500.0
+    angular: float | Vector3 = 40.0
     damping: float = 0.9
+    frame: Literal["world", "tool"] = "world"
+
+    def along(self, direction: Array, rotation: Array) -> float:
+        """Against a shift along a unit vector (3,) of the world, the tool being turned by (3, 3), N/m."""
+        in_frame = rotation.T @ direction if self.frame == "tool" else direction
+        return float((np.broadcast_to(self.linear, 3) * in_frame) @ in_frame)
+
+    def matrix(self, rotation: Array, least: tuple[float, float] = (0.0, 0.0)) -> Array:
+        """(6, 6) in the world's axes, the tool being turned by (3, 3); no axis below `least`."""
+        both = np.zeros((6, 6))
+        for at, stiffness, floor in ((0, self.linear, least[0]), (3, self.angular, least[1])):
+            diagonal = np.maximum(np.broadcast_to(np.asarray(stiffness, np.float64), 3), floor)
+            block = np.diag(diagonal)
+            if self.frame == "tool":
+                block = (rotation * diagonal) @ rotation.T
+            both[at : at + 3, at : at + 3] = block
+        return both
 
 
 FIRM = Stiffness()
@@ -45,51 +66,8 @@ COMPLY_TIME = 0.3
 """Length of the reflex to a contact, s."""
 
 
-class Target(Protocol):
-    """Where the spring is anchored in the world: position (3,) m, rotation (3, 3), velocity (3,) m/s,
-    acceleration (3,) m/s²."""
-
-    position: Array
-    rotation: Array
-    velocity: Array
-    acceleration: Array
-
-    def start(self, position: Array, rotation: Array) -> None:
-        """Called once with the tool's pose, so that the motion begins with zero error."""
-        ...
-
-    @property
-    def direction(self) -> Array:
-        """Unit vector (3,) along which it moves, or zero."""
-        ...
-
-    def advance(self, position: Array) -> None:
-        """One control period passes, the tool being at `position`."""
-        ...
-
-    def limit(self, speed: float) -> None:
-        """From now on no faster than `speed` m/s: near a singularity the joints could not follow."""
-        ...
-
-
-class StillTarget:
-    """The pose at which it began."""
-
-    def start(self, position: Array, rotation: Array) -> None:
-        self.position = position
-        self.rotation = rotation
-        self.velocity: Array = np.zeros(3)
-        self.acceleration: Array = np.zeros(3)
-
-    @property
-    def direction(self) -> Array:
-        return np.zeros(3)
-
-    def advance(self, position: Array) -> None:
-        pass
-
-    def limit(self, speed: float) -> None:
-        pass
+LEAST = (200.0, 5.0)
+"""Stiffness whose damping an axis has at least, N/m and Nm/rad."""
 
 
 class CartesianImpedance:
@@ -97,24 +75,26 @@ class CartesianImpedance:
 
     D follows K and the tool's inertia Λ by double diagonalisation (Albu-Schäffer et al. 2003). `preload`
     (6,): a constant wrench f that the hand exerts, such as what carries a held object; world axes, about
-    the TCP. Joints keep their soft limits (`JointBounds`), and the target slows down for them.
+    the TCP. Joints keep their soft limits (`JointBounds`), and the anchor slows down for them.
     """
 
     def __init__(
         self,
         model: RobotModel,
         period: float,
-        target: Target,
+        course: Course,
         stiffness: Stiffness = FIRM,
         preload: Array | None = None,
         torque_rate: float = TORQUE_RATE,
+        feeling: Feeling | None = None,
     ) -> None:
+        """`feeling`: what the course is told of contacts; without it nothing."""
         self._model = model
         self._period = period
-        self.target = target
-        k, r = stiffness.linear, stiffness.angular
-        self._stiffness: Array = np.array([k, k, k, r, r, r])
-        self._damping_ratio = stiffness.damping
+        self.course = course
+        self._stiffness = stiffness
+        self._feeling = feeling
+        self._elapsed = 0.0
         self._preload: Array = np.zeros(6) if preload is None else preload
         self._data = model.arm.createData()
         self._error = np.zeros(6)
@@ -123,7 +103,7 @@ class CartesianImpedance:
         self._age = 0
         self._bounds = JointBounds(model)
         self.blocked_by = ""
-        """The joint whose limit has stopped the target."""
+        """The joint whose limit has stopped the anchor."""
         self.done = False
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
@@ -133,30 +113,30 @@ class CartesianImpedance:
         pin.computeJointJacobians(self._model.arm, self._data, q)
         jacobian = self._jacobian()
         tool = pin.updateFramePlacement(self._model.arm, self._data, self._model.tcp_frame)
-        self.target.start(tool.translation.copy(), tool.rotation.copy())
+        self.course.start(tool.translation.copy(), tool.rotation.copy())
         self._torque: Array = self._model.gravity(q) + jacobian.T @ self._preload
-        self._refresh(q, jacobian)
+        self._refresh(q, jacobian, tool.rotation)
 
     def update(self, now: float, state: JointState) -> TorqueCommand:
         q, v = state.position, state.velocity
-        arm, data, model, target = self._model.arm, self._data, self._model, self.target
+        arm, data, model, course = self._model.arm, self._data, self._model, self.course
         pin.computeJointJacobians(arm, data, q)
         jacobian = self._jacobian()
         tool = pin.updateFramePlacement(arm, data, model.tcp_frame)
         position, rotation = tool.translation, tool.rotation
-        target.advance(position)
+        course.advance(self._felt(position, rotation))
         error, aim = self._error, self._aim
-        error[:3] = target.position - position
-        turn = target.rotation @ rotation.T
+        error[:3] = course.position - position
+        turn = course.rotation @ rotation.T
         error[3] = 0.5 * (turn[2, 1] - turn[1, 2])
         error[4] = 0.5 * (turn[0, 2] - turn[2, 0])
         error[5] = 0.5 * (turn[1, 0] - turn[0, 1])
-        aim[:3] = target.velocity
+        aim[:3], aim[3:] = course.velocity, course.spin
         self._age += 1
         if self._age >= REFRESH:
-            self._refresh(q, jacobian)
-        wrench = self._stiffness * error + self._damping @ (aim - jacobian @ v) + self._preload
-        wrench += self._along @ target.acceleration
+            self._refresh(q, jacobian, rotation)
+        wrench = self._spring @ error + self._damping @ (aim - jacobian @ v) + self._preload + course.wrench
+        wrench += self._along @ course.acceleration
         posture = self._null @ (POSTURE * (self._posture - q) - (2.0 * math.sqrt(POSTURE)) * v)
         torque = jacobian.T @ wrench + posture + pin.nonLinearEffects(arm, data, q, v)
         torque = np.minimum(np.maximum(torque, self._torque - self._step), self._torque + self._step)
@@ -172,28 +152,38 @@ class CartesianImpedance:
             self._model.arm, self._data, self._model.tcp_frame, pin.LOCAL_WORLD_ALIGNED
         )
 
+    def _felt(self, position: Array, rotation: Array) -> Felt:
+        self._elapsed += self._period
+        force = torque = np.zeros(3)
+        if self._feeling is not None:
+            force, torque = self._feeling.read(rotation)
+        return Felt(self._elapsed, self._period, force, torque, position.copy(), rotation.copy())
+
     def _strayed(self) -> bool:
-        """Whether the tool is beside the line of its target, or turned: contacts push it along the line."""
-        direction, off = self.target.direction, self._error[:3]
+        """Whether the tool is beside the line of its anchor, or turned: contacts push it along the line."""
+        direction, off = self.course.direction, self._error[:3]
         beside = off - direction * float(direction @ off)
         return float(beside @ beside) > BESIDE**2 or float(self._error[3:] @ self._error[3:]) > TURNED**2
 
-    def _refresh(self, q: Array, jacobian: Array) -> None:
-        """Damping and null-space projector at q."""
+    def _refresh(self, q: Array, jacobian: Array, rotation: Array) -> None:
+        """Spring, damping and null-space projector at q, the tool being turned by (3, 3)."""
         self._age = 0
         mass = self._model.mass_matrix(q)
         by_mass = np.linalg.solve(mass, jacobian.T)
         inertia = np.linalg.inv(jacobian @ by_mass + 1e-6 * np.eye(6))
         inertia = (inertia + inertia.T) / 2
         self._along: Array = inertia[:, :3]
-        speed = self._bounds.target_speed(q, mass, jacobian, self.target.direction, JOINT_SPEED)
-        self.target.limit(speed.most)
-        self.blocked_by = speed.blocked_by or (self._bounds.at_limit(q) if self._strayed() else "")
+        speed = self._bounds.target_speed(q, mass, jacobian, self.course.direction, JOINT_SPEED)
+        self.course.limit(speed.most)
+        led = bool(self.course.direction.any())
+        self.blocked_by = speed.blocked_by or (self._bounds.at_limit(q) if led and self._strayed() else "")
+        self._spring: Array = self._stiffness.matrix(rotation)
+        damped = self._stiffness.matrix(rotation, LEAST)
         lower = np.linalg.cholesky(inertia)
         inverse = np.linalg.inv(lower)
-        squares, modes = np.linalg.eigh((inverse * self._stiffness) @ inverse.T)
+        squares, modes = np.linalg.eigh(inverse @ damped @ inverse.T)
         shape = lower @ modes
-        self._damping: Array = (shape * (2.0 * self._damping_ratio * np.sqrt(squares))) @ shape.T
+        self._damping: Array = (shape * (2.0 * self._stiffness.damping * np.sqrt(squares))) @ shape.T
         self._null: Array = mass - jacobian.T @ inertia @ jacobian
 
 
@@ -204,7 +194,7 @@ class Comply(CartesianImpedance):
     """
 
     def __init__(self, model: RobotModel, period: float, preload: Array) -> None:
-        super().__init__(model, period, StillTarget(), SOFT, preload, torque_rate=math.inf)
+        super().__init__(model, period, Stay(), SOFT, preload, torque_rate=math.inf)
         self._until = math.inf
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:

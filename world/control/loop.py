@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -27,7 +28,11 @@ REST_SPEED = 0.02
 TOOL_CHECK = 4
 """Control periods between two checks of the TCP against the workspace."""
 SAMPLES = 24
-"""Readings of the wrist in a tare or a load, and periods at rest before they count."""
+"""Readings of the wrist in a tare or a load."""
+REST_TIME = 0.1
+"""At rest before they count, s."""
+CONTACT_RATE = 500
+"""Of physics and control in contact, Hz."""
 FELT = 20.0
 """Force above which something is touched rather than carried, N."""
 CARRIED_SAMPLES = 12
@@ -68,7 +73,6 @@ class ControlLoop:
         self.model = model
         self.monitor = monitor
         self.wrist = Wrist(hardware.wrench, model)
-        self.period = hardware.period
         self._stopwatch = stopwatch or Stopwatch()
         self._stepping = 0.0
         self._arm = hardware.arm
@@ -77,6 +81,7 @@ class ControlLoop:
         self._setpoint = JointCommand(self._state.position.copy(), np.zeros(model.n))
         self._servo = True
         self._reference: Array | None = self._setpoint.position
+        self._rates: list[int] = []
         self._holder: Lease | None = None
         self._guard: ForceGuard | None = None
         self._carried = np.zeros(6)
@@ -89,6 +94,29 @@ class ControlLoop:
     def now(self) -> float:
         """Simulated seconds."""
         return self._clock.now
+
+    @property
+    def period(self) -> float:
+        """Of control now, s; shorter while in `contact`."""
+        return self.hardware.period
+
+    @contextmanager
+    def contact(self, rate: int = CONTACT_RATE) -> Generator[None]:
+        """Meanwhile sensors, control and physics go `rate` times a second: 240, 500, 1000, …
+
+        It begins and ends between two ticks, while the arm is held: after a halt once it has braked. Raises
+        PicktreeError for a rate that the hardware does not have.
+        """
+        self._rates.append(rate)
+        try:
+            self._keep_pace()
+            yield
+        finally:
+            self._rates.remove(rate)
+
+    def _keep_pace(self) -> None:
+        if isinstance(self._controller, Hold):
+            self.hardware.pace(max(self._rates, default=None))
 
     @property
     def state(self) -> JointState:
@@ -155,13 +183,14 @@ class ControlLoop:
         """Yield until the arm rests without vibration and readings at rest fill a tare or a load."""
         until = self._clock.now + SETTLE_LIMIT
         while self._clock.now < until:
-            quiet = self._standing >= SAMPLES and self.wrist.unrest(SAMPLES) < SETTLED
+            quiet = self._standing * self.period >= REST_TIME - 1e-9 and self.wrist.unrest(SAMPLES) < SETTLED
             if quiet and isinstance(self._controller, Hold):
                 return
             yield
 
     def step_tick(self, tick: float) -> None:
         """Let one tick pass, in whole control periods."""
+        self._keep_pace()
         periods = round(tick / self.period)
         if abs(periods * self.period - tick) > 1e-6:
             raise PicktreeError(
@@ -184,7 +213,7 @@ class ControlLoop:
         still = isinstance(self._controller, Hold) and float(v @ v) < REST_SPEED * REST_SPEED
         self._standing = self._standing + 1 if still else 0
         self._reference = self._setpoint.position if self._servo else None
-        stopped = self.monitor.check(state, self._reference, force)
+        stopped = self.monitor.check(state, self._reference, force, self.period)
         self._periods += 1
         if self._periods % TOOL_CHECK == 0:
             stopped = self.monitor.check_tool(self.model.tcp(state.position).position) or stopped
@@ -224,6 +253,7 @@ class ControlLoop:
     def restore(self, saved: ControlState) -> None:
         """Continue from `saved` on hardware that was restored before; every lease is stale afterwards."""
         self._holder = self._guard = None
+        self._rates.clear()
         self._standing, self._periods = saved.standing, saved.periods
         self._state = self._arm.read()
         hold = np.array(saved.hold)

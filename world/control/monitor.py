@@ -19,9 +19,9 @@ JOINT_TOLERANCE = 0.01
 """Beyond a soft limit, rad."""
 SPEED_TOLERANCE = 1.15
 """Share of a joint's speed limit."""
-SMOOTHING = 0.1
-"""Of the force, in each control period: about 40 ms at 240 Hz. A rigid contact at 0.1 m/s hits with 500 N
-for one period even when the arm gives way at once; what counts is what stays."""
+SMOOTHING = 0.0375
+"""Time constant of the force's mean, s. A rigid contact at 0.1 m/s hits with 500 N for one control period
+even when the arm gives way at once; what counts is what stays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,13 +88,14 @@ class SafetyMonitor:
             self._tolerated = {self._stopped.cause.name: 0.0, **self._levels}
             self._stopped = None
 
-    def check(self, state: JointState, commanded: Array | None, force: Vector3) -> bool:
+    def check(self, state: JointState, commanded: Array | None, force: Vector3, period: float) -> bool:
         """One control period; True when a stop was latched by it. `commanded` (n,): where the servo was
-        told to be by now, None under torque control. `force`: external, N in the world."""
-        felt = self._felt
-        felt[0] += SMOOTHING * (force[0] - felt[0])
-        felt[1] += SMOOTHING * (force[1] - felt[1])
-        felt[2] += SMOOTHING * (force[2] - felt[2])
+        told to be by now, None under torque control. `force`: external, N in the world.
+        `period`: since the last, s."""
+        felt, share = self._felt, period / (SMOOTHING + period)
+        felt[0] += share * (force[0] - felt[0])
+        felt[1] += share * (force[1] - felt[1])
+        felt[2] += share * (force[2] - felt[2])
         size = math.hypot(*felt)
         if size > self._limits.force:
             self._forceful = True

@@ -16,13 +16,14 @@ from ..protocols import Clock
 from ..robot.model import RobotModel
 from ..trajectory import Trajectory
 from ..values import Array, Vector3
-from .boundaries import way_inside
-from .guarded import GuardedResult, GuardedTarget
-from .impedance import FIRM, CartesianImpedance, Stiffness
+from .courses import Course
+from .guarded import GuardedResult
+from .impedance import FIRM, Stiffness
 from .jogging import Jogging, JogResult, Lookout, Twists
-from .joint_controllers import Hold, Track, way_back
+from .joint_controllers import Track, way_back
 from .lease import ForceGuard, Lease
 from .loop import ControlLoop
+from .touching import Complied, Touching
 
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
@@ -37,12 +38,8 @@ ARRIVED = 2e-3
 """Greatest distance of a joint from the end of its trajectory, rad."""
 ARRIVAL_LIMIT = 1.0
 """Longest wait for the arrival after the end of a trajectory, s."""
-SLOWED = 4.0
-"""How much longer a guarded move may take near a singularity, where it goes slower."""
 JOG_GUARD = 25.0
 """Contact force that stops a jog unless the caller says otherwise, N."""
-CONTACT_TIME = 1.5
-"""Longest wait for the arm to stand after a guarded move, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +102,7 @@ class Motions:
         `lookout`: what is asked about the way ahead of a jog, each `tick` s."""
         self._gate = gate
         self._jogging = Jogging(loop, model, lookout, tick)
+        self._touching = Touching(loop, model, clock)
         self._loop = loop
         self._model = model
         self._clock = clock
@@ -264,65 +262,38 @@ class Motions:
         if not (size > 1e-9 and distance > 0.0 and force > 0.0 and speed > 0.0):
             raise PicktreeError("a guarded move needs a direction, and a distance, force and speed above 0")
         along = np.asarray(direction, dtype=np.float64) / size
-        loop = self._loop
-        with loop.acquire(node) as lease:
+        with self._loop.acquire(node) as lease:
             yield from self._until_rest(lease)
-            yield from loop.settle()
-            self._check(lease)
-            felt = loop.wrist.mean(12, loop.state.position)
-            inside = way_inside(loop.monitor.limits.workspace, loop.tcp.position, along)
-            if inside <= 0.0:
-                raise self._at_the_edge(along, 0.0, distance)
-            target = GuardedTarget(
-                along,
-                min(distance, inside),
-                force=force,
-                speed=speed,
-                press=press,
-                stiffness=stiffness.linear,
-                period=loop.period,
-                felt=lambda: loop.wrist.force,
-                baseline=felt[:3],
-            )
-            begin = np.array(loop.tcp.position)
-            carried = self._carrying(felt)
             self._last = None
-            spring = CartesianImpedance(self._model, loop.period, target, stiffness, carried)
-            lease.run(spring)
-            limit = self._clock.now + SLOWED * distance / speed + speed + CONTACT_TIME
-            stop = math.inf
-            while True:
-                yield
-                self._check(lease)
-                if target.finished:
-                    stop = min(stop, self._clock.now + CONTACT_TIME)
-                    if target.standing:
-                        break
-                blocked = spring.blocked_by and not target.finished
-                if blocked or self._clock.now > min(limit, stop):
-                    break
-            lease.run(Hold())
-            yield
-            self._check(lease)
-            pose = loop.tcp
-            travelled = float(along @ (np.array(pose.position) - begin))
-            if not target.finished and spring.blocked_by:
-                raise Failure(
-                    safety.JOINT_LIMIT,
-                    f"{spring.blocked_by} comes to its limit after {travelled * 1000:.0f} mm of a guarded "
-                    f"move of {distance * 1000:.0f} mm",
-                    joint=spring.blocked_by,
-                    travelled=travelled,
+            return (
+                yield from self._touching.guarded(
+                    lease, along, distance, force, speed, press, stiffness, self._check
                 )
-            if target.finished and not target.contact and inside < distance:
-                raise self._at_the_edge(along, travelled, distance)
-            if not target.finished:
-                raise Failure(
-                    control.TIMEOUT,
-                    f"a guarded move of {distance * 1000:.0f} mm did not end in time",
-                    force=target.peak,
-                )
-            return GuardedResult(target.contact, travelled, target.peak, pose)
+            )
+
+    def comply(
+        self,
+        course: Course,
+        limit: float,
+        *,
+        node: str = "",
+        stiffness: Stiffness = FIRM,
+        zero: Array | None = None,
+    ) -> Doing[Complied]:
+        """Let the tool follow a course as a damped spring, for contacts: until the course is finished, or
+        for `limit` s. The arm is held at rest then, where it is.
+
+        `zero` (6,): what the wrist feels without a contact, from an earlier result; measured at rest before
+        the course begins unless given, and then the tool must not touch anything yet. Failures: safety.*
+        (safety.joint_limit where a joint stops the course), control.timeout.
+        """
+        self._refuse_if_stopped()
+        if not limit > 0.0:
+            raise PicktreeError("a compliant course needs a limit above 0 s")
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            self._last = None
+            return (yield from self._touching.comply(lease, course, limit, stiffness, zero, self._check))
 
     def jog(
         self,
@@ -402,12 +373,6 @@ class Motions:
         fx, fy, fz = (float(c) for c in self._loop.wrist.mean(12, self._loop.state.position)[:3])
         return (fx, fy, fz)
 
-    def _carrying(self, felt: Array) -> Array:
-        """Wrench (6,) about the TCP that balances what is felt at the wrist sensor's origin."""
-        q = self._loop.state.position
-        lever = np.array(self._model.flange(q).position) - np.array(self._model.tcp(q).position)
-        return -np.concatenate([felt[:3], felt[3:] + np.cross(lever, felt[:3])])
-
     def _until_rest(self, lease: Lease) -> Doing[None]:
         limit = self._clock.now + REST_LIMIT
         while not self._loop.at_rest:
@@ -455,17 +420,6 @@ class Motions:
 
     def _arrived(self, end: Array) -> bool:
         return self._loop.at_rest and float(np.abs(self._loop.state.position - end).max()) < ARRIVED
-
-    def _at_the_edge(self, along: Array, travelled: float, distance: float) -> Failure:
-        at = self._loop.tcp.position
-        return Failure(
-            safety.WORKSPACE,
-            f"a guarded move of {distance * 1000:.0f} mm comes to the edge of the workspace after "
-            f"{travelled * 1000:.0f} mm, without a contact",
-            travelled=travelled,
-            position=[round(c, 4) for c in at],
-            direction=[round(float(c), 3) for c in along],
-        )
 
     @staticmethod
     def _touched(force: Vector3, track: Track) -> Failure:

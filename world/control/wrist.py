@@ -1,84 +1,238 @@
-"""What acts on the hand from outside: the wrist's reading without the weight of the tool."""
+"""What acts on the hand from outside: the wrist's reading without the weight of the tool, the sensor's bias
+and what the hand carries."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..protocols import WrenchSensor
+from ..protocols import Clock, WrenchSensor
 from ..robot.model import RobotModel
 from ..values import Array, Vector3, Wrench
+from .contacts import Reading
+from .payload import Payload, PayloadEstimate
 
 GRAVITY = 9.81
-KEPT = 48
-"""Readings that are kept."""
+KEPT = 0.21
+"""Time over which readings are kept, s."""
+EVERYDAY = 1 / 240
+"""From one reading to the next unless it is known otherwise, s."""
+LARGEST_BIAS = 12.0
+"""Beyond this, at rest and in the open, a force is no bias of the sensor but something that acts on it, N."""
+LARGEST_STEP = 3.0
+"""By which a bias may differ from the one that was learnt before, N: sensors drift, they do not jump."""
+QUIET = 0.6
+"""Standard deviation of the force up to which a bias can be learnt, N."""
 
 
 class Wrist:
     """Readings of the wrist sensor in the world's axes, about the sensor's origin.
 
     `force` is the latest external force (contact and load), which controllers and the monitor use; it
-    knows no tare. Means over many readings relative to the tare are for feeling a load.
+    knows no tare. Means over some time relative to the tare are for feeling a load; `contact` leaves out
+    what the hand is known to carry.
+
+    The weight of the tool follows from the robot file, in any orientation. The sensor's bias turns with the
+    hand; it is learnt by `zero`, and only there: whoever calls it vouches that the hand is empty and free.
     """
 
-    def __init__(self, sensor: WrenchSensor, model: RobotModel) -> None:
+    def __init__(self, sensor: WrenchSensor, model: RobotModel, clock: Clock) -> None:
         self._sensor = sensor
         self._model = model
+        self._clock = clock
         self._weight = model.hand_mass * GRAVITY
-        self._readings: deque[Wrench] = deque(maxlen=KEPT)
+        self._readings: deque[tuple[float, Wrench]] = deque()
         self._tare = np.zeros(6)
+        self._bias: Array | None = None
+        self._bias_in_world: Vector3 = (0.0, 0.0, 0.0)
+        self._sensor_in_tool = _sensor_in_tool(model)
+        self.payload: Payload | None = None
+        """What the hand is known to carry, see `carry`."""
         self.force: Vector3 = (0.0, 0.0, 0.0)
+        """Latest external force, contact and load, world axes, N."""
+
+    @property
+    def latest(self) -> Wrench:
+        """The sensor's last reading as it is, the weight of the hand and the bias included."""
+        return self._readings[-1][1] if self._readings else Wrench()
+
+    @property
+    def bias(self) -> Wrench:
+        """What the sensor is believed to add, in the axes of the TCP frame, N and Nm."""
+        if self._bias is None:
+            return Wrench()
+        fx, fy, fz, tx, ty, tz = (float(c) for c in self._bias)
+        return Wrench((fx, fy, fz), (tx, ty, tz))
+
+    @property
+    def sensor_in_tool(self) -> Array:
+        """(3,) origin of the sensor in the TCP frame, m (a copy)."""
+        return self._sensor_in_tool.copy()
 
     def sample(self) -> None:
         """Take this control period's reading."""
-        reading = self._sensor.read()
-        self._readings.append(reading)
+        reading, now = self._sensor.read(), self._clock.now
+        readings = self._readings
+        readings.append((now, reading))
+        while now - readings[0][0] > KEPT:
+            readings.popleft()
         x, y, z = reading.force
-        self.force = (x, y, z + self._weight)
+        bx, by, bz = self._bias_in_world
+        self.force = (x - bx, y - by, z + self._weight - bz)
 
-    def mean(self, samples: int, q: Array) -> Array:
-        """External wrench (6,) over the last readings, the arm being at q; without tare."""
-        recent = list(self._readings)[-samples:]
+    def turned(self, rotation: Array) -> None:
+        """The tool is turned by `rotation` (3, 3) now, and with it the bias."""
+        if self._bias is not None:
+            x, y, z = (rotation @ self._bias[:3]).tolist()
+            self._bias_in_world = (x, y, z)
+
+    def since(self, time: float) -> tuple[Reading, ...]:
+        """Every reading after `time` s that is kept, oldest first: external force in the world, N."""
+        bx, by, bz = self._bias_in_world
+        up = self._weight - bz
+        return tuple(
+            Reading(at, (w.force[0] - bx, w.force[1] - by, w.force[2] + up))
+            for at, w in self._readings
+            if at > time + 1e-9
+        )
+
+    def over(self, window: float, q: Array) -> Array:
+        """Mean external wrench (6,) over the last `window` s, the arm being at q; without tare."""
+        recent = self._last(window)
         if not recent:
             return np.zeros(6)
         mean = np.array([(*w.force, *w.torque) for w in recent]).mean(axis=0)
-        lever = self._model.flange(q).rotation() @ np.array(self._model.hand_com)
+        rotation = self._model.flange(q).rotation()
+        lever = rotation @ np.array(self._model.hand_com)
         mean[2] += self._weight
         mean[3] += lever[1] * self._weight
         mean[4] -= lever[0] * self._weight
+        if self._bias is not None:
+            turn = self._model.tcp(q).rotation()
+            mean[:3] -= turn @ self._bias[:3]
+            mean[3:] -= turn @ self._bias[3:]
         return mean
 
-    def tare(self, samples: int, q: Array) -> None:
-        self._tare = self.mean(samples, q)
+    def mean(self, samples: int, q: Array) -> Array:
+        """As `over`, for the time of so many readings at the everyday rate."""
+        return self.over(samples * EVERYDAY, q)
 
-    def external(self, samples: int, q: Array) -> Wrench:
+    def tare(self, window: float, q: Array) -> None:
+        """What was felt over the last `window` s counts as nothing, for `external` and `load`."""
+        self._tare = self.over(window, q)
+
+    def external(self, window: float, q: Array) -> Wrench:
         """Mean external wrench relative to the tare."""
-        fx, fy, fz, tx, ty, tz = (float(c) for c in self.mean(samples, q) - self._tare)
-        return Wrench((fx, fy, fz), (tx, ty, tz))
+        return _wrench(self.over(window, q) - self._tare)
 
-    def load(self, samples: int) -> float:
-        """Weight that hangs on the hand since the tare, N."""
-        recent = list(self._readings)[-samples:]
+    def contact(self, window: float, q: Array) -> Wrench:
+        """Mean wrench of what touches the hand or what it carries: without tool, bias and payload, at rest.
+        The tare has no part in it."""
+        mean = self.over(window, q)
+        if self.payload is not None:
+            mean = mean - self.payload.wrench(self._model.tcp(q).rotation(), self._sensor_in_tool)
+        return _wrench(mean)
+
+    def load(self, window: float) -> float:
+        """Weight that hangs on the hand since the tare, N, mean over the last `window` s."""
+        recent = self._last(window)
         if not recent:
             return 0.0
         mean = sum(w.force[2] for w in recent) / len(recent)
-        return float(self._tare[2]) - mean - self._weight
+        return float(self._tare[2]) - mean - self._weight + self._bias_in_world[2]
 
-    def unrest(self, samples: int) -> float:
-        """Standard deviation of the force over the last readings, the worst axis, N."""
-        recent = list(self._readings)[-samples:]
+    def unrest(self, window: float) -> float:
+        """Standard deviation of the force over the last `window` s, the worst axis, N."""
+        recent = self._last(window)
         if len(recent) < 2:
             return 0.0
         return float(np.array([w.force for w in recent]).std(axis=0).max())
 
-    def state(self) -> tuple[tuple[Wrench, ...], tuple[float, ...]]:
-        return tuple(self._readings), tuple(self._tare.tolist())
+    def zero(self, window: float, q: Array) -> bool:
+        """Learn the sensor's bias from the last `window` s at rest, with an empty hand that nothing touches.
 
-    def restore(self, readings: Iterable[Wrench], tare: Iterable[float]) -> None:
-        self._readings = deque(readings, maxlen=KEPT)
+        False, and nothing is learnt, when what is felt is no bias: too large, too different from the one
+        known, or not at rest. So what pushes at the hand is never taken for the sensor's fault altogether.
+        """
+        felt = self.over(window, q)
+        known = np.zeros(6) if self._bias is None else self._bias
+        turn = self._model.tcp(q).rotation()
+        step = np.concatenate([turn.T @ felt[:3], turn.T @ felt[3:]])
+        bias = known + step
+        sudden = self._bias is not None and float(np.linalg.norm(step[:3])) > LARGEST_STEP
+        if sudden or float(np.linalg.norm(bias[:3])) > LARGEST_BIAS or self.unrest(window) > QUIET:
+            return False
+        self._bias = bias
+        before = self._bias_in_world[2]
+        self.turned(turn)
+        # What counts as nothing stays what it was.
+        self._tare = self._tare - felt
+        x, y, z = self.force
+        self.force = (x, y, z - (self._bias_in_world[2] - before))
+        return True
+
+    def carry(self, payload: Payload | None) -> None:
+        """The hand carries this from now on, or nothing: it is no contact."""
+        self.payload = payload
+
+    def estimate(self) -> PayloadEstimate:
+        """An estimate of a payload without readings; `weigh` adds them."""
+        return PayloadEstimate(self._sensor_in_tool)
+
+    def weigh(self, estimate: PayloadEstimate, window: float, q: Array) -> None:
+        """Add what is felt now, at rest, beyond tool and bias, to an estimate of what the hand carries."""
+        estimate.add(self.over(window, q), self._model.tcp(q).rotation())
+
+    def state(self) -> tuple[tuple[Wrench, ...], tuple[float, ...]]:
+        """Readings and tare."""
+        return tuple(reading for _, reading in self._readings), tuple(self._tare.tolist())
+
+    @property
+    def stamps(self) -> tuple[float, ...]:
+        """Times of the readings that are kept, s."""
+        return tuple(at for at, _ in self._readings)
+
+    def restore(
+        self,
+        readings: Iterable[Wrench],
+        tare: Iterable[float],
+        stamps: Sequence[float] = (),
+        bias: Sequence[float] = (),
+        rotation: Array | None = None,
+    ) -> None:
+        """As `state`, `stamps` and `bias` had it; `rotation` (3, 3): of the tool now."""
+        readings = tuple(readings)
+        now = self._clock.now
+        if len(stamps) != len(readings):
+            stamps = [now - (len(readings) - 1 - k) * EVERYDAY for k in range(len(readings))]
+        self._readings = deque(zip(stamps, readings, strict=True))
         self._tare = np.array(list(tare))
+        self._bias = np.array(bias) if len(bias) == 6 else None
+        self._bias_in_world = (0.0, 0.0, 0.0)
+        self.payload = None
+        if rotation is not None:
+            self.turned(rotation)
         if self._readings:
-            x, y, z = self._readings[-1].force
-            self.force = (x, y, z + self._weight)
+            x, y, z = self._readings[-1][1].force
+            bx, by, bz = self._bias_in_world
+            self.force = (x - bx, y - by, z + self._weight - bz)
+
+    def _last(self, window: float) -> list[Wrench]:
+        """Readings of the last `window` s."""
+        if not self._readings:
+            return []
+        begin = self._readings[-1][0] - window + 1e-4
+        return [reading for at, reading in self._readings if at > begin]
+
+
+def _wrench(six: Array) -> Wrench:
+    fx, fy, fz, tx, ty, tz = (float(c) for c in six)
+    return Wrench((fx, fy, fz), (tx, ty, tz))
+
+
+def _sensor_in_tool(model: RobotModel) -> Array:
+    """Origin of the wrist's sensor in the TCP frame (3,): both are fixed to the hand."""
+    q = (model.lower + model.upper) / 2
+    return np.array((model.tcp(q).inverse() @ model.flange(q)).position)

@@ -36,11 +36,10 @@ SLAB = 0
 class PhysicsBelt(BeltDrive):
     """One belt in one pybullet client; `build` makes its slab anew after a reset of the simulation."""
 
-    def __init__(self, belt: Belt, fixture: Fixture, client: int, period: float) -> None:
+    def __init__(self, belt: Belt, fixture: Fixture, client: int) -> None:
         super().__init__(belt, fixture)
         self._fixture = fixture
         self._client = client
-        self._period = period
         self._still = self.slab = -1
         self._driven = False
 
@@ -104,12 +103,12 @@ class PhysicsBelt(BeltDrive):
         self._drive(on=state.moving)
         pb.resetJointState(self.slab, SLAB, state.offset, state.speed, physicsClientId=self._client)
 
-    def before_step(self) -> None:
+    def before_step(self, period: float) -> None:
         if not self.state.moving:
             return
         if not self._driven:
             self._drive(on=True)
-        self.state = self.state.after(self.belt.speed, self._period)
+        self.state = self.state.after(self.belt.speed, period)
         self._motor(self.state.speed)
 
     def after_step(self) -> None:
@@ -157,9 +156,9 @@ class PhysicsBelt(BeltDrive):
 class Belts:
     """All belts of a scene in one pybullet client."""
 
-    def __init__(self, scene: SceneDescription, client: int, period: float) -> None:
+    def __init__(self, scene: SceneDescription, client: int) -> None:
         self.drives: Mapping[ObjectId, PhysicsBelt] = MappingProxyType(
-            {b.id: PhysicsBelt(b, scene.fixture(b.id), client, period) for b in scene.belts}
+            {b.id: PhysicsBelt(b, scene.fixture(b.id), client) for b in scene.belts}
         )
 
     def build(self, fixed: dict[int, str]) -> None:
@@ -172,9 +171,10 @@ class Belts:
         """Body numbers of the slabs that move now."""
         return frozenset(belt.slab for belt in self.drives.values() if belt.driven)
 
-    def before_step(self) -> None:
+    def before_step(self, period: float) -> None:
+        """A step of `period` s is about to pass."""
         for belt in self.drives.values():
-            belt.before_step()
+            belt.before_step(period)
 
     def after_step(self) -> None:
         for belt in self.drives.values():

@@ -88,6 +88,8 @@ class Checkpoint:
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
     """What stands there that the robot was not told of; None: what the scene has, as in older logs."""
+    time: int | None = None
+    """Since time 0, in parts of a second (`pace.RESOLUTION`); None: all steps were of the everyday length."""
 
     def to_plain(self) -> dict[str, Any]:
         """As JSON knows it. Floats survive exactly."""

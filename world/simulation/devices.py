@@ -11,10 +11,11 @@ from ..errors import PicktreeError
 from ..values import Array, GripperState, JointState, Wrench
 from .checkpoint import GripperCommand, RobotReading
 from .noise import BodyNoise
+from .pace import EVERYDAY, RESOLUTION
 from .robot_body import RobotBody, finite
 
-PERIOD = 1 / 240
-"""Physics step and control period, s; at 1/120 s plates are dropped in transport."""
+PERIOD = 1 / EVERYDAY
+"""Physics step and control period but in contact, s."""
 
 
 @dataclass(slots=True)
@@ -23,12 +24,36 @@ class Senses:
 
     noise: BodyNoise
     step: int
+    """How many there were, of whatever length."""
     reading: RobotReading
+    time: int = 0
+    """Since time 0, in parts of a second as `pace.RESOLUTION` says."""
+    rate: int = EVERYDAY
+    """Steps a second."""
 
     @property
     def now(self) -> float:
         """Simulated seconds since time 0."""
-        return self.step * PERIOD
+        return self.time / RESOLUTION
+
+    @property
+    def period(self) -> float:
+        """Of a step, s."""
+        return 1 / self.rate
+
+    def stepped(self, reading: RobotReading) -> bool:
+        """A step has passed. Whether everyday's step would have, too."""
+        everyday = RESOLUTION // EVERYDAY
+        before = self.time // everyday
+        self.step += 1
+        self.time += RESOLUTION // self.rate
+        self.reading = reading
+        return self.time // everyday > before
+
+    @property
+    def everyday_steps(self) -> int:
+        """How many steps it would have been, had all been of the everyday length."""
+        return self.time * EVERYDAY // RESOLUTION
 
 
 class PhysicsArm:

@@ -195,6 +195,9 @@ class KinematicHardware:
         """For whoever brings items: the robot has no word in it."""
         return self._belts.drives
 
+    def pace(self, rate: int | None = None) -> None:
+        """Nothing changes: there is no solver that a finer step would help."""
+
     def settings(self) -> Mapping[str, str]:
         """What the record should say about this simulation."""
         return {"engine": "kinematic", "period": f"{self.period:.6g} s", "contact": f"{STIFFNESS:g} N/m"}

@@ -24,11 +24,12 @@ from .bodies import add_fixed, add_obstacle
 from .camera import PhysicsCamera, Scenery
 from .checkpoint import Checkpoint, RobotReading
 from .client import Client
-from .devices import PERIOD, PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
+from .devices import PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
 from .engine import pb
 from .feeder import Feeder, FeederState, has_feeder
 from .noise import BodyNoise
 from .obstacles import Obstacles, Room
+from .pace import EVERYDAY, RESOLUTION, SOLVER_ITERATIONS, checked, tune
 from .physics_cell import PhysicsCell
 from .physics_items import PhysicsItems
 from .robot_body import RobotBody
@@ -38,7 +39,6 @@ from .truth import TrueBody, TrueObstacle
 
 GRAVITY = 9.81
 """m/s²"""
-SOLVER_ITERATIONS = 50
 RESIDUAL_THRESHOLD = 3e-7
 """At 1e-5 boxes creep 0.15 mm/s over the table unless they get rolling friction, at three times the cost."""
 SETTLE_MOST = 600
@@ -74,10 +74,10 @@ class PhysicsHardware:
         self.close = client.close
         """Frees the client; it happens by itself when hardware and devices are no longer used."""
         self._client = client.id
-        self._body = RobotBody(robot, client, PERIOD)
+        self._body = RobotBody(robot, client, 1 / EVERYDAY)
         noise = BodyNoise(scene.noise, self._streams, len(robot.joints))
         self._senses = senses = Senses(noise, 0, RobotReading((), (), (), ()))
-        self._belts = Belts(scene, client.id, PERIOD)
+        self._belts = Belts(scene, client.id)
         self._items = PhysicsItems(scene, spawn_items(scene, seed), client.id, self._belts.running)
         self._fixed: dict[int, str] = {}
         self._standing: dict[ObjectId, int] = {}
@@ -123,7 +123,16 @@ class PhysicsHardware:
 
     @property
     def period(self) -> float:
-        return PERIOD
+        return self._senses.period
+
+    def pace(self, rate: int | None = None) -> None:
+        """Step and control so often a second from now on; by default as everyday. The contact solver gets
+        what suits it. Raises PicktreeError for what is no rate."""
+        rate = EVERYDAY if rate is None else checked(rate)
+        if rate != self._senses.rate:
+            self._senses.rate = rate
+            self._body.period = 1 / rate
+            tune(rate, self._client)
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
@@ -139,24 +148,23 @@ class PhysicsHardware:
         return {
             "backend": "physics",
             "engine": f"pybullet {version('pybullet')}",
-            "step": f"{PERIOD:.9f} s",
+            "step": f"{1 / EVERYDAY:.9f} s",
             "solver_iterations": str(SOLVER_ITERATIONS),
             "solver_residual_threshold": str(RESIDUAL_THRESHOLD),
             "gravity": f"{GRAVITY} m/s²",
-            "sleep_after": f"{EVERY * REST_LOOKS * PERIOD:.2f} s",
+            "sleep_after": f"{EVERY * REST_LOOKS / EVERYDAY:.2f} s",
         }
 
     def step(self) -> None:
         self._body.before_step()
-        self._belts.before_step()
+        senses = self._senses
+        self._belts.before_step(senses.period)
         pb.stepSimulation(self._client)
         self._belts.after_step()
-        senses = self._senses
-        senses.step += 1
-        self._items.stepped()
-        senses.reading = self._body.read()
-        if self._feeder is not None:
-            self._feeder.stepped(senses.step)
+        if senses.stepped(self._body.read()):
+            self._items.stepped()
+            if self._feeder is not None:
+                self._feeder.stepped(senses.everyday_steps)
 
     def take_events(self) -> tuple[Happened, ...]:
         """What those who bring and take have done since it was asked last."""
@@ -189,6 +197,7 @@ class PhysicsHardware:
         self._body.restore(saved.robot, saved.arm, saved.gripper)
         self._senses.reading = saved.robot
         self._senses.step = saved.step
+        self._senses.time = saved.step * RESOLUTION // EVERYDAY if saved.time is None else saved.time
         self._initial = saved.initial
         for name, camera in self._cameras.items():
             camera.captures = saved.captures[name]
@@ -196,6 +205,8 @@ class PhysicsHardware:
             self._feeder.restore(saved.feeder or FeederState())
 
     def _save(self) -> Checkpoint:
+        if self._senses.rate != EVERYDAY:
+            raise PicktreeError("a checkpoint is not taken while the simulation is stepped finely")
         return Checkpoint(
             seed=self.seed,
             step=self._senses.step,
@@ -210,6 +221,7 @@ class PhysicsHardware:
             inventory=self._items.inventory.state(),
             feeder=self._feeder.state() if self._feeder is not None else None,
             obstacles=self._obstacles.here,
+            time=self._senses.time,
         )
 
     def truth(self) -> tuple[TrueBody, ...]:
@@ -285,9 +297,10 @@ class PhysicsHardware:
         client = self._client
         pb.resetSimulation(physicsClientId=client)
         pb.setGravity(0, 0, -GRAVITY, physicsClientId=client)
-        pb.setTimeStep(PERIOD, client)
+        self._senses.rate = EVERYDAY
+        self._body.period = 1 / EVERYDAY
+        tune(EVERYDAY, client)
         pb.setPhysicsEngineParameter(
-            numSolverIterations=SOLVER_ITERATIONS,
             solverResidualThreshold=RESIDUAL_THRESHOLD,
             deterministicOverlappingPairs=1,
             jointFeedbackMode=pb.JOINT_FEEDBACK_IN_WORLD_SPACE,

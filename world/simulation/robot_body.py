@@ -30,7 +30,8 @@ class RobotBody:
         self.description = robot
         self._owner = client
         self._client = client.id
-        self._period = period
+        self.period = period
+        """Of the physics, s."""
         self._limits = [joint.torque for joint in robot.limits]
         self._gains = [POSITION_GAIN] * len(robot.joints)
         self._ones = [1.0] * len(robot.joints)
@@ -136,7 +137,7 @@ class RobotBody:
         self._command = command
         self._torque_mode = False
         # pybullet adds the velocity on top of the position error; the target is where the period starts.
-        starts = [p - v * self._period for p, v in zip(position, velocity, strict=True)]
+        starts = [p - v * self.period for p, v in zip(position, velocity, strict=True)]
         pb.setJointMotorControlArray(
             self.body,
             self._arm,
