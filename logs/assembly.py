@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..world.attempts import Attempts
 from ..world.control.grip import Grip
 from ..world.control.loop import ControlLoop
@@ -41,7 +43,7 @@ def assemble(
 ) -> World:
     """A world on that hardware with an empty belief: fixtures and bins are known, objects are not."""
     watch = stopwatch or Stopwatch()
-    model = RobotModel(robot)
+    model = RobotModel(replace(robot, tool=scene.tool))
     belief = PlanningScene(scene.fixtures, scene.bins, destination_rule(scene.destinations))
     journal = Journal()
     streams = Streams(seed)

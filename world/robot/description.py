@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..shapes import Box
 from ..values import Pose
@@ -106,3 +106,6 @@ class RobotDescription:
     """Pairs of links that are not checked against each other."""
     source: str = ""
     text: str = ""
+    tool: Pose = field(default_factory=Pose)
+    """The TCP seen from where URDF and `tcp_in_link` put it: the whole hand is mounted off by it. What is
+    believed of that is calibrated, what is true only the simulation knows."""

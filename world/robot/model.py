@@ -12,6 +12,7 @@ from ..shapes import Box
 from ..values import Array, Pose, Vector3
 from .description import RobotDescription
 from .fingers import fingers_of
+from .tool import mount_tool
 from .urdf import LinkMesh, LinkShape, link_geometry
 
 TCP_FRAME = "picktree_tcp"
@@ -177,13 +178,14 @@ def _whole_robot(description: RobotDescription) -> pin.Model:
 def _built(description: RobotDescription) -> pin.Model:
     """The URDF's model; joints of the arm that turn without end are hinges, with the robot file's limits."""
     root = ElementTree.parse(description.urdf).getroot()
+    mount_tool(root, description)
     limits = dict(zip(description.joints, description.limits, strict=False))
     endless = [
         joint
         for joint in root.findall("joint")
         if joint.get("type") == "continuous" and joint.get("name") in limits
     ]
-    if not endless:
+    if not endless and description.tool == Pose():
         return pin.buildModelFromUrdf(description.urdf)
     for joint in endless:
         limit = limits[joint.get("name", "")]

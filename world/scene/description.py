@@ -7,8 +7,10 @@ from typing import Literal, TypeAlias
 
 from ..shapes import Box, Shape
 from ..values import Bounds, ObjectId, Pose, Vector3
+from .calibration import Calibration
 from .feed import Belt, Delivery, Exchange
 from .holes import CERTAIN, Hole, Uncertainty
+from .markers import Tile
 
 Form: TypeAlias = Literal["box", "cylinder", "sphere", "plate", "mesh"]
 
@@ -25,6 +27,8 @@ class Fixture:
     holes: tuple[Hole, ...] = ()
     uncertainty: Uncertainty = CERTAIN
     """How far from there it may really stand: only the simulation draws where."""
+    tiles: tuple[Tile, ...] = ()
+    """Coloured squares on its top: it is a target for calibrating."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,6 +188,16 @@ class SceneDescription:
     unknown: tuple[Fixture, ...] = ()
     """Bodies that stand there from the beginning, and that nobody has told the robot of: only the simulation
     may look at them."""
+    tool_error: Pose = field(default_factory=Pose)
+    """Where the TCP really is, seen from where the robot file says: the hand is mounted off by it. Only the
+    simulation reads it."""
+    calibration: Calibration | None = None
+    """What was found out about cameras and tool; the poses in `cameras` are corrected by it already."""
+
+    @property
+    def tool(self) -> Pose:
+        """Where the TCP is believed to be, seen from where the robot file says."""
+        return Pose() if self.calibration is None else self.calibration.tcp
 
     @property
     def loads(self) -> tuple[Spawn, ...]:

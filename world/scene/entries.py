@@ -11,6 +11,7 @@ from ..files.document import Location
 from ..shapes import Box, Cylinder, Shape, Sphere
 from ..values import Array, ObjectId, Pose, Vector3
 from .description import Bin, CameraDescription, CatalogueEntry, Fixture, Form
+from .markers import SMALLEST, tiles_on
 from .meshes import MeshError, load_convex
 from .schema import FORMS, CameraFile, CatalogueFile, FixtureFile, UnknownFile
 
@@ -40,6 +41,15 @@ def check_body(check: Checker, name: str, entry: FixtureFile) -> None:
         _check_walls(check, loc, entry, which)
     with check.readable():
         _check_drive(check, loc, entry, which)
+    with check.readable():
+        _check_marker(check, loc, entry)
+
+
+def _check_marker(check: Checker, loc: Location, entry: FixtureFile) -> None:
+    if entry.marker is not None and any(a < b for a, b in zip(entry.marker, SMALLEST, strict=True)):
+        least = ", ".join(f"{1000 * size:.0f} mm" for size in SMALLEST)
+        message, hint = "a target this small cannot be seen and touched well enough", f"at least [{least}]"
+        check.fault((*loc, "marker"), message, hint, code="P440")
 
 
 def _check_walls(check: Checker, loc: Location, entry: FixtureFile, which: str | None) -> None:
@@ -82,6 +92,9 @@ def body(name: str, entry: FixtureFile) -> Fixture | Bin:
         return Fixture(
             ObjectId(name), Box(entry.belt), pose.shifted((0.0, 0.0, entry.belt[2] / 2)), entry.colour
         )
+    if entry.marker is not None:
+        tiles = tiles_on(entry.marker)
+        return Fixture(ObjectId(name), Box(entry.marker), pose, entry.colour, tiles=tiles)
     assert entry.box is not None
     return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour)
 
@@ -140,6 +153,7 @@ def camera(name: str, entry: CameraFile) -> CameraDescription:
         near=entry.near,
         far=entry.far,
         error=Pose.from_rpy(entry.error.offset, entry.error.rpy),
+        on=entry.on,
     )
 
 
@@ -153,7 +167,6 @@ def looking(at: Vector3, target: Vector3, up: Vector3 | None) -> Pose | None:
     candidates = (up,) if up is not None else ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     for upward in candidates:
         right = np.cross(forward, np.array(upward))
-        on=entry.on,
         if float(np.linalg.norm(right)) > 1e-6 * max(1e-12, float(np.linalg.norm(upward))):
             right = _unit(right)
             return Pose.from_rotation(at, np.column_stack([right, np.cross(forward, right), forward]))

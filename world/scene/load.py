@@ -13,8 +13,9 @@ from ..files.checked import Checker
 from ..files.document import Document, Fault, FileError, nearest, open_document, overlaid, read_document
 from ..files.expression_types import INT
 from ..files.shipped import find_file, shipped_names
-from ..values import Bounds
+from ..values import Bounds, Pose
 from .areas import check_spawn
+from .calibration import Calibration, corrected
 from .conditions import condition
 from .description import (
     Bin,
@@ -33,6 +34,7 @@ from .feed import Exchange
 from .feeding import belt, check_belts, check_feed, delivery
 from .schema import (
     SECTIONS,
+    CalibrationFile,
     CameraFile,
     CatalogueFile,
     DestinationFile,
@@ -154,6 +156,7 @@ class _Parts:
         for name, entry in self.cameras.items():
             check_camera(check, name, entry)
         self.catalogue = {name: kind(check, name, entry) for name, entry in self.kinds.items()}
+        self._check_calibration()
         fixtures = self._fixtures()
         for n, entry in enumerate(self.spawn):
             if check.full:
@@ -170,6 +173,7 @@ class _Parts:
     def scene(self, own: Document) -> SceneDescription:
         """The values of a file without errors."""
         rest, limits = self.rest, self.rest.limits
+        known = _calibration(rest.calibration)
         bodies = [body(name, entry) for name, entry in self.bodies.items()]
         bins = {str(b.id): b for b in bodies if isinstance(b, Bin)}
         assert self.robot is not None
@@ -178,7 +182,7 @@ class _Parts:
             robot=rest.robot if self.robot.parent == ROBOTS else str(self.robot.resolve()),
             fixtures=tuple(b for b in bodies if not isinstance(b, Bin)),
             bins=tuple(bins.values()),
-            cameras=tuple(camera(name, entry) for name, entry in self.cameras.items()),
+            cameras=tuple(corrected(camera(name, entry), known) for name, entry in self.cameras.items()),
             catalogue=tuple(k for k in self.catalogue.values() if k is not None),
             spawn=tuple(_spawn(entry) for entry in self.spawn),
             destinations=tuple(Destination(d.where, bins[d.to].id) for d in self.destinations),
@@ -195,6 +199,8 @@ class _Parts:
             deliveries=tuple(delivery(entry, self.bodies) for entry in self.feed),
             exchange=Exchange(rest.exchange.takes) if rest.exchange is not None else None,
             unknown=tuple(unknown(name, entry) for name, entry in self.unknown.items()),
+            tool_error=Pose.from_rpy(rest.tool_error.offset, rest.tool_error.rpy),
+            calibration=known,
         )
 
     def _robot(self, name: str) -> Path | None:
@@ -211,7 +217,7 @@ class _Parts:
             bodies = [
                 body(name, entry)
                 for name, entry in self.bodies.items()
-                if entry.box is not None or entry.belt is not None
+                if entry.box is not None or entry.belt is not None or entry.marker is not None
             ]
             return [fixture for fixture in bodies if isinstance(fixture, Fixture)]
         return None
@@ -262,10 +268,22 @@ class _Parts:
                 hint = "check the colour, form and kind that it asks for"
                 check.fault(loc, "no item can fulfil this", hint, code="P418")
 
+    def _check_calibration(self) -> None:
+        check = self.checker
+        with check.readable():
+            found = self.rest.calibration
+            for name in found.cameras if found is not None else ():
+                if name not in self.cameras:
+                    hint = nearest(name, list(self.cameras))
+                    loc = ("calibration", "cameras", name)
+                    check.fault(loc, f"there is no camera {name!r}", hint, code="P441", key=True)
+
     def _may_be_bin(self, name: str) -> bool:
         with self.checker.readable():
             entry = self.bodies[name]
-            return entry.bin is not None or (entry.box is None and entry.belt is None)
+            return entry.bin is not None or (
+                entry.box is None and entry.belt is None and entry.marker is None
+            )
         return True
 
 
@@ -275,6 +293,17 @@ def _text(own: Document, whole: Document) -> str:
         return own.text
     data = {key: value for key, value in whole.data.items() if key != "base"}
     return yaml.safe_dump(data, default_flow_style=None, sort_keys=False, allow_unicode=True, width=110)
+
+
+def _calibration(found: CalibrationFile | None) -> Calibration | None:
+    if found is None:
+        return None
+    return Calibration(
+        cameras=tuple((name, Pose.from_rpy(c.at, c.rpy)) for name, c in found.cameras.items()),
+        tcp=Pose.from_rpy(found.tcp.offset, found.tcp.rpy),
+        date=found.date,
+        by=found.by,
+    )
 
 
 def _spawn(entry: SpawnFile) -> Spawn:

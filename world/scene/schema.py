@@ -126,10 +126,10 @@ class MeshFile(FileModel):
 
 
 class FixtureFile(FileModel):
-    """A body that stays where it is: a box as a table or shelf, a bin to put items into, or a belt with items
-    on it."""
+    """A body that stays where it is: a box as a table or shelf, a bin to put items into, a belt with items
+    on it, or a target for calibrating."""
 
-    one_of: ClassVar[tuple[str, ...]] = ("box", "bin", "belt")
+    one_of: ClassVar[tuple[str, ...]] = ("box", "bin", "belt", "marker")
     """Exactly one of these is given."""
 
     box: Sizes | None = None
@@ -139,6 +139,9 @@ class FixtureFile(FileModel):
     belt: Sizes | None = None
     """Length, width and height of a belt that runs along its own +x; `at` is the centre of its underside.
     Needs `speed` and `eye`."""
+    marker: Sizes | None = None
+    """Edge lengths of a block with six coloured squares on its top, from which cameras and tool are
+    calibrated; `at` is its centre, and need be known to a few millimetres only."""
     at: Vector
     """Where it stands: x, y, z in the world."""
     rpy: Angles | None = None
@@ -189,12 +192,12 @@ class OffsetFile(FileModel):
 class CameraFile(FileModel):
     """A camera for colour and depth, which hangs still or is mounted on the hand."""
 
-    at: Vector
-    """Where it hangs: x, y, z in the world, or in the frame of the TCP."""
-    look_at: Vector
     on: Literal["world", "hand"] = "world"
     """`hand`: it moves with the tool, and `at`, `look_at` and `up` are in the frame of the TCP: its z points
     out of the hand, and along its y the fingers close."""
+    at: Vector
+    """Where it hangs: x, y, z in the world, or in the frame of the TCP."""
+    look_at: Vector
     """The point in the middle of its picture, in the same frame."""
     up: Vector | None = None
     """What is up in the picture, a direction in the same frame; z unless given, x when it looks along z."""
@@ -324,9 +327,6 @@ class DestinationFile(FileModel):
     """The bin, by its name under `fixtures`."""
 
 
-class WorkspaceFile(FileModel):
-    """A box along the world's axes."""
-
 class ToolErrorFile(FileModel):
     """How far the hand is really mounted from where the robot file has it, in the frame of its TCP."""
 
@@ -357,6 +357,9 @@ class CalibrationFile(FileModel):
     by: str = ""
     """What has calibrated."""
 
+
+class WorkspaceFile(FileModel):
+    """A box along the world's axes."""
 
     min: Vector = Limits().workspace.min
     """Smallest x, y, z in the world."""
@@ -417,6 +420,11 @@ class RestFile(FileModel):
     unless given."""
     exchange: ExchangeFile | None = None
     """Who exchanges full bins; without it nobody does."""
+    tool_error: Annotated[ToolErrorFile, _as_mapping("offset", ToolErrorFile | Vector)] = ToolErrorFile()
+    """Where the hand is really mounted, seen from where the robot file has it; three lengths stand for
+    `offset`. Only the simulation knows."""
+    calibration: CalibrationFile | None = None
+    """What is believed of cameras and tool after calibrating; `picktree calibrate` writes it."""
 
 
 class SceneFile(RestFile):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Literal, Protocol, TypeAlias
 
 from ..journal import Happened
@@ -42,6 +43,7 @@ def build_hardware(
 
     Raises PicktreeError for a checkpoint of another backend, scene or seed.
     """
+    robot = replace(robot, tool=scene.tool_error)
     if backend == "kinematic":
         from .kinematic import KinematicHardware
         from .kinematic_state import KinematicState

@@ -12,6 +12,7 @@ import numpy as np
 from ..colours import COLOURS
 from ..errors import PicktreeError
 from ..scene.description import Bin, Fixture, SceneDescription
+from ..scene.markers import PROUD
 from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..values import Array, ObjectId, Pose, Vector3
 from .engine import pb
@@ -66,6 +67,10 @@ def add_scenery(scene: SceneDescription, client: int) -> None:
     """Fixtures and bins, to be seen but not touched."""
     for fixture in scene.fixtures:
         _fixed(-1, _visual(fixture.shape, fixture.colour, client), fixture.pose, client)
+        for tile in fixture.tiles:
+            sticker = Box((tile.edge, tile.edge, 2 * PROUD))
+            inner = Pose(tile.centre).shifted((0.0, 0.0, -PROUD))
+            _fixed(-1, _visual(sticker, tile.colour, client), fixture.pose @ inner, client)
     for each in scene.bins:
         for box, pose in each.parts():
             _fixed(-1, _visual(box, each.colour, client), pose, client)

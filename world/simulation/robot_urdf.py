@@ -11,6 +11,7 @@ from ..errors import PicktreeError
 from ..robot.description import GripperDescription, RobotDescription
 from ..robot.resources import mesh_file
 from ..robot.rpy import rpy_of
+from ..robot.tool import mount_tool
 from ..shapes import Box
 from ..values import Pose, Vector3
 
@@ -28,6 +29,7 @@ def patched_urdf(robot: RobotDescription) -> str:
         raise PicktreeError(f"{robot.source or robot.name}: urdf {robot.urdf}: {error}") from None
     for mesh in root.iter("mesh"):
         mesh.set("filename", str(_mesh_path(mesh.get("filename", ""), path, robot)))
+    mount_tool(root, robot)
     links = {link.get("name"): link for link in root.findall("link")}
     for link in links.values():
         _show_what_collides(link)
