@@ -1,0 +1,190 @@
+"""The solid that is left of a box when holes are bored into it: convex pieces, to be touched and to be seen.
+
+Seen from above, straight cuts part the box until one hole is left in each piece. What surrounds a hole in
+its piece is parted along the bisectors at the corners of the hole's outline, into one convex wedge for each
+side of it, from the top face down to the underside. A chamfer is one more plane that is cut off each wedge.
+Below a hole lies a plate. Nothing that can be touched is a gap: wedges share their faces exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TypeAlias
+
+import numpy as np
+
+from ..shapes import Box, ConvexMesh
+from ..values import Array, Pose
+from .description import Fixture
+from .holes import Hole
+
+SEGMENTS = 32
+"""Sides of a round hole's outline; the circle that counts touches each of them from inside."""
+THINNEST = 0.001
+"""Least wall between two holes' mouths, and from one to the sides of the box, m."""
+SLIVER = 1e-10
+"""Areas below this are none, m²."""
+
+Polygon: TypeAlias = Array
+"""Corners (n, 2), counter-clockwise and convex, in the fixture's frame, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Interlocked:
+    """Holes of one box that no straight cut parts from one another."""
+
+    holes: tuple[Hole, ...]
+
+
+def outline(hole: Hole, grown: float = 0.0) -> Polygon:
+    """The walls from above, in the fixture's frame, moved outwards by `grown` m."""
+    if hole.form == "round":
+        reach = (hole.size[0] / 2 + grown) / math.cos(math.pi / SEGMENTS)
+        angles = (np.arange(SEGMENTS) + 0.5) * (2 * math.pi / SEGMENTS)
+        corners = reach * np.column_stack([np.cos(angles), np.sin(angles)])
+    else:
+        x, y = hole.size[0] / 2 + grown, hole.size[1] / 2 + grown
+        corners = np.array([(x, y), (-x, y), (-x, -y), (x, -y)])
+    turn = hole.pose.rotation()[:2, :2]
+    return corners @ turn.T + np.array(hole.pose.position[:2])
+
+
+def bored(fixture: Fixture) -> tuple[tuple[ConvexMesh, Pose], ...]:
+    """Convex pieces, which together are the fixture's solid, with their poses in its frame.
+
+    The fixture is a box, and its holes were checked on reading.
+    """
+    assert isinstance(fixture.shape, Box)
+    return _bored(fixture.shape, fixture.holes)
+
+
+@cache
+def _bored(box: Box, holes: tuple[Hole, ...]) -> tuple[tuple[ConvexMesh, Pose], ...]:
+    plots = parted(box, holes)
+    assert not isinstance(plots, Interlocked)
+    pieces: list[tuple[ConvexMesh, Pose]] = []
+    top = box.size[2] / 2
+    for plot, hole in plots:
+        if hole is None:
+            pieces.append(_prism(plot, -top, top))
+            continue
+        pieces += _wedges(plot, hole, -top, top)
+        if top - hole.depth > -top + 1e-6:
+            pieces.append(_prism(plot, -top, top - hole.depth))
+    return tuple(pieces)
+
+
+def parted(box: Box, holes: Sequence[Hole]) -> list[tuple[Polygon, Hole | None]] | Interlocked:
+    """The box from above, cut until there is one hole in each polygon at most."""
+    x, y, _ = box.size
+    whole = np.array([(x, y), (-x, y), (-x, -y), (x, -y)]) / 2
+    return _parted(whole, tuple(holes))
+
+
+def _parted(plot: Polygon, holes: tuple[Hole, ...]) -> list[tuple[Polygon, Hole | None]] | Interlocked:
+    if len(holes) < 2:
+        return [(plot, holes[0] if holes else None)]
+    cut = _cut(holes)
+    if cut is None:
+        return Interlocked(holes)
+    normal, at = cut
+    below = tuple(h for h in holes if float(np.dot(h.pose.position[:2], normal)) < at)
+    above = tuple(h for h in holes if h not in below)
+    parts: list[tuple[Polygon, Hole | None]] = []
+    for side, inside in ((1.0, below), (-1.0, above)):
+        found = _parted(_clipped(plot, side * normal, side * at), inside)
+        if isinstance(found, Interlocked):
+            return found
+        parts += found
+    return parts
+
+
+def _cut(holes: Sequence[Hole]) -> tuple[Array, float] | None:
+    """Unit normal (2,) and offset of the line through the widest gap between the holes' mouths; None when
+    no line along the box's sides or any hole's passes between them."""
+    best: tuple[float, Array, float] | None = None
+    yaws = {0.0, *(_yaw(hole) for hole in holes)}
+    mouths = [outline(hole, hole.chamfer) for hole in holes]
+    for yaw in sorted(yaws):
+        for normal in (
+            np.array([math.cos(yaw), math.sin(yaw)]),
+            np.array([-math.sin(yaw), math.cos(yaw)]),
+        ):
+            spans = sorted((float((m @ normal).min()), float((m @ normal).max())) for m in mouths)
+            reach = spans[0][1]
+            for low, high in spans[1:]:
+                if low - reach > (best[0] + 1e-9 if best is not None else 1e-6):
+                    best = (low - reach, normal, (low + reach) / 2)
+                reach = max(reach, high)
+    return None if best is None else best[1:]
+
+
+def _yaw(hole: Hole) -> float:
+    rotation = hole.pose.rotation()
+    return math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
+
+
+def _wedges(plot: Polygon, hole: Hole, low: float, high: float) -> list[tuple[ConvexMesh, Pose]]:
+    """What of a plot stands around its hole, between two heights."""
+    corners = outline(hole)
+    pieces: list[tuple[ConvexMesh, Pose]] = []
+    for k in range(len(corners)):
+        one, other = corners[k], corners[(k + 1) % len(corners)]
+        outward = _outward(one, other)
+        before, after = _outward(corners[k - 1], one), _outward(other, corners[(k + 2) % len(corners)])
+        # Along a bisector the distance to both sides that meet there is the same.
+        cuts = ((before - outward, one), (after - outward, other), (-outward, one))
+        wedge = plot
+        for normal, point in cuts:
+            wedge = _clipped(wedge, normal, float(normal @ point))
+        if _area(wedge) < SLIVER:
+            continue
+        if hole.chamfer <= 0.0:
+            pieces.append(_prism(wedge, low, high))
+            continue
+        bevelled = _clipped(wedge, -outward, float(-outward @ one) - hole.chamfer)
+        heights = ((wedge, low), (wedge, high - hole.chamfer), (bevelled, high))
+        pieces.append(_hull(heights))
+    return pieces
+
+
+def _outward(one: Array, other: Array) -> Array:
+    """Unit normal (2,) to the right of the side from one corner to the next."""
+    x, y = other - one
+    return np.array([y, -x]) / math.hypot(x, y)
+
+
+def _clipped(polygon: Polygon, normal: Array, most: float) -> Polygon:
+    """What of a convex polygon has `normal` · point ≤ `most` (Sutherland and Hodgman, 1974)."""
+    kept: list[Array] = []
+    distances = polygon @ normal - most
+    for k in range(len(polygon)):
+        here, there = float(distances[k - 1]), float(distances[k])
+        if (here < 0.0 < there) or (there < 0.0 < here):
+            share = here / (here - there)
+            kept.append(polygon[k - 1] + share * (polygon[k] - polygon[k - 1]))
+        if there <= 0.0:
+            kept.append(polygon[k])
+    return np.array(kept).reshape(-1, 2)
+
+
+def _area(polygon: Polygon) -> float:
+    if len(polygon) < 3:
+        return 0.0
+    x, y = polygon.T
+    return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+
+
+def _prism(polygon: Polygon, low: float, high: float) -> tuple[ConvexMesh, Pose]:
+    return _hull(((polygon, low), (polygon, high)))
+
+
+def _hull(levels: Iterable[tuple[Polygon, float]]) -> tuple[ConvexMesh, Pose]:
+    """The hull of polygons at heights, about the middle of its corners."""
+    corners = np.unique(np.vstack([np.column_stack([p, np.full(len(p), z)]) for p, z in levels]), axis=0)
+    x, y, z = (float(c) for c in corners.mean(axis=0))
+    around = corners - (x, y, z)
+    return ConvexMesh(tuple((float(a), float(b), float(c)) for a, b, c in around), ""), Pose((x, y, z))

@@ -1,0 +1,24 @@
+"""Fixtures with holes in pybullet: one static body for each convex piece of what is left of the box.
+
+`createCollisionShapeArray` takes no vertices, and a shape of a mesh file is kept under the file's name for
+good, so a piece is a body of its own; all have the fixture's name in contacts.
+"""
+
+from __future__ import annotations
+
+from ..scene.boring import bored
+from ..scene.description import Fixture
+from .engine import pb
+
+
+def add_bored(fixture: Fixture, client: int) -> tuple[int, ...]:
+    """The pieces of the fixture, to be touched but not seen; pybullet's body numbers."""
+    numbers: list[int] = []
+    for piece, piece_in_fixture in bored(fixture):
+        pose = fixture.pose @ piece_in_fixture
+        shape = pb.createCollisionShape(pb.GEOM_MESH, vertices=piece.vertices, physicsClientId=client)
+        number = pb.createMultiBody(0.0, shape, -1, pose.position, pose.orientation, physicsClientId=client)
+        # Hulls are made 1 mm larger all round by default, which would take 2 mm from every hole.
+        pb.changeDynamics(number, -1, collisionMargin=0.0, physicsClientId=client)
+        numbers.append(number)
+    return tuple(numbers)
