@@ -47,8 +47,8 @@ class Lift:
     def height(self, time: float) -> float:
         return 0.16 * (time - 0.5 / (2 * np.pi) * np.sin(2 * np.pi * time / 0.5))
 
-    def load(self, samples: int) -> float:
-        """The mean force over the last samples, as an ideal wrist has it: by the change of momentum."""
+    def load(self, window: float) -> float:
+        """The mean force over the last tick, as an ideal wrist has it: by the change of momentum."""
         begin = self.now - TICK
         rising = (self.speed(self.now) - self.speed(begin)) / TICK
         held = self.mass if self.slides is None or begin < self.slides else 0.0

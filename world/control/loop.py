@@ -27,8 +27,8 @@ REST_SPEED = 0.02
 """Below this, over all joints, the arm counts as standing, rad/s."""
 TOOL_CHECK = 4
 """Control periods between two checks of the TCP against the workspace."""
-SAMPLES = 24
-"""Readings of the wrist in a tare or a load."""
+WINDOW = 0.1
+"""Time over which the wrist is read for a tare or a load, s."""
 REST_TIME = 0.1
 """At rest before they count, s."""
 CONTACT_RATE = 500
@@ -54,6 +54,10 @@ class ControlState:
     periods: int
     carried: tuple[float, ...]
     monitor: MonitorState
+    stamps: tuple[float, ...] = ()
+    """Times of the readings, s; empty in older logs."""
+    bias: tuple[float, ...] = ()
+    """Of the wrist sensor as it was learnt, (6,), in the tool's axes; empty when it was not."""
 
 
 class ControlLoop:
@@ -72,7 +76,7 @@ class ControlLoop:
         self.hardware = hardware
         self.model = model
         self.monitor = monitor
-        self.wrist = Wrist(hardware.wrench, model)
+        self.wrist = Wrist(hardware.wrench, model, hardware.clock)
         self._stopwatch = stopwatch or Stopwatch()
         self._stepping = 0.0
         self._arm = hardware.arm
@@ -166,24 +170,31 @@ class ControlLoop:
         """Whether `controller` moves the arm while nobody holds the lease."""
         return self._holder is None and self._controller is controller
 
-    def tare(self, samples: int = SAMPLES) -> None:
+    def tare(self, window: float = WINDOW) -> None:
         """What the hand feels now counts as nothing, for `load` and `wrench_external`."""
-        self.wrist.tare(samples, self._state.position)
+        self.wrist.tare(window, self._state.position)
 
-    def load(self, samples: int = SAMPLES) -> float:
-        """Weight on the hand relative to the tare, N, mean over the last readings."""
-        return self.wrist.load(samples)
+    def zero(self) -> bool:
+        """Learn the wrist sensor's bias, the arm being at rest with an empty hand that nothing touches.
+        False, and nothing changes, when what is felt cannot be one (see `Wrist.zero`)."""
+        return self._standing * self.period >= REST_TIME - 1e-9 and self.wrist.zero(
+            WINDOW, self._state.position
+        )
 
-    def wrench_external(self, samples: int = 12) -> Wrench:
+    def load(self, window: float = WINDOW) -> float:
+        """Weight on the hand relative to the tare, N, mean over the last `window` s."""
+        return self.wrist.load(window)
+
+    def wrench_external(self, window: float = 0.05) -> Wrench:
         """External wrench on the hand relative to the tare, world axes, about the wrist sensor, mean over
-        the last readings. The tool's own weight is not in it; a held object's is, unless it was tared."""
-        return self.wrist.external(samples, self._state.position)
+        the last `window` s. The tool's own weight is not in it; a held object's is, unless it was tared."""
+        return self.wrist.external(window, self._state.position)
 
     def settle(self) -> Generator[None, None, None]:
         """Yield until the arm rests without vibration and readings at rest fill a tare or a load."""
         until = self._clock.now + SETTLE_LIMIT
         while self._clock.now < until:
-            quiet = self._standing * self.period >= REST_TIME - 1e-9 and self.wrist.unrest(SAMPLES) < SETTLED
+            quiet = self._standing * self.period >= REST_TIME - 1e-9 and self.wrist.unrest(WINDOW) < SETTLED
             if quiet and isinstance(self._controller, Hold):
                 return
             yield
@@ -216,7 +227,9 @@ class ControlLoop:
         stopped = self.monitor.check(state, self._reference, force, self.period)
         self._periods += 1
         if self._periods % TOOL_CHECK == 0:
-            stopped = self.monitor.check_tool(self.model.tcp(state.position).position) or stopped
+            tool = self.model.tcp(state.position)
+            self.wrist.turned(tool)
+            stopped = self.monitor.check_tool(tool.position) or stopped
         if (self._guard is not None and self._guard.touched(force)) or (stopped and self._off_its_way):
             self._stop_at_once()
         elif stopped:
@@ -248,6 +261,8 @@ class ControlLoop:
             self._periods,
             tuple(self._carried.tolist()),
             self.monitor.state(),
+            self.wrist.stamps,
+            self.wrist.learnt,
         )
 
     def restore(self, saved: ControlState) -> None:
@@ -261,7 +276,7 @@ class ControlLoop:
         self._servo = True
         self._reference = hold
         self._begin(Hold(hold))
-        self.wrist.restore(saved.readings, saved.tare)
+        self.wrist.restore(saved.readings, saved.tare, saved.stamps, saved.bias, self.tcp)
         self._carried = np.array(saved.carried)
         self.monitor.restore(saved.monitor)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..protocols import Clock, WrenchSensor
 from ..robot.model import RobotModel
-from ..values import Array, Vector3, Wrench
+from ..values import Array, Pose, Vector3, Wrench
 from .contacts import Reading
 from .payload import Payload, PayloadEstimate
 
@@ -78,25 +78,17 @@ class Wrist:
         readings.append((now, reading))
         while now - readings[0][0] > KEPT:
             readings.popleft()
-        x, y, z = reading.force
-        bx, by, bz = self._bias_in_world
-        self.force = (x - bx, y - by, z + self._weight - bz)
+        self.force = self._external(reading)
 
-    def turned(self, rotation: Array) -> None:
-        """The tool is turned by `rotation` (3, 3) now, and with it the bias."""
+    def turned(self, tool: Pose) -> None:
+        """The tool is there now, and the bias has turned with it."""
         if self._bias is not None:
-            x, y, z = (rotation @ self._bias[:3]).tolist()
+            x, y, z = (tool.rotation() @ self._bias[:3]).tolist()
             self._bias_in_world = (x, y, z)
 
     def since(self, time: float) -> tuple[Reading, ...]:
         """Every reading after `time` s that is kept, oldest first: external force in the world, N."""
-        bx, by, bz = self._bias_in_world
-        up = self._weight - bz
-        return tuple(
-            Reading(at, (w.force[0] - bx, w.force[1] - by, w.force[2] + up))
-            for at, w in self._readings
-            if at > time + 1e-9
-        )
+        return tuple(Reading(at, self._external(w)) for at, w in self._readings if at > time + 1e-9)
 
     def over(self, window: float, q: Array) -> Array:
         """Mean external wrench (6,) over the last `window` s, the arm being at q; without tare."""
@@ -158,19 +150,18 @@ class Wrist:
         """
         felt = self.over(window, q)
         known = np.zeros(6) if self._bias is None else self._bias
-        turn = self._model.tcp(q).rotation()
+        tool = self._model.tcp(q)
+        turn = tool.rotation()
         step = np.concatenate([turn.T @ felt[:3], turn.T @ felt[3:]])
         bias = known + step
         sudden = self._bias is not None and float(np.linalg.norm(step[:3])) > LARGEST_STEP
         if sudden or float(np.linalg.norm(bias[:3])) > LARGEST_BIAS or self.unrest(window) > QUIET:
             return False
         self._bias = bias
-        before = self._bias_in_world[2]
-        self.turned(turn)
+        self.turned(tool)
         # What counts as nothing stays what it was.
         self._tare = self._tare - felt
-        x, y, z = self.force
-        self.force = (x, y, z - (self._bias_in_world[2] - before))
+        self.force = self._external(self.latest)
         return True
 
     def carry(self, payload: Payload | None) -> None:
@@ -190,6 +181,11 @@ class Wrist:
         return tuple(reading for _, reading in self._readings), tuple(self._tare.tolist())
 
     @property
+    def learnt(self) -> tuple[float, ...]:
+        """The bias (6,) for a checkpoint; empty when none was learnt."""
+        return () if self._bias is None else tuple(self._bias.tolist())
+
+    @property
     def stamps(self) -> tuple[float, ...]:
         """Times of the readings that are kept, s."""
         return tuple(at for at, _ in self._readings)
@@ -200,9 +196,9 @@ class Wrist:
         tare: Iterable[float],
         stamps: Sequence[float] = (),
         bias: Sequence[float] = (),
-        rotation: Array | None = None,
+        tool: Pose | None = None,
     ) -> None:
-        """As `state`, `stamps` and `bias` had it; `rotation` (3, 3): of the tool now."""
+        """As `state`, `stamps` and `learnt` had it; `tool`: where the TCP is now."""
         readings = tuple(readings)
         now = self._clock.now
         if len(stamps) != len(readings):
@@ -212,12 +208,16 @@ class Wrist:
         self._bias = np.array(bias) if len(bias) == 6 else None
         self._bias_in_world = (0.0, 0.0, 0.0)
         self.payload = None
-        if rotation is not None:
-            self.turned(rotation)
+        if tool is not None:
+            self.turned(tool)
         if self._readings:
-            x, y, z = self._readings[-1][1].force
-            bx, by, bz = self._bias_in_world
-            self.force = (x - bx, y - by, z + self._weight - bz)
+            self.force = self._external(self.latest)
+
+    def _external(self, reading: Wrench) -> Vector3:
+        """The force of a reading that was taken just now."""
+        x, y, z = reading.force
+        bx, by, bz = self._bias_in_world
+        return (x - bx, y - by, z + self._weight - bz)
 
     def _last(self, window: float) -> list[Wrench]:
         """Readings of the last `window` s."""

@@ -78,7 +78,6 @@ class Weighing:
         self._kept = Kept(world)
         self._height = world.control.tcp.position[2]
         self._ends = world.clock.now + lifted
-        self._samples = round(world.tick / world.control.period)
         self._ticks: list[_Tick] = []
         self.hold: Hold | None = None
         """What was felt, when it leaves no doubt."""
@@ -127,7 +126,7 @@ class Weighing:
         speed = float(_at(twist, centre - np.array(tcp.position))[2])
         turning = float(np.linalg.norm(twist[3:]))
         clear = tcp.position[2] - self._height > CLEAR
-        return _Tick(world.control.load(self._samples), speed, clear and turning < TURNING)
+        return _Tick(world.control.load(world.tick), speed, clear and turning < TURNING)
 
 
 def _at(twist: Array, lever: Array) -> Array:
