@@ -17,7 +17,7 @@ AVERAGED = 1 / 60
 class Feeling:
     """External wrench relative to `zero` (6,), which the wrist has felt without a contact (world axes, about
     the sensor), from the arm's configuration q (n,) on. The tool may turn by a few degrees: the weight of
-    the hand counts as where it was."""
+    the hand and the bias of the sensor count as they were."""
 
     def __init__(self, wrist: Wrist, model: RobotModel, q: Array, zero: Array, period: float) -> None:
         self._wrist = wrist
@@ -27,7 +27,10 @@ class Feeling:
         )
         weight = np.array([0.0, 0.0, model.hand_mass * GRAVITY])
         lever = model.flange(q).rotation() @ np.array(model.hand_com)
-        self._zero: Array = zero - np.concatenate([weight, np.cross(lever, weight)])
+        bias = np.concatenate(
+            [tcp.rotation() @ np.array(part) for part in (wrist.bias.force, wrist.bias.torque)]
+        )
+        self._zero: Array = zero + bias - np.concatenate([weight, np.cross(lever, weight)])
         self._recent: deque[Array] = deque(maxlen=max(1, round(AVERAGED / period)))
 
     def read(self, rotation: Array) -> tuple[Array, Array]:

@@ -10,6 +10,8 @@ RESOLUTION = 12_000
 EVERYDAY = 240
 """Steps a second; at 120 plates are dropped in transport."""
 FINEST = 2000
+WHOLE = 20
+"""Rates are multiples of it, Hz: then a tick of 50 ms is a whole number of steps."""
 SOLVER_ITERATIONS, FINE_ITERATIONS = 50, 100
 ERROR_REDUCTION, FINE_ERROR_REDUCTION = 0.2, 0.8
 """Share of a penetration that a step takes back. With the engine's own a peg goes into a wall by up to
@@ -18,8 +20,8 @@ ERROR_REDUCTION, FINE_ERROR_REDUCTION = 0.2, 0.8
 
 def checked(rate: int) -> int:
     """A rate that the simulation can be stepped with, Hz. Raises PicktreeError for others."""
-    if not (EVERYDAY <= rate <= FINEST and RESOLUTION % rate == 0):
-        known = [r for r in range(EVERYDAY, FINEST + 1) if RESOLUTION % r == 0]
+    known = [r for r in range(EVERYDAY, FINEST + 1, WHOLE) if RESOLUTION % r == 0]
+    if rate not in known:
         raise PicktreeError(f"a step of 1/{rate} s is not possible; rates: {', '.join(map(str, known))} Hz")
     return rate
 
