@@ -15,6 +15,8 @@ ROOM = 0.005
 """A joint under torque control stops so far before its soft limit, rad."""
 BRAKING = 0.5
 """Share of the acceleration limit that stopping before a limit counts on: gravity and contact take some."""
+CALM = 0.7
+"""Share of the speed from which it can stop up to which a joint is left alone."""
 RESPONSE = 0.02
 """Time in which a joint that is faster than it may be is brought back to that, s."""
 RETURN = 0.1
@@ -51,11 +53,17 @@ class JointBounds:
         self._lower: Array = model.lower + ROOM
         self._upper: Array = model.upper - ROOM
         self._deceleration: Array = BRAKING * model.acceleration_limit
+        self._calm: Array = CALM * CALM * 2.0 * self._deceleration
+        self._slow: Array = CALM * model.velocity_limit
 
     def held(self, q: Array, v: Array, torque: Array) -> Array:
         """The torques (n,) that keep the limits, as near as can be to those that are wanted, Nm."""
+        room = np.minimum(self._upper - q, q - self._lower)
+        # What is far from its limits, whichever way it moves, needs no more than this.
+        if bool(((v * v < self._calm * room) & (np.abs(v) < self._slow)).all()):
+            return torque
         up, down = self._fastest(self._upper - q), self._fastest(q - self._lower)
-        if bool((v < 0.7 * up).all() and (v > -0.7 * down).all()):
+        if bool((v < CALM * up).all() and (v > -CALM * down).all()):
             return torque
         model = self._model
         mass, bias = model.mass_matrix(q), model.bias(q, v)

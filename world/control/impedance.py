@@ -17,8 +17,8 @@ from .courses import Course, Felt, Stay
 from .feeling import Feeling
 from .joint_controllers import Brake
 
-REFRESH = 12
-"""Control periods between two computations of what depends on the inertia."""
+REFRESH = 0.05
+"""Time between two computations of what depends on the inertia, s."""
 JOINT_SPEED = 0.4
 """Share of the joints' speed limits that following the anchor may take."""
 TORQUE_RATE = 1000.0
@@ -100,7 +100,7 @@ class CartesianImpedance:
         self._error = np.zeros(6)
         self._aim = np.zeros(6)
         self._step: float = torque_rate * period
-        self._age = 0
+        self._age = 0.0
         self._bounds = JointBounds(model)
         self.blocked_by = ""
         """The joint whose limit has stopped the anchor."""
@@ -132,8 +132,8 @@ class CartesianImpedance:
         error[4] = 0.5 * (turn[0, 2] - turn[2, 0])
         error[5] = 0.5 * (turn[1, 0] - turn[0, 1])
         aim[:3], aim[3:] = course.velocity, course.spin
-        self._age += 1
-        if self._age >= REFRESH:
+        self._age += self._period
+        if self._age >= REFRESH - 1e-9:
             self._refresh(q, jacobian, rotation)
         wrench = self._spring @ error + self._damping @ (aim - jacobian @ v) + self._preload + course.wrench
         wrench += self._along @ course.acceleration
@@ -167,7 +167,7 @@ class CartesianImpedance:
 
     def _refresh(self, q: Array, jacobian: Array, rotation: Array) -> None:
         """Spring, damping and null-space projector at q, the tool being turned by (3, 3)."""
-        self._age = 0
+        self._age = 0.0
         mass = self._model.mass_matrix(q)
         by_mass = np.linalg.solve(mass, jacobian.T)
         inertia = np.linalg.inv(jacobian @ by_mass + 1e-6 * np.eye(6))
