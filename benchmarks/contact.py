@@ -24,7 +24,7 @@ import numpy as np
 import pinocchio as pin
 
 from picktree.world.control.courses import Course, Felt
-from picktree.world.control.impedance import Stiffness
+from picktree.world.control.stiffness import Stiffness
 from picktree.world.world import World
 
 T = TypeVar("T")

@@ -1,10 +1,13 @@
-"""Campaign: halt the sorting mission at random ticks in physics; the arm must rest, the mission then finish.
+"""Campaign: halt a mission at random ticks in physics; the arm must rest, the mission then finish.
 
     python benchmarks/halting.py --runs 200
     python benchmarks/halting.py --runs 200 --scene three_bins --out elsewhere
+    python benchmarks/halting.py --mission examples/insert_pegs.yaml --leaf Insert --each --seeds 3
 
-Each seed is run once and halted in branches of it. A finished seed is a line in the results file; a campaign
-that was interrupted goes on where it stopped.
+Each seed is run once and halted in branches of it, at ticks drawn from its length, or at each tick in which
+one of the leaves runs. At rest no torque may stay applied, nothing may be NaN, and control must be back at
+its everyday rate; then the same mission is begun anew in the same world. A finished seed is a line in the
+results file; a campaign that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -25,8 +28,14 @@ HALTS = 10
 """In each seed's run; fewer when it is over before."""
 LAST_TICK = 420
 """A run of four items has about that many ticks."""
+EACH = 120
+"""Ticks of one seed in which the leaves run, about."""
 COST = {"sort_small": 1.5, "three_bins": 7.0}
 """CPU seconds a halt, for the forecast."""
+
+
+SLOW = 600.0
+"""Simulated seconds that a mission which is halted at each tick may take."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,10 @@ class Job:
     scene: str
     seed: int
     halts: int
+    mission: str
+    leaves: tuple[str, ...]
+    """Halted in these only; empty: in all."""
+    each: bool
 
 
 def _cell() -> ModuleType:
@@ -50,25 +63,29 @@ def one(job: Job) -> Row:
     """One seed's run with its halts, each with what came of it, or the error that it died of."""
     import numpy as np
 
+    from picktree.trees.loader import load_mission
+    from picktree.trees.registry import Registry
     from picktree.world.scene.load import load_scene
 
     cell = _cell()
+    mission = load_mission(Path(job.mission), Registry())
+    scene = load_scene(job.scene or mission.scene or "sort_small")
     last = LAST_TICK if job.scene == "sort_small" else 3 * LAST_TICK
     draw = np.random.default_rng([job.seed, 1])
     ticks = sorted(int(t) + 1 for t in draw.choice(last, job.halts, replace=False))
-    run = cell.Cell(cell.sorting(), load_scene(job.scene), "physics", job.seed)
+    run = cell.Cell(mission, scene, "physics", job.seed)
     answers: list[dict[str, object]] = []
 
     def wanted(tick: int) -> bool:
-        if tick in ticks:
+        if (job.each or tick in ticks) and (not job.leaves or run.leaf in job.leaves):
             try:
-                halted = cell.branch(lambda: cell.halt_and_finish(run, tick))
+                halted = cell.branch(lambda: cell.halt_and_finish(run, tick, mission))
                 answers.append({**asdict(halted), "fine": halted.fine})
             except AssertionError as error:
                 answers.append({"tick": tick, "leaf": run.leaf, "fine": False, "died": str(error)})
         return False
 
-    cell.halted_at(run, wanted)
+    cell.halted_at(run, wanted, limit=SLOW)
     return {"seed": job.seed, "unhalted": run.score().sorted, "halts": answers}
 
 
@@ -94,21 +111,29 @@ def report(rows: list[Row]) -> tuple[str, bool]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scene", default="sort_small")
+    parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_by_colour.yaml"))
+    parser.add_argument("--scene", help="else the mission's own; sort_small for sort_by_colour")
+    parser.add_argument("--leaf", action="append", default=[], help="halt in this leaf only; may be repeated")
+    parser.add_argument("--each", action="store_true", help="at each of its ticks, in --seeds seeds")
+    parser.add_argument("--seeds", type=int, default=2, help="with --each")
     parser.add_argument("--runs", type=int, default=200, help=f"halts, up to {HALTS} in each seed")
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--out", default=str(ROOT / "runs" / "halting"))
     options = parser.parse_args()
+    mission = Path(options.mission)
+    scene = options.scene or ("sort_small" if mission.stem == "sort_by_colour" else "")
+    seeds = options.seeds if options.each else math.ceil(1.08 * options.runs / HALTS)
     jobs = [
-        Job(options.scene, seed, HALTS)
-        for seed in range(options.first, options.first + math.ceil(1.08 * options.runs / HALTS))
+        Job(scene, seed, HALTS, options.mission, tuple(options.leaf), options.each)
+        for seed in range(options.first, options.first + seeds)
     ]
+    name = "-".join([scene or mission.stem, *options.leaf, *(["each"] if options.each else [])])
     rows = campaign(
-        Path(options.out) / f"{options.scene}.jsonl",
+        Path(options.out) / f"{name}.jsonl",
         jobs,
         one,
-        cost=HALTS * COST.get(options.scene, 7.0),
+        cost=(EACH if options.each else HALTS) * COST.get(scene, 7.0),
         workers=options.workers,
         short=lambda row: f"{sum(halt['fine'] for halt in row['halts'])} of {len(row['halts'])}",
     )

@@ -26,6 +26,7 @@ from picktree.world.robot.load import load_robot
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.load import load_scene
 from picktree.world.simulation.backends import Backend, build_hardware
+from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.simulation.scorer import Score, score
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -35,6 +36,7 @@ REST_LIMIT = 1.0
 """Simulated seconds within which an arm that was halted must stand."""
 STILL = 0.02
 """rad/s over all joints."""
+EVERYDAY_PERIOD = 1 / 240
 FALL, ROLL = 15, 80
 """Ticks after the end in which what was let go in the air comes to rest: at least, at most."""
 
@@ -156,14 +158,17 @@ class Halted:
         return done and self.speed < STILL and not self.complaints
 
 
-def halt_and_finish(cell: Cell, tick: int) -> Halted:
-    """Halt the cell's mission, wait for rest, run `sort_by_colour` in the same world to its end."""
+def halt_and_finish(cell: Cell, tick: int, then: Mission | None = None) -> Halted:
+    """Halt the cell's mission, wait for rest, run `then` in the same world to its end: `sort_by_colour`
+    unless given."""
     leaf = cell.leaf
     cell.events.clear()
     cell.halt()
     complaints = [f"{n.path} is {n.state}" for n in cell.tree.nodes if n.state is not NodeStatus.IDLE]
     to_rest = cell.rest()
     speed = cell.speed
+    cell.wait()
+    complaints += left_over(cell)
     stop = cell.world.control.monitor.stopped
     if stop is not None:
         complaints.append(f"safety stop: {stop.message}")
@@ -176,7 +181,7 @@ def halt_and_finish(cell: Cell, tick: int) -> Halted:
                 f"{held.id} is believed to be held, but {nearest.id} is "
                 f"{nearest.pose.distance(held.pose) * 1000:.0f} mm away from there"
             )
-    cell.start(sorting())
+    cell.start(then or sorting())
     status = cell.finish()
     for waited in range(ROLL):
         if waited >= FALL and all(math.hypot(*body.velocity) < 0.01 for body in cell.hardware.truth()):
@@ -196,6 +201,21 @@ def halt_and_finish(cell: Cell, tick: int) -> Halted:
         tuple(complaints),
         tuple(cell.happened("recovery")),
     )
+
+
+def left_over(cell: Cell) -> list[str]:
+    """What must not remain of a contact once the arm stands: torques, a finer step, numbers that are none."""
+    control, found = cell.world.control, list[str]()
+    if control.controller != "Hold":
+        found.append(f"{control.controller} commands the arm at rest")
+    if isinstance(cell.hardware, PhysicsHardware) and cell.hardware.arm.mode != "follow":
+        found.append("joint torques stay applied")
+    if control.period != EVERYDAY_PERIOD:
+        found.append(f"control goes on with a period of {control.period} s")
+    state, wrench = control.state, control.hardware.wrench.read()
+    if not np.isfinite([*state.position, *state.velocity, *wrench.force, *wrench.torque]).all():
+        found.append("a sensor says what is no number")
+    return found
 
 
 def branch(doing: Callable[[], Halted]) -> Halted:
@@ -219,16 +239,19 @@ def branch(doing: Callable[[], Halted]) -> Halted:
     return answer
 
 
-def halted_at(cell: Cell, wanted: Callable[[int], bool]) -> list[Halted]:
-    """The cell's mission run once; at each wanted tick a branch in which it is halted and sorting is done
-    from there. The first tick is 1; the mission is halted when the tick's time has passed."""
+def halted_at(
+    cell: Cell, wanted: Callable[[int], bool], then: Mission | None = None, limit: float = LIMIT
+) -> list[Halted]:
+    """The cell's mission run once; at each wanted tick a branch in which it is halted and `then` (sorting,
+    unless given) is done from there. The first tick is 1; the mission is halted when the tick's time has
+    passed."""
     answers: list[Halted] = []
     tick = 0
-    while cell.world.clock.now < LIMIT:
+    while cell.world.clock.now < limit:
         cell.tick()
         if not cell.running:
             break
         tick += 1
         if wanted(tick):
-            answers.append(branch(lambda at=tick: halt_and_finish(cell, at)))
+            answers.append(branch(lambda at=tick: halt_and_finish(cell, at, then)))
     return answers

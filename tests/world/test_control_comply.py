@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from picktree.world.control.courses import Course, Felt
-from picktree.world.control.impedance import Stiffness
+from picktree.world.control.stiffness import Stiffness
 from picktree.world.control.touching import Complied
 from picktree.world.errors import PicktreeError
 from picktree.world.simulation.physics import PhysicsHardware
@@ -123,9 +123,23 @@ def test_a_stiffness_for_each_axis_of_the_tool() -> None:
     in_world = spring.matrix(quarter)
     np.testing.assert_allclose(np.diag(in_world), [200.0, 100.0, 300.0, 5.0, 5.0, 5.0])
     assert spring.along(np.array([1.0, 0.0, 0.0]), quarter) == pytest.approx(200.0)
-    np.testing.assert_allclose(
-        np.diag(Stiffness((0.0, 1.0, 900.0)).matrix(quarter, (200.0, 5.0)))[:3], [200, 200, 900]
-    )
+
+
+def test_stiffness_in_a_frame_that_stays_where_it_is() -> None:
+    half = float(np.sqrt(0.5))
+    spring = Stiffness(linear=(100.0, 200.0, 300.0), frame=(half, 0.0, 0.0, half))
+    np.testing.assert_allclose(np.diag(spring.matrix(np.eye(3)))[:3], [100.0, 300.0, 200.0])
+
+
+def test_damping_of_an_axis_is_its_share_of_the_critical() -> None:
+    inertia = np.diag([4.0, 4.0, 4.0, 0.1, 0.1, 0.1])
+    spring = Stiffness(linear=(225.0, 400.0, 0.0), angular=10.0, damping=(1.0, 0.5, 0.7))
+    damping = np.diag(spring.damping_matrix(inertia, np.eye(3)))
+    np.testing.assert_allclose(damping[:2], [2 * np.sqrt(225.0 * 4.0), 0.5 * 2 * np.sqrt(400.0 * 4.0)])
+    assert damping[2] == pytest.approx(0.7 * 2 * np.sqrt(200.0 * 4.0))
+    one, three = (Stiffness(100.0, 10.0, share) for share in (0.9, (0.9, 0.9, 0.9)))
+    matrices = [spring.damping_matrix(inertia, np.eye(3)) for spring in (one, three)]
+    np.testing.assert_allclose(*matrices)
 
 
 def test_a_rate_that_does_not_divide_the_tick_is_refused() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from picktree.world.causes import Failure
-from picktree.world.control.impedance import Stiffness
+from picktree.world.control.stiffness import Stiffness
 from picktree.world.errors import PicktreeError
 from picktree.world.values import Pose
 

@@ -7,7 +7,8 @@ import pytest
 
 from picktree.world.causes import Failure
 from picktree.world.control.courses import Stay
-from picktree.world.control.impedance import CartesianImpedance, Stiffness
+from picktree.world.control.impedance import CartesianImpedance
+from picktree.world.control.stiffness import Stiffness
 from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.values import Array, Pose
 

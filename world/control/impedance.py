@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 
 from ..robot.model import RobotModel
-from ..values import Array, JointState, Vector3
+from ..values import Array, JointState
 from .boundaries import JointBounds
 from .commands import Controller, JointCommand, TorqueCommand
 from .courses import Course, Felt, Stay
 from .feeling import Feeling
 from .joint_controllers import Brake
+from .stiffness import FIRM, SOFT, Stiffness
 
 REFRESH = 0.05
 """Time between two computations of what depends on the inertia, s."""
@@ -32,48 +31,14 @@ POSTURE = 25.0
 """Stiffness of the null-space posture over inertia, 1/s²; critically damped."""
 
 
-@dataclass(frozen=True, slots=True)
-class Stiffness:
-    """Of the spring between the tool and its anchor, of one number or one for each axis of `frame`: N/m and
-    Nm/rad; share of the critical damping. An axis without stiffness is moved by the course's wrench alone,
-    and damped as if it had `LEAST`."""
-
-    linear: float | Vector3 = 1500.0
-    angular: float | Vector3 = 40.0
-    damping: float = 0.9
-    frame: Literal["world", "tool"] = "world"
-
-    def along(self, direction: Array, rotation: Array) -> float:
-        """Against a shift along a unit vector (3,) of the world, the tool being turned by (3, 3), N/m."""
-        in_frame = rotation.T @ direction if self.frame == "tool" else direction
-        return float((np.broadcast_to(self.linear, 3) * in_frame) @ in_frame)
-
-    def matrix(self, rotation: Array, least: tuple[float, float] = (0.0, 0.0)) -> Array:
-        """(6, 6) in the world's axes, the tool being turned by (3, 3); no axis below `least`."""
-        both = np.zeros((6, 6))
-        for at, stiffness, floor in ((0, self.linear, least[0]), (3, self.angular, least[1])):
-            diagonal = np.maximum(np.broadcast_to(np.asarray(stiffness, np.float64), 3), floor)
-            block = np.diag(diagonal)
-            if self.frame == "tool":
-                block = (rotation * diagonal) @ rotation.T
-            both[at : at + 3, at : at + 3] = block
-        return both
-
-
-FIRM = Stiffness()
-SOFT = Stiffness(linear=400.0, angular=20.0, damping=1.0)
 COMPLY_TIME = 0.3
 """Length of the reflex to a contact, s."""
-
-
-LEAST = (200.0, 5.0)
-"""Stiffness whose damping an axis has at least, N/m and Nm/rad."""
 
 
 class CartesianImpedance:
     """τ = Jᵀ(K e + D ė + Λ ẍ + f) + N M (posture) + bias(q, v), limited in size and rate.
 
-    D follows K and the tool's inertia Λ by double diagonalisation (Albu-Schäffer et al. 2003). `preload`
+    K and D: see `Stiffness`; Λ is the tool's inertia. `preload`
     (6,): a constant wrench f that the hand exerts, such as what carries a held object; world axes, about
     the TCP. Joints keep their soft limits (`JointBounds`), and the anchor slows down for them.
     """
@@ -178,12 +143,7 @@ class CartesianImpedance:
         led = bool(self.course.direction.any())
         self.blocked_by = speed.blocked_by or (self._bounds.at_limit(q) if led and self._strayed() else "")
         self._spring: Array = self._stiffness.matrix(rotation)
-        damped = self._stiffness.matrix(rotation, LEAST)
-        lower = np.linalg.cholesky(inertia)
-        inverse = np.linalg.inv(lower)
-        squares, modes = np.linalg.eigh(inverse @ damped @ inverse.T)
-        shape = lower @ modes
-        self._damping: Array = (shape * (2.0 * self._stiffness.damping * np.sqrt(squares))) @ shape.T
+        self._damping: Array = self._stiffness.damping_matrix(inertia, rotation)
         self._null: Array = mass - jacobian.T @ inertia @ jacobian
 
 

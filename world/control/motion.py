@@ -18,11 +18,11 @@ from ..trajectory import Trajectory
 from ..values import Array, Vector3
 from .courses import Course
 from .guarded import GuardedResult
-from .impedance import FIRM, Stiffness
 from .jogging import Jogging, JogResult, Lookout, Twists
 from .joint_controllers import Track, way_back
 from .lease import ForceGuard, Lease
 from .loop import ControlLoop
+from .stiffness import FIRM, Stiffness
 from .touching import Complied, Touching
 
 T = TypeVar("T")

@@ -17,10 +17,11 @@ from .boundaries import way_inside
 from .courses import Course
 from .feeling import Feeling
 from .guarded import GuardedCourse, GuardedResult
-from .impedance import CartesianImpedance, Stiffness
+from .impedance import CartesianImpedance
 from .joint_controllers import Hold
 from .lease import Lease
 from .loop import ControlLoop
+from .stiffness import Stiffness
 
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]

@@ -64,6 +64,11 @@ class PhysicsArm:
         self._body = body
         self._shape = (len(body.description.joints),)
 
+    @property
+    def mode(self) -> str:
+        """What drives it now: `follow`, the servo, or `torque`."""
+        return self._body.command.mode
+
     def read(self) -> JointState:
         senses, n = self._senses, self._shape[0]
         reading = senses.reading
