@@ -3,14 +3,14 @@
 Seen from above, straight cuts part the box until one hole is left in each piece. What surrounds a hole in
 its piece is parted along the bisectors at the corners of the hole's outline, into one convex wedge for each
 side of it, from the top face down to the underside. A chamfer is one more plane that is cut off each wedge.
-Below a hole lies a plate. Nothing that can be touched is a gap: wedges share their faces exactly.
+Below a hole there is a plug. Nothing that can be touched is a gap: the pieces share their faces.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TypeAlias
 
@@ -61,8 +61,14 @@ def bored(fixture: Fixture) -> tuple[tuple[ConvexMesh, Pose], ...]:
     return _bored(fixture.shape, fixture.holes)
 
 
+def layered(box: Box, holes: Sequence[Hole]) -> tuple[tuple[ConvexMesh, Pose], ...]:
+    """The same solid of other pieces: parted also at the height of each bottom, so that no face of a piece is
+    partly hidden by another piece and partly seen."""
+    return _bored(box, tuple(holes), layers=True)
+
+
 @cache
-def _bored(box: Box, holes: tuple[Hole, ...]) -> tuple[tuple[ConvexMesh, Pose], ...]:
+def _bored(box: Box, holes: tuple[Hole, ...], *, layers: bool = False) -> tuple[tuple[ConvexMesh, Pose], ...]:
     plots = parted(box, holes)
     assert not isinstance(plots, Interlocked)
     pieces: list[tuple[ConvexMesh, Pose]] = []
@@ -71,9 +77,14 @@ def _bored(box: Box, holes: tuple[Hole, ...]) -> tuple[tuple[ConvexMesh, Pose], 
         if hole is None:
             pieces.append(_prism(plot, -top, top))
             continue
-        pieces += _wedges(plot, hole, -top, top)
-        if top - hole.depth > -top + 1e-6:
-            pieces.append(_prism(plot, -top, top - hole.depth))
+        bottom = top - hole.depth
+        if bottom < -top + 1e-6:
+            pieces += _wedges(plot, hole, -top, top)
+            continue
+        pieces.append(_prism(outline(hole), -top, bottom))
+        if layers:
+            pieces += _wedges(plot, replace(hole, chamfer=0.0), -top, bottom)
+        pieces += _wedges(plot, hole, bottom if layers else -top, top)
     return tuple(pieces)
 
 
@@ -120,6 +131,20 @@ def _cut(holes: Sequence[Hole]) -> tuple[Array, float] | None:
                     best = (low - reach, normal, (low + reach) / 2)
                 reach = max(reach, high)
     return None if best is None else best[1:]
+
+
+def apart(one: Hole, other: Hole) -> float:
+    """Wall between the mouths of two holes, chamfers included, m; 0 or less where they overlap.
+
+    Exact where the nearest points lie on a side and anything; a little too small between two corners.
+    """
+    mouths = (outline(one, one.chamfer), outline(other, other.chamfer))
+    best = -math.inf
+    for mine, theirs in (mouths, mouths[::-1]):
+        for k in range(len(mine)):
+            normal = _outward(mine[k - 1], mine[k])
+            best = max(best, float((theirs @ normal).min() - mine[k] @ normal))
+    return best
 
 
 def _yaw(hole: Hole) -> float:

@@ -142,7 +142,7 @@ class Thinking:
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
-    """Standard deviations of the sensors other than the cameras."""
+    """Standard deviations of the errors of the sensors other than the cameras."""
 
     encoder: float = 2e-5
     """rad"""
@@ -152,6 +152,12 @@ class SensorNoise:
     """N, each axis"""
     torque: float = 0.01
     """Nm, each axis"""
+    force_bias: float = 1.0
+    """Of what the wrist's sensor adds for the whole run, in the hand's axes, N, each axis"""
+    torque_bias: float = 0.05
+    """Nm, each axis"""
+    drift: float = 0.1
+    """By which share of itself the bias wanders within minutes"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from ..files.document import Location
 from ..shapes import Box, Cylinder, Shape, Sphere
 from ..values import Array, ObjectId, Pose, Vector3
 from .description import Bin, CameraDescription, CatalogueEntry, Fixture, Form
+from .drilling import check_holes, holes, uncertainty
 from .markers import SMALLEST, tiles_on
 from .meshes import MeshError, load_convex
 from .schema import FORMS, CameraFile, CatalogueFile, FixtureFile, UnknownFile
@@ -43,6 +44,7 @@ def check_body(check: Checker, name: str, entry: FixtureFile) -> None:
         _check_drive(check, loc, entry, which)
     with check.readable():
         _check_marker(check, loc, entry)
+    check_holes(check, loc, entry, which)
 
 
 def _check_marker(check: Checker, loc: Location, entry: FixtureFile) -> None:
@@ -96,7 +98,8 @@ def body(name: str, entry: FixtureFile) -> Fixture | Bin:
         tiles = tiles_on(entry.marker)
         return Fixture(ObjectId(name), Box(entry.marker), pose, entry.colour, tiles=tiles)
     assert entry.box is not None
-    return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour)
+    bored = holes(name, entry)
+    return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour, bored, uncertainty(entry))
 
 
 def check_unknown(check: Checker, loc: Location, entry: UnknownFile) -> None:

@@ -12,8 +12,9 @@ from ..errors import PicktreeError
 from ..files.checked import Checker
 from ..files.document import Document, Fault, FileError, nearest, open_document, overlaid, read_document
 from ..files.expression_types import INT
+from ..files.expressions import Expression
 from ..files.shipped import find_file, shipped_names
-from ..values import Bounds, Pose
+from ..values import Bounds, ObjectId, Pose
 from .areas import check_spawn
 from .calibration import Calibration, corrected
 from .conditions import condition
@@ -29,9 +30,11 @@ from .description import (
     Thinking,
 )
 from .destinations import can_hold, rule_names
+from .drilling import check_fits, holes
 from .entries import body, camera, check_body, check_camera, check_unknown, kind, unknown
 from .feed import Exchange
 from .feeding import belt, check_belts, check_feed, delivery
+from .holes import Hole
 from .schema import (
     SECTIONS,
     CalibrationFile,
@@ -142,6 +145,8 @@ class _Parts:
         self.destinations = check.sequence(DestinationFile, "destinations", most=MAX_ENTRIES)
         self.catalogue: Mapping[str, CatalogueEntry | None] = {}
         self.robot: Path | None = None
+        self.rules: list[tuple[Expression, str]] = []
+        """Of the destinations: those without a fault of their own, and what each names."""
 
     def check(self) -> bool:
         """Look for faults of meaning in all that could be read. Whether the whole file is without error."""
@@ -165,6 +170,7 @@ class _Parts:
         self._check_feed(fixtures, workspace)
         for n, entry in enumerate(self.destinations):
             self._check_destination(n, entry)
+        self._check_fits()
         with check.readable():
             if self.rest.goal is not None:
                 condition(check, ("goal",), self.rest.goal, dict.fromkeys(GOAL_NAMES, INT), code="P419")
@@ -185,11 +191,17 @@ class _Parts:
             cameras=tuple(corrected(camera(name, entry), known) for name, entry in self.cameras.items()),
             catalogue=tuple(k for k in self.catalogue.values() if k is not None),
             spawn=tuple(_spawn(entry) for entry in self.spawn),
-            destinations=tuple(Destination(d.where, bins[d.to].id) for d in self.destinations),
+            destinations=tuple(Destination(d.where, ObjectId(d.to)) for d in self.destinations),
             limits=Limits(limits.force, Bounds(limits.workspace.min, limits.workspace.max)),
             thinking=Thinking(rest.thinking.collision_check, rest.thinking.image),
             noise=SensorNoise(
-                rest.sensors.encoder, rest.sensors.width, rest.sensors.force, rest.sensors.torque
+                rest.sensors.encoder,
+                rest.sensors.width,
+                rest.sensors.force,
+                rest.sensors.torque,
+                rest.sensors.force_bias,
+                rest.sensors.torque_bias,
+                rest.sensors.drift,
             ),
             checkpoint_every=rest.checkpoint_every,
             goal=rest.goal,
@@ -256,9 +268,11 @@ class _Parts:
         with check.readable():
             # What may be a bin, because it could not be read, is not missed here.
             bins = [name for name in self.bodies if self._may_be_bin(name)]
-            if rule.to not in bins:
-                hint = nearest(rule.to, bins)
-                check.fault(("destinations", n, "to"), f"there is no bin {rule.to!r}", hint, code="P416")
+            bored = self._holes()
+            if rule.to not in bins and rule.to not in bored and rule.to.partition("/")[0] not in bins:
+                what = "bin or hole" if bored else "bin"
+                hint = nearest(rule.to, (*bins, *bored))
+                check.fault(("destinations", n, "to"), f"there is no {what} {rule.to!r}", hint, code="P416")
         with check.readable():
             loc, names = ("destinations", n, "where"), rule_names(self.kinds)
             expression = condition(check, loc, rule.where, names, code="P417")
@@ -267,6 +281,8 @@ class _Parts:
             if expression is not None and not can_hold(expression, names, most=most):
                 hint = "check the colour, form and kind that it asks for"
                 check.fault(loc, "no item can fulfil this", hint, code="P418")
+            if expression is not None:
+                self.rules.append((expression, rule.to))
 
     def _check_calibration(self) -> None:
         check = self.checker
@@ -277,6 +293,29 @@ class _Parts:
                     hint = nearest(name, list(self.cameras))
                     loc = ("calibration", "cameras", name)
                     check.fault(loc, f"there is no camera {name!r}", hint, code="P441", key=True)
+
+    def _holes(self) -> Mapping[str, tuple[Hole, ...]]:
+        """What a destination may name beside a bin: a fixture with holes, and each hole of it."""
+        found: dict[str, tuple[Hole, ...]] = {}
+        for name, entry in self.bodies.items():
+            with self.checker.readable():
+                bored = holes(name, entry) if entry.box is not None else ()
+                found |= {name: bored} if bored else {}
+                found |= {str(hole.id): (hole,) for hole in bored}
+        return found
+
+    def _check_fits(self) -> None:
+        """Whether the items that come fit where they belong, when that is known of all."""
+        check = self.checker
+        if len(self.rules) < len(self.destinations) or check.full:
+            return
+        with check.readable():
+            coming = [
+                (kind, colour) for e in (*self.spawn, *self.feed) for kind in e.of for colour in e.colours
+            ]
+            trials = len(dict.fromkeys(coming)) * sum(len(rule.where) for rule in self.destinations)
+            if trials <= RULE_TRIALS:
+                check_fits(check, self.rules, dict.fromkeys(coming), self.catalogue, self._holes())
 
     def _may_be_bin(self, name: str) -> bool:
         with self.checker.readable():

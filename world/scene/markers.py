@@ -12,7 +12,7 @@ COLOURS = ("red", "yellow", "blue", "purple", "green", "cyan")
 """Of the squares, row by row. All differ, so that each square is known by itself and a target that is turned
 by half a turn is not taken for one that is not."""
 COLUMNS, ROWS = 3, 2
-FILLED = 0.62
+FILLED = 0.75
 """Edge of a square over that of its cell: so much grey is left between squares, and to the block's edges,
 that a camera does not mix them up."""
 PROUD = 0.0003

@@ -98,6 +98,10 @@ BeltSpeed = Annotated[float, quantity("m/s", least=0.005, most=0.5)]
 Spacing = Annotated[float, quantity("m", least=0.01, most=10)]
 Period = Annotated[float, quantity("s", least=1, most=86400)]
 Total = Annotated[int, Strict(), Field(ge=1, le=1_000_000)]
+HoleSize = Annotated[float, quantity("m", least=0.002, most=1.0)]
+Chamfer = Annotated[float, quantity("m", least=0, most=0.05)]
+Displacement = Annotated[float, quantity("m", least=0, most=0.05)]
+Misturn = Annotated[float, quantity("rad", least=0, most=math.radians(15))]
 
 
 class CylinderFile(FileModel):
@@ -123,6 +127,38 @@ class MeshFile(FileModel):
     """An OBJ or STL file; its path counts from this file. Its hull is what the robot handles."""
     scale: Annotated[float, quantity("", above=0)] = 1.0
     """Factor on the mesh's own coordinates: 0.001 for a mesh in mm."""
+
+
+class HoleFile(FileModel):
+    """A hole with straight walls, from the top face of a box downwards."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("round", "square", "slot")
+    """Exactly one of these is given."""
+
+    round: HoleSize | None = None
+    """Diameter that is free inside."""
+    square: HoleSize | None = None
+    """Length of each side inside."""
+    slot: tuple[HoleSize, HoleSize] | None = None
+    """Length and width inside; its ends are straight, its corners sharp."""
+    at: Corner
+    """The middle of its mouth: x and y from the middle of the box's top face, in the box's own frame."""
+    depth: Size
+    """From the mouth to the bottom; through the box when it is the box's height."""
+    chamfer: Chamfer = 0.0
+    """Height and width of the bevel around the mouth."""
+    yaw: Angle | None = None
+    """How a square or a slot is turned in the box, about the vertical."""
+
+
+class UncertaintyFile(FileModel):
+    """How far a fixture may really stand from where the file says; where, is drawn from the seed, and nobody
+    tells the robot."""
+
+    position: Displacement = 0.0
+    """Along its own x and y, each way."""
+    angle: Misturn = 0.0
+    """About the vertical, each way, and of its tilt."""
 
 
 class FixtureFile(FileModel):
@@ -154,6 +190,10 @@ class FixtureFile(FileModel):
     """Of a belt while it runs."""
     eye: Length | None = None
     """Where the light barrier crosses a belt, from its middle along +x: there it stops for the robot."""
+    holes: dict[Name, HoleFile] | None = None
+    """Holes in the top face of a box by name, into which items are put; each is a destination."""
+    uncertainty: UncertaintyFile | None = None
+    """How far a box may really stand from here."""
     colour: PlainColour = "grey"
     """What cameras see: an unsaturated colour, so that it is told from items."""
 
@@ -324,7 +364,8 @@ class DestinationFile(FileModel):
     where: str
     """For which items: an expression of colour, form and kind, as "colour == 'red' and kind != 'can'"."""
     to: str
-    """The bin, by its name under `fixtures`."""
+    """The bin, or the fixture with holes, by its name under `fixtures`: then any free hole that fits the item
+    is right. Or one hole, as board/left."""
 
 
 class ToolErrorFile(FileModel):
@@ -396,6 +437,13 @@ class SensorsFile(FileModel):
     """Of the force at the wrist, each axis."""
     torque: Annotated[float, quantity("Nm", least=0, most=100)] = SensorNoise().torque
     """Of the torque at the wrist, each axis."""
+    force_bias: Annotated[float, quantity("N", least=0, most=10)] = SensorNoise().force_bias
+    """Of what the wrist's sensor adds to each axis of the force for a whole run; drawn from the seed, and it
+    turns with the hand."""
+    torque_bias: Annotated[float, quantity("Nm", least=0, most=10)] = SensorNoise().torque_bias
+    """Likewise of the torque."""
+    drift: Share = SensorNoise().drift
+    """By which share the bias wanders within minutes."""
 
 
 class RestFile(FileModel):

@@ -15,6 +15,7 @@ from ..scene.description import Bin, Fixture, SceneDescription
 from ..scene.markers import PROUD
 from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..values import Array, ObjectId, Pose, Vector3
+from .bores import add_bored, bored_visual
 from .engine import pb
 from .footprints import floor_height
 from .spawn import SpawnedItem
@@ -42,6 +43,9 @@ def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict
     bodies: dict[int, str] = {}
     for fixture in (floor, *scene.fixtures):
         check_body(fixture.id, fixture.shape, fixture.pose)
+        if fixture.holes:
+            bodies |= dict.fromkeys(add_bored(fixture, client), str(fixture.id))
+            continue
         shape = _collision(fixture.shape, client)
         bodies[_fixed(shape, -1, fixture.pose, client)] = fixture.id
     for each in scene.bins:
@@ -66,7 +70,11 @@ def add_obstacle(body: Fixture, client: int) -> int:
 def add_scenery(scene: SceneDescription, client: int) -> None:
     """Fixtures and bins, to be seen but not touched."""
     for fixture in scene.fixtures:
-        _fixed(-1, _visual(fixture.shape, fixture.colour, client), fixture.pose, client)
+        if fixture.holes:
+            visual = bored_visual(fixture, _rgba(fixture.colour), client)
+        else:
+            visual = _visual(fixture.shape, fixture.colour, client)
+        _fixed(-1, visual, fixture.pose, client)
         for tile in fixture.tiles:
             sticker = Box((tile.edge, tile.edge, 2 * PROUD))
             inner = Pose(tile.centre).shifted((0.0, 0.0, -PROUD))

@@ -6,8 +6,11 @@ good, so a piece is a body of its own; all have the fixture's name in contacts.
 
 from __future__ import annotations
 
+from functools import cache
+
 from ..scene.boring import bored
 from ..scene.description import Fixture
+from ..scene.solids import surface
 from .engine import pb
 
 
@@ -22,3 +25,23 @@ def add_bored(fixture: Fixture, client: int) -> tuple[int, ...]:
         pb.changeDynamics(number, -1, collisionMargin=0.0, physicsClientId=client)
         numbers.append(number)
     return tuple(numbers)
+
+
+def bored_visual(fixture: Fixture, rgba: tuple[float, float, float, float], client: int) -> int:
+    """A visual shape of the fixture in its own frame, with the insides of its holes."""
+    corners, order, normals = _lists(fixture)
+    return pb.createVisualShape(
+        pb.GEOM_MESH,
+        vertices=corners,
+        indices=order,
+        normals=normals,
+        rgbaColor=rgba,
+        physicsClientId=client,
+    )
+
+
+@cache
+def _lists(fixture: Fixture) -> tuple[list[list[float]], list[int], list[list[float]]]:
+    """Made once: pybullet never lets go of the lists."""
+    seen = surface(fixture)
+    return seen.corners.tolist(), list(range(len(seen.corners))), seen.normals.tolist()

@@ -25,6 +25,7 @@ from .camera import PhysicsCamera, Scenery
 from .checkpoint import Checkpoint, RobotReading
 from .client import Client
 from .devices import PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
+from .displaced import displaced
 from .engine import pb
 from .feeder import Feeder, FeederState, has_feeder
 from .noise import BodyNoise
@@ -69,6 +70,7 @@ class PhysicsHardware:
         self.scene = scene
         self.robot = robot
         self.seed = seed
+        self._real = displaced(scene, seed)
         self._streams = Streams(seed)
         client = Client()
         self.close = client.close
@@ -85,7 +87,7 @@ class PhysicsHardware:
         self._room: Room | None = None
         self.arm = PhysicsArm(senses, self._body)
         self._model: RobotModel | None = None
-        scenery = Scenery(scene)
+        scenery = Scenery(self._real)
         self._cameras = MappingProxyType(
             {
                 c.name: PhysicsCamera(
@@ -233,6 +235,11 @@ class PhysicsHardware:
         """As `truth` at time 0."""
         return tuple(self._items.true(state) for state in self._initial)
 
+    def _believed_tcp(self) -> Pose:
+        """Where the tool is by the encoders."""
+        self._model = self._model or RobotModel(replace(self.robot, tool=self.scene.tool))
+        return self._model.tcp(self.arm.read().position)
+
     def true_tcp(self) -> Pose:
         """Where the tool really is in the world, for tests."""
         return self._body.tcp()
@@ -245,11 +252,6 @@ class PhysicsHardware:
         )
 
     def remove(self, item: str) -> None:
-    def _believed_tcp(self) -> Pose:
-        """Where the tool is by the encoders."""
-        self._model = self._model or RobotModel(self.robot)
-        return self._model.tcp(self.arm.read().position)
-
         """A fault: the item is snatched away."""
         self._items.remove(item)
 
@@ -306,7 +308,7 @@ class PhysicsHardware:
             jointFeedbackMode=pb.JOINT_FEEDBACK_IN_WORLD_SPACE,
             physicsClientId=client,
         )
-        self._fixed = add_fixed(self.scene, self.robot.base_in_world, client)
+        self._fixed = add_fixed(self._real, self.robot.base_in_world, client)
         self._body.load()
         self._obstacles.renew(obstacles)
 
