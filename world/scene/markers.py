@@ -15,8 +15,9 @@ COLUMNS, ROWS = 3, 2
 FILLED = 0.75
 """Edge of a square over that of its cell: so much grey is left between squares, and to the block's edges,
 that a camera does not mix them up."""
-PROUD = 0.0003
-"""Height of the squares, which are stuck on, over the block's top, m."""
+PROUD = 0.00005
+"""Height of the squares, which are printed on, over the block's top, m: a camera that looks from the side
+sees no edge of theirs."""
 SMALLEST = (0.06, 0.04, 0.02)
 """Of a target along x, y, z, m: what fingers can touch from five sides, and a camera can tell apart."""
 
