@@ -42,8 +42,9 @@ class Gripper(Protocol):
 
     def read(self) -> GripperState: ...
 
-    def command(self, width: float, force: float) -> None:
-        """Drive towards an opening of `width` m with at most `force` N a finger."""
+    def command(self, width: float, force: float, speed: float | None = None) -> None:
+        """Drive towards an opening of `width` m with at most `force` N a finger, each finger no faster than
+        `speed` m/s; as fast as it can unless given."""
         ...
 
 

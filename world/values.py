@@ -96,6 +96,17 @@ class Pose:
         return 2.0 * math.acos(min(1.0, dot))
 
 
+def rotated(turn: Quaternion, vector: Vector3) -> Vector3:
+    """A vector turned by a unit quaternion, in plain numbers: for what is done in every step."""
+    (qx, qy, qz, qw), (x, y, z) = turn, vector
+    tx, ty, tz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
+    return (
+        x + qw * tx + qy * tz - qz * ty,
+        y + qw * ty + qz * tx - qx * tz,
+        z + qw * tz + qx * ty - qy * tx,
+    )
+
+
 def quaternion_product(a: Quaternion, b: Quaternion) -> Quaternion:
     """Hamilton product of two xyzw quaternions, renormalised."""
     ax, ay, az, aw = a

@@ -20,7 +20,7 @@ from picktree.world.values import ObjectId
 
 from .simulated_cell import cell, panda
 
-SILENT = SensorNoise(encoder=0.0, width=0.0, force=0.0, torque=0.0)
+SILENT = SensorNoise(encoder=0.0, width=0.0, force=0.0, torque=0.0, force_bias=0.0, torque_bias=0.0)
 HOME = np.array(panda().named["home"])
 STILL = np.zeros(7)
 

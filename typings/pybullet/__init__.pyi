@@ -112,6 +112,7 @@ def getLinkState(
     computeForwardKinematics: int = ...,
     physicsClientId: int = ...,
 ) -> tuple[Vec3, Vec4, Vec3, Vec4, Vec3, Vec4]: ...
+def getConstraintState(constraintUniqueId: int, physicsClientId: int = ...) -> tuple[float, ...]: ...
 def changeDynamics(
     bodyUniqueId: int,
     linkIndex: int,

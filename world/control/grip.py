@@ -8,6 +8,7 @@ from typing import TypeAlias, TypeVar
 from ..causes import Failure, control
 from ..protocols import Clock, Gripper
 from ..robot.description import GripperDescription
+from ..values import GripperState
 
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
@@ -29,17 +30,36 @@ class Grip:
         self._gripper = gripper
         self._clock = clock
         self._description = description
+        self._force = 0.0
 
     @property
     def width(self) -> float:
         """Measured opening, m."""
         return self._gripper.read().width
 
-    def start(self, width: float | None = None, force: float | None = None) -> None:
-        """Begin to move towards an opening (fully open by default) and do not wait."""
+    @property
+    def state(self) -> GripperState:
+        """What the gripper measures: opening, its speed, and the force of its drive on each finger."""
+        return self._gripper.read()
+
+    @property
+    def force(self) -> float:
+        """With which each finger was told to press last, N."""
+        return self._force
+
+    def start(
+        self, width: float | None = None, force: float | None = None, speed: float | None = None
+    ) -> None:
+        """Begin to move towards an opening (fully open by default) and do not wait. Each finger moves with
+        at most `speed` m/s."""
         most = self._description
         target = most.max_width if width is None else min(max(width, 0.0), most.max_width)
-        self._gripper.command(target, most.max_force if force is None else min(force, most.max_force))
+        self._force = most.max_force if force is None else min(force, most.max_force)
+        self._gripper.command(target, self._force, speed)
+
+    def press(self, force: float) -> None:
+        """Go on closing with another force a finger, N: firmer or more gently about what is held."""
+        self.start(0.0, force)
 
     def open(self, width: float | None = None) -> Doing[None]:
         """Open to `width` m, by default fully. Failure(control.timeout) when something holds the fingers."""
@@ -53,15 +73,16 @@ class Grip:
                 wanted=target,
             )
 
-    def close(self, force: float) -> Doing[float]:
+    def close(self, force: float, speed: float | None = None) -> Doing[float]:
         """Close with `force` N a finger until the fingers stand; answers the opening, m."""
-        return (yield from self.move(0.0, force))
+        return (yield from self.move(0.0, force, speed))
 
-    def move(self, width: float, force: float) -> Doing[float]:
-        """Towards an opening until it is reached or the fingers stand; answers the opening, m."""
-        self.start(width, force)
+    def move(self, width: float, force: float, speed: float | None = None) -> Doing[float]:
+        """Towards an opening until it is reached or the fingers stand, each moving with at most `speed`
+        m/s; answers the opening, m."""
+        self.start(width, force, speed)
         way = abs(self.width - width)
-        limit = self._clock.now + way / (2 * self._description.speed) + SPARE
+        limit = self._clock.now + way / (2 * (speed or self._description.speed)) + SPARE
         before = self.width
         yield
         still = 0

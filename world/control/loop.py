@@ -223,6 +223,9 @@ class ControlLoop:
         # The slow end of a motion does not count: what brakes there is still felt at the wrist.
         still = isinstance(self._controller, Hold) and float(v @ v) < REST_SPEED * REST_SPEED
         self._standing = self._standing + 1 if still else 0
+        if not self.wrist.zeroed and self._standing == round(REST_TIME / self.period):
+            # A run begins with an empty hand in the open.
+            self.wrist.zero(WINDOW, state.position)
         self._reference = self._setpoint.position if self._servo else None
         stopped = self.monitor.check(state, self._reference, force, self.period)
         self._periods += 1

@@ -36,6 +36,7 @@ class Wrist:
 
     The weight of the tool follows from the robot file, in any orientation. The sensor's bias turns with the
     hand; it is learnt by `zero`, and only there: whoever calls it vouches that the hand is empty and free.
+    The loop does so when the arm first rests in a run.
     """
 
     def __init__(self, sensor: WrenchSensor, model: RobotModel, clock: Clock) -> None:
@@ -65,6 +66,11 @@ class Wrist:
             return Wrench()
         fx, fy, fz, tx, ty, tz = (float(c) for c in self._bias)
         return Wrench((fx, fy, fz), (tx, ty, tz))
+
+    @property
+    def zeroed(self) -> bool:
+        """Whether a bias was ever learnt."""
+        return self._bias is not None
 
     @property
     def sensor_in_tool(self) -> Array:

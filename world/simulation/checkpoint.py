@@ -42,10 +42,11 @@ class ArmCommand:
 
 @dataclass(frozen=True, slots=True)
 class GripperCommand:
-    """Opening, m, and force a finger, N."""
+    """Opening, m, force a finger, N, and speed of each, m/s; without one as fast as it can."""
 
     width: float
     force: float
+    speed: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +58,8 @@ class RobotReading:
     effort: tuple[float, ...]
     wrench: tuple[float, ...]
     """Force and torque on the wrist in the world's axes, (6,)."""
+    turn: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    """Orientation of the wrist sensor in the world."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -100,13 +100,17 @@ class PhysicsGripper:
         force = fingers.force(position, reading.effort[n:])
         return GripperState(width, fingers.rate(position, reading.velocity[n:]), force)
 
-    def command(self, width: float, force: float) -> None:
+    def command(self, width: float, force: float, speed: float | None = None) -> None:
         """Beyond the gripper's limits the nearest possible is done."""
         if not (math.isfinite(width) and math.isfinite(force)):
             raise PicktreeError(f"gripper: width {width}, force {force}; both must be finite")
+        if speed is not None and not (math.isfinite(speed) and speed > 0.0):
+            raise PicktreeError(f"gripper: speed {speed}; it must be finite and above 0")
         gripper = self._body.description.gripper
         command = GripperCommand(
-            min(max(width, 0.0), gripper.max_width), min(max(force, 0.0), gripper.max_force)
+            min(max(width, 0.0), gripper.max_width),
+            min(max(force, 0.0), gripper.max_force),
+            None if speed is None or speed >= gripper.speed else speed,
         )
         if command != self._body.grip:
             self._body.drive_fingers(command)
@@ -119,6 +123,7 @@ class PhysicsWrench:
         self._senses = senses
 
     def read(self) -> Wrench:
-        a, b, c, d, e, f = self._senses.noise.wrench(self._senses.step)
-        fx, fy, fz, tx, ty, tz = self._senses.reading.wrench
+        senses = self._senses
+        a, b, c, d, e, f = senses.noise.wrench(senses.step, senses.now, senses.reading.turn)
+        fx, fy, fz, tx, ty, tz = senses.reading.wrench
         return Wrench((fx + a, fy + b, fz + c), (tx + d, ty + e, tz + f))

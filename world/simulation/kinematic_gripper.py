@@ -25,6 +25,8 @@ class KinematicGripper:
         self.target = description.max_width
         self.force = 0.0
         self.speed = 0.0
+        self.most_speed = description.speed
+        """Of each finger, m/s."""
         self.item_in_tcp: Pose | None = None
         self.gripped = 0.0
         """Width of what is held, m."""
@@ -32,7 +34,8 @@ class KinematicGripper:
     def read(self) -> GripperState:
         return GripperState(self.width, self.speed, self.force if self.speed == 0.0 else 0.0)
 
-    def command(self, width: float, force: float) -> None:
+    def command(self, width: float, force: float, speed: float | None = None) -> None:
+        self.most_speed = min(speed or self._description.speed, self._description.speed)
         self.target = min(max(width, 0.0), self._description.max_width)
         self.force = min(max(force, 0.0), self._description.max_force)
 
@@ -49,7 +52,7 @@ class KinematicGripper:
                 bodies.carry(tcp @ self.item_in_tcp)
                 self.speed = 0.0
                 return
-        most = 2.0 * self._description.speed * period
+        most = 2.0 * self.most_speed * period
         before = self.width
         width = before + min(max(self.target - before, -most), most)
         if width < before and (caught := self._caught(tcp, before, width)) is not None:

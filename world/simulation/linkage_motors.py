@@ -96,7 +96,7 @@ class LinkageMotors:
                 force=torque + bars,
                 positionGain=GAIN,
                 velocityGain=1.0,
-                maxVelocity=self._speed / per_rad * abs(by),
+                maxVelocity=(self._grip.speed or self._speed) / per_rad * abs(by),
                 physicsClientId=self._client,
             )
         velocity = {joint: state[1] for joint, state in zip(joints, states, strict=True)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..scene.description import CameraDescription, SensorNoise
 from ..streams import Streams
-from ..values import Array
+from ..values import Array, Quaternion, rotated
 
 BLOCK = 240
 """Steps whose noise is drawn at once: a generator costs 15 µs, a number 10 ns."""
@@ -55,6 +56,43 @@ class BlockNoise:
         return row
 
 
+class WrenchBias:
+    """What the wrist's sensor adds, in its own axes: drawn for the run, and wandering by a share of itself.
+
+    The wandering is a sum of slow sines, so that it depends on seed and time alone.
+    """
+
+    PERIODS = (70.0, 190.0, 430.0)
+    """Of the sines, s."""
+    EVERY = 0.05
+    """Time for which it stands still, s."""
+
+    def __init__(self, noise: SensorNoise, streams: Streams) -> None:
+        rng = streams.at("sensor/wrench_bias", 0)
+        deviations = np.array([noise.force_bias] * 3 + [noise.torque_bias] * 3)
+        self._constant = rng.standard_normal(6) * deviations
+        self._share = deviations * noise.drift * math.sqrt(2.0 / len(self.PERIODS))
+        self._phases = rng.uniform(0.0, 2.0 * math.pi, (len(self.PERIODS), 6))
+        self._rates = 2.0 * np.pi / np.array(self.PERIODS)[:, None]
+        self._slot = -1
+        self._now: list[float] = []
+        self.any = bool(deviations.any())
+
+    def at(self, now: float) -> Array:
+        """(6,) at a time, s, in the sensor's axes."""
+        slow = self.EVERY * math.floor(now / self.EVERY + 1e-6)
+        waves: Array = np.sin(self._rates * slow + self._phases) - np.sin(self._phases)
+        return np.asarray(self._constant + self._share * waves.sum(axis=0), np.float64)
+
+    def in_world(self, now: float, turn: Quaternion) -> tuple[float, ...]:
+        """(6,) in the world's axes, the sensor being turned like that."""
+        slot = math.floor(now / self.EVERY + 1e-6)
+        if slot != self._slot:
+            self._slot, self._now = slot, self.at(now).tolist()
+        a, b, c, d, e, f = self._now
+        return (*rotated(turn, (a, b, c)), *rotated(turn, (d, e, f)))
+
+
 class BodyNoise:
     """Errors of encoders, gripper and wrist at each step, in their units."""
 
@@ -63,6 +101,7 @@ class BodyNoise:
         self._encoders = BlockNoise(streams, "encoders", [noise.encoder] * joints + [rate] * joints)
         self._width = BlockNoise(streams, "width", [noise.width])
         self._wrench = BlockNoise(streams, "wrench", [noise.force] * 3 + [noise.torque] * 3)
+        self._bias = WrenchBias(noise, streams)
 
     def encoders(self, step: int) -> Array:
         """Errors of the joints' positions, rad, and then velocities, rad/s: (2 n,)."""
@@ -72,9 +111,12 @@ class BodyNoise:
         """Error of the opening, m."""
         return self._width.numbers(step)[0]
 
-    def wrench(self, step: int) -> list[float]:
-        """Error of force and torque, (6,) N and Nm."""
-        return self._wrench.numbers(step)
+    def wrench(self, step: int, now: float, turn: Quaternion) -> list[float]:
+        """Error of force and torque in the world's axes, (6,) N and Nm, the sensor being turned like that."""
+        noise = self._wrench.numbers(step)
+        if not self._bias.any:
+            return noise
+        return [n + b for n, b in zip(noise, self._bias.in_world(now, turn), strict=True)]
 
 
 def noisy_depth(

@@ -13,6 +13,7 @@ from ..values import Array, Pose
 from .checkpoint import ArmCommand, GripperCommand, RobotReading
 from .client import Client
 from .engine import pb
+from .gear import GearReaction
 from .linkage_motors import LinkageMotors
 from .robot_urdf import patched_urdf
 
@@ -40,6 +41,7 @@ class RobotBody:
         (Path(self._folder.name) / "robot.urdf").write_text(self._urdf, encoding="utf-8")
         self.fingers = fingers_of(robot.gripper)
         self._linkage: LinkageMotors | None = None
+        self._gear: GearReaction | None = None
         self.body = -1
         self.links: dict[int, str] = {}
         self._command = ArmCommand("follow", (), (), ())
@@ -123,6 +125,8 @@ class RobotBody:
             maxForce=GEAR_FORCE,
             physicsClientId=self._client,
         )
+        if self._linkage is None:
+            self._gear = GearReaction(gear, self.body, one, self._flange, self._client)
 
     def place(self, position: tuple[float, ...], velocity: tuple[float, ...]) -> None:
         """Set all joints, arm then fingers: at the start and on restore only."""
@@ -168,7 +172,7 @@ class RobotBody:
                 force=grip.force,
                 positionGain=FINGER_GAIN,
                 velocityGain=1.0,
-                maxVelocity=self.description.gripper.speed,
+                maxVelocity=grip.speed or self.description.gripper.speed,
                 physicsClientId=self._client,
             )
 
@@ -208,7 +212,7 @@ class RobotBody:
         states = pb.getJointStates(self.body, self._read_joints, physicsClientId=self._client)
         position, velocity, _, effort = zip(*states[:-1], strict=True)
         fx, fy, fz, tx, ty, tz = states[-1][2]
-        com, _, _, _, origin, _ = pb.getLinkState(self.body, self._flange, 0, 0, self._client)
+        com, _, _, _, origin, turn = pb.getLinkState(self.body, self._flange, 0, 0, self._client)
         lx, ly, lz = com[0] - origin[0], com[1] - origin[1], com[2] - origin[2]
         # pybullet gives what the wrist exerts on the hand, about the hand's centre of mass.
         wrench = (
@@ -219,9 +223,12 @@ class RobotBody:
             -ty - (lz * fx - lx * fz),
             -tz - (lx * fy - ly * fx),
         )
+        if self._gear is not None:
+            x, y, z = self._gear.read(turn)
+            wrench = (wrench[0] + x, wrench[1] + y, wrench[2] + z, *wrench[3:])
         if self._command.mode == "torque":
             effort = (*self._command.torque, *effort[len(self._arm) :])
-        return RobotReading(position, velocity, effort, wrench)
+        return RobotReading(position, velocity, effort, wrench, turn)
 
     def tcp(self) -> Pose:
         """Where the tool really is in the world."""
