@@ -8,7 +8,7 @@ import numpy as np
 
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
-from ..world.causes import Failure, control, grasp, planning, safety
+from ..world.causes import Failure, control, grasp, perception, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
 from ..world.manipulation.candidates import PickAndPlace
@@ -19,6 +19,7 @@ from ..world.manipulation.grasps import GraspCandidate, grasp_candidates
 from ..world.manipulation.holding import Hold
 from ..world.manipulation.legs import onward
 from ..world.manipulation.reaching import CARRIED, feel, lift
+from ..world.manipulation.servoing import close_in
 from ..world.manipulation.stages import PLACE
 from ..world.manipulation.stream import PickStream
 from ..world.manipulation.weighing import Weighing
@@ -57,7 +58,13 @@ class Grasp(Skill):
         "and transfer are one motion then; the arm stops by itself when none does",
         default=True,
     )
+    servo: In[bool] = port(
+        "whether the hand stops over the object and corrects its way by what the camera on it sees, where "
+        "there is one",
+        default=True,
+    )
     causes = (
+        perception.AMBIGUOUS,
         grasp.NO_CANDIDATE,
         grasp.MISSED,
         grasp.SLIPPED,
@@ -83,8 +90,11 @@ class Grasp(Skill):
             pick = yield from self._next(world, stream)
             if pick is None:
                 raise self._none(stream, len(ranked), len(ranked) - len(offered))
-            carried = self._prepared(world, pick)
+            carried: Prepared[Plan] | None = None
             try:
+                if self.servo:
+                    pick = yield from close_in(world, pick, self.path, first=first)
+                carried = self._prepared(world, pick)
                 yield from self._approach(world, pick, carried)
             except Failure as failure:
                 if carried is not None and failure is carried.answer:

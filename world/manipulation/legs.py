@@ -21,12 +21,18 @@ def approach(
 ) -> tuple[Request, ...]:
     """From where the arm is to `over` (n,) the grasp, and straight down onto it; for a flat object so far
     that the rest can be felt."""
-    handling = world.handling
-    felt = handling.felt_way / 2 if grasp.flat else 0.0
-    down = Line(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
     return (
-        Request(JointGoal(over), scaling=handling.scaling(speed)),
-        Request(down, width=grasp.opening, allowed=(("gripper", object_id),), scaling=handling.slowly),
+        Request(JointGoal(over), scaling=world.handling.scaling(speed)),
+        onto(world, object_id, grasp),
+    )
+
+
+def onto(world: World, object_id: ObjectId, grasp: GraspCandidate) -> Request:
+    """From over a grasp straight onto it; for a flat object so far that the rest can be felt."""
+    felt = world.handling.felt_way / 2 if grasp.flat else 0.0
+    down = Line(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
+    return Request(
+        down, width=grasp.opening, allowed=(("gripper", object_id),), scaling=world.handling.slowly
     )
 
 

@@ -34,7 +34,10 @@ def heap(
     low, high = bin_.inside()
     reach = np.array([high[0], high[1], high[2] + ABOVE])
     box = np.array(list(itertools.product((low[0], reach[0]), (low[1], reach[1]), (low[2], reach[2]))))
-    corners = picture.sight.pixels(bin_.pose.apply(box))
+    before = picture.sight.before(bin_.pose.apply(box))
+    if not len(before):
+        return BinView(heights)
+    corners = picture.sight.pixels(before)
     h, w = picture.depth.shape
     (u0, v0), (u1, v1) = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0)) + 1
     x0, y0 = int(np.clip(u0, 0, w)), int(np.clip(v0, 0, h))

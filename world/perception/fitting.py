@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,10 +21,14 @@ HOVER = 0.025
 higher is a part of something else."""
 OUTLINE_GATE = 2.5
 """A start whose support function is further off than this is not tried, pixels (root mean square)."""
+LARGE_GATE = 0.06
+"""The same for large blobs, as a share of their size: starts are 10° apart."""
 STARTS = 12
 """Starts whose depth is compared; the fit begins with the best of them."""
 COARSE = 3
 """Starts are ranked by every third of the depths."""
+SUNK = 0.002
+"""A height that is this far off is not what was believed, m."""
 MODEL_SIGMA = 0.0004
 """What depth adds to its noise where surfaces are steep or edges rounded, m."""
 GOOD = 1.5
@@ -53,11 +58,13 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Fitter:
-    """Fits rests to blobs. `noise` is the depth's standard deviation at 0.7 m."""
+    """Fits rests to blobs. `noise` is the depth's standard deviation at 0.7 m, `model` what is added to
+    it."""
 
     rests: tuple[Rest, ...]
     sight: Sight
     noise: float
+    model: float = MODEL_SIGMA
 
     def explain(
         self, blob: Blob, support: float, content: float = GOOD, hover: float = HOVER
@@ -75,6 +82,16 @@ class Fitter:
         for one in found:
             best.setdefault((one.stand.rest.entry.kind, one.supported), one)
         return list(best.values())
+
+    def judged(self, blob: Blob, start: Stand, rounds: int) -> Hypothesis:
+        """How well one body explains the blob, fitted from a start near to where it stands. It is lifted, or
+        lowered, only where its depth clearly says so."""
+        known = self._judge(blob, start, True, rounds)
+        _, off = self._off(blob, known.stand)
+        if not len(off) or abs(float(np.median(off))) < SUNK:
+            return known
+        moved = self._judge(blob, known.stand, False, rounds)
+        return moved if moved.misfit < known.misfit else known
 
     def at_most(self, blob: Blob) -> int:
         """How many items may make up the blob, by its area and that of the smallest rest."""
@@ -108,7 +125,8 @@ class Fitter:
     def _best(self, blob: Blob, starts: list[tuple[float, Stand]], supported: bool) -> list[Hypothesis]:
         """Fit the starts, the likeliest first, until what follows cannot be better."""
         if blob.whole:
-            starts = [s for s in starts if s[0] < OUTLINE_GATE**2]
+            gate = max(OUTLINE_GATE, LARGE_GATE * math.sqrt(blob.area))
+            starts = [s for s in starts if s[0] < gate**2]
         starts.sort(key=lambda s: s[0])
         ranked = [(left + self._off(blob, stand, COARSE)[0], stand) for left, stand in starts[:STARTS]]
         ranked.sort(key=lambda r: r[0])
@@ -160,7 +178,7 @@ class Fitter:
             return 1.0, depths
         model = cast(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
         off = model - depths
-        sigma = self.noise * (float(depths[0]) / 0.7) ** 2 + MODEL_SIGMA
+        sigma = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
         square = np.minimum((off / sigma) ** 2, OUTLIER**2).sum() / len(depths)
         return float(square), off[np.isfinite(model)]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Protocol, cast
 
 import cv2
@@ -13,6 +14,7 @@ from scipy.spatial import ConvexHull
 from ..robot.urdf import LinkMesh, LinkShape
 from ..shapes import Shape, corners
 from ..values import Array, Pose
+from .rays import inside
 from .sight import Sight
 
 GROWN = 3
@@ -21,6 +23,10 @@ DIRECTIONS = 96
 """A link's hull is represented by its furthest points in so many directions."""
 HANGS = 16
 """What hangs on the robot in the picture belongs to it so far from the model, pixels."""
+MOUNTING = 0.015
+"""How far off a hand may seem to a camera that is mounted on it, m."""
+REACHES = 0.4
+"""What is further from the TCP than this is not near the hand, m."""
 HIGH = 0.15
 """What hangs together with the robot in the picture above this height belongs to it, m over the table."""
 
@@ -34,16 +40,30 @@ class Body(Protocol):
     def collision_shapes(self) -> tuple[LinkShape, ...]: ...
 
 
+class _Hull:
+    """A link's hull in the link's frame: points (n, 3), and inside is `normals @ x <= offsets`."""
+
+    def __init__(self, points: Array) -> None:
+        equations = ConvexHull(points).equations
+        self.points = points
+        self.normals: Array = equations[:, :3].copy()
+        self.offsets: Array = -equations[:, 3]
+        self.middle: Array = points.mean(axis=0)
+        self.radius = float(np.linalg.norm(points - self.middle, axis=1).max())
+
+
 class RobotMask:
     """Loads the links once; `paint` costs one projection and one filled polygon a link."""
 
     def __init__(self, robot: Body) -> None:
         self._robot = robot
-        self._hulls: list[tuple[str, Array]] = [
-            (mesh.link, mesh.pose_in_link.apply(_furthest(_vertices(mesh))))
+        self._hulls: list[tuple[str, _Hull]] = [
+            (mesh.link, _Hull(mesh.pose_in_link.apply(_furthest(_vertices(mesh)))))
             for mesh in robot.collision_meshes()
         ]
-        self._hulls += [(s.link, s.pose_in_link.apply(corners(s.shape))) for s in robot.collision_shapes()]
+        self._hulls += [
+            (s.link, _Hull(s.pose_in_link.apply(corners(s.shape)))) for s in robot.collision_shapes()
+        ]
 
     def paint(
         self, sight: Sight, joints: Array, width: float, held: tuple[Shape, Pose] | None
@@ -53,14 +73,52 @@ class RobotMask:
         `held` is a shape with its pose in the TCP frame.
         """
         mask = np.zeros((sight.intrinsics.height, sight.intrinsics.width), dtype=np.uint8)
-        poses = self._robot.link_poses(joints, width)
-        for link, points in self._hulls:
-            fill(mask, sight.pixels(poses[link].apply(points)))
+        for points in self._placed(sight, joints, width, held):
+            fill(mask, sight.pixels(points))
+        return _grown(mask, GROWN)
+
+    def nearby(
+        self, sight: Sight, depth: Array, joints: Array, width: float, held: tuple[Shape, Pose] | None
+    ) -> NDArray[np.bool_]:
+        """(h, w): pixels that show something within `MOUNTING` of the hand or what it holds. A camera on the
+        hand sees the fingers from so near that an error of its mounting shifts them far beyond `paint`."""
+        rows, columns = np.nonzero(depth > 0)
+        pixels = np.stack([columns, rows], axis=1).astype(np.float64)
+        points = sight.origin + sight.directions(pixels) * depth[rows, columns][:, None]
+        tcp, poses = self._robot.tcp(joints), self._robot.link_poses(joints, width)
+        of_robot = np.linalg.norm(points - np.array(tcp.position), axis=1) < REACHES
+        near = np.flatnonzero(of_robot)
+        of_robot[near] = False
+        for link, hull in self._hulls:
+            local = poses[link].inverse().apply(points[near])
+            about = np.flatnonzero(np.linalg.norm(local - hull.middle, axis=1) < hull.radius + MOUNTING)
+            within = np.all(local[about] @ hull.normals.T <= hull.offsets + MOUNTING, axis=1)
+            of_robot[near[about[within]]] = True
         if held is not None:
             shape, in_tcp = held
-            fill(mask, sight.pixels((self._robot.tcp(joints) @ in_tcp).apply(corners(shape))))
-        kernel = np.ones((2 * GROWN + 1, 2 * GROWN + 1), dtype=np.uint8)
-        return cv2.dilate(mask, kernel).astype(np.bool_)
+            of_robot[near] |= inside(shape, tcp @ in_tcp, points[near], MOUNTING)
+        found = np.zeros(depth.shape, dtype=np.uint8)
+        found[rows[of_robot], columns[of_robot]] = 1
+        # Edges of what is so near are often lost.
+        return found.astype(np.bool_) | (_grown(found, 2) & (depth <= 0))
+
+    def _placed(
+        self, sight: Sight, joints: Array, width: float, held: tuple[Shape, Pose] | None
+    ) -> Iterator[Array]:
+        """Points (n, 3) in the world of what is before the camera, of each link and of what is held."""
+        poses = self._robot.link_poses(joints, width)
+        bodies = [poses[link].apply(hull.points) for link, hull in self._hulls]
+        if held is not None:
+            shape, in_tcp = held
+            bodies.append((self._robot.tcp(joints) @ in_tcp).apply(corners(shape)))
+        for points in bodies:
+            before = sight.before(points)
+            if len(before):
+                yield before
+
+
+def _grown(mask: NDArray[np.uint8], pixels: int) -> NDArray[np.bool_]:
+    return cv2.dilate(mask, np.ones((2 * pixels + 1, 2 * pixels + 1), dtype=np.uint8)).astype(np.bool_)
 
 
 def fill(mask: NDArray[np.uint8], pixels: Array) -> None:

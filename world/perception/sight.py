@@ -10,6 +10,9 @@ import numpy as np
 from ..protocols import Intrinsics
 from ..values import Array, Pose
 
+FRONT = 0.02
+"""What is nearer than this to the plane of the camera is not before it, m."""
+
 
 @lru_cache(maxsize=16)
 def rays_of(intrinsics: Intrinsics) -> Array:
@@ -44,6 +47,19 @@ class Sight:
         i = intrinsics
         matrix = np.array([[i.fx, 0.0, i.cx], [0.0, i.fy, i.cy], [0.0, 0.0, 1.0]])
         return cls(intrinsics, origin, rotation, matrix @ rotation.T)
+
+    def before(self, points: Array) -> Array:
+        """Points (m, 3) whose hull is the part of the hull of `points` (n, 3) that is before the camera; none
+        when there is no such part."""
+        depth = (points - self.origin) @ self.rotation[:, 2] - FRONT
+        behind = depth < 0.0
+        if not behind.any():
+            return points
+        # Where the edges between the two sides cross the plane; what is no edge crosses it further inside.
+        a, b = points[~behind], points[behind]
+        share = depth[~behind][:, None] / (depth[~behind][:, None] - depth[behind][None])
+        crossing = a[:, None] + share[:, :, None] * (b[None] - a[:, None])
+        return np.concatenate([a, crossing.reshape(-1, 3)])
 
     def pixels(self, points: Array) -> Array:
         """Pixel coordinates (n, 2) of world points (n, 3); points behind the camera are held at 2 cm."""

@@ -63,6 +63,12 @@ class BinView:
     cells: Array
     """Height of the heap above the bin's floor (n, n), m; NaN where it was not seen."""
 
+    def over(self, former: BinView | None) -> BinView:
+        """This, and in the cells that it does not show what was seen there before."""
+        if former is None:
+            return self
+        return BinView(np.where(np.isfinite(self.cells), self.cells, former.cells))
+
     def highest(self) -> float:
         """Of all seen cells, m; 0 when none was seen."""
         return float(np.nanmax(self.cells)) if np.isfinite(self.cells).any() else 0.0
@@ -144,6 +150,10 @@ class View:
             points = np.array(pose.position) + body_points(Box((2 * side, 2 * side, 2 * side)))
         else:
             points = pose.apply(body_points(shape))
+        if len(self.sight.before(points)) != len(points):
+            # A part of it is beside or behind the camera: too near to judge.
+            nothing = np.zeros(0, dtype=np.intp)
+            return nothing, nothing, 0
         hull = cv2.convexHull(self.sight.pixels(points).astype(np.float32))
         h, w = self.depth.shape
         x, y, wide, high = (int(n) for n in cv2.boundingRect(hull))
