@@ -9,11 +9,13 @@ from .gripper import CloseGripper, OpenGripper
 from .jog import Jog
 from .observe import Observe
 from .place import Place
+from .push import Push
 
 NODES: tuple[type[Node], ...] = (
     Observe,
     Grasp,
     Place,
+    Push,
     GoTo,
     OpenGripper,
     CloseGripper,

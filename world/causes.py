@@ -92,6 +92,9 @@ class push:
     LOST_CONTACT = Cause("push.lost_contact", "The tool no longer touches the object.", "observe again")
     STALLED = Cause("push.stalled", "The object does not move any further.", "push from another side")
     MISSED = Cause("push.missed", "The object did not end where it should.", "push again")
+    NO_STROKE = Cause(
+        "push.no_stroke", "No stroke that is free moves the object there.", "clear what stands around it"
+    )
     ANY = Family("push")
 
 

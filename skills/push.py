@@ -1,0 +1,258 @@
+"""Push: move an object over its table with the finger tips, stroke by stroke, and look in between."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from ..trees.given import Given, Misfit
+from ..trees.ports import In, port
+from ..trees.skill import ARM, CAMERA, GRIPPER, Doing, Skill, Steps
+from ..world.causes import Failure, control, perception, planning, push, safety
+from ..world.causes import world as world_causes
+from ..world.journal import Happened
+from ..world.manipulation.looking import look_closely
+from ..world.manipulation.planar import Planar, moved, outline, planar
+from ..world.manipulation.pushing import Pushed, Ready, go_looking, make, ready, refused, step_back
+from ..world.manipulation.strokes import Aim, Stroke, strokes
+from ..world.manipulation.tracking import Estimate, felt, seen, together
+from ..world.values import ObjectId
+
+if TYPE_CHECKING:
+    from ..world.scene.planning_scene import BeliefObject
+    from ..world.world import World
+
+PICTURES = 5
+"""Taken of an object between two strokes."""
+LONGEST = 0.06
+"""Way of one stroke unless so few are allowed that it has to be longer, m."""
+STUCK = 0.004
+"""What was pushed, blocked, and has moved by less does not move, m."""
+IN_ROW = 2
+"""So many strokes in a row that lose the object, or do not move it, are enough."""
+
+
+class Push(Skill):
+    """Push an object over the table: to a place (`to`, `yaw`), or along a line (`direction`, `distance`).
+
+    The closed fingers push at a flat side, the opened ones hold what is round between them. After each stroke
+    the arm goes out of the view and looks; the next stroke begins from what is seen and felt. What is pushed
+    stays away from the edge of its table, and from everything else.
+    """
+
+    example = """
+    Push: {object: "{item}", to: [0.5, 0.1], yaw: 90 deg}
+    """
+
+    object: In[ObjectId] = port("the object to push")
+    to: In[list[float]] = port("where its middle is to be: x, y in the world", unit="m", default=[])
+    yaw: In[float | None] = port(
+        "its heading there, as seen from above, of what looks the same the nearest one; any unless given",
+        unit="rad",
+        default=None,
+    )
+    direction: In[list[float]] = port("of a push along a line: x, y in the world, of any length", default=[])
+    distance: In[float] = port("of a push along a line", unit="m", default=0.0, least=0, most=1)
+    tolerance: In[float] = port("how far off its middle may be in the end", unit="m", default=0.0015, above=0)
+    turned: In[float] = port(
+        "how far off its heading may be in the end", unit="rad", default=math.radians(1.5), above=0
+    )
+    strokes: In[int] = port("how many strokes it may take", default=8, least=1, most=50)
+    speed: In[float] = port("of the tool while it pushes", unit="m/s", default=0.05, above=0, most=0.2)
+    force: In[float] = port("of the object on the tool that stops a stroke", unit="N", default=15.0, above=0)
+    camera: In[str] = port("the camera to look through", default="overhead", names="camera")
+    causes = (
+        push.LOST_CONTACT,
+        push.STALLED,
+        push.MISSED,
+        push.NO_STROKE,
+        perception.NOT_FOUND,
+        planning.ANY,
+        control.ANY,
+        safety.ANY,
+        world_causes.UNKNOWN_OBJECT,
+        world_causes.DISTURBED,
+    )
+    uses = (ARM, GRIPPER, CAMERA)
+    hand_after = "empty"
+
+    @classmethod
+    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+        wrong: list[str | Misfit] = []
+        placed, lined = given.any_of("to", "yaw"), given.any_of("direction", "distance")
+        if placed == lined:
+            wrong.append("one of 'to' (or 'yaw' alone) and 'direction' must be given, and not both")
+        elif lined and not (given.any_of("direction") and given.any_of("distance")):
+            wrong.append("'direction' and 'distance' belong together")
+        for key in ("to", "direction"):
+            value = given.constants.get(key)
+            if isinstance(value, list) and len(cast("list[object]", value)) != 2:
+                wrong.append(
+                    Misfit(key, f"two numbers x, y are wanted, not {len(cast('list[object]', value))}")
+                )
+        return tuple(wrong)
+
+    def run(self, world: World) -> Steps:
+        world.underway.drop()
+        held = world.scene.held
+        if held is not None:
+            raise Failure(
+                push.NO_STROKE, f"the hand is not free: it holds {held.id}", object=self.object, held=held.id
+            )
+        world.scene.get(self.object)
+        belief = yield from self._seen(world, None)
+        yield from self._to(world, belief, self._aim(belief))
+
+    def _to(self, world: World, belief: BeliefObject, aim: Aim) -> Steps:
+        stalled = lost = 0
+        made: list[str] = []
+        bad: set[str] = set()
+        off = turned = math.inf
+        now = seen(planar(belief.shape, belief.pose))
+        for left in range(self.strokes, -1, -1):
+            off, turned = self._off(belief, aim)
+            if off <= self.tolerance and turned <= self.turned:
+                self._note(world, belief, aim, made)
+                return
+            if not left:
+                break
+            one = self._choice(world, belief, aim, left, bad)
+            pushed = yield from make(world, belief, one, self.speed, self.force, self.path)
+            made.append(f"{one.stroke.name}: {pushed.told}")
+            yield from step_back(world, (self.object,), self.path)
+            after = yield from self._seen(world, pushed)
+            way = now.at.distance(planar(after.shape, after.pose))
+            now = self._known(now, after, one.stroke, pushed)
+            belief = replace(after, pose=moved(after.shape, after.pose, now.at), sigma_position=now.sigma)
+            world.scene.put(belief, "by touch and sight")
+            stalled = stalled + 1 if pushed.blocked and way < STUCK else 0
+            lost = lost + 1 if pushed.lost else 0
+            if stalled:
+                bad.add(one.stroke.side.name)
+            self._judge(stalled, lost, made)
+        raise Failure(
+            push.MISSED,
+            f"{self.object} is {_told(off, turned)} off after {len(made)} strokes",
+            object=self.object,
+            off=off,
+            turned=turned,
+            strokes=made,
+        )
+
+    def _known(self, before: Estimate, after: BeliefObject, stroke: Stroke, pushed: Pushed) -> Estimate:
+        """Where it is by what was felt and what is seen now."""
+        shape, sight = outline(after.shape, after.pose), seen(planar(after.shape, after.pose))
+        if pushed.blocked or pushed.lost or not pushed.in_contact or stroke.side.rolls:
+            return sight
+        return together(felt(before, stroke, pushed.ends, shape), sight, shape.turn)
+
+    def _off(self, belief: BeliefObject, aim: Aim) -> tuple[float, float]:
+        shape = outline(belief.shape, belief.pose)
+        return aim.off(planar(belief.shape, belief.pose), shape.turn)
+
+    def _seen(self, world: World, after: Pushed | None) -> Doing[BeliefObject]:
+        """The object as several pictures show it; the arm gets out of the way if it hides it."""
+        belief = yield from look_closely(world, self.camera, self.object, PICTURES)
+        if belief is None:
+            yield from go_looking(world, self.path)
+            belief = yield from look_closely(world, self.camera, self.object, PICTURES)
+        if belief is not None:
+            return belief
+        if after is None:
+            raise Failure(
+                perception.NOT_FOUND,
+                f"{self.object} is not in the view of {self.camera}",
+                object=self.object,
+            )
+        raise Failure(
+            push.LOST_CONTACT,
+            f"{self.object} is not seen where it was pushed ({after.told})",
+            object=self.object,
+            touched=after.touched,
+            reached=after.reached,
+        )
+
+    def _aim(self, belief: BeliefObject) -> Aim:
+        at = planar(belief.shape, belief.pose)
+        round_ = outline(belief.shape, belief.pose).round
+        if self.to:
+            return Aim(self.to[0], self.to[1], None if round_ else self.yaw)
+        if self.direction:
+            way = np.array(self.direction) * (self.distance / max(1e-9, math.hypot(*self.direction)))
+            return Aim(at.x + float(way[0]), at.y + float(way[1]), None if round_ else at.yaw)
+        return Aim(at.x, at.y, None if round_ else self.yaw)
+
+    def _choice(self, world: World, belief: BeliefObject, aim: Aim, left: int, bad: set[str]) -> Ready:
+        """The best stroke that is free and that the arm can make."""
+        at = planar(belief.shape, belief.pose)
+        longest = max(LONGEST, 2.0 * at.distance(Planar(aim.x, aim.y)) / left)
+        why: list[str] = []
+        for stroke in strokes(belief, aim, world.robot.description.gripper, longest):
+            if stroke.side.name in bad or not self._helps(stroke, belief, aim):
+                continue
+            with world.plan.checking():
+                refusal = refused(world, belief, stroke)
+            if refusal is None:
+                answer = ready(world, belief, stroke)
+                if isinstance(answer, Ready):
+                    return answer
+                refusal = answer
+            why.append(f"{stroke.name}: {refusal}")
+        told = "; ".join(why[:4]) or "no side can be pushed that way"
+        raise Failure(
+            push.NO_STROKE,
+            f"no stroke brings {self.object} nearer to where it is to be: {told}",
+            object=self.object,
+            refused=why,
+        )
+
+    def _helps(self, stroke: Stroke, belief: BeliefObject, aim: Aim) -> bool:
+        """Whether it leaves less to be done than there is."""
+        shape = outline(belief.shape, belief.pose)
+        before = _error(*aim.off(planar(belief.shape, belief.pose), shape.turn))
+        return _error(*aim.off(stroke.ends, shape.turn)) < before - 1e-5
+
+    def _judge(self, stalled: int, lost: int, made: list[str]) -> None:
+        if stalled >= IN_ROW:
+            raise Failure(
+                push.STALLED,
+                f"{self.object} does not move: {made[-1]}",
+                object=self.object,
+                strokes=made,
+            )
+        if lost >= IN_ROW:
+            raise Failure(
+                push.LOST_CONTACT,
+                f"{self.object} does not stay at the fingers: {made[-1]}",
+                object=self.object,
+                strokes=made,
+            )
+
+    def _note(self, world: World, belief: BeliefObject, aim: Aim, made: list[str]) -> None:
+        off, turned = self._off(belief, aim)
+        world.journal.note(
+            Happened(
+                "push",
+                f"{self.object}: {len(made)} strokes, {_told(off, turned)} off",
+                self.path,
+                {
+                    "object": self.object,
+                    "form": belief.form,
+                    "off": off,
+                    "turned": turned,
+                    "strokes": [*made],
+                },
+            )
+        )
+
+
+def _error(off: float, turned: float) -> float:
+    return off + 0.02 * turned
+
+
+def _told(off: float, turned: float) -> str:
+    """`1.2 mm and 0.5 deg`"""
+    return f"{off * 1000:.1f} mm and {math.degrees(turned):.1f} deg"
