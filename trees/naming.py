@@ -68,7 +68,7 @@ def _named(arrival: Arrival, known: Surroundings) -> Iterator[Fault]:
 
 def _attributes(known: Surroundings) -> Mapping[str, ValueType]:
     """The attributes of an object, with the texts that they can be in this scene."""
-    bins = known.names.get("bin", ())
+    bins = (*known.names.get("bin", ()), *known.names.get("hole", ()))
     choices = {
         "kind": (*known.names.get("kind", ()), "unknown"),
         "destination": bins,

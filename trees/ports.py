@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-NameKind: TypeAlias = Literal["camera", "pose", "bin", "fixture", "kind", "colour"]
-"""What a text may name: a camera, bin, fixture, kind of item or colour of the scene, a named pose of the
-robot. Where scene and robot are known, only their names are valid."""
+NameKind: TypeAlias = Literal["camera", "pose", "bin", "hole", "fixture", "kind", "colour"]
+"""What a text may name: a camera, bin, hole (or a fixture with holes), fixture, kind of item or colour of the
+scene, a named pose of the robot. Where scene and robot are known, only their names are valid."""
 
 
 class Required:

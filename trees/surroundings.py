@@ -35,10 +35,12 @@ def surroundings(scene: SceneDescription, robot: RobotDescription) -> Surroundin
     """The names of that scene and that robot."""
     bins = tuple(str(body.id) for body in scene.bins)
     colours = dict.fromkeys(colour for entry in scene.loads for colour in entry.colours)
+    bored = [fixture for fixture in scene.fixtures if fixture.holes]
     names: dict[NameKind, tuple[str, ...]] = {
         "camera": tuple(camera.name for camera in scene.cameras),
         "pose": tuple(robot.named),
         "bin": bins,
+        "hole": tuple(str(each.id) for fixture in bored for each in (fixture, *fixture.holes)),
         "fixture": (*(str(fixture.id) for fixture in scene.fixtures), *bins),
         "kind": tuple(entry.kind for entry in scene.catalogue),
         "colour": tuple(colours),

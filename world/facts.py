@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from .scene.destinations import is_at
 from .scene.planning_scene import BeliefObject, PlanningScene
 
 ASIDE = "aside"
@@ -36,7 +37,7 @@ def to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
         if o.role == "item"
         and o.place != ASIDE
         and (to := scene.destination(o.id)) is not None
-        and o.place != to
+        and not is_at(o.place, to)
     )
 
 

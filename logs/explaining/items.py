@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal, cast
 
 from ...world.facts import RODE_ON, TAKEN_AWAY
+from ...world.scene.destinations import is_at
 from ...world.simulation.scorer import ItemScore
 from ..records import Event, Values
 from ..run_log import At
@@ -66,11 +67,11 @@ def _state(case: Case, item: str) -> Literal["done", "held", "left", "gone"]:
         last = case.belief.tracks[item].bodies[-1]
         if case.departed.get(case.pairs.get(item, "")) != last.place:
             return "gone"
-        return "done" if case.destination(last) == last.place else "left"
+        return "done" if is_at(last.place, case.destination(last)) else "left"
     if body.attached:
         return "held"
     destination = case.destination(body)
-    return "done" if destination and body.place == destination else "left"
+    return "done" if destination and is_at(body.place, destination) else "left"
 
 
 def _truth(case: Case, true: str) -> str:

@@ -15,6 +15,7 @@ from ...world.causes import grasp as grasp_causes
 from ...world.facts import TAKEN_AWAY, facts, to_do
 from ...world.scene.description import CatalogueEntry, SceneDescription
 from ...world.scene.destinations import destination_rule
+from ...world.scene.fits import fitting_hole, named_holes
 from ...world.scene.planning_scene import BeliefObject, PlanningScene
 from ...world.shapes import Box
 from ...world.values import ObjectId, Pose
@@ -155,11 +156,22 @@ class Belief:
         )
         if place != TABLE:
             self._refuse_unknown(place)
+        elif held is not None and any(p.names == "hole" for p in leaf.inputs):
+            place = self._seat(leaf, inputs, held)
         if wanted is not None and (held is None or held.id != wanted):
             holds = f"holds {held.id!r}" if held else "is empty"
             raise Contradiction(f"{leaf.id} lets go of {wanted!r} while the hand {holds}")
         self._done += wanted is not None
         self.let_go(place)
+
+    def _seat(self, leaf: NodeDeclaration, inputs: Mapping[str, Any], held: BeliefObject) -> str:
+        """The hole into which what is held goes; its destination where no free hole for it is known."""
+        named = next((inputs[p.key] for p in leaf.inputs if p.names == "hole" and inputs.get(p.key)), None)
+        into = str(named or self.scene.destination(held.id) or TABLE)
+        if self._known_bins and named and named_holes(self.scene.fixtures.values(), into) is None:
+            raise Failure(world.UNKNOWN_OBJECT, f"the scene has no hole {into!r}")
+        hole = fitting_hole(self.scene, held.id, into)
+        return into if hole is None else str(hole.id)
 
     def take_away(self, bin_id: str) -> None:
         """An empty bin stands in the place of that one. Raises Failure when there is none of that name."""

@@ -124,8 +124,19 @@ class Known:
         return tuple(str(one.id) for one in self.scene.bins) if self.scene else None
 
     @property
+    def holes(self) -> tuple[str, ...]:
+        return tuple(str(hole.id) for f in self.scene.fixtures for hole in f.holes) if self.scene else ()
+
+    @property
+    def destinations(self) -> tuple[str, ...] | None:
+        """Bins, fixtures with holes, and their holes."""
+        if self.scene is None or self.bins is None:
+            return None
+        return (*self.bins, *(str(f.id) for f in self.scene.fixtures if f.holes), *self.holes)
+
+    @property
     def places(self) -> tuple[str, ...] | None:
-        return None if self.bins is None else (TABLE, HAND, ASIDE, *self.bins)
+        return None if self.bins is None else (TABLE, HAND, ASIDE, *self.bins, *self.holes)
 
     def name(self, loc: Location, value: str | None, what: str, known: Iterable[str] | None) -> None:
         """A fault when a name of the scene is none; None for `known`: nothing is known of them."""

@@ -77,7 +77,7 @@ class WorldChecks:
         known.name((*loc, "kind"), value("kind"), "kind", known.kinds)
         known.name((*loc, "form"), value("form"), "form", known.forms)
         known.name((*loc, "colour"), value("colour"), "colour", known.colours)
-        known.name((*loc, "destination"), value("destination"), "bin", known.bins)
+        known.name((*loc, "destination"), value("destination"), "bin", known.destinations)
         known.name((*loc, "place"), value("place"), "place", known.places)
 
     def _parameters(self) -> None:

@@ -65,5 +65,5 @@ def _fits(value: ValueType, port: PortDeclaration, *, strict: bool) -> bool:
 def _takes(value: ValueType, port: PortDeclaration, *, strict: bool) -> bool:
     name = port.type.name
     if name == "object" and value.kind == "place" and strict:
-        return port.names in ("bin", "fixture")
+        return port.names in ("bin", "hole", "fixture")
     return name == "any" or value.kind in _TAKES.get(name, (value.kind,))

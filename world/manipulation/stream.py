@@ -24,7 +24,7 @@ from . import stages
 from .candidates import PickAndPlace
 from .effort import guessed, slewed, travel
 from .grasps import GraspCandidate
-from .landings import Level, landings, levels, target_for
+from .landings import Level, Target, landings, levels, target_for
 from .legs import approach
 from .spots import SUNK
 from .trail import Refusal, Trail, planned, touching, unreached
@@ -100,7 +100,10 @@ class PickStream:
         """`grasps`: those that are offered; `node` keys the planner's randomness and names the purpose."""
         self._world, self._belief, self._node = world, belief, node
         into = world.scene.destination(belief.id)
-        self._target = None if into is None else target_for(world, belief, into)
+        self._target: Target | None = None
+        """None also for an item that belongs into a hole: how it gets there is felt, not planned."""
+        if into is not None and into in world.scene.bins:
+            self._target = target_for(world, belief, into)
         self.trail = Trail(f"grasp by {node}", belief.id, into or "", grasps)
         self.refused: Failure | None = None
         """What the planner said of the last candidate that passed all other tests."""

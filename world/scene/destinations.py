@@ -26,7 +26,8 @@ class Sortable(Protocol):
 
 
 def destination_rule(destinations: Iterable[Destination]) -> Callable[[Sortable], ObjectId | None]:
-    """The bin of the first rule that holds for the item, or None. The expressions were checked on reading."""
+    """The bin, fixture with holes or hole of the first rule that holds for the item, or None. The expressions
+    were checked on reading."""
     rules = [(Expression.parse(d.where), d.to) for d in destinations]
 
     def destination(item: Sortable) -> ObjectId | None:
@@ -34,6 +35,15 @@ def destination_rule(destinations: Iterable[Destination]) -> Callable[[Sortable]
         return next((to for rule, to in rules if rule.evaluate(names)), None)
 
     return destination
+
+
+def is_at(place: str, destination: str) -> bool:
+    """Whether what is at `place`, a bin or a hole, is at its destination: that itself, or any hole of it.
+
+    >>> is_at("board/left", "board"), is_at("board/left", "board/right"), is_at("red_bin", "red_bin")
+    (True, False, True)
+    """
+    return place == destination or place.startswith(f"{destination}/")
 
 
 def rule_names(kinds: Iterable[str]) -> Mapping[str, ValueType]:

@@ -20,6 +20,7 @@ from ..scene.description import Fixture, SceneDescription
 from ..shapes import bottom
 from ..values import Array, JointState, ObjectId, Pose, Vector3, Wrench
 from .belt_drive import BeltDrive
+from .displaced import displaced
 from .feeder import Feeder, FeederState, has_feeder
 from .footprints import floor_height
 from .inventory import Inventory
@@ -29,6 +30,7 @@ from .kinematic_camera import KinematicCamera, Posture, Stage
 from .kinematic_cell import KinematicCell, body_of, true_body
 from .kinematic_feet import Feet
 from .kinematic_gripper import GRAVITY, KinematicGripper
+from .kinematic_pushing import KinematicPushing
 from .kinematic_state import ItemState, KinematicState
 from .obstacles import Obstacles, Room
 from .spawn import SpawnedItem, spawn_items
@@ -124,9 +126,10 @@ class KinematicHardware:
         self.seed = seed
         self.period = period
         self.model = RobotModel(robot)
+        real = displaced(scene, seed, level=True)
         items = spawn_items(scene, seed)
         self._inventory = Inventory(scene, items)
-        self.bodies = Bodies(scene, (body_of(item) for item in items))
+        self.bodies = Bodies(real, (body_of(item) for item in items))
         self._obstacles = Obstacles(lambda _: self._restand(), lambda _: self._restand())
         self._obstacles.renew(scene.unknown)
         self._room: Room | None = None
@@ -137,7 +140,7 @@ class KinematicHardware:
         self.arm = KinematicArm(self.model, period)
         self.gripper = KinematicGripper(robot.gripper, self.bodies)
         self.wrench = KinematicWrench()
-        stage = Stage(scene, robot, period)
+        stage = Stage(real, robot, period)
         self.cameras: Mapping[str, Camera] = MappingProxyType(
             {
                 c.name: KinematicCamera(
@@ -167,6 +170,7 @@ class KinematicHardware:
         """Where the hand's centre of mass was in the last period, and its velocity then."""
         self._touching = False
         self._feet = Feet()
+        self._pushing = KinematicPushing(robot.gripper, self.bodies)
         self._sense()
 
     def step(self) -> None:
@@ -300,6 +304,7 @@ class KinematicHardware:
             self._feeder.restore(saved.feeder or FeederState())
         self._height = self._centre = None
         self._feet.forget()
+        self._pushing.forget()
         self._sense(still=True)
 
     def _known(self, item: str) -> Body:
@@ -352,8 +357,21 @@ class KinematicHardware:
                 reading[2] += upward
                 reading[3] += float(arm_y) * upward
                 reading[4] -= float(arm_x) * upward
+            if bodies.held is None and gripper.width == gripper.target:
+                reach = self.model.fingers.reach(gripper.width)
+                across = self._pushing.step(rotation, position, gripper.width, reach)
+                if across != (0.0, 0.0):
+                    self._touching = True
+                    self._on_tcp[:2] += across
+                    reading[0] += across[0]
+                    reading[1] += across[1]
+                    lever_x, lever_y, lever_z = (-rotation @ self._flange_in_tcp).tolist()
+                    reading[3] -= lever_z * across[1]
+                    reading[4] += lever_z * across[0]
+                    reading[5] += lever_x * across[1] - lever_y * across[0]
         else:
             self._feet.forget()
+            self._pushing.forget()
         fx, fy, fz, tx, ty, tz = reading
         self.wrench.reading = Wrench((fx, fy, fz), (tx, ty, tz))
 

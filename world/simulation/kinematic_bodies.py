@@ -9,6 +9,7 @@ from ..scene.description import CatalogueEntry, Fixture, SceneDescription
 from ..shapes import Shape, extents
 from ..values import ObjectId, Pose, Vector3
 from .footprints import Footprint, distance, footprint
+from .kinematic_holes import Mouths
 
 SINKING = 0.005
 """A surface counts as below when it is at most this much above the lowest point, m."""
@@ -89,6 +90,7 @@ class Bodies:
         parts += [(b.id, box, pose) for b in scene.bins for box, pose in b.parts()]
         self._fixed = tuple(Prism.of(name, shape, pose) for name, shape, pose in parts)
         self._scenery = self._fixed
+        self._mouths = Mouths(scene.fixtures)
         self._items: dict[ObjectId, Body] = {}
         self._prisms: dict[ObjectId, Prism] = {}
         self.held: ObjectId | None = None
@@ -100,6 +102,11 @@ class Bodies:
     def items(self) -> tuple[Body, ...]:
         """All that did not leave with a bin, those too that a fault took away."""
         return tuple(self._items.values())
+
+    @property
+    def fixed(self) -> tuple[Prism, ...]:
+        """What stands still: fixtures, parts of bins, obstacles."""
+        return self._fixed
 
     @property
     def present(self) -> tuple[Body, ...]:
@@ -195,6 +202,10 @@ class Bodies:
         body = self._items[item]
         prism = Prism.of(item, body.entry.shape, body.pose)
         surface = self.below(prism)
+        hole = self._mouths.under(body.entry.shape, body.pose)
+        if hole is not None and surface == hole.floor:
+            body = replace(body, pose=hole.pose)
+            prism = Prism.of(item, body.entry.shape, body.pose)
         if surface is not None:
             body = replace(body, pose=body.pose.shifted((0.0, 0.0, surface - prism.low[2])))
         self.put(body)
@@ -204,13 +215,19 @@ class Bodies:
         return max((top for _, top in self.tops_below(prism)), default=None)
 
     def tops_below(self, prism: Prism) -> list[tuple[str, float]]:
-        """Names and heights (m) of the tops under the outline."""
+        """Names and heights (m) of the tops under the outline; of what has a hole there its bottom."""
         limit = prism.low[2] + SINKING
-        return [
+        body = self._items.get(ObjectId(prism.id))
+        hole = None if body is None else self._mouths.under(body.entry.shape, body.pose)
+        tops = [
             (p.id, p.high[2])
             for p in (*self._fixed, *self._prisms.values())
-            if p.high[2] <= limit and p.id != prism.id and p.overlaps(prism)
+            if p.high[2] <= limit
+            and p.id != prism.id
+            and (hole is None or p.id != hole.fixture)
+            and p.overlaps(prism)
         ]
+        return tops if hole is None else [*tops, (hole.fixture, hole.floor)]
 
     def tops(self, x: float, y: float, limit: float) -> list[tuple[str, float]]:
         """Names and heights (m) of the tops at (x, y) that are no higher than `limit`."""
