@@ -60,6 +60,10 @@ class Robot:
     def tcp(self, q: Array) -> Pose:
         return self.pose
 
+    @property
+    def finger_links(self) -> tuple[str, ...]:
+        return ()
+
     def link_poses(self, q: Array, width: float) -> dict[str, Pose]:
         return {"hand": self.pose}
 

@@ -209,6 +209,8 @@ def table_of(description: SceneDescription) -> Fixture | None:
 
 LEVEL_PIXELS = 400
 """Fewer table pixels than this say nothing about the camera."""
+LEVEL_EVERY, LEVEL_WIDTH = 5, 320
+"""Of every so many rows and columns one is used in a picture so wide, of more in a smaller one."""
 LEVEL_SHIFT, LEVEL_TILT = 0.03, 0.052
 """A correction beyond this is no error of the mounting, and is not made: m, rad."""
 
@@ -219,7 +221,8 @@ def levelled(sight: Sight, depth: Array, backdrop: Backdrop, table_z: float) -> 
     Only height and tilt show on a plane; they are what shifts every height above the table.
     """
     picked = np.zeros(depth.shape, dtype=np.bool_)
-    picked[::5, ::5] = True
+    every = max(1, min(LEVEL_EVERY, depth.shape[1] // (LEVEL_WIDTH // LEVEL_EVERY)))
+    picked[::every, ::every] = True
     picked &= backdrop.table & (depth > 0)
     rows, columns = np.nonzero(picked)
     points = sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))

@@ -23,6 +23,7 @@ from .closeups import coarsened, cut_off
 from .fitting import GOOD, HOVER, Fitter, Hypothesis
 from .following import ROUGH, Sighting, followed
 from .obstacles import RAISED, boxed, grey, points_of
+from .own_hand import registered
 from .rests import rests
 from .robot_mask import HIGH, Body, RobotMask, with_what_hangs_on
 from .sight import Sight
@@ -127,12 +128,15 @@ class Perception:
 
     def _shot(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> _Shot:
         moving = image.camera in self.moving
+        whole = image
         if moving:
             image = coarsened(image)
         depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
         believed = Sight.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
         sight = levelled(believed, depth, backdrop, self._table_z)
+        if moving:
+            sight = self._beside_hand(sight, whole, joints, width)
         held = scene.held
         in_hand = None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
         height = sight.heights(depth)
@@ -148,6 +152,13 @@ class Perception:
             sight, depth, height, label, robot | walls, np.zeros(depth.shape, dtype=np.int32), []
         )
         return _Shot(picture, backdrop, robot, self._noise.get(image.camera, 0.002), moving)
+
+    def _beside_hand(self, sight: Sight, image: RgbdImage, joints: Array, width: float) -> Sight:
+        """The levelled sight of a camera on the hand, corrected by the fingers that the whole picture
+        shows."""
+        fine = Sight.along(image.intrinsics, sight.origin, sight.rotation)
+        found = registered(fine, image.depth.astype(np.float64), self._robot.fingers(joints, width))
+        return Sight.along(sight.intrinsics, found.origin, found.rotation)
 
     def _backdrop(self, sight: Sight, image: RgbdImage) -> Backdrop:
         if image.camera in self.moving:

@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull
 from ..robot.urdf import LinkMesh, LinkShape
 from ..shapes import Shape, corners
 from ..values import Array, Pose
+from .own_hand import Facets
 from .rays import inside
 from .sight import Sight
 
@@ -27,6 +28,8 @@ MOUNTING = 0.015
 """How far off a hand may seem to a camera that is mounted on it, m."""
 REACHES = 0.4
 """What is further from the TCP than this is not near the hand, m."""
+SOLID = 0.98
+"""A link that fills this share of its hull is convex."""
 HIGH = 0.15
 """What hangs together with the robot in the picture above this height belongs to it, m over the table."""
 
@@ -34,6 +37,8 @@ HIGH = 0.15
 class Body(Protocol):
     """What perception needs of the robot's model."""
 
+    @property
+    def finger_links(self) -> tuple[str, ...]: ...
     def tcp(self, q: Array) -> Pose: ...
     def link_poses(self, q: Array, width: float) -> dict[str, Pose]: ...
     def collision_meshes(self) -> tuple[LinkMesh, ...]: ...
@@ -51,6 +56,12 @@ class _Hull:
         self.middle: Array = points.mean(axis=0)
         self.radius = float(np.linalg.norm(points - self.middle, axis=1).max())
 
+    def facets(self, pose: Pose) -> Facets:
+        """In the world, with the link's frame there."""
+        normals = self.normals @ pose.rotation().T
+        offsets = self.offsets + normals @ np.array(pose.position)
+        return Facets(normals, offsets, pose.apply(self.middle), self.radius)
+
 
 class RobotMask:
     """Loads the links once; `paint` costs one projection and one filled polygon a link."""
@@ -64,6 +75,9 @@ class RobotMask:
         self._hulls += [
             (s.link, _Hull(s.pose_in_link.apply(corners(s.shape)))) for s in robot.collision_shapes()
         ]
+        names = robot.finger_links
+        convex = all(_is_convex(mesh) for mesh in robot.collision_meshes() if mesh.link in names)
+        self._fingers = [(link, hull) for link, hull in self._hulls if link in names and convex]
 
     def paint(
         self, sight: Sight, joints: Array, width: float, held: tuple[Shape, Pose] | None
@@ -101,6 +115,11 @@ class RobotMask:
         found[rows[of_robot], columns[of_robot]] = 1
         # Edges of what is so near are often lost.
         return found.astype(np.bool_) | (_grown(found, 2) & (depth <= 0))
+
+    def fingers(self, joints: Array, width: float) -> tuple[Facets, ...]:
+        """The fingers in the world; none where their hulls are not all that there is of them."""
+        poses = self._robot.link_poses(joints, width)
+        return tuple(hull.facets(poses[link]) for link, hull in self._fingers)
 
     def _placed(
         self, sight: Sight, joints: Array, width: float, held: tuple[Shape, Pose] | None
@@ -145,9 +164,19 @@ def with_what_hangs_on(
 
 
 def _vertices(mesh: LinkMesh) -> Array:
-    loaded = trimesh.load(mesh.path, force="mesh", skip_materials=True)  # pyright: ignore[reportUnknownMemberType]
-    points = np.asarray(cast("trimesh.Trimesh", loaded).vertices, dtype=np.float64)
+    points = np.asarray(_loaded(mesh).vertices, dtype=np.float64)
     return points * np.array(mesh.scale)
+
+
+def _is_convex(mesh: LinkMesh) -> bool:
+    """Whether its hull is about all that there is of it."""
+    volume = float(ConvexHull(_vertices(mesh)).volume)
+    return abs(float(_loaded(mesh).volume) * float(np.prod(mesh.scale))) > SOLID * volume
+
+
+def _loaded(mesh: LinkMesh) -> trimesh.Trimesh:
+    loaded = trimesh.load(mesh.path, force="mesh", skip_materials=True)  # pyright: ignore[reportUnknownMemberType]
+    return cast("trimesh.Trimesh", loaded)
 
 
 def _furthest(points: Array) -> Array:

@@ -68,6 +68,11 @@ class RobotModel:
         self._flange = self.arm.getFrameId(description.flange_joint)
         self.hand_mass, self.hand_com = _beyond_flange(self.full, description.flange_joint)
 
+    @property
+    def finger_links(self) -> tuple[str, ...]:
+        """Names of the links that close on things."""
+        return self.description.gripper.fingers
+
     def full_q(self, q: Array, width: float) -> Array:
         """Configuration of `full` for the arm at q and an opening of `width` m."""
         whole = self._neutral.copy()
