@@ -9,7 +9,9 @@ from .gripper import CloseGripper, OpenGripper
 from .jog import Jog
 from .observe import Observe
 from .place import Place
+from .probe import Probe
 from .push import Push
+from .survey import Survey
 
 NODES: tuple[type[Node], ...] = (
     Observe,
@@ -22,5 +24,7 @@ NODES: tuple[type[Node], ...] = (
     AwaitItems,
     ExchangeBin,
     Jog,
+    Survey,
+    Probe,
 )
 """What the entry point `picktree.nodes` offers."""

@@ -18,8 +18,10 @@ from .blobs import connected
 
 LEAST = 16
 """Pixels of a square."""
-MARGIN = 2
-"""A square nearer than this to what hides it, or to the picture's edge, is not seen whole, pixels."""
+MARGIN = 3
+"""A square nearer than this to what hides it is not seen whole, pixels."""
+HIDES = 0.03
+"""What is nearer than a square by this may hide a part of it, m."""
 NEAR = 0.02
 """Distances between squares are measured to this, m."""
 FITS = 0.012
@@ -55,19 +57,16 @@ class _Patch:
     """(3,) in the camera's frame, m."""
 
 
-def find_tiles(
-    image: RgbdImage, tiles: Sequence[Tile], hidden: NDArray[np.bool_] | None = None
-) -> tuple[TileSeen, ...]:
+def find_tiles(image: RgbdImage, tiles: Sequence[Tile]) -> tuple[TileSeen, ...]:
     """The squares that are seen whole; none when there are too few to be sure that it is the target.
 
-    `hidden` (h, w): where the robot may be in the picture. Items may have the squares' colours: what counts
-    is that their distances are those of the target.
+    Items may have the squares' colours: what counts is that their distances are those of the target. Next to
+    what is nearer, such as the fingers of the hand, a square is taken to be hidden in part.
     """
     label = hues.labels(image.colour)
-    blocked = np.zeros(label.shape, dtype=np.bool_) if hidden is None else hidden
     patches: list[_Patch] = []
     for index, tile in enumerate(tiles):
-        patches += _patches(image, label, blocked, index, tile.colour)
+        patches += _patches(image, label, index, tile.colour)
     chosen = _consistent(patches, tiles)
     if len(chosen) < FEWEST:
         return ()
@@ -93,9 +92,7 @@ def averaged(pictures: Sequence[Sequence[TileSeen]]) -> tuple[TileSeen, ...]:
     return tuple(found) if len(found) >= FEWEST else ()
 
 
-def _patches(
-    image: RgbdImage, label: NDArray[np.uint8], blocked: NDArray[np.bool_], index: int, colour: str
-) -> list[_Patch]:
+def _patches(image: RgbdImage, label: NDArray[np.uint8], index: int, colour: str) -> list[_Patch]:
     """All patches of that colour that nothing cuts off."""
     height, width = label.shape
     found: list[_Patch] = []
@@ -108,13 +105,14 @@ def _patches(
             slice(max(upper - MARGIN, 0), lower + MARGIN),
             slice(max(left - MARGIN, 0), right + MARGIN),
         )
-        own = np.zeros(blocked[window].shape, dtype=np.uint8)
+        own = np.zeros(label[window].shape, dtype=np.uint8)
         own[rows - window[0].start, columns - window[1].start] = 1
-        kernel = np.ones((2 * MARGIN + 1, 2 * MARGIN + 1), dtype=np.uint8)
-        if (cv2.dilate(own, kernel).astype(np.bool_) & blocked[window]).any():
-            continue
         patch = _measured(image, own, (window[1].start, window[0].start), index)
-        if patch is not None:
+        if patch is None:
+            continue
+        around = cv2.dilate(own, np.ones((2 * MARGIN + 1, 2 * MARGIN + 1), dtype=np.uint8)).astype(np.bool_)
+        depth = image.depth[window]
+        if not (around & (depth > 0) & (depth < patch.seen.depth - HIDES)).any():
             found.append(patch)
     return found
 

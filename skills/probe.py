@@ -1,0 +1,149 @@
+"""Probe: touch a calibration target with the closed fingers, from all sides."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..trees.ports import In, port
+from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
+from ..world.calibration.observations import TOUCH, Touch
+from ..world.calibration.targets import target_named
+from ..world.calibration.touches import Contact, contacts, tips
+from ..world.causes import Failure, control, grasp, planning, safety
+from ..world.causes import world as world_causes
+from ..world.journal import Happened
+from ..world.motion.requests import PoseGoal, Request
+
+if TYPE_CHECKING:
+    from ..world.values import Pose
+    from ..world.world import World
+
+CLEAR = 0.03
+"""Of the fingers from a face before they touch it: more than what the target's place is known to, m."""
+BEYOND = 0.02
+"""How far behind where a face should be it is felt for, m."""
+UNSURE = 0.01
+"""Free motions keep this away from everything beyond the usual margins: neither the target's place nor the
+tool's is known yet, m."""
+SPEED = 0.02
+"""m/s"""
+FORCES = (3.0, 6.0)
+"""Of touches, in turn: from two that differ, how much fingers and target give way shows, N."""
+CLOSING = 10.0
+"""With which the fingers are kept closed, N."""
+FEWEST = 8
+"""Touches that tell where the tip is."""
+
+
+class Probe(Skill):
+    """Touch the faces of a target with the tips of the closed fingers, upright, turned and leaning.
+
+    Each touch is recorded: where the tool was by the encoders, and the force. What is out of reach is passed
+    over. Nothing is corrected yet: `picktree calibrate` finds out from it where the tool's centre point is,
+    and where the target stands.
+    """
+
+    example = """
+    Probe: {target: target}
+    """
+
+    target: In[str] = port("the fixture with `marker`", default="target", names="fixture")
+    causes = (
+        grasp.NO_CANDIDATE,
+        planning.ANY,
+        control.ANY,
+        safety.ANY,
+        world_causes.UNKNOWN_OBJECT,
+        world_causes.DISTURBED,
+    )
+    hand_after = "empty"
+    uses = (ARM, GRIPPER)
+
+    def run(self, world: World) -> Steps:
+        target = target_named(world.scene.fixtures.values(), self.target)
+        if world.scene.held is not None:
+            raise Failure(grasp.NO_CANDIDATE, f"the hand is not free: it holds {world.scene.held.id}")
+        width = yield from world.grip.close(CLOSING)
+        at_tips = tips(world.robot, max(0.0, width))
+        ways = [contacts(target.pose, target.size, at_tips, turned) for turned in (0.0, math.pi / 2)]
+        wanted = max(ways, key=lambda way: self._room(world, way))
+        found = 0
+        for number, contact in enumerate(wanted):
+            touch = yield from self._touch(world, contact, FORCES[number % len(FORCES)])
+            if touch is None:
+                continue
+            found += 1
+            message = f"{self.target}, {contact.name}: touched with {touch.force:.1f} N"
+            world.journal.note(Happened(TOUCH, message, self.path, touch.to_plain()))
+        yield from world.grip.open()
+        if found < FEWEST:
+            raise Failure(
+                planning.NO_PATH,
+                f"{found} of {len(wanted)} touches of {self.target} are within reach; {FEWEST} are needed",
+                touched=found,
+            )
+
+    def _room(self, world: World, way: tuple[Contact, ...]) -> float:
+        """How far joints stay from limits in the touches that take the hand round by half a turn, rad."""
+        room = math.inf
+        for contact in way:
+            q = world.plan.reachable(_before(contact)[0]) if len(contact.tcp) == 1 else None
+            if q is not None:
+                room = min(room, float(np.minimum(q - world.robot.lower, world.robot.upper - q).min()))
+            elif len(contact.tcp) == 1:
+                room = min(room, 0.0)
+        return room
+
+    def _touch(self, world: World, contact: Contact, force: float) -> Doing[Touch | None]:
+        """Up to the face, against it and back; None when that cannot be done here."""
+        away = np.array(contact.normal) * CLEAR
+        try:
+            goal = PoseGoal(_before(contact))
+            request = Request(goal, scaling=world.handling.scaling(1.0), clearance=UNSURE)
+            plan = yield from world.plan.solve(request, node=self.path)
+        except Failure as failure:
+            if not failure.cause.name.startswith("planning."):
+                raise
+            self._skip(world, contact, failure.message)
+            return None
+        yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)
+        yield from world.control.settle()
+        world.control.tare()
+        why = "there is nothing to be felt"
+        touch: Touch | None = None
+        with world.scene.allow(("gripper", self.target)):
+            try:
+                felt = yield from world.move.guarded(
+                    -away, CLEAR + BEYOND, force=force, speed=SPEED, press=force, node=self.path
+                )
+                yield from world.control.settle()
+                touch = self._felt(world, contact) if felt.contact else None
+            except Failure as failure:
+                if world.control.monitor.stopped is not None:
+                    raise
+                why = failure.message
+            # As compliant as it came: a stiff servo next to a face turns tenths of a millimetre into force.
+            yield from world.move.guarded(
+                away, CLEAR, force=world.handling.guard, speed=2 * SPEED, node=self.path
+            )
+        if touch is None:
+            self._skip(world, contact, why)
+        return touch
+
+    def _felt(self, world: World, contact: Contact) -> Touch:
+        pushed = world.control.wrench_external().force
+        against = float(np.dot(pushed, contact.normal))
+        return Touch(contact.face, world.control.tcp, max(0.0, against), contact.name)
+
+    def _skip(self, world: World, contact: Contact, why: str) -> None:
+        message = f"{self.target}, {contact.name}: {why}"
+        world.journal.note(Happened("calibration_skipped", message, self.path, {}))
+
+
+def _before(contact: Contact) -> tuple[Pose, ...]:
+    """Where the tool waits before it touches."""
+    away = np.array(contact.normal) * CLEAR
+    return tuple(pose.shifted(away) for pose in contact.tcp)

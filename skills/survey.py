@@ -1,0 +1,155 @@
+"""Survey: look at a calibration target, with a camera on the hand from many places."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..trees.ports import In, port
+from ..trees.skill import ARM, CAMERA, Doing, Skill, Steps
+from ..world.calibration.observations import SHOT, Shot
+from ..world.calibration.targets import Target, target_named
+from ..world.calibration.views import Viewpoint, viewpoints
+from ..world.causes import Failure, control, perception, planning, safety
+from ..world.causes import world as world_causes
+from ..world.journal import Happened
+from ..world.motion.requests import NamedGoal, PoseGoal, Request
+from ..world.perception.markers import TileSeen, averaged, find_tiles
+
+if TYPE_CHECKING:
+    from ..world.scene.description import CameraDescription
+    from ..world.world import World
+
+OFFERED = 3
+"""Places that are tried for each view that is wanted: not all are within reach."""
+ASIDE = ("observe", "rest", "home")
+"""Poses of the robot in which it may leave the target to a camera that hangs still, if it has them."""
+UNSURE = 0.01
+"""Motions keep so far from everything beyond the usual margins: where tool and target are is not known, m."""
+TOGETHER = 2
+"""Pictures from each place of a camera on the hand."""
+
+
+class Survey(Skill):
+    """Look at a target for calibrating, and record exactly where its squares are in the pictures.
+
+    A camera on the hand is taken to places all around it, which differ as much in their turn as the arm
+    allows; what is out of reach is passed over. Before one that hangs still the arm gets out of the way, and
+    many pictures are averaged. Nothing is corrected yet: `picktree calibrate` does that.
+    """
+
+    example = """
+    Survey: {target: target, camera: wrist}
+    """
+
+    target: In[str] = port("the fixture with `marker`", default="target", names="fixture")
+    camera: In[str] = port("the camera to look through", default="wrist", names="camera")
+    views: In[int] = port("places to look from, of a camera on the hand", default=12, least=4, most=100)
+    pictures: In[int] = port(
+        "how many to average, of a camera that hangs still", default=50, least=1, most=1000
+    )
+    causes = (
+        perception.NOT_FOUND,
+        planning.ANY,
+        control.ANY,
+        safety.ANY,
+        world_causes.UNKNOWN_OBJECT,
+        world_causes.DISTURBED,
+    )
+    uses = (ARM, CAMERA)
+
+    def run(self, world: World) -> Steps:
+        target = target_named(world.scene.fixtures.values(), self.target)
+        camera = next((c for c in world.description.cameras if c.name == self.camera), None)
+        if camera is None:
+            known = [c.name for c in world.description.cameras]
+            raise Failure(perception.NOT_FOUND, f"there is no camera {self.camera!r}", known=known)
+        if camera.on == "world":
+            yield from self._from_afar(world, target, camera)
+        else:
+            yield from self._from_all_sides(world, target, camera)
+
+    def _from_afar(self, world: World, target: Target, camera: CameraDescription) -> Steps:
+        for pose in (name for name in ASIDE if name in world.robot.description.named):
+            plan = yield from world.plan.to(
+                NamedGoal(pose), scaling=world.handling.scaling(1.0), node=self.path
+            )
+            yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)
+            seen = yield from self._seen(world, target, 1)
+            if seen:
+                shot = yield from self._shot(world, target, camera, self.pictures)
+                if shot is not None:
+                    self._note(world, shot, "from where it hangs")
+                    return
+        raise self._unseen(target)
+
+    def _from_all_sides(self, world: World, target: Target, camera: CameraDescription) -> Steps:
+        first = yield from world.eyes.shoot(self.camera)
+        offered = viewpoints(target.pose, target.size, first.image.intrinsics, OFFERED * self.views)
+        found = 0
+        for place in offered:
+            if found == self.views:
+                return
+            if not (yield from self._go(world, place, camera)):
+                continue
+            shot = yield from self._shot(world, target, camera, TOGETHER)
+            if shot is None:
+                self._skip(world, f"{place.name}: the target is not seen well enough")
+                continue
+            found += 1
+            self._note(world, shot, f"{place.name}, the {found}. of {self.views}")
+        if found == 0:
+            raise self._unseen(target)
+
+    def _go(self, world: World, place: Viewpoint, camera: CameraDescription) -> Doing[bool]:
+        to_tcp = camera.pose.inverse()
+        failure: Failure | None = None
+        for pose in place.camera_in_world:
+            try:
+                goal = PoseGoal((pose @ to_tcp,))
+                request = Request(goal, scaling=world.handling.scaling(1.0), clearance=UNSURE)
+                plan = yield from world.plan.solve(request, node=self.path)
+            except Failure as refused:
+                if not refused.cause.name.startswith("planning."):
+                    raise
+                failure = refused
+                continue
+            yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)
+            return True
+        self._skip(world, f"{place.name} is out of reach: {failure.message if failure else 'no plan'}")
+        return False
+
+    def _shot(
+        self, world: World, target: Target, camera: CameraDescription, pictures: int
+    ) -> Doing[Shot | None]:
+        """What several pictures from here show together; None when that is not the target."""
+        yield from world.control.settle()
+        seen: list[tuple[TileSeen, ...]] = []
+        taken = None
+        for _ in range(pictures):
+            taken = yield from world.eyes.shoot(self.camera)
+            seen.append(find_tiles(taken.image, target.tiles))
+        together = averaged(seen)
+        if not together or taken is None:
+            return None
+        on_hand = camera.on == "hand"
+        return Shot(self.camera, on_hand, taken.image.intrinsics, world.control.tcp, camera.pose, together)
+
+    def _seen(self, world: World, target: Target, pictures: int) -> Doing[bool]:
+        yield from world.control.settle()
+        for _ in range(pictures):
+            taken = yield from world.eyes.shoot(self.camera)
+            if find_tiles(taken.image, target.tiles):
+                return True
+        return False
+
+    def _note(self, world: World, shot: Shot, where: str) -> None:
+        message = f"{self.camera}: {len(shot.tiles)} squares of {self.target} {where}"
+        world.journal.note(Happened(SHOT, message, self.path, shot.to_plain()))
+
+    def _skip(self, world: World, message: str) -> None:
+        world.journal.note(Happened("calibration_skipped", f"{self.camera}: {message}", self.path, {}))
+
+    def _unseen(self, target: Target) -> Failure:
+        return Failure(
+            perception.NOT_FOUND, f"{target.name} is not in any view of {self.camera}", object=target.name
+        )
