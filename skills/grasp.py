@@ -11,14 +11,18 @@ from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, perception, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
+from ..world.manipulation.burden import burden, take_up, weighed
 from ..world.manipulation.candidates import PickAndPlace
+from ..world.manipulation.closing import close
 from ..world.manipulation.dropping import let_go
 from ..world.manipulation.escape import escape
 from ..world.manipulation.fates import fates, told
 from ..world.manipulation.grasps import GraspCandidate, grasp_candidates
 from ..world.manipulation.holding import Hold
 from ..world.manipulation.legs import onward
+from ..world.manipulation.pressing import pressure
 from ..world.manipulation.reaching import CARRIED, feel, lift
+from ..world.manipulation.regrasping import seen_again
 from ..world.manipulation.servoing import close_in
 from ..world.manipulation.stages import PLACE
 from ..world.manipulation.stream import PickStream
@@ -40,8 +44,10 @@ class Grasp(Skill):
     """Grasp an object between the fingers from above and lift it clear.
 
     Candidates are grasps with the places that they lead to, ranked; one counts only if the hand fits between
-    the neighbours, the arm reaches it, and the object can from there be put where it belongs. Whether it is
-    held is felt, by the opening of the fingers and by the load on the wrist.
+    the neighbours, the arm reaches it, and the object can from there be put where it belongs. The fingers
+    close by feel, the hand giving way to the one that touches first. Whether the object is held is felt, by
+    the opening of the fingers and by the load on the wrist; what slips is gripped more firmly. When it was
+    missed or lost, it is grasped once more if it is seen from there.
     """
 
     example = """
@@ -49,7 +55,13 @@ class Grasp(Skill):
     """
 
     object: In[ObjectId] = port("the object to grasp")
-    force: In[float] = port("grip force of each finger", unit="N", default=30.0, above=0)
+    force: In[float] = port(
+        "greatest grip force of each finger: it presses as weight and friction need, but never harder "
+        "than this, than the item bears (`force_limit`) or than the gripper can",
+        unit="N",
+        default=70.0,
+        above=0,
+    )
     speed: In[float] = port(
         "share of the joints' speed limits: 1 for as fast as allowed", default=1.0, above=0, most=1
     )
@@ -81,6 +93,17 @@ class Grasp(Skill):
         world.underway.drop()
         if (yield from self._already_held(world)):
             return
+        try:
+            yield from self._pick(world)
+        except Failure as failure:
+            if failure.cause not in (grasp.MISSED, grasp.SLIPPED):
+                raise
+            if not (yield from seen_again(world, self.object, self.path, failure.message)):
+                raise
+            yield from self._pick(world)
+
+    def _pick(self, world: World) -> Steps:
+        """The best candidate that is left, to the lifted object."""
         belief = world.scene.get(self.object)
         ranked = grasp_candidates(belief, world.robot.description.gripper)
         first = world.attempts.count(self.path, self.object) == 0
@@ -172,7 +195,7 @@ class Grasp(Skill):
             return carried.answer if carried and known and isinstance(carried.answer, Failure) else None
 
         yield from world.control.settle()
-        world.control.tare()
+        world.control.zero()
         world.grip.start(pick.grasp.opening)
         guard = world.handling.guard
         plan = pick.approach.trajectory
@@ -183,14 +206,17 @@ class Grasp(Skill):
         self, world: World, pick: PickAndPlace, carried: Prepared[Plan] | None, *, first: bool
     ) -> Steps:
         belief = world.scene.get(self.object)
-        limit = next((e.force_limit for e in world.description.catalogue if e.kind == belief.kind), None)
-        force = self.force if limit is None else min(self.force, limit)
+        entry = next((e for e in world.description.catalogue if e.kind == belief.kind), None)
+        press = pressure(entry, self.force, world.robot.description.gripper)
         object_in_tcp = world.control.tcp.inverse() @ belief.pose
         if carried is None and pick.landing is not None and self.onward:
             carried = self._from_here(world, pick, object_in_tcp)
-        width = yield from world.grip.close(force)
-        felt = Hold(width, None)
+        closed = yield from close(world, press, self.path)
+        if closed.gave_way and carried is not None:
+            carried = self._from_here(world, pick, object_in_tcp)
+        felt = Hold(closed.width, None)
         if not felt.empty:
+            take_up(world, press, entry, object_in_tcp)
             world.scene.attach(self.object, object_in_tcp)
         try:
             hold = yield from self._lift(world, pick, carried, felt)
@@ -200,6 +226,7 @@ class Grasp(Skill):
             raise
         self._note(world, belief, pick.grasp, hold, first=first)
         if hold.held:
+            weighed(world, hold, press)
             world.attempts.clear(self.path, self.object)
             return
         world.attempts.failed(self.path, self.object, pick.grasp.name)
@@ -243,7 +270,7 @@ class Grasp(Skill):
         if plan is not None and pick.landing is not None:
             lifted = plan.passes[0] + world.tick
             weighing = Weighing(world, plan.passes[0])
-            guard = world.handling.guard + CARRIED
+            guard = world.handling.guard + max(CARRIED, burden(world))
             try:
                 yield from world.move.along(
                     plan.trajectory, guard=guard, watch=weighing.watch, hand_over=lifted, node=self.path
@@ -290,6 +317,7 @@ class Grasp(Skill):
                     "first_try": first,
                     "width": hold.width,
                     "load": hold.load,
+                    "force": world.grip.force,
                 },
             )
         )

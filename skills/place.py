@@ -10,6 +10,7 @@ from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
+from ..world.manipulation.burden import burden, weighed
 from ..world.manipulation.dropping import let_go
 from ..world.manipulation.feeding import notice_exchanges
 from ..world.manipulation.holding import Hold, released
@@ -85,7 +86,7 @@ class Place(Skill):
             plan = yield from (
                 self._over_point(world, held) if self.at else self._over_bin(world, held, self._bin(world))
             )
-            guard, grip = world.handling.guard, Kept(world)
+            guard, grip = world.handling.guard + burden(world), Kept(world)
             motion = world.move.along(plan.trajectory, guard=guard, watch=grip.watch, node=self.path)
             there = yield from self._arrives(motion, grip)
         held = yield from self._held(world)
@@ -101,7 +102,7 @@ class Place(Skill):
             yield from world.move.rest()
             return False
         self._spot, self._floor = left.landing.spot, left.landing.height
-        guard, grip = world.handling.guard, Kept(world)
+        guard, grip = world.handling.guard + burden(world), Kept(world)
         motion = world.move.finish(guard=guard, watch=grip.watch, node=self.path)
         return (yield from self._arrives(motion, grip))
 
@@ -159,6 +160,7 @@ class Place(Skill):
                 width=hold.width,
                 load=hold.load,
             )
+        weighed(world, hold)
         return held
 
     def _over_bin(self, world: World, held: BeliefObject, bin_: Bin) -> Doing[Plan]:
@@ -233,6 +235,7 @@ class Place(Skill):
         except GeneratorExit:  # halted, but the fingers go on opening
             world.scene.detach(held.id, self._resting(world, held), where, "let go")
             raise
+        world.control.wrist.carry(None)
         world.scene.detach(held.id, self._resting(world, held), where, "placed")
         if self.at:
             yield from withdraw(world, self.path)

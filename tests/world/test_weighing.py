@@ -59,6 +59,7 @@ class Lift:
         velocity = self.moving(position, np.array([0.0, 0.0, self.speed(self.now), 0.0, 0.0, self.turns]))
         control = SimpleNamespace(
             load=self.load,
+            wrist=SimpleNamespace(payload=None),
             period=1 / 240,
             state=SimpleNamespace(position=position, velocity=velocity),
             tcp=MODEL.tcp(position),

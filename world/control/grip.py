@@ -31,6 +31,8 @@ class Grip:
         self._clock = clock
         self._description = description
         self._force = 0.0
+        self.bound = description.max_force
+        """Greatest force of `press`, N: what is held bears no more. Until the fingers open."""
 
     @property
     def width(self) -> float:
@@ -58,12 +60,14 @@ class Grip:
         self._gripper.command(target, self._force, speed)
 
     def press(self, force: float) -> None:
-        """Go on closing with another force a finger, N: firmer or more gently about what is held."""
-        self.start(0.0, force)
+        """Go on closing with another force a finger, N: firmer or more gently about what is held, at most
+        `bound`."""
+        self.start(0.0, min(force, self.bound))
 
     def open(self, width: float | None = None) -> Doing[None]:
         """Open to `width` m, by default fully. Failure(control.timeout) when something holds the fingers."""
         target = min(self._description.max_width if width is None else width, self._description.max_width)
+        self.bound = self._description.max_force
         reached = yield from self.move(target, self._description.max_force)
         if reached < target - BLOCKED:
             raise Failure(

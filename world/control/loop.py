@@ -175,11 +175,17 @@ class ControlLoop:
         self.wrist.tare(window, self._state.position)
 
     def zero(self) -> bool:
-        """Learn the wrist sensor's bias, the arm being at rest with an empty hand that nothing touches.
-        False, and nothing changes, when what is felt cannot be one (see `Wrist.zero`)."""
-        return self._standing * self.period >= REST_TIME - 1e-9 and self.wrist.zero(
-            WINDOW, self._state.position
-        )
+        """Learn the wrist sensor's bias, the arm being at rest with an empty hand that nothing touches, and
+        tare: the hand carries nothing. False when what is felt cannot be a bias (see `Wrist.zero`): then the
+        known one goes on."""
+        resting = self._standing * self.period >= REST_TIME - 1e-9
+        learnt = resting and self.wrist.zero(WINDOW, self._state.position)
+        self.wrist.carry(None)
+        if self.wrist.zeroed:
+            self.wrist.untare()
+        else:
+            self.tare()
+        return learnt
 
     def load(self, window: float = WINDOW) -> float:
         """Weight on the hand relative to the tare, N, mean over the last `window` s."""

@@ -14,15 +14,16 @@ import numpy as np
 
 from ..robot.model import RobotModel
 from ..values import Array
+from .payload import Payload
 
 GRAVITY = 9.81
 FEWEST = 2
 """Ticks in a row that tell of a slip."""
 SLIPPING, GONE = 0.7, 0.3
 """Share of the mass that is felt, below which an object slides, or is gone."""
-UNSURE, UNSURE_MOVING = 0.02, 0.012
+UNSURE, UNSURE_MOVING = 0.015, 0.008
 """Greatest error of the mass in a tick, kg, and how it grows with the acceleration, kg/(m/s²). Measured over
-the transfers of 24 items: what the fingers' own slides take up of their weight is not felt at the wrist."""
+the transfers of 24 items: never more than this was missing."""
 CLEAR = 0.5
 """A tick whose error may be more than this share of the mass tells nothing."""
 
@@ -68,16 +69,16 @@ def carried(hand_mass: float, before: Moving, after: Moving, tick: float) -> Fel
 
 
 class SlipDetector:
-    """Fed with the mass that is felt each tick; says what becomes of an object of `mass` kg."""
+    """Fed with the mass that is felt each tick; says what becomes of what the hand took up."""
 
-    def __init__(self, mass: float) -> None:
-        self.mass = mass
+    def __init__(self, payload: Payload) -> None:
+        self.payload = payload
         self._felt: list[FeltMass] = []
 
     def feel(self, felt: FeltMass) -> None:
         """One tick more. What is shaken so hard that an object of this mass could not be told from none is
         left out."""
-        if felt.unsure <= CLEAR * self.mass:
+        if felt.unsure <= CLEAR * self.payload.mass:
             self._felt = [*self._felt, felt][-FEWEST:]
 
     @property
@@ -91,8 +92,10 @@ class SlipDetector:
         return self._below(GONE)
 
     def _below(self, share: float) -> bool:
+        mass = self.payload.mass
+        surely = mass - 3.0 * self.payload.mass_sigma
         return len(self._felt) == FEWEST and all(
-            f.mass < min(share * self.mass, self.mass - f.unsure) for f in self._felt
+            f.mass < min(share * mass, surely - f.unsure) for f in self._felt
         )
 
     def forget(self) -> None:

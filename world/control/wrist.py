@@ -121,6 +121,10 @@ class Wrist:
         """What was felt over the last `window` s counts as nothing, for `external` and `load`."""
         self._tare = self.over(window, q)
 
+    def untare(self) -> None:
+        """What an empty hand feels in the open, by the known bias, counts as nothing."""
+        self._tare = np.zeros(6)
+
     def external(self, window: float, q: Array) -> Wrench:
         """Mean external wrench relative to the tare."""
         return _wrench(self.over(window, q) - self._tare)

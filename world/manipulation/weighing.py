@@ -16,6 +16,7 @@ import numpy as np
 from ..causes import Failure, grasp
 from ..values import Array
 from .holding import EMPTY_WIDTH, LEAST_LOAD, Hold
+from .slipping import SlipWatch, firmer
 
 if TYPE_CHECKING:
     from ..world import World
@@ -29,6 +30,8 @@ TICKS, FEWEST = 6, 3
 """Ticks over which is weighed: the last ones, and at least so many."""
 STEADY = 0.003
 """Change of the opening that says that the object moves between the fingers, m: they are read to 0.2 mm."""
+SLIDING = 0.75
+"""Share of the weight that was expected below which an object may slide between the fingers."""
 SURE = LEAST_LOAD + 0.013 * GRAVITY
 """Load that leaves no doubt, N: by the greatest error more than what counts as held."""
 
@@ -43,14 +46,18 @@ class _Tick:
 
 
 class Kept:
-    """Asked each tick while the arm carries an object: do the fingers stay as far apart as they were?
+    """Asked each tick while the arm carries an object: do the fingers stay as far apart as they were, and
+    does the wrist feel what it did? What slips is gripped more firmly.
 
-    If not, `doubt` is what brakes the arm. It says nothing of what is held: that has to be felt at rest.
+    If it is not there any more, `doubt` is what brakes the arm. It says nothing of what is held: that has to
+    be felt at rest.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, above: float = -1e9) -> None:
+        """`above`: height of the TCP above which the object no longer rests on anything, m."""
         self._grip = world.grip
         self._width = world.grip.width
+        self._slip = SlipWatch(world, above)
         self.doubt: Failure | None = None
 
     def watch(self) -> Failure | None:
@@ -58,7 +65,7 @@ class Kept:
         width = self._grip.width
         if width <= EMPTY_WIDTH or abs(width - self._width) > STEADY:
             return self.stop("the fingers move")
-        return None
+        return self.stop("less is felt than was taken up") if self._slip.watch() else None
 
     def stop(self, why: str) -> Failure:
         self.doubt = Failure(grasp.SLIPPED, why)
@@ -75,8 +82,8 @@ class Weighing:
         """Begin at the grasp, the arm at rest. `lifted`: seconds from the motion's start to the end of the
         lift."""
         self._world = world
-        self._kept = Kept(world)
         self._height = world.control.tcp.position[2]
+        self._kept = Kept(world, self._height + CLEAR)
         self._ends = world.clock.now + lifted
         self._ticks: list[_Tick] = []
         self.hold: Hold | None = None
@@ -93,6 +100,7 @@ class Weighing:
         if moved is not None or self.hold is not None:
             return moved
         self._ticks.append(self._tick())
+        self._hold_on()
         if self._world.clock.now < self._ends - 1e-9:
             return None
         load, lately = self.load(TICKS), self.load(FEWEST)
@@ -100,6 +108,15 @@ class Weighing:
             return self._kept.stop("what hangs on the hand has to be felt at rest")
         self.hold = Hold(self._world.grip.width, load)
         return None
+
+    def _hold_on(self) -> None:
+        """What weighs less than its kind, as long as it hangs, may as well slide: press more firmly."""
+        payload = self._world.control.wrist.payload
+        if payload is None:
+            return
+        lately = self.load(FEWEST)
+        if lately is not None and lately < SLIDING * payload.mass * GRAVITY:
+            firmer(self._world, f"{lately / GRAVITY * 1000:.0f} g of {payload.mass * 1000:.0f} g are felt")
 
     def load(self, most: int = TICKS) -> float | None:
         """Weight on the hand over the last ticks that count, N; None when there were too few of them."""
