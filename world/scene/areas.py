@@ -45,7 +45,10 @@ def check_spawn(
     check_kinds(check, loc, entry, catalogue)
     with check.readable():
         if check_area(check, loc, entry.area, fixtures, workspace):
-            check_crowding(check, loc, entry, entry.area, entry.gap, catalogue)
+            check_crowding(check, loc, entry, entry.area, 0.0 if entry.touching else entry.gap, catalogue)
+        if entry.touching and entry.tumbled:
+            message = "'touching' and 'tumbled' exclude each other: what is dropped comes to lie anywhere"
+            check.fault((*loc, "touching"), message, "give one of them", code="P112", key=True)
 
 
 def check_kinds(

@@ -112,6 +112,8 @@ class Spawn:
     """Share of the cylinders that lie on their side."""
     tumbled: bool = False
     """Dropped from 10 cm in any orientation instead of set down."""
+    touching: bool = False
+    """Set down side by side, each touching another."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -353,4 +353,5 @@ def _spawn(entry: SpawnFile) -> Spawn:
         gap=entry.gap,
         lying=entry.lying,
         tumbled=entry.tumbled,
+        touching=entry.touching,
     )

@@ -306,6 +306,9 @@ class SpawnFile(FileModel):
     """Share of the cylinders that lie on their side."""
     tumbled: Flag = False
     """Dropped from 10 cm in any orientation instead of set down: items roll, and lean on one another."""
+    touching: Flag = False
+    """Set down side by side, so that each touches another; half of them face to face. Then `gap` is only kept
+    from other entries' items. Not beside `tumbled`."""
 
 
 class WhenFile(FileModel):

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ..shapes import bottom
 from ..streams import Streams
 from ..values import Array, ObjectId, Pose, Quaternion, quaternion_product
 from .footprints import Footprint, distance, footprint, support_height
+from .side_by_side import side_by_side
 
 TUMBLE_HEIGHT = 0.1
 """Free fall of a tumbled item, m."""
@@ -60,8 +61,15 @@ def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
         where = f"{scene.source or scene.name}: spawn[{n}]"
         rng = streams.at("spawn", n)
         load = draw_load(scene, spawn, rng)
-        outlines = [footprint(scene.entry(item.kind).shape, item.turn) for item in load]
-        places = lay_out(spawn, outlines, taken, rng)
+        shapes = [scene.entry(item.kind).shape for item in load]
+        beside = None
+        if spawn.touching:
+            beside = side_by_side(spawn, shapes, [item.turn for item in load], taken, rng)
+            if beside is None:
+                raise _too_small(where, spawn, len(load))
+            load = [replace(item, turn=turn) for item, turn in zip(load, beside.turns, strict=True)]
+        outlines = [footprint(shape, item.turn) for shape, item in zip(shapes, load, strict=True)]
+        places = beside.places if beside is not None else lay_out(spawn, outlines, taken, rng)
         if places is None:
             raise _too_small(where, spawn, len(load))
         for item, place in zip(load, places, strict=True):
