@@ -235,6 +235,18 @@ def resetBaseVelocity(
 def getContactPoints(
     bodyA: int = ..., bodyB: int = ..., linkIndexA: int = ..., linkIndexB: int = ..., *, physicsClientId: int = ...
 ) -> tuple[tuple[int, int, int, int, int, Vec3, Vec3, Vec3, float, float, float, Vec3, float, Vec3], ...]: ...
+def getClosestPoints(
+    bodyA: int, bodyB: int, distance: float, *, physicsClientId: int = ...
+) -> tuple[tuple[int, int, int, int, int, Vec3, Vec3, Vec3, float, float, float, Vec3, float, Vec3], ...]: ...
+def applyExternalForce(
+    objectUniqueId: int,
+    linkIndex: int,
+    forceObj: Sequence[float],
+    posObj: Sequence[float],
+    flags: int,
+    *,
+    physicsClientId: int = ...,
+) -> None: ...
 def calculateInverseDynamics(
     bodyUniqueId: int,
     objPositions: Sequence[float],

@@ -33,6 +33,7 @@ from .kinematic_gripper import GRAVITY, KinematicGripper
 from .kinematic_pushing import KinematicPushing
 from .kinematic_state import ItemState, KinematicState
 from .obstacles import Obstacles, Room
+from .seats import Boards
 from .spawn import SpawnedItem, spawn_items
 from .truth import TrueBody, TrueObstacle
 
@@ -129,6 +130,7 @@ class KinematicHardware:
         real = displaced(scene, seed, level=True)
         items = spawn_items(scene, seed)
         self._inventory = Inventory(scene, items)
+        self._boards = Boards(real.fixtures)
         self.bodies = Bodies(real, (body_of(item) for item in items))
         self._obstacles = Obstacles(lambda _: self._restand(), lambda _: self._restand())
         self._obstacles.renew(scene.unknown)
@@ -211,7 +213,12 @@ class KinematicHardware:
 
     def truth(self) -> tuple[TrueBody, ...]:
         """What is really there, for the scorer and the log only."""
-        return self._inventory.truth(lambda name: true_body(self.bodies[name], self._inventory))
+        return self._inventory.truth(lambda name: self._seated(true_body(self.bodies[name], self._inventory)))
+
+    def _seated(self, body: TrueBody) -> TrueBody:
+        """With how it is in a hole; nothing is ever in a wall here."""
+        seat = self._boards.seat(body.shape, body.pose) if body.present else None
+        return body if seat is None else replace(body, seat=seat)
 
     def true_tcp(self) -> Pose:
         """Where the tool is in the world, for tests."""

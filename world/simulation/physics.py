@@ -31,9 +31,11 @@ from .feeder import Feeder, FeederState, has_feeder
 from .noise import BodyNoise
 from .obstacles import Obstacles, Room
 from .pace import EVERYDAY, RESOLUTION, SOLVER_ITERATIONS, checked, tune
+from .penetration import Penetrations
 from .physics_cell import PhysicsCell
 from .physics_items import PhysicsItems
 from .robot_body import RobotBody
+from .seats import Boards
 from .sleeping import EVERY, REST_LOOKS
 from .spawn import spawn_items
 from .truth import TrueBody, TrueObstacle
@@ -81,6 +83,9 @@ class PhysicsHardware:
         self._senses = senses = Senses(noise, 0, RobotReading((), (), (), ()))
         self._belts = Belts(scene, client.id)
         self._items = PhysicsItems(scene, spawn_items(scene, seed), client.id, self._belts.running)
+        self._boards = Boards(self._real.fixtures)
+        self.penetrations = Penetrations(client.id)
+        """How deep items and fixtures with holes are in each other, for tests and benchmarks."""
         self._fixed: dict[int, str] = {}
         self._standing: dict[ObjectId, int] = {}
         self._obstacles = Obstacles(self._stand, self._unstand)
@@ -105,6 +110,7 @@ class PhysicsHardware:
         if start is None:
             self._empty(scene.unknown)
             self._items.spawn(self._fixed)
+            self._watch_holes()
             self._belts.build(self._fixed)
             self._settle()
             self._senses.reading = self._body.read()
@@ -163,6 +169,7 @@ class PhysicsHardware:
         self._belts.before_step(senses.period)
         pb.stepSimulation(self._client)
         self._belts.after_step()
+        self.penetrations.stepped(senses.now)
         if senses.stepped(self._body.read()):
             self._items.stepped()
             if self._feeder is not None:
@@ -194,6 +201,7 @@ class PhysicsHardware:
         self._empty(self.scene.unknown if saved.obstacles is None else saved.obstacles)
         self._items.restore(saved.items, saved.ledger, saved.inventory, self._fixed)
         self._belts.build(self._fixed)
+        self._watch_holes()
         self._belts.restore(saved.belts)
         self._items.lull(saved.items)
         self._body.restore(saved.robot, saved.arm, saved.gripper)
@@ -228,7 +236,14 @@ class PhysicsHardware:
 
     def truth(self) -> tuple[TrueBody, ...]:
         """Every item that ever came, as it really is: for scorer, faults and the analyst's log only."""
-        return self._items.truth()
+        return tuple(map(self._seated, self._items.truth())) if self._boards else self._items.truth()
+
+    def _seated(self, body: TrueBody) -> TrueBody:
+        """With how it is in a hole."""
+        seat = self._boards.seat(body.shape, body.pose) if body.present else None
+        if seat is None:
+            return body
+        return replace(body, seat=replace(seat, penetration=self.penetrations.of(body.id)))
 
     @property
     def initial_truth(self) -> tuple[TrueBody, ...]:
@@ -311,6 +326,11 @@ class PhysicsHardware:
         self._fixed = add_fixed(self._real, self.robot.base_in_world, client)
         self._body.load()
         self._obstacles.renew(obstacles)
+
+    def _watch_holes(self) -> None:
+        boards = {fixture.id for fixture in self._real.fixtures if fixture.holes}
+        bored = [number for number, name in self._fixed.items() if name in boards]
+        self.penetrations.watch(self._items.numbers, bored)
 
     def _settle(self) -> None:
         """Let everything come to rest before time 0."""

@@ -46,6 +46,11 @@ class PhysicsItems:
         """What faults have changed for good on items that are still there."""
         return tuple(self._ledger)
 
+    @property
+    def numbers(self) -> Mapping[ObjectId, int]:
+        """pybullet's body numbers of those that are there; the same mapping until the next `build`."""
+        return self._numbers
+
     def spawn(self, fixed: Collection[int]) -> None:
         """Put in everything that is there at the beginning; `fixed` bodies wake nothing."""
         self._build({name: item.pose for name, item in self.inventory.here.items()}, fixed)

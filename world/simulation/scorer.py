@@ -10,10 +10,11 @@ from typing import Literal, TypeAlias
 
 from ..files.expressions import Expression
 from ..scene.description import Bin, Form, SceneDescription
-from ..scene.destinations import destination_rule
+from ..scene.destinations import destination_rule, is_at
 from ..scene.feed import Delivery
 from ..shapes import bottom
 from ..values import ObjectId
+from .seats import Seat
 from .truth import TrueBody
 
 Verdict: TypeAlias = Literal["sorted", "misplaced", "left"]
@@ -24,15 +25,28 @@ REST_SPIN = 1.0
 """rad/s"""
 
 
+DEEP_ENOUGH = 0.8
+"""Share of a hole's depth that the lowest point of an item in it has reached."""
+UPRIGHT = math.radians(5.0)
+"""What leans more than this in a hole does not stand in it."""
+HAIR = 0.15e-3
+"""An item and a fixture that are deeper in each other than this have passed through each other, m."""
+
+
 @dataclass(frozen=True, slots=True)
 class ItemScore:
-    """Where one item belongs and where it is; a bin, or nothing."""
+    """Where one item belongs and where it is: a bin, a hole, or nothing."""
 
     id: ObjectId
     form: Form
     destination: ObjectId | None
     bin: ObjectId | None
+    """Bin or hole in which it rests."""
     verdict: Verdict
+    seat: Seat | None = None
+    """How it is at a hole, measured; None when it is at none."""
+    reason: str = ""
+    """Why what is at a hole is not in it, or may not be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +91,11 @@ class Score:
 def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
     """An item is sorted when it rests in the bin of its destination (one without any: when in no bin),
     misplaced when in another bin, else left: on the table, on the floor, in the hand, or snatched away. One
-    that was taken away with a bin stays in it for good."""
+    that was taken away with a bin stays in it for good.
+
+    With a hole it is the same: an item rests in one that is of its form, when it is deep enough, upright and
+    in no wall. Where the destination is a fixture any of its holes is right. What is in a wall is misplaced.
+    """
     truth = tuple(truth)
     destination = destination_rule(scene.destinations)
     items = tuple(_judged(body, destination(body), scene.bins) for body in truth)
@@ -93,6 +111,8 @@ def _outstanding(truth: Iterable[TrueBody], deliveries: Iterable[Delivery]) -> i
 
 
 def _judged(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
+    if body.seat is not None:
+        return _judged_in_hole(body, body.seat, destination)
     within = body.taken_with or next((b.id for b in bins if lies_in(b, body)), None)
     verdict: Verdict = "left"
     if (body.present or body.taken_with is not None) and within == destination:
@@ -102,9 +122,45 @@ def _judged(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -
     return ItemScore(body.id, body.form, destination, within, verdict)
 
 
+def _judged_in_hole(body: TrueBody, seat: Seat, destination: ObjectId | None) -> ItemScore:
+    reason = why_not_seated(body, seat)
+    within, verdict = (None if reason else seat.hole), "left"
+    if seat.penetration > HAIR:
+        verdict = "misplaced"
+    elif within is not None:
+        verdict = "misplaced" if destination is None or not is_at(within, destination) else "sorted"
+    elif destination is None:
+        verdict = "sorted"
+    if verdict == "misplaced" and not reason:
+        reason = f"it belongs into {destination}" if destination else "it belongs into no hole"
+    return ItemScore(body.id, body.form, destination, within, verdict, seat, reason)
+
+
+def why_not_seated(body: TrueBody, seat: Seat) -> str:
+    """What is wrong about an item at a hole; empty when it rests in it."""
+    if seat.penetration > HAIR:
+        return f"it is {1000 * seat.penetration:.2f} mm deep in a wall of {seat.hole}"
+    if not seat.fits:
+        return f"{seat.hole} is no hole for it"
+    if not seat.over:
+        return f"it is {1000 * seat.off:.1f} mm beside {seat.hole}"
+    if seat.depth < DEEP_ENOUGH * seat.bottom:
+        depth, wanted = 1000 * seat.depth, 1000 * seat.bottom
+        return f"it is {depth:.1f} mm deep in {seat.hole}, which is {wanted:.1f} mm deep"
+    if seat.tilt > UPRIGHT:
+        return f"it leans by {math.degrees(seat.tilt):.1f} deg in {seat.hole}"
+    if not _rests(body):
+        return f"it still moves in {seat.hole}"
+    return ""
+
+
+def _rests(body: TrueBody) -> bool:
+    return math.hypot(*body.velocity) <= REST_SPEED and math.hypot(*body.spin) <= REST_SPIN
+
+
 def lies_in(each: Bin, body: TrueBody) -> bool:
     """Whether the item rests with its centre in the bin's free inside and its lowest point below the rim."""
-    if not body.present or math.hypot(*body.velocity) > REST_SPEED or math.hypot(*body.spin) > REST_SPIN:
+    if not body.present or not _rests(body):
         return False
     item_in_bin = each.pose.inverse() @ body.pose
     (x_low, y_low, _), (x_high, y_high, rim) = each.inside()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from ..scene.description import CatalogueEntry, Fixture, Form
 from ..shapes import Shape
 from ..values import ObjectId, Pose, Vector3
+from .seats import Seat
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,8 @@ class TrueBody:
     """The bin with which it left when that was exchanged."""
     brought_by: int | None = None
     """Which entry of the feed has brought it; None: it was there when the run began."""
+    seat: Seat | None = None
+    """How it is in a hole; None when it is in none."""
 
     @property
     def role(self) -> str:
