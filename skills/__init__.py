@@ -6,6 +6,7 @@ from .exchange_bin import ExchangeBin
 from .go_to import GoTo
 from .grasp import Grasp
 from .gripper import CloseGripper, OpenGripper
+from .insert import Insert
 from .jog import Jog
 from .observe import Observe
 from .place import Place
@@ -17,6 +18,7 @@ NODES: tuple[type[Node], ...] = (
     Observe,
     Grasp,
     Place,
+    Insert,
     Push,
     GoTo,
     OpenGripper,

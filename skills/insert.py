@@ -1,0 +1,304 @@
+"""Insert: put what the hand holds into a hole by feeling for it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+from ..trees.ports import In, port
+from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
+from ..world.causes import Failure, control, grasp, insert, place, planning, safety
+from ..world.causes import world as world_causes
+from ..world.control.searching import Inserting, Leaving, Touch
+from ..world.control.stiffness import Stiffness
+from ..world.journal import Happened
+from ..world.manipulation.dropping import let_go
+from ..world.manipulation.holding import Hold, released
+from ..world.manipulation.inserting import Fit, fit, mouth, peg, poses_over, resting
+from ..world.manipulation.reaching import withdraw
+from ..world.manipulation.servoing_holes import look_at_hole
+from ..world.motion.requests import PoseGoal
+from ..world.scene.fits import find_hole, fits, fitting_hole, occupied
+from ..world.values import ObjectId
+
+if TYPE_CHECKING:
+    from ..world.scene.planning_scene import BeliefObject
+    from ..world.world import World
+
+ABOVE = 0.012
+"""Of the object's underside over the believed mouth where feeling begins, m."""
+LINEAR, ANGULAR = 600.0, 30.0
+"""Of the spring that the arm is while it feels, N/m and Nm/rad."""
+TAKE_UP = 0.4
+"""Time in which the pads take the object up anew after the grip was tightened, s."""
+LONGEST = 120.0
+"""Of one insertion by feeling, s."""
+CHANGED = 0.0015
+"""Change of the opening that says that the object has turned in the hand, m."""
+SEEN = 0.002
+"""How far off a mouth may be that the camera on the hand has seen, m."""
+
+
+class Insert(Skill):
+    """Put the held object into a hole or slot whose place is known roughly: touch, search, press, let go.
+
+    It feels for the surface, searches the mouth, presses with a wiggle down to the bottom, and lets go. Where
+    the object gets stuck it is pulled back and pressed again, then drawn out and the search made otherwise;
+    when nothing helps, it ends with the object in the hand above the hole.
+    """
+
+    example = """
+    Insert: {object: "{item}", search: tilt, force: 15 N}
+    """
+
+    object: In[ObjectId] = port("the object to insert, which the hand holds")
+    into: In[ObjectId] = port(
+        "the hole, or the fixture of whose free holes it takes the closest fit; by default where the object "
+        "belongs",
+        default=ObjectId(""),
+        names="hole",
+    )
+    search: In[Literal["tilt", "spiral", "none"]] = port(
+        "how the mouth is searched: `tilt`, with the object leaning and one point of it first, after it a "
+        "spiral; `spiral`, upright over the surface; `none`: straight down",
+        default="tilt",
+    )
+    force: In[float] = port("presses the object into the hole", unit="N", default=15.0, above=0, most=40)
+    press: In[float] = port(
+        "presses the object onto the surface while searching", unit="N", default=8.0, above=0, most=25
+    )
+    grip: In[float] = port(
+        "of each finger while inserting; never more than the object bears", unit="N", default=30.0, above=0
+    )
+    depth: In[float] = port(
+        "how deep the object is to go; 0 for down to the bottom", unit="m", default=0.0, least=0
+    )
+    pitch: In[float] = port("between two turns of the spiral", unit="m", default=0.001, above=0)
+    attempts: In[int] = port(
+        "how often a search may begin anew, each time otherwise", default=3, least=1, most=10
+    )
+    speed: In[float] = port(
+        "share of the joints' speed limits on the way there: 1 for as fast as allowed",
+        default=1.0,
+        above=0,
+        most=1,
+    )
+    causes = (
+        insert.NOT_FOUND,
+        insert.JAMMED,
+        insert.MISSED,
+        place.OCCUPIED,
+        place.FULL,
+        grasp.SLIPPED,
+        planning.ANY,
+        control.ANY,
+        safety.ANY,
+        world_causes.UNKNOWN_OBJECT,
+        world_causes.DISTURBED,
+    )
+    uses = (ARM, GRIPPER)
+    hand_after = "empty"
+
+    def run(self, world: World) -> Steps:
+        world.underway.drop()
+        held = yield from self._held(world)
+        plan = yield from self._choose(world, held)
+        yield from self._over(world, plan)
+        held = yield from self._held(world)
+        hanging = world.control.load()
+        with world.control.contact(rate=plan.rate):
+            world.grip.press(self.grip)
+            for _ in range(math.ceil(TAKE_UP / world.tick)):
+                yield
+            width = world.grip.width
+            course = yield from self._feel(world, plan)
+            if course.outcome == "in":
+                yield from self._let_go(world, held, plan)
+        if course.outcome != "in":
+            yield from self._out(world, plan, course, width)
+        yield from withdraw(world, self.path)
+        yield from self._gone(world, held, plan, course, hanging)
+
+    # Before
+
+    def _held(self, world: World) -> Doing[BeliefObject]:
+        """What the hand holds, felt; raises grasp.slipped when it is not there."""
+        held = world.scene.held
+        if held is None or held.id != self.object:
+            raise Failure(
+                grasp.SLIPPED,
+                f"{self.object} is not in the hand",
+                object=self.object,
+                held=held.id if held else None,
+            )
+        yield from world.control.settle()
+        hold = Hold(world.grip.width, world.control.load())
+        if not hold.held:
+            yield from self._lost(world, hold, "was lost on the way")
+        return held
+
+    def _lost(self, world: World, hold: Hold, what: str) -> Steps:
+        let_go(world.scene, "no longer felt in the hand")
+        world.control.wrist.carry(None)
+        yield from world.grip.open()
+        raise Failure(
+            grasp.SLIPPED,
+            f"{self.object} {what} ({hold})",
+            object=self.object,
+            width=hold.width,
+            load=hold.load,
+        )
+
+    def _choose(self, world: World, held: BeliefObject) -> Doing[Fit]:
+        """The hole, and how the object is held for it."""
+        scene = world.scene
+        into = self.into or scene.destination(self.object)
+        if into is None:
+            raise Failure(
+                insert.MISSED, f"no rule says into which hole {self.object} belongs", object=self.object
+            )
+        fixture = scene.fixtures.get(into)
+        if fixture is None or not fixture.holes:
+            _, hole = find_hole(scene, into)
+            if occupied(scene, hole.id):
+                raise Failure(place.OCCUPIED, f"{hole.id} is taken already", object=self.object, hole=hole.id)
+            if not fits(hole, held.shape):
+                raise Failure(
+                    insert.MISSED,
+                    f"{self.object} does not fit into {hole.id}",
+                    object=self.object,
+                    hole=hole.id,
+                )
+        chosen = fitting_hole(scene, self.object, into)
+        if chosen is None:
+            raise Failure(
+                place.FULL, f"{into} has no free hole that {self.object} fits", object=self.object, into=into
+            )
+        assert held.object_in_tcp is not None
+        fixture, hole = find_hole(scene, chosen.id)
+        plan = fit(fixture, hole, held.shape, held.object_in_tcp)
+        seen = None
+        if any(camera.on == "hand" for camera in world.description.cameras):
+            seen = yield from look_at_hole(world, hole.id, self.path)
+        return plan if seen is None else plan.seen_at(seen, SEEN)
+
+    def _over(self, world: World, plan: Fit) -> Steps:
+        """The object upright over the mouth."""
+        poses = poses_over(plan, ABOVE)
+        if not poses:
+            raise Failure(
+                planning.NO_IK,
+                f"{self.object} is not held upright: however the hand turns above {plan.hole.id}, it does "
+                "not stand over it",
+                object=self.object,
+                hole=plan.hole.id,
+            )
+        scaling = world.handling.scaling(self.speed)
+        way = yield from world.plan.to(PoseGoal(poses), scaling=scaling, node=self.path)
+        yield from world.move.along(way.trajectory, guard=world.handling.guard, node=self.path)
+
+    # By feeling
+
+    def _feel(self, world: World, plan: Fit) -> Doing[Inserting]:
+        touch = Touch(press=self.press, push=self.force, pitch=self.pitch, attempts=self.attempts)
+        course = Inserting(
+            peg(plan, world.control.tcp),
+            mouth(plan, self.depth or plan.hole.depth, world.robot.description.gripper.tip),
+            touch,
+            self.search,
+            LINEAR,
+        )
+        stiffness = Stiffness(linear=LINEAR, angular=ANGULAR)
+        done = yield from world.move.comply(course, LONGEST, stiffness=stiffness, node=self.path)
+        if not done.finished:
+            out = Leaving(course.up, course.depth)
+            yield from world.move.comply(out, LONGEST, stiffness=stiffness, zero=done.zero, node=self.path)
+        self._force, self._seconds = done.force, done.seconds
+        return course
+
+    def _out(self, world: World, plan: Fit, course: Inserting, width: float) -> Steps:
+        """It is not in the hole, and the arm is above it: what there is to say."""
+        yield from world.control.settle()
+        hold = Hold(world.grip.width, world.control.load())
+        if not hold.held:
+            yield from self._lost(world, hold, f"slipped out of the fingers at {plan.hole.id}")
+        if abs(hold.width - width) > CHANGED:
+            raise Failure(
+                grasp.SLIPPED,
+                f"{self.object} has turned in the hand at {plan.hole.id}: the fingers stood "
+                f"{width * 1000:.1f} mm apart, now {hold.width * 1000:.1f} mm",
+                object=self.object,
+                width=hold.width,
+                load=hold.load,
+                before=width,
+            )
+        mm = 1000.0
+        told = {
+            "no bottom": (insert.MISSED, f"it went {course.deepest * mm:.0f} mm deep and met no bottom"),
+            "not found": (
+                insert.NOT_FOUND,
+                f"the surface was felt, but no mouth within {course.searched * mm:.1f} mm",
+            ),
+            "jammed": (insert.JAMMED, f"it got stuck {course.deepest * mm:.1f} mm deep"),
+        }
+        cause, what = told.get(
+            course.outcome, (insert.JAMMED, f"it was not in after {self._seconds:.0f} s of trying")
+        )
+        raise Failure(
+            cause,
+            f"{self.object} is not in {plan.hole.id}: {what}",
+            object=self.object,
+            hole=plan.hole.id,
+            depth=round(course.deepest, 5),
+            wanted=min(self.depth or plan.hole.depth, plan.hole.depth),
+            force=round(self._force, 2),
+            searched=round(course.searched, 5),
+            surface=round(course.surface, 5),
+            tried=list(course.tried),
+            pulled_back=course.pulled,
+            clearance=round(plan.slack, 5),
+        )
+
+    # After
+
+    def _let_go(self, world: World, held: BeliefObject, plan: Fit) -> Steps:
+        pose = resting(plan, world.control.tcp)
+        try:
+            yield from world.grip.open(world.grip.width + world.handling.release)
+        except GeneratorExit:  # halted, but the fingers go on opening
+            world.scene.detach(held.id, pose, plan.hole.id, "let go")
+            raise
+        world.control.wrist.carry(None)
+        world.scene.detach(held.id, pose, plan.hole.id, "inserted")
+
+    def _gone(self, world: World, held: BeliefObject, plan: Fit, course: Inserting, hanging: float) -> Steps:
+        """Whether the hand has really let go of it; then it is done."""
+        yield from world.control.settle()
+        after = world.control.load()
+        if not released(hanging, after):
+            world.scene.put(held, "still felt in the open hand")
+            raise Failure(
+                insert.MISSED,
+                f"{held.id} still hangs on the open fingers (load {hanging:.2f} N, then {after:.2f} N)",
+                object=held.id,
+                hole=plan.hole.id,
+                load_before=hanging,
+                load_after=after,
+            )
+        world.journal.note(
+            Happened(
+                "item_done",
+                f"{held.id} inserted into {plan.hole.id}",
+                self.path,
+                {
+                    "object": held.id,
+                    "form": held.form,
+                    "into": plan.hole.id,
+                    "spot": plan.hole.id,
+                    "depth": course.depth,
+                    "force": self._force,
+                    "seconds": self._seconds,
+                    "found_by": course.tried[-1] if course.tried else "",
+                },
+            )
+        )
