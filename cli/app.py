@@ -15,6 +15,7 @@ import typer
 from ..world.errors import PicktreeError
 from ..world.files.marks import FileError
 from .batch import batch
+from .calibrate import calibrate
 from .check import check
 from .convert import convert
 from .diff import diff
@@ -46,6 +47,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.add_typer(batch, name="batch")
+app.command()(calibrate)
 app.command()(check)
 app.command()(convert)
 app.command()(diff)

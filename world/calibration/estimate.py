@@ -20,6 +20,8 @@ FEWEST = 4
 """Views by a camera on the hand that fix where it is."""
 SPREAD = math.radians(30.0)
 """Least angle between axes about which the hand was turned."""
+SURE = 5e-4
+"""A tool whose place is known worse than this in any direction (standard deviation) is not corrected, m."""
 STEPS = 1e-6
 """Of the differences that stand for derivatives: m and rad."""
 
@@ -39,7 +41,7 @@ class CameraFound:
     name: str
     on_hand: bool
     pose: Pose
-    """Optical frame in the world, or in the frame of the *corrected* TCP."""
+    """Optical frame in the world, or in the frame of the TCP: corrected, where the tool is `sure`."""
     before: Pose
     """What was believed: the same frame in the world, or in the TCP as it was believed."""
     deviation: Deviation
@@ -71,6 +73,11 @@ class ToolFound:
     left: float
     """Root mean square of what is left at the faces, m."""
 
+    @property
+    def sure(self) -> bool:
+        """Whether the touches tell it in all three directions."""
+        return max(self.deviation) < SURE
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
@@ -98,14 +105,17 @@ def estimate(evidence: Evidence, tiles: Sequence[Tile], size: Vector3, believed:
     first = Guess(target, cameras, (0.0,) * len(cameras), np.zeros(3), 0.0)
     residuals = Residuals(evidence, tiles, np.array(size), names, replace(first, target=believed))
     best, sigma = _solved(residuals, first)
-    shifts = Pose((float(best.tool[0]), float(best.tool[1]), float(best.tool[2])))
-    touched = bool(evidence.touches)
+    tool = None
+    if evidence.touches:
+        left = float(np.sqrt((residuals.felt(best) ** 2).mean()))
+        tool = ToolFound(_three(best.tool), _three(sigma[-4:-1]), len(evidence.touches), left)
+    corrected = Pose(tool.offset) if tool is not None and tool.sure else Pose()
     found: list[CameraFound] = []
     for n, (name, shots) in enumerate(by_camera.items()):
         pixels, depths = residuals.seen(best, n)
         pose = best.cameras[n]
-        if shots[0].on_hand and touched:
-            pose = shifts.inverse() @ pose
+        if shots[0].on_hand:
+            pose = corrected.inverse() @ pose
         found.append(
             CameraFound(
                 name,
@@ -118,10 +128,6 @@ def estimate(evidence: Evidence, tiles: Sequence[Tile], size: Vector3, believed:
                 float(np.sqrt((depths**2).mean())),
             )
         )
-    tool = None
-    if touched:
-        left = float(np.sqrt((residuals.felt(best) ** 2).mean()))
-        tool = ToolFound(shifts.position, _three(sigma[-4:-1]), len(evidence.touches), left)
     return Estimate(tuple(found), tool, best.target, _deviation(sigma[:6]))
 
 

@@ -18,8 +18,8 @@ from ..values import Array, Pose, Vector3
 
 LEAN = math.radians(30.0)
 """Of the hand, for touches with the tip ahead."""
-HIGH = 0.55
-"""Where a side face is touched, as a share of its height from below."""
+LOW = 0.4
+"""How high the fingers' lowest corner is beside a side face, as a share of the target's height."""
 OUT = 0.35
 """Where the top is touched, as a share of its edges from the middle."""
 TOUCHING = 1e-4
@@ -59,7 +59,7 @@ def contacts(target: Pose, size: Vector3, at_tips: Array, turned: float) -> tupl
     It makes no difference but to what the arm can reach.
     """
     return tuple(
-        _contact(target, name, face, point, hands, at_tips)
+        _contact(target, name, face, point, hands, at_tips, (LOW - 0.5) * size[2])
         for name, face, point, hands in _wanted(size, turned)
     )
 
@@ -68,7 +68,6 @@ def _wanted(size: Vector3, turned: float) -> Iterator[tuple[str, Array, Array, t
     """Name, normal, point and the hand's axes (3, 3), in the target's frame."""
     x, y, z = (length / 2 for length in size)
     up = np.array([0.0, 0.0, 1.0])
-    height = (2 * HIGH - 1) * z
     upright = np.array([math.cos(turned), math.sin(turned), 0.0])
     for name, face, reach, along in (
         ("+x", (1.0, 0.0, 0.0), x, y),
@@ -79,12 +78,12 @@ def _wanted(size: Vector3, turned: float) -> Iterator[tuple[str, Array, Array, t
         normal = np.array(face)
         beside = np.cross(up, normal)
         for number, side in enumerate((1.0, -1.0)):
-            point = normal * reach + beside * side * 0.25 * along + up * height
+            point = normal * reach + beside * side * 0.25 * along
             # The hand turned by half a turn: so each face is touched by two sides of it.
             yield f"{name} side {number + 1}", normal, point, (_hand(-up, side * upright),)
         ahead = -math.cos(LEAN) * up - math.sin(LEAN) * normal
         hands = (_hand(ahead, normal), _hand(ahead, -normal))
-        yield f"{name} leaning", normal, normal * reach + up * height, hands
+        yield f"{name} leaning", normal, normal * reach, hands
     for number, (right, front) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
         point = np.array([right * OUT * 2 * x, front * OUT * 2 * y, z])
         yield f"top {number + 1}", up, point, (_hand(-up, upright if number % 2 else -upright),)
@@ -102,8 +101,10 @@ def _hand(forward: Array, x: Array) -> Array:
 
 
 def _contact(
-    target: Pose, name: str, face: Array, point: Array, hands: tuple[Array, ...], at_tips: Array
+    target: Pose, name: str, face: Array, point: Array, hands: tuple[Array, ...], at_tips: Array, low: float
 ) -> Contact:
+    """`point` on the face; beside a side face its height follows from `low`, where the tips' lowest corner is
+    to be in the target's frame."""
     turn = target.rotation()
     normal = turn @ face
     poses: list[Pose] = []
@@ -111,7 +112,10 @@ def _contact(
         axes = turn @ hand
         reach = at_tips @ (axes.T @ normal)
         touching = at_tips[reach < reach.min() + TOUCHING].mean(axis=0)
-        poses.append(Pose.from_rotation(target.apply(point) - axes @ touching, axes))
+        place = point - hand @ touching
+        if face[2] == 0.0:
+            place[2] = low - float((at_tips @ hand[2]).min())
+        poses.append(Pose.from_rotation(target.apply(place), axes))
     return Contact(name, _three(face), _three(normal), tuple(poses))
 
 

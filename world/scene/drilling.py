@@ -22,7 +22,7 @@ from .schema import FixtureFile, HoleFile
 def check_holes(check: Checker, loc: Location, entry: FixtureFile, which: str | None) -> None:
     """Faults of the holes of a fixture, and of what is not known of where it stands."""
     with check.readable():
-        if which not in (None, "box") and entry.uncertainty is not None:
+        if which not in (None, "box", "marker") and entry.uncertainty is not None:
             message = "only a box may stand elsewhere than it says"
             check.fault((*loc, "uncertainty"), message, code="P112", key=True)
     with check.readable():

@@ -96,7 +96,8 @@ def body(name: str, entry: FixtureFile) -> Fixture | Bin:
         )
     if entry.marker is not None:
         tiles = tiles_on(entry.marker)
-        return Fixture(ObjectId(name), Box(entry.marker), pose, entry.colour, tiles=tiles)
+        loose = uncertainty(entry)
+        return Fixture(ObjectId(name), Box(entry.marker), pose, entry.colour, (), loose, tiles)
     assert entry.box is not None
     bored = holes(name, entry)
     return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour, bored, uncertainty(entry))
