@@ -12,6 +12,7 @@ from ..world.control.motion import Motions
 from ..world.eyes import Eyes
 from ..world.handling import Handling
 from ..world.journal import Journal
+from ..world.manipulation.pressing import opening_force
 from ..world.motion.fcl_queries import SceneQueries
 from ..world.motion.gate import Gate
 from ..world.motion.lookout import Lookout
@@ -49,7 +50,7 @@ def assemble(
     streams = Streams(seed)
     thinking = ThinkingAccount(TICK)
     control = ControlLoop(hardware, model, SafetyMonitor(model, scene.limits, journal), watch)
-    grip = Grip(hardware.gripper, hardware.clock, robot.gripper)
+    grip = Grip(hardware.gripper, hardware.clock, robot.gripper, opening_force(scene.catalogue))
     queries = SceneQueries(model, belief)
     plan = PlanService(
         model,

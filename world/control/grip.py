@@ -19,6 +19,8 @@ REACHED = 1.5e-3
 """m"""
 BLOCKED = 5e-3
 """Fingers that stay this far short of an opening are an error, m."""
+OPENING = 20.0
+"""Force a finger with which they open, N: what stands beside them must not be pressed against a wall."""
 SPARE = 1.0
 """Time beyond what the way takes at the fingers' speed, s."""
 
@@ -26,11 +28,15 @@ SPARE = 1.0
 class Grip:
     """Opens and closes. A command stays in force when the skill that gave it is halted."""
 
-    def __init__(self, gripper: Gripper, clock: Clock, description: GripperDescription) -> None:
+    def __init__(
+        self, gripper: Gripper, clock: Clock, description: GripperDescription, opening: float = OPENING
+    ) -> None:
+        """`opening`: force a finger with which they open, N."""
         self._gripper = gripper
         self._clock = clock
         self._description = description
         self._force = 0.0
+        self._opening = min(opening, description.max_force)
         self.bound = description.max_force
         """Greatest force of `press`, N: what is held bears no more. Until the fingers open."""
 
@@ -56,7 +62,7 @@ class Grip:
         at most `speed` m/s."""
         most = self._description
         target = most.max_width if width is None else min(max(width, 0.0), most.max_width)
-        self._force = most.max_force if force is None else min(force, most.max_force)
+        self._force = self._opening if force is None else min(force, most.max_force)
         self._gripper.command(target, self._force, speed)
 
     def press(self, force: float) -> None:
@@ -65,10 +71,12 @@ class Grip:
         self.start(0.0, min(force, self.bound))
 
     def open(self, width: float | None = None) -> Doing[None]:
-        """Open to `width` m, by default fully. Failure(control.timeout) when something holds the fingers."""
+        """Open to `width` m, by default fully, and not with more force than `bound`. Failure(control.timeout)
+        when something holds the fingers."""
         target = min(self._description.max_width if width is None else width, self._description.max_width)
-        self.bound = self._description.max_force
-        reached = yield from self.move(target, self._description.max_force)
+        # A finger that alone pushes at something has the drive of both.
+        force, self.bound = min(self._opening, self.bound / 2), self._description.max_force
+        reached = yield from self.move(target, force)
         if reached < target - BLOCKED:
             raise Failure(
                 control.TIMEOUT,

@@ -6,8 +6,10 @@ they are coupled, and the momentum of both at the impact; a fragile item has to 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+from ..control.grip import OPENING
 from ..robot.description import GripperDescription
 from ..scene.description import CatalogueEntry
 
@@ -18,6 +20,10 @@ SAFETY = 2.0
 """The fingers hold so many times what pulls: friction and mass of a kind are known roughly."""
 LEAST = 8.0
 """Gentler is not needed unless an item is fragile, N."""
+SHARE = 0.4
+"""Of its limit with which a fragile item is gripped at least."""
+SHAKEN = 2.0
+"""Force that the fingers' own inertia may add on a fast transfer, N: measured up to 1.9."""
 UNKNOWN = 30.0
 """For what the catalogue does not know, N."""
 ALONE = 2.0
@@ -58,6 +64,12 @@ class Pressure:
         return min(max(self.grip, needed(mass, self.friction)), self.most)
 
 
+def opening_force(catalogue: Iterable[CatalogueEntry]) -> float:
+    """With which the fingers open in a scene of such items, so that nothing beside them is crushed, N."""
+    limits = [entry.force_limit for entry in catalogue if entry.force_limit is not None]
+    return min([OPENING, *(GENTLE * limit for limit in limits)])
+
+
 def needed(mass: float, friction: float) -> float:
     """Force of each finger for a mass, kg, on a fast transfer, N."""
     if friction <= 0.0:
@@ -76,8 +88,10 @@ def pressure(entry: CatalogueEntry | None, bound: float, gripper: GripperDescrip
     most, closing, speed = bound, bound, None
     limit = entry.force_limit
     if limit is not None:
-        # Carried sideways, the item leans on one finger.
-        most = min(bound, max(limit - entry.mass * ACCELERATION / 2, limit / 2) / UNEVEN)
+        # Carried sideways, the item leans on one finger, and so do the fingers.
+        shaken = SHAKEN + entry.mass * ACCELERATION / 2
+        most = min(bound, max(limit - shaken, limit / 2) / UNEVEN)
+        wanted = max(needed(entry.mass, friction), min(LEAST, SHARE * limit))
         closing = GENTLE * limit
         fastest = (limit / UNEVEN - ALONE * closing) / IMPACT
         speed = max(fastest, SLOWEST) if fastest < gripper.speed else None

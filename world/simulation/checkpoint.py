@@ -63,6 +63,15 @@ class RobotReading:
 
 
 @dataclass(frozen=True, slots=True)
+class PressedItem:
+    """The greatest force of a finger on a fragile item so far, and what it survives, N."""
+
+    id: ObjectId
+    force: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
 class DynamicsChange:
     """An entry of the ledger: what a fault changed on an item for good."""
 
@@ -91,6 +100,8 @@ class Checkpoint:
     feeder: FeederState | None = None
     obstacles: tuple[Fixture, ...] | None = None
     """What stands there that the robot was not told of; None: what the scene has, as in older logs."""
+    pressed: tuple[PressedItem, ...] = ()
+    """Fragile items that were between the fingers."""
     time: int | None = None
     """Since time 0, in parts of a second (`pace.RESOLUTION`); None: all steps were of the everyday length."""
 

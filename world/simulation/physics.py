@@ -24,6 +24,7 @@ from .bodies import add_fixed, add_obstacle
 from .camera import PhysicsCamera, Scenery
 from .checkpoint import Checkpoint, RobotReading
 from .client import Client
+from .crushing import Crushing
 from .devices import PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
 from .displaced import displaced
 from .engine import pb
@@ -102,6 +103,9 @@ class PhysicsHardware:
             }
         )
         self.gripper = PhysicsGripper(senses, self._body)
+        limits = {e.kind: e.force_limit for e in scene.catalogue if e.force_limit is not None}
+        self.crushing = Crushing(self._body, self._items, limits, client.id)
+        """How hard the fingers have pressed fragile items, for tests and benchmarks."""
         self.wrench = PhysicsWrench(senses)
         self._feeder: Feeder | None = None
         if has_feeder(scene):
@@ -170,14 +174,17 @@ class PhysicsHardware:
         pb.stepSimulation(self._client)
         self._belts.after_step()
         self.penetrations.stepped(senses.now)
-        if senses.stepped(self._body.read()):
+        reading = self._body.read()
+        self.crushing.stepped(senses.now, reading)
+        if senses.stepped(reading):
             self._items.stepped()
             if self._feeder is not None:
                 self._feeder.stepped(senses.everyday_steps)
 
     def take_events(self) -> tuple[Happened, ...]:
-        """What those who bring and take have done since it was asked last."""
-        return self._feeder.take_events() if self._feeder is not None else ()
+        """What those who bring and take have done since it was asked last, and what was crushed."""
+        brought = self._feeder.take_events() if self._feeder is not None else ()
+        return (*brought, *self.crushing.take_events())
 
     def checkpoint(self) -> Checkpoint:
         """Save → reset → rebuild → restore. The run goes on from what was saved, as a resumed run would:
@@ -209,6 +216,7 @@ class PhysicsHardware:
         self._senses.step = saved.step
         self._senses.time = saved.step * RESOLUTION // EVERYDAY if saved.time is None else saved.time
         self._initial = saved.initial
+        self.crushing.restore(saved.pressed)
         for name, camera in self._cameras.items():
             camera.captures = saved.captures[name]
         if self._feeder is not None:
@@ -232,11 +240,17 @@ class PhysicsHardware:
             feeder=self._feeder.state() if self._feeder is not None else None,
             obstacles=self._obstacles.here,
             time=self._senses.time,
+            pressed=self.crushing.state(),
         )
 
     def truth(self) -> tuple[TrueBody, ...]:
         """Every item that ever came, as it really is: for scorer, faults and the analyst's log only."""
-        return tuple(map(self._seated, self._items.truth())) if self._boards else self._items.truth()
+        bodies = map(self.crushing.told, self._items.truth())
+        return tuple(map(self._seated, bodies)) if self._boards else tuple(bodies)
+
+    def true_fixtures(self) -> tuple[Fixture, ...]:
+        """The scene's fixtures where they really stand."""
+        return self._real.fixtures
 
     def _seated(self, body: TrueBody) -> TrueBody:
         """With how it is in a hole."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from ..files.expressions import Expression
@@ -111,6 +111,15 @@ def _outstanding(truth: Iterable[TrueBody], deliveries: Iterable[Delivery]) -> i
 
 
 def _judged(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
+    """What was crushed between the fingers is misplaced wherever it is."""
+    place = _judged_by_place(body, destination, bins)
+    if body.crushed <= 0.0:
+        return place
+    reason = f"it was crushed: a finger pressed with {body.crushed:.1f} N"
+    return replace(place, verdict="misplaced", reason=reason)
+
+
+def _judged_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
     if body.seat is not None:
         return _judged_in_hole(body, body.seat, destination)
     within = body.taken_with or next((b.id for b in bins if lies_in(b, body)), None)

@@ -29,6 +29,8 @@ class TrueBody:
     """False when a fault or somebody with its bin has taken it away; the pose is where it was last."""
     taken_with: ObjectId | None = None
     """The bin with which it left when that was exchanged."""
+    crushed: float = 0.0
+    """Force of a finger that it did not survive, N; 0 while it is whole."""
     brought_by: int | None = None
     """Which entry of the feed has brought it; None: it was there when the run began."""
     seat: Seat | None = None
