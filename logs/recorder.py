@@ -269,12 +269,20 @@ class Recorder:
         joints = Joints(tuple(names), tuple(position), tuple(velocity), tuple(effort))
         self._write(topics.JOINTS, now, messages.encode_joints(_ns(now), joints))
 
-    def transforms(self, now: float, links: Mapping[str, Pose], objects: Iterable[BeliefObject] = ()) -> None:
-        """Every link and every believed object in the world, by name; cameras are added by themselves."""
+    def transforms(
+        self,
+        now: float,
+        links: Mapping[str, Pose],
+        objects: Iterable[BeliefObject] = (),
+        moving: Mapping[str, Pose] | None = None,
+    ) -> None:
+        """Every link and every believed object in the world, by name, and cameras: those that are `moving`
+        where they are now, others by themselves where they were when they took a picture."""
         frames = dict(links)
         for o in objects:
             frames[o.id] = o.pose
         frames.update(self._cameras)
+        frames.update((_camera_frame(camera), pose) for camera, pose in (moving or {}).items())
         self._write(topics.TF, now, self._transforms.encode(_ns(now), frames))
 
     def wrench(self, now: float, wrench: Wrench) -> None:

@@ -14,7 +14,7 @@ from ..trees.mission import Mission
 from ..trees.runner import NodeInfo, TickReport
 from ..world.journal import Entry, Happened
 from ..world.simulation.backends import Simulation
-from ..world.values import Array
+from ..world.values import Array, Pose
 from . import circumstances, records
 from .checkpoints import RunState
 from .mission_record import mission_files, plugin_versions
@@ -152,13 +152,19 @@ class Scribe:
         fingers_at = world.robot.fingers.positions(gripper.width)
         recorder.joints(now, robot.joints, state, robot.gripper.joints, gripper, fingers_at)
         objects = world.scene.objects
-        recorder.transforms(now, world.robot.link_poses(state.position, gripper.width), objects)
+        links = world.robot.link_poses(state.position, gripper.width)
+        recorder.transforms(now, links, objects, self._on_hand(world.control.tcp))
         recorder.belief(now, objects, world.scene.take_changes())
         recorder.wrench(now, world.control.wrench_external())
         recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
         moved = any(isinstance(entry, Happened) and _sudden(entry) for entry in entries)
         if moved or recorder.truth_due(now):
             self._truth(now, hardware)
+
+    def _on_hand(self, tcp: Pose) -> dict[str, Pose]:
+        """The optical frames in the world of the cameras that move with the tool, by name."""
+        cameras = self._world.description.cameras
+        return {camera.name: tcp @ camera.pose for camera in cameras if camera.on == "hand"}
 
     def timing(self, timing: records.Timing) -> None:
         self._recorder.timing(self._world.clock.now, timing)

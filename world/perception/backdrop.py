@@ -103,9 +103,10 @@ class _Scene:
         """Depths of the shape in a window of the picture that contains it."""
         height, width = self._sight.intrinsics.height, self._sight.intrinsics.width
         points = pose.apply(corners(shape))
-        window = (slice(0, height), slice(0, width))
-        if (((points - self._sight.origin) @ self._sight.rotation[:, 2]) > 0.02).all():
-            pixels = self._sight.pixels(points)
+        window = (slice(0, 0), slice(0, 0))
+        before = self._sight.before(points)
+        if len(before):
+            pixels = self._sight.pixels(before)
             (u0, v0), (u1, v1) = np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0)) + 1
             rows = (int(np.clip(v, 0, height)) for v in (v0, v1))
             columns = (int(np.clip(u, 0, width)) for u in (u0, u1))

@@ -51,6 +51,9 @@ TALLER = 0.015
 """What is higher than the tallest item by this is none, m."""
 BEYOND = 0.02
 """So far beyond what never moves a ray is taken to go on, so that it clears what touches that, m."""
+OFF, FAR_OFF = 0.006, 0.8
+"""A camera whose correction moves what it sees by more than this hangs elsewhere than believed, at a distance
+of so much, m."""
 DOWNWARDS = 0.1
 """A moving camera may look to the horizon, where nothing lies that is to be recognised: rays fall at least by
 so much for each m of depth."""
@@ -137,6 +140,10 @@ class Perception:
         sight = levelled(believed, depth, backdrop, self._table_z)
         if moving:
             sight = self._beside_hand(sight, whole, joints, width)
+        if believed.apart(sight, FAR_OFF) > OFF:
+            # What is seen of walls and table is to be compared with where they are from there.
+            believed = sight
+            backdrop = Backdrop.of(self._description, sight, self._table, self._table_z)
         held = scene.held
         in_hand = None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
         height = sight.heights(depth)

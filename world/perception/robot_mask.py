@@ -100,14 +100,14 @@ class RobotMask:
         pixels = np.stack([columns, rows], axis=1).astype(np.float64)
         points = sight.origin + sight.directions(pixels) * depth[rows, columns][:, None]
         tcp, poses = self._robot.tcp(joints), self._robot.link_poses(joints, width)
-        of_robot = np.linalg.norm(points - np.array(tcp.position), axis=1) < REACHES
-        near = np.flatnonzero(of_robot)
-        of_robot[near] = False
+        near = np.flatnonzero(((points - np.array(tcp.position)) ** 2).sum(axis=1) < REACHES**2)
+        of_robot = np.zeros(len(points), dtype=np.bool_)
         for link, hull in self._hulls:
-            local = poses[link].inverse().apply(points[near])
-            about = np.flatnonzero(np.linalg.norm(local - hull.middle, axis=1) < hull.radius + MOUNTING)
-            within = np.all(local[about] @ hull.normals.T <= hull.offsets + MOUNTING, axis=1)
-            of_robot[near[about[within]]] = True
+            middle = poses[link].apply(hull.middle)
+            away = ((points[near] - middle) ** 2).sum(axis=1)
+            about = near[away < (hull.radius + MOUNTING) ** 2]
+            local = poses[link].inverse().apply(points[about])
+            of_robot[about] |= np.all(local @ hull.normals.T <= hull.offsets + MOUNTING, axis=1)
         if held is not None:
             shape, in_tcp = held
             of_robot[near] |= inside(shape, tcp @ in_tcp, points[near], MOUNTING)

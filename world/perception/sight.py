@@ -48,6 +48,11 @@ class Sight:
         matrix = np.array([[i.fx, 0.0, i.cx], [0.0, i.fy, i.cy], [0.0, 0.0, 1.0]])
         return cls(intrinsics, origin, rotation, matrix @ rotation.T)
 
+    def apart(self, other: Sight, distance: float) -> float:
+        """How far, at most, the two place what one pixel shows at that distance from each other, m."""
+        turn = float(np.linalg.norm(self.rotation - other.rotation, 2))
+        return float(np.linalg.norm(self.origin - other.origin)) + turn * distance
+
     def before(self, points: Array) -> Array:
         """Points (m, 3) whose hull is the part of the hull of `points` (n, 3) that is before the camera; none
         when there is no such part."""

@@ -1,0 +1,191 @@
+"""Campaign: sorting with cameras that hang 8 mm and 2° from where they are believed to hang, with and
+without a camera on the hand that looks before each grasp.
+
+    python benchmarks/servoing.py --runs 40
+
+Direction of the shift and axis of the turn are drawn for each seed and camera, evenly over all directions;
+nobody tells the robot. Each seed's items are sorted in five settings: the overhead camera right or off and
+nobody looks again; and with the camera on the hand the overhead camera off, the hand's camera off, and both.
+
+Each finished seed is a line in the results file; a campaign that was interrupted goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING
+
+import numpy as np
+from _campaign import ROOT, Row, campaign, rate
+
+if TYPE_CHECKING:
+    from picktree.world.values import Array, Vector3
+
+COST_A_SEED = 28.0
+"""CPU seconds that five runs of six items take, for the forecast."""
+SHIFT, TURN = 0.008, math.radians(2.0)
+SETTINGS = {
+    "exact, believed": (False, ()),
+    "overhead off, believed": (False, ("overhead",)),
+    "overhead off, servoing": (True, ("overhead",)),
+    "hand's off, servoing": (True, ("wrist",)),
+    "both off, servoing": (True, ("overhead", "wrist")),
+}
+"""Whether there is a camera on the hand, and which cameras are off."""
+KEPT = ("status", "items", "picks", "failures", "sim_seconds", "cpu_seconds")
+"""What is kept of a run's result."""
+SCENE = """\
+picktree: 1
+kind: scene
+base: {base}
+{cameras}
+spawn:
+  - of: {{block: 1, brick: 1, can: 1, ball: 1, plate: 1, nut: 1}}
+    colours: [red, green, blue]
+    area: {{min: [0.38, -0.20], max: [0.62, 0.20]}}
+    gap: 25 mm
+    lying: 0.35
+"""
+
+
+@dataclass(frozen=True)
+class Job:
+    mission: str
+    seed: int
+    out: str
+    shift: float
+    turn: float
+
+
+def errors(seed: int, shift: float, turn: float) -> dict[str, str]:
+    """What a scene file says of how far each camera is off."""
+    rng = np.random.default_rng([seed, 2026])
+    told: dict[str, str] = {}
+    for camera in ("overhead", "wrist"):
+        way, axis = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
+        offset = ", ".join(f"{c:.6f}" for c in way * shift)
+        rpy = ", ".join(f"{c:.6f}" for c in _rpy(axis, turn))
+        told[camera] = f"  {camera}: {{error: {{offset: [{offset}], rpy: [{rpy}]}}}}"
+    return told
+
+
+def _rpy(axis: Array, turn: float) -> Vector3:
+    """Roll, pitch and yaw of a turn about a unit axis (3,), rad."""
+    from picktree.world.robot.rpy import rpy_of
+    from picktree.world.values import Pose
+
+    x, y, z = (float(c) * math.sin(turn / 2) for c in axis)
+    return rpy_of(Pose(orientation=(x, y, z, math.cos(turn / 2))))
+
+
+def one(job: Job) -> Row:
+    """All settings of one seed, or the error that one died of."""
+    try:
+        return {"seed": job.seed, "settings": {name: _run(job, name) for name in SETTINGS}}
+    except Exception as error:  # noqa: BLE001  a crash is a figure of the campaign
+        return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
+
+
+def _run(job: Job, setting: str) -> Row:
+    from picktree.logs.session import RunRequest, Session
+
+    on_hand, off = SETTINGS[setting]
+    told = errors(job.seed, job.shift, job.turn)
+    cameras = "\n".join(["cameras:", *(told[camera] for camera in off)]) if off else ""
+    name = f"{setting.replace(', ', '-').replace(' ', '_')}-{job.seed}".replace("'", "")
+    file = Path(job.out) / f"{name}.yaml"
+    file.write_text(SCENE.format(base="three_bins_wrist" if on_hand else "three_bins", cameras=cameras))
+    request = RunRequest(
+        mission=Path(job.mission), scene=str(file), seed=job.seed, out=Path(job.out) / f"run-{name}"
+    )
+    result = Session(request).run().to_json()
+    return {
+        key: result[key] for key in ("status", "items", "picks", "failures", "sim_seconds", "cpu_seconds")
+    }
+
+
+def report(rows: list[Row]) -> str:
+    done = [row["settings"] for row in rows if "settings" in row]
+    lines = [f"seeds {len(rows)}, crashed {len(rows) - len(done)}"]
+    lines += [f"  seed {row['seed']}: {row['crash']}" for row in rows if "crash" in row]
+    for setting in SETTINGS if done else ():
+        runs = [row[setting] for row in done]
+        lines += ["", setting]
+        total = sum(r["items"]["total"] for r in runs)
+        lines.append(rate("  items sorted", sum(r["items"]["sorted"] for r in runs), total))
+        first = sum(r["picks"]["held_first_try"] for r in runs)
+        objects = sum(r["picks"]["objects"] for r in runs)
+        lines.append(rate("  held at the first try", first, objects))
+        aims = sorted(1000 * aim for r in runs for aim in r["aims"])
+        if aims:
+            high = aims[min(len(aims) - 1, int(0.95 * len(aims)))]
+            lines.append(f"  aimed beside the item      {median(aims):.1f} mm median, {high:.1f} mm in 95 %")
+        held = max(1, sum(r["picks"]["held"] for r in runs))
+        simulated, cpu = sum(r["sim_seconds"] for r in runs), sum(r["cpu_seconds"] for r in runs)
+        lines.append(
+            f"  a pick takes               {simulated / held:.2f} s simulated, {cpu / held:.2f} s CPU"
+        )
+        causes: Counter[str] = Counter()
+        for r in runs:
+            causes.update(r["failures"])
+        counted = ", ".join(f"{cause} {count}" for cause, count in causes.most_common())
+        lines.append(f"  failures by cause          {counted or 'none'}")
+        missed = [
+            row["seed"]
+            for row in rows
+            if "settings" in row
+            and row["settings"][setting]["items"]["sorted"] < row["settings"][setting]["items"]["total"]
+        ]
+        if missed:
+            lines.append(f"  not all sorted in seeds    {', '.join(map(str, missed))}")
+    return "\n".join(lines)
+
+
+def _short(row: Row) -> str:
+    if "crash" in row:
+        return str(row["crash"])
+    return ", ".join(
+        f"{setting} {r['items']['sorted']}/{r['items']['total']}" for setting, r in row["settings"].items()
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="How well cameras that are off are made up for.")
+    parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_by_colour.yaml"))
+    parser.add_argument("--runs", type=int, default=40)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--shift", type=float, default=SHIFT, help="m")
+    parser.add_argument("--turn", type=float, default=math.degrees(TURN), help="degrees")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--out", default=str(ROOT / "runs" / "servoing"))
+    options = parser.parse_args()
+    out = Path(options.out)
+    out.mkdir(parents=True, exist_ok=True)
+    jobs = [
+        Job(options.mission, seed, str(out), options.shift, math.radians(options.turn))
+        for seed in range(options.first, options.first + options.runs)
+    ]
+    started = time.perf_counter()
+    rows = campaign(
+        out / f"servoing-{1000 * options.shift:g}mm-{options.turn:g}deg.jsonl",
+        jobs,
+        one,
+        cost=COST_A_SEED,
+        workers=options.workers,
+        short=_short,
+    )
+    print(f"servoing: {time.perf_counter() - started:.0f} s")
+    print(report(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
