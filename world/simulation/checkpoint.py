@@ -69,6 +69,8 @@ class PressedItem:
     id: ObjectId
     force: float
     limit: float
+    gripped: float = 0.0
+    """The greatest while the fingers were told to close."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,8 @@ class Pressed:
 
     force: float
     limit: float
+    gripped: float = 0.0
+    """The greatest while the fingers were told to close: the others were bumps."""
 
     @property
     def crushed(self) -> bool:
@@ -66,10 +68,10 @@ class Crushing:
 
     def state(self) -> tuple[PressedItem, ...]:
         """For a checkpoint."""
-        return tuple(PressedItem(name, p.force, p.limit) for name, p in self._most.items())
+        return tuple(PressedItem(name, p.force, p.limit, p.gripped) for name, p in self._most.items())
 
     def restore(self, state: Iterable[PressedItem]) -> None:
-        self._most = {item.id: Pressed(item.force, item.limit) for item in state}
+        self._most = {item.id: Pressed(item.force, item.limit, item.gripped) for item in state}
         self._events = []
 
     def told(self, body: TrueBody) -> TrueBody:
@@ -89,11 +91,15 @@ class Crushing:
 
     def _pressed(self, name: ObjectId, force: float, finger: str, now: float) -> None:
         limit = self._limits.get(self._items.inventory.here[name].entry.kind)
-        before = self._most.get(name)
-        if limit is None or (before is not None and force <= before.force):
+        if limit is None:
             return
-        after = self._most[name] = Pressed(force, limit)
-        if after.crushed and (before is None or not before.crushed):
+        before = self._most.get(name) or Pressed(0.0, limit)
+        gripped = force if self._body.grip.width <= 0.0 else 0.0
+        if force <= before.force and gripped <= before.gripped:
+            return
+        after = Pressed(max(force, before.force), limit, max(gripped, before.gripped))
+        self._most[name] = after
+        if after.crushed and not before.crushed:
             self._events.append(
                 Happened(
                     "crushed",

@@ -1,0 +1,147 @@
+"""Campaign: how hard the fingers really press, on items that a firm grip crushes, and whether any is dropped.
+
+    python benchmarks/gripping.py --runs 10
+    python benchmarks/gripping.py --scene heavy --runs 5
+
+Ten picks a run in `fragile`, eight in `heavy`. The force of each finger is the simulator's, in every
+physics step; the robot knows its gripper's drive alone. Each finished run is a line in the results file; a
+campaign that was interrupted goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+from _campaign import ROOT, Row, campaign, rate
+
+COST_A_RUN = 7.0
+"""CPU seconds."""
+
+
+@dataclass(frozen=True)
+class Job:
+    mission: str
+    scene: str
+    seed: int
+    out: str
+
+
+def one(job: Job) -> Row:
+    """Run one seed; what the fingers did to each item, and what became of it."""
+    from picktree.logs.run import Run
+    from picktree.logs.session import RunRequest, Session
+
+    request = RunRequest(
+        mission=Path(job.mission),
+        scene=job.scene,
+        seed=job.seed,
+        out=Path(job.out) / f"{job.scene}-{job.seed}",
+    )
+    session = Session(request)
+    result = session.run()
+    hardware = session.hardware
+    kinds = {body.id: body.kind for body in hardware.truth()}
+    crushing = getattr(hardware, "crushing")  # noqa: B009  of the physical backend alone
+    pressed = [
+        {"kind": kinds[name], "force": p.force, "gripped": p.gripped, "limit": p.limit}
+        for name, p in crushing.most().items()
+    ]
+    with Run(result.log) as run:
+        events = Counter(at.record.kind for at in run.events)
+        grips = [at.record.data for at in run.events if at.record.kind == "pick"]
+    return {
+        "seed": job.seed,
+        "result": result.to_json(),
+        "pressed": pressed,
+        "events": dict(events),
+        "forces": [[kinds_of(str(grip["object"])), grip["force"], grip["load"]] for grip in grips],
+    }
+
+
+def kinds_of(object_id: str) -> str:
+    """`red_cup_2` is a cup."""
+    return object_id.split("_")[1]
+
+
+def report(rows: list[Row]) -> str:
+    results = [row["result"] for row in rows]
+    total = sum(r["items"]["total"] for r in results)
+    held, tried = (sum(r["picks"][key] for r in results) for key in ("held", "tried"))
+    lost = sum(count for r in results for cause, count in r["failures"].items() if cause == "grasp.slipped")
+    lines = [
+        f"runs {len(rows)}, picks {tried}",
+        rate("items sorted and whole", sum(r["items"]["sorted"] for r in results), total),
+        rate("grasps held", held, tried),
+        rate("dropped or slipped out", lost, tried),
+    ]
+    by_kind: dict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        for pressed in row["pressed"]:
+            by_kind[pressed["kind"]].append(pressed)
+    every = [p for pressed in by_kind.values() for p in pressed]
+    if every:
+        firm = sum(p["gripped"] > p["limit"] for p in every)
+        lines.append(rate("gripped above the limit", firm, len(every)))
+        bumped = sum(p["gripped"] <= p["limit"] < p["force"] for p in every)
+        lines.append(rate("bumped above the limit", bumped, len(every)))
+        lines.append("greatest force of a finger while it closes and holds, N")
+        for kind, pressed in sorted(by_kind.items()):
+            worst = max(p["gripped"] for p in pressed)
+            middle, limit = median(p["gripped"] for p in pressed), pressed[0]["limit"]
+            lines.append(
+                f"  {kind:<10} {len(pressed):>4} items   median {middle:5.2f}   "
+                f"worst {worst:5.2f}   limit {limit:g}"
+            )
+    forces: dict[str, list[float]] = defaultdict(list)
+    for row in rows:
+        for kind, force, _ in row["forces"]:
+            forces[kind].append(force)
+    lines.append("grip that was chosen a finger, N")
+    for kind, chosen in sorted(forces.items()):
+        lines.append(
+            f"  {kind:<10} {len(chosen):>4} picks   {min(chosen):5.2f} … {max(chosen):5.2f}   "
+            f"median {median(chosen):5.2f}"
+        )
+    events: Counter[str] = Counter()
+    causes: Counter[str] = Counter()
+    for row in rows:
+        events.update(row["events"])
+        causes.update(row["result"]["failures"])
+    told = {kind: events[kind] for kind in ("centred", "slip", "regrasp", "crushed")}
+    lines.append("what happened                " + ", ".join(f"{kind} {n}" for kind, n in told.items()))
+    failed = ", ".join(f"{cause} {n}" for cause, n in causes.most_common())
+    lines.append(f"failures by cause            {failed or 'none'}")
+    seconds = [r["sim_seconds"] / max(1, r["picks"]["held"]) for r in results]
+    lines.append(f"simulated seconds a pick     median over runs {median(seconds):.2f}")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="How hard the fingers press, and what they drop.")
+    parser.add_argument("--mission", default=str(ROOT / "examples" / "sort_by_colour.yaml"))
+    parser.add_argument("--scene", default="fragile")
+    parser.add_argument("--runs", type=int, default=10)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--out", default=str(ROOT / "runs" / "gripping"))
+    args = parser.parse_args()
+    jobs = [Job(args.mission, args.scene, args.first + k, args.out) for k in range(args.runs)]
+    rows = campaign(
+        Path(args.out) / f"{args.scene}.jsonl",
+        jobs,
+        one,
+        cost=COST_A_RUN,
+        workers=args.workers,
+        short=lambda row: f"{row['result']['items']['sorted']} of {row['result']['items']['total']}",
+    )
+    print(report(rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
