@@ -9,6 +9,7 @@ from typing import Protocol
 from ..world.journal import CandidatesRanked, PlanMade
 from ..world.scene.planning_scene import BeliefChange, BeliefObject
 from ..world.shapes import ConvexMesh, Shape
+from ..world.simulation.truth import TrueBody as SimulatedBody
 from ..world.values import ObjectId, Pose
 from .records import Block, Body, Candidate, Candidates, Event, Plan, Stage
 
@@ -54,7 +55,9 @@ def believed(o: BeliefObject) -> Body:
 
 def real(body: TrueBody) -> Body:
     """What the simulation has there."""
-    return Body(body.id, body.kind, body.form, body.colour, _portable(body.shape), body.pose, body.role)
+    shape = _portable(body.shape)
+    seat = body.seat if isinstance(body, SimulatedBody) else None
+    return Body(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
 
 
 def changed(change: BeliefChange) -> Event:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..world.scene.holes import Hole
 from ..world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..world.values import Array, Pose, Vector3
 from .thinning import thinned
@@ -156,6 +157,18 @@ def _materials(path: Path, head: bytes) -> dict[str, tuple[float, float, float]]
             red, green, blue = (float(number) for number in rest.split()[:3])
             palette[name] = (red, green, blue)
     return palette
+
+
+def part_mesh(shape: Shape, holes: tuple[Hole, ...], colour: tuple[float, float, float] = WHITE) -> Mesh:
+    """The surface of a part that never moves, in its own frame; a box may have holes."""
+    if not holes or not isinstance(shape, Box):
+        return shape_mesh(shape, colour)
+    from ..world.scene.solids import surface
+
+    seen = surface(shape, holes)
+    faces = np.arange(len(seen.corners), dtype=np.int64).reshape(-1, 3)
+    colours = np.tile(np.array(colour), (len(faces), 1))
+    return Mesh(seen.corners, faces, seen.normals.reshape(-1, 3, 3), colours)
 
 
 def shape_mesh(shape: Shape, colour: tuple[float, float, float] = WHITE) -> Mesh:

@@ -30,7 +30,7 @@ from ..world.protocols import Intrinsics
 from ..world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..world.values import Pose, Vector3
 from .json_records import decode, encode
-from .meshes import shape_mesh
+from .meshes import Mesh, part_mesh, shape_mesh
 from .parts import parts_of
 from .records import Body, Joints, LinkMesh, LogLine, Part, Scene, Transform
 
@@ -245,7 +245,11 @@ def _fixtures(parts: Iterable[Part]) -> list[SceneEntity]:
     for part in parts:
         owner = part.id.split("/")[0]
         entity = entities.setdefault(owner, SceneEntity(frame_id=WORLD, id=owner, frame_locked=True))
-        _add_shape(entity, part.shape, part.pose, COLOURS.get(part.colour, UNKNOWN_COLOUR), 1.0)
+        colour = COLOURS.get(part.colour, UNKNOWN_COLOUR)
+        if part.holes:
+            _add_mesh(entity, part_mesh(part.shape, part.holes), _pose(part.pose), _paint(colour, 1.0))
+        else:
+            _add_shape(entity, part.shape, part.pose, colour, 1.0)
         entity.metadata.append(KeyValuePair(key=_PART, value=encode(part).decode()))
     return list(entities.values())
 
@@ -269,7 +273,7 @@ def _entity(update: SceneUpdate, time: int, name: str, frame: str, *, locked: bo
 
 def _add_shape(entity: SceneEntity, shape: Shape, pose: Pose, colour: Rgb, alpha: float) -> None:
     where = _pose(pose)
-    paint = Color(r=colour[0], g=colour[1], b=colour[2], a=alpha)
+    paint = _paint(colour, alpha)
     match shape:
         case Box(size):
             entity.cubes.append(CubePrimitive(pose=where, size=_vector(size), color=paint))
@@ -282,15 +286,22 @@ def _add_shape(entity: SceneEntity, shape: Shape, pose: Pose, colour: Rgb, alpha
             size = _vector((2 * radius, 2 * radius, 2 * radius))
             entity.spheres.append(SpherePrimitive(pose=where, size=size, color=paint))
         case ConvexMesh():
-            mesh = shape_mesh(shape)
-            entity.triangles.append(
-                TriangleListPrimitive(
-                    pose=where,
-                    points=[Point3(x=x, y=y, z=z) for x, y, z in mesh.vertices.tolist()],
-                    color=paint,
-                    indices=mesh.faces.ravel().tolist(),
-                )
-            )
+            _add_mesh(entity, shape_mesh(shape), where, paint)
+
+
+def _paint(colour: Rgb, alpha: float) -> Color:
+    return Color(r=colour[0], g=colour[1], b=colour[2], a=alpha)
+
+
+def _add_mesh(entity: SceneEntity, mesh: Mesh, where: PoseMessage, paint: Color) -> None:
+    entity.triangles.append(
+        TriangleListPrimitive(
+            pose=where,
+            points=[Point3(x=x, y=y, z=z) for x, y, z in mesh.vertices.tolist()],
+            color=paint,
+            indices=mesh.faces.ravel().tolist(),
+        )
+    )
 
 
 def _pose(pose: Pose) -> PoseMessage:

@@ -106,6 +106,7 @@ class Recorder:
         self._beliefs = messages.Scenes(locked=True)
         self._truths = messages.Scenes(locked=False)
         self._fixed: tuple[Part, ...] = ()
+        self._standing: tuple[Part, ...] = ()
         self._cameras: dict[str, Pose] = {}  # by frame
         self._believed = self._true = -EVERY
         self._failing: frozenset[str] = frozenset()
@@ -218,16 +219,16 @@ class Recorder:
         self._write(topics.ROBOT, now, messages.encode_robot(_ns(now), meshes))
         self.checkpoint()
 
-    def fixed(self, fixtures: Iterable[Fixture], bins: Iterable[Bin]) -> None:
-        """What never moves; it stands in each message of the belief and of the truth from now on."""
-        self._fixed = (
-            *(Part(f.id, f.colour, f.shape, f.pose) for f in fixtures),
-            *(
-                Part(f"{b.id}/{k}", b.colour, box, pose)
-                for b in bins
-                for k, (box, pose) in enumerate(b.parts())
-            ),
+    def fixed(
+        self, fixtures: Iterable[Fixture], bins: Iterable[Bin], really: Iterable[Fixture] | None = None
+    ) -> None:
+        """What never moves; it stands in each message of the belief and of the truth from now on. `really`:
+        the fixtures where they truly stand, if that is elsewhere."""
+        walls = tuple(
+            Part(f"{b.id}/{k}", b.colour, box, pose) for b in bins for k, (box, pose) in enumerate(b.parts())
         )
+        self._fixed = (*map(_part, fixtures), *walls)
+        self._standing = self._fixed if really is None else (*map(_part, really), *walls)
 
     # At each tick
 
@@ -316,7 +317,7 @@ class Recorder:
         self._true = now
         scene = Scene(
             tuple(map(conversions.real, bodies)),
-            self._fixed,
+            self._standing,
         )
         self._write(topics.TRUTH, now, self._truths.encode(_ns(now), scene))
 
@@ -394,3 +395,7 @@ def _run_words(run: RunInfo) -> dict[str, str]:
         **({} if run.limit is None else {"limit": repr(run.limit)}),
         "own_scene": str(run.own_scene).lower(),
     }
+
+
+def _part(fixture: Fixture) -> Part:
+    return Part(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)

@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from ..world.scene.holes import Hole
 from ..world.shapes import Shape
+from ..world.simulation.seats import Seat
 from ..world.values import Pose, Vector3
 
 FORMAT = 2
@@ -345,6 +347,8 @@ class Body:
     last_seen: float = 0.0
     blocks: tuple[Block, ...] = ()
     """Of an obstacle: the boxes in its frame that it takes up; `shape` is then the box about all."""
+    seat: Seat | None = None
+    """Of a true item that is at a hole: how."""
 
 
 @dataclass(frozen=True)
@@ -355,6 +359,8 @@ class Part:
     colour: str
     shape: Shape
     pose: Pose
+    holes: tuple[Hole, ...] = ()
+    """In a box, from its top face."""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -72,6 +73,35 @@ class FeedCount:
 
 
 @dataclass(frozen=True, slots=True)
+class HoleItem:
+    """An item that ended at a hole of a fixture, as the scorer measured it."""
+
+    item: str
+    kind: str
+    hole: str
+    verdict: str
+    depth: float
+    """Of its lowest point below the mouth, m."""
+    bottom: float
+    """Depth of the hole, m."""
+    tilt: float
+    """rad"""
+    penetration: float
+    """How deep it and the fixture were in each other at most within the last second, m."""
+    reason: str
+    """Why it does not count as in the hole, or as where it belongs; empty when it does."""
+
+    def to_text(self) -> str:
+        """A line for a terminal."""
+        measured = (
+            f"{1000 * self.depth:.1f} of {1000 * self.bottom:.1f} mm deep, leans "
+            f"{math.degrees(self.tilt):.1f} deg, {1000 * self.penetration:.3f} mm in the wall"
+        )
+        said = self.verdict + (f": {self.reason}" if self.reason else "")
+        return f"{self.kind} in {self.hole}: {measured}; {said}"
+
+
+@dataclass(frozen=True, slots=True)
 class WallSeconds:
     """Seconds of the wall clock; the parts do not sum up to the total."""
 
@@ -110,6 +140,8 @@ class RunResult:
     """Trajectories that the second collision checker judged otherwise; None when it did not judge."""
     feed: FeedCount | None = None
     """None for a scene to which nothing is brought."""
+    holes: tuple[HoleItem, ...] = ()
+    """Items that ended at holes."""
 
     @property
     def reached(self) -> bool:
@@ -155,6 +187,7 @@ class RunResult:
             "thinking_charged": self.thinking_charged,
             "disagreements": self.disagreements,
             "feed": None if self.feed is None else asdict(self.feed),
+            "holes": [asdict(item) for item in self.holes],
             "cpu_seconds": round(self.cpu_seconds, 3),
             "wall_seconds": {
                 "total": round(wall.total, 3),
@@ -184,6 +217,7 @@ class RunResult:
                 picks=PickCount(**said["picks"]),
                 wall_seconds=WallSeconds(**wall),
                 feed=FeedCount(**said["feed"]) if said.get("feed") else None,
+                holes=tuple(HoleItem(**item) for item in said.get("holes", ())),
                 log=Path(said["log"]),
                 folder=Path(said["folder"]),
                 **{name: said[name] for name in _PLAIN_FIELDS},
@@ -203,6 +237,7 @@ class RunResult:
             f"  {form:<10}{count.sorted} of {count.total}" for form, count in sorted(items.by_form.items())
         ]
         lines += [
+            *(f"{'holes' if n == 0 else '':<12}{item.to_text()}" for n, item in enumerate(self.holes)),
             f"grasps      {picks.tried} tried, {picks.held} held; "
             f"{picks.held_first_try} of {picks.objects} objects held at the first try",
             f"failures    {_counts(self.failures)}",

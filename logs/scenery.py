@@ -14,7 +14,7 @@ from ..world.colours import COLOURS
 from ..world.shapes import Shape
 from ..world.values import Array, Pose
 from .glb import read_glb
-from .meshes import Mesh, joined, shape_mesh
+from .meshes import Mesh, joined, part_mesh, shape_mesh
 from .messages import UNKNOWN_COLOUR
 from .parts import parts_of
 from .raster import Model, Picture
@@ -68,7 +68,7 @@ class Scenery:
         """The same as `picture`, in less time when it is to be the only one."""
         links = shown.links
         parts = [mesh.placed(links[link]) for link, mesh in self._robot_meshes.items() if link in links]
-        parts += [_mesh(part.shape, part.colour).placed(part.pose) for part in shown.solid.fixed]
+        parts += [_part(part).placed(part.pose) for part in shown.solid.fixed]
         parts += [_body_mesh(b).placed(_pose(b, links)) for b in shown.solid.bodies]
         studio = Studio(joined(parts), self._view, self._size, fine=self._fine)
         return self._drawn_over(studio.picture([]), shown)
@@ -84,7 +84,7 @@ class Scenery:
 
     def _build(self, fixed: tuple[Part, ...]) -> None:
         self._fixed = fixed
-        parts = [_mesh(part.shape, part.colour).placed(part.pose) for part in fixed]
+        parts = [_part(part).placed(part.pose) for part in fixed]
         self._studio = Studio(joined(parts), self._view, self._size, fine=self._fine)
         self._robot = {link: self._studio.model(mesh) for link, mesh in self._robot_meshes.items()}
         self._bodies = {}
@@ -125,6 +125,10 @@ class Scenery:
 
 def _mesh(shape: Shape, colour: str) -> Mesh:
     return shape_mesh(shape, COLOURS.get(colour, UNKNOWN_COLOUR))
+
+
+def _part(part: Part) -> Mesh:
+    return part_mesh(part.shape, part.holes, COLOURS.get(part.colour, UNKNOWN_COLOUR))
 
 
 def _body_mesh(body: Body) -> Mesh:

@@ -107,7 +107,7 @@ class Scribe:
         for file in self._files:
             recorder.attach(file.name, file.content, file.media_type)
         recorder.attach(circumstances.SOURCES, circumstances.sources_to_text(circumstances.sources()))
-        recorder.fixed(recipe.scene.fixtures, recipe.scene.bins)
+        recorder.fixed(recipe.scene.fixtures, recipe.scene.bins, session.hardware.true_fixtures())
         if start is None:
             recorder.tree(_tree(structure))
             recorder.robot_model(link_meshes(recipe.robot.urdf))

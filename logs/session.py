@@ -18,8 +18,8 @@ from ..world.errors import PicktreeError
 from ..world.journal import Happened, Plain
 from ..world.simulation.backends import build_hardware
 from ..world.simulation.faults import Injector
-from ..world.simulation.feeder import Feeder
-from ..world.simulation.scorer import score
+from ..world.simulation.scorer import ItemScore, score
+from ..world.simulation.truth import TrueBody
 from ..world.stopwatch import Stopwatch
 from ..world.values import Vector3
 from .assembly import TICK, assemble
@@ -30,7 +30,7 @@ from .recipe import LIMIT, Recipe
 from .recorder import Listener
 from .records import NodeTime, Timing
 from .request import RunOptions, RunRequest, make_folder, read_recipe
-from .result import FeedCount, FormCount, ItemCount, PickCount, RunResult, RunStatus, WallSeconds
+from .result import FeedCount, FormCount, HoleItem, ItemCount, PickCount, RunResult, RunStatus, WallSeconds
 from .rotation import FOR_FEEDS, NEVER
 from .scribe import Scribe, Tap
 from .tally import Tally
@@ -178,9 +178,8 @@ class Session:
                 scribe.timing(self._timing(before, began))
 
     def _brought(self) -> tuple[Happened, ...]:
-        """What whoever brings items has done since the last tick."""
-        feed = self.hardware.feed
-        events = feed.take_events() if isinstance(feed, Feeder) else ()
+        """What whoever brings items has done since the last tick, and what was crushed."""
+        events = self.hardware.take_events()
         if events:
             self._total = self._items_total()
         return events
@@ -347,7 +346,8 @@ class Session:
         )
 
     def _result(self, status: RunStatus, digest: str) -> RunResult:
-        verdict = score(self.hardware.truth(), self.scene)
+        truth = self.hardware.truth()
+        verdict = score(truth, self.scene)
         goal = self.mission.goal.text if self.mission.goal else self.scene.goal
         if status == "success" and not verdict.reached(goal):
             status = "incomplete"
@@ -381,8 +381,27 @@ class Session:
             message=failure.message if failure else "",
             thinking_charged=self.scene.thinking.collision_check > 0.0 and self.scene.thinking.image > 0.0,
             disagreements=self._disagreements if self.recipe.verify else None,
+            holes=tuple(
+                _at_hole(body, item) for body, item in zip(truth, verdict.items, strict=True) if item.seat
+            ),
             feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if self._fed else None,
         )
+
+
+def _at_hole(body: TrueBody, item: ItemScore) -> HoleItem:
+    assert item.seat is not None
+    seat = item.seat
+    return HoleItem(
+        str(item.id),
+        body.kind,
+        str(seat.hole),
+        item.verdict,
+        round(seat.depth, 6),
+        seat.bottom,
+        round(seat.tilt, 6),
+        round(seat.penetration, 7),
+        item.reason,
+    )
 
 
 def _mission_changed(adoption: Adoption) -> Happened:

@@ -179,7 +179,16 @@ class Case:
         present = self.gone(id_) is None
         entry = entry_of(self.scene, last.kind)
         form = entry.form if entry else "box"
-        return TrueBody(ObjectId(id_), last.kind, form, last.shape, last.colour, last.pose, present=present)
+        return TrueBody(
+            ObjectId(id_),
+            last.kind,
+            form,
+            last.shape,
+            last.colour,
+            last.pose,
+            present=present,
+            seat=last.seat,
+        )
 
     @property
     def fixtures(self) -> Mapping[str, Fixture]:
@@ -201,13 +210,15 @@ class Case:
         return next((n.ports for n in self.run.tree_at(self.end).nodes if n.path == path), nothing)
 
     def destination(self, body: Body) -> str:
-        """The bin where it belongs by the scene's rules; empty when nowhere."""
+        """The bin, hole or fixture with holes where it belongs by the scene's rules; empty when nowhere."""
         if self.scene is None:
             return ""
         return str(destination_rule(self.scene.destinations)(body) or "")
 
     def bin_at(self, body: Body) -> str:
-        """The bin within whose walls it is; empty when in none."""
+        """The bin within whose walls it is, or the hole where it is; empty when in none."""
+        if body.seat is not None and body.seat.over:
+            return str(body.seat.hole)
         for each in self.scene.bins if self.scene else ():
             x, y, _ = (each.pose.inverse() @ body.pose).position
             if abs(x) <= each.size[0] / 2 and abs(y) <= each.size[1] / 2:

@@ -82,7 +82,9 @@ def _truth(case: Case, true: str) -> str:
     body = case.truth.tracks[true].bodies[-1]
     lies = case.bin_at(body)
     where = f"in {lies}" if lies else f"at {place(body.pose.position)}"
-    if score is not None and score.verdict == "sorted":
+    if score is not None and score.seat is not None and score.reason:
+        where += f": {score.reason}"
+    elif score is not None and score.verdict == "sorted":
         where += ", where it belongs"
     elif score is not None and score.destination and score.destination == lies:
         where += ", where it belongs, but does not rest in it"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ...world.scene.destinations import is_at
 from ...world.simulation.scorer import REST_SPEED
 from .case import Case, Finding
 from .explanation import FailureStory
@@ -28,6 +29,7 @@ def why_not_sorted(case: Case, true: str) -> Finding | None:
     return (
         _wrong_bin(case, true, item, into, node)
         or _taken(case, true, into)
+        or _not_seated(case, true, item, into, time)
         or _left_bin(case, true, item, into, time)
     )
 
@@ -84,7 +86,7 @@ def _taken(case: Case, true: str, into: str) -> Finding | None:
 def _wrong_bin(case: Case, true: str, item: str, into: str, node: str) -> Finding | None:
     real, believed = case.truth.tracks[true].bodies[-1], case.belief.tracks[item].bodies[-1]
     belongs = case.destination(real)
-    if not into or not belongs or into == belongs:
+    if not into or not belongs or is_at(into, belongs):
         return None
     if (believed.colour, believed.kind) != (real.colour, real.kind) and case.destination(believed) == into:
         title = (
@@ -100,6 +102,19 @@ def _wrong_bin(case: Case, true: str, item: str, into: str, node: str) -> Findin
         f"by the scene's rules a {real.colour} {real.kind} belongs into {belongs}",
     )
     return Finding("mission.wrong_bin", node, title, reasons, item, None)
+
+
+def _not_seated(case: Case, true: str, item: str, into: str, time: float) -> Finding | None:
+    """It was let go at a hole, and by the scorer's measure is not in it."""
+    score = case.scores[true]
+    if not any(str(hole.id) == into for fixture in case.fixtures.values() for hole in fixture.holes):
+        return None
+    if score.seat is not None and score.reason:
+        title = f"{item} is not in {into}: {score.reason}"
+        return Finding("insert.not_in", true, title, (), item, time)
+    ends = case.truth.tracks[true].bodies[-1].pose.position
+    title = f"{item} is not in {into}, where it was let go: in the end it is at {place(ends)}"
+    return Finding("insert.not_in", true, title, (), item, time)
 
 
 def _left_bin(case: Case, true: str, item: str, into: str, time: float) -> Finding | None:

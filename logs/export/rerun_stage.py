@@ -13,7 +13,7 @@ from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Pose
 from .. import messages, topics
 from ..glb import upright
-from ..meshes import shape_mesh
+from ..meshes import part_mesh, shape_mesh
 from ..messages import UNKNOWN_COLOUR
 from ..records import Block, Body, Part, Scene, Transform
 from ..run import Run
@@ -66,7 +66,8 @@ def _fixtures(sheet: Sheet, parts: Sequence[Part]) -> None:
     for owner, pieces in by_owner.items():
         for k, piece in enumerate(pieces):
             entity = f"/world/fixtures/{rr.escape_entity_path_part(owner)}/{k}"
-            sheet.always(entity, _placed(piece.pose), _form(piece.shape, _rgb(piece.colour)))
+            form = _mesh_form(piece) if piece.holes else _form(piece.shape, _rgb(piece.colour))
+            sheet.always(entity, _placed(piece.pose), form)
 
 
 def _bodies(
@@ -181,6 +182,16 @@ def _body_form(body: Body, colour: tuple[int, int, int], fill: rr.components.Fil
         fill_mode=fill,
         labels=[body.id],
         show_labels=False,
+    )
+
+
+def _mesh_form(part: Part) -> rr.AsComponents:
+    mesh = part_mesh(part.shape, part.holes)
+    return rr.Mesh3D(
+        vertex_positions=mesh.vertices,
+        vertex_normals=mesh.normals.reshape(-1, 3),
+        triangle_indices=mesh.faces,
+        albedo_factor=_rgb(part.colour),
     )
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from ...world.colours import COLOURS
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..glb import read_glb
-from ..meshes import Mesh, joined, shape_mesh, smoothed
+from ..meshes import Mesh, joined, part_mesh, shape_mesh, smoothed
 from ..messages import UNKNOWN_COLOUR
 from ..parts import parts_of
-from ..records import Body, LinkMesh
+from ..records import Body, LinkMesh, Part
 from ..thinning import thinned
 from .packing import Packable, quantised
 
@@ -64,6 +64,13 @@ def packed_shape(shape: Shape) -> Packable:
             return {"sphere": radius}
         case ConvexMesh():
             return {"mesh": packed_mesh(shape_mesh(shape))}
+
+
+def packed_part(part: Part) -> Packable:
+    """The shape of a part that never moves; one with holes is a mesh."""
+    if not part.holes:
+        return packed_shape(part.shape)
+    return {"mesh": packed_mesh(part_mesh(part.shape, part.holes))}
 
 
 def packed_body(body: Body) -> Packable:

@@ -12,7 +12,7 @@ from ...world.values import Array, Pose
 from ..run import Run
 from .bodies import Believed, Frames, Sampled, spans
 from .matching import track
-from .models import packed_body, packed_link, packed_shape, rgb
+from .models import packed_body, packed_link, packed_part, packed_shape, rgb
 from .motion import motion_of
 from .packing import Packable, Quantised, Section, quantised
 from .poses import composed, continuous, filled, inverse, row
@@ -118,7 +118,7 @@ def _fixed(run: Run) -> Packable:
     return [
         {
             "id": part.id.split("/")[0],
-            "shape": packed_shape(part.shape),
+            "shape": packed_part(part),
             "colour": rgb(part.colour),
             "pose": list(row(part.pose)),
         }

@@ -162,7 +162,7 @@ def _marked(world: World, names: frozenset[str]) -> Iterable[Body]:
 
 def _fixed(world: World) -> Iterable[Part]:
     for f in world.scene.fixtures.values():
-        yield Part(f.id, f.colour, f.shape, f.pose)
+        yield Part(f.id, f.colour, f.shape, f.pose, f.holes)
     for b in world.scene.bins.values():
         for k, (box, pose) in enumerate(b.parts()):
             yield Part(f"{b.id}/{k}", b.colour, box, pose)

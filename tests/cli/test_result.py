@@ -6,7 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from picktree.logs.result import FeedCount, FormCount, ItemCount, PickCount, RunResult
+from picktree.logs.result import FeedCount, FormCount, HoleItem, ItemCount, PickCount, RunResult
 
 
 def test_text(result: RunResult) -> None:
@@ -69,6 +69,7 @@ def test_json(result: RunResult) -> None:
         "thinking_charged": True,
         "disagreements": None,
         "feed": None,
+        "holes": [],
         "cpu_seconds": 2.346,
         "wall_seconds": {
             "total": 2.5,
@@ -99,3 +100,19 @@ def test_of_a_run_with_a_feed(result: RunResult) -> None:
     older = json.loads(text)
     del older["feed"]
     assert RunResult.from_json_text(json.dumps(older), Path("log.mcap")).feed is None
+
+
+def test_of_a_run_with_holes(result: RunResult) -> None:
+    right = HoleItem("item_00", "dowel", "board/left", "sorted", 0.0298, 0.03, 0.01, 2e-5, "")
+    why = "it is 0.40 mm deep in a wall of board/right"
+    wrong = HoleItem("item_01", "post", "board/right", "misplaced", 0.03, 0.03, 0.0, 4e-4, why)
+    felt = replace(result, holes=(right, wrong))
+    lines = felt.to_text().splitlines()
+    told = lines.index(
+        "holes       dowel in board/left: 29.8 of 30.0 mm deep, leans 0.6 deg, 0.020 mm in the wall; sorted"
+    )
+    assert lines[told + 1] == (
+        "            post in board/right: 30.0 of 30.0 mm deep, leans 0.0 deg, 0.400 mm in the wall; "
+        "misplaced: it is 0.40 mm deep in a wall of board/right"
+    )
+    assert RunResult.from_json_text(felt.to_json_text(), Path("log.mcap")).holes == felt.holes

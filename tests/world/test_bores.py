@@ -126,7 +126,8 @@ def _in_hole(points: Array, n: int) -> NDArray[np.bool_]:
 
 
 def test_the_surface_is_closed_around_the_same_volume() -> None:
-    seen = surface(BOARD)
+    assert isinstance(BOARD.shape, Box)
+    seen = surface(BOARD.shape, BOARD.holes)
     mesh = Trimesh(seen.corners, np.arange(len(seen.corners)).reshape(-1, 3))
     solid = sum(Trimesh(np.array(piece.vertices)).convex_hull.volume for piece, _ in bored(BOARD))
     assert mesh.volume == pytest.approx(solid, rel=1e-6)

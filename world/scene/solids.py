@@ -11,7 +11,6 @@ from scipy.spatial import ConvexHull
 from ..shapes import Box
 from ..values import Array
 from .boring import layered
-from .description import Fixture
 from .holes import Hole
 
 ABOVE = 1e-6
@@ -22,7 +21,7 @@ TOUCHING = 1e-8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """Triangles in the fixture's frame, counter-clockwise from outside, each with corners of its own."""
+    """Triangles in the box's frame, counter-clockwise from outside, each with corners of its own."""
 
     corners: Array
     """(3n, 3), m"""
@@ -30,14 +29,9 @@ class Surface:
     """(3n, 3), of the corner's triangle."""
 
 
-def surface(fixture: Fixture) -> Surface:
-    """What can be seen of the fixture, the insides of its holes included."""
-    assert isinstance(fixture.shape, Box)
-    return _surface(fixture.shape, fixture.holes)
-
-
 @cache
-def _surface(box: Box, holes: tuple[Hole, ...]) -> Surface:
+def surface(box: Box, holes: tuple[Hole, ...]) -> Surface:
+    """What can be seen of a box with holes, their insides included."""
     hulls: list[tuple[Array, ConvexHull]] = []
     for piece, piece_in_fixture in layered(box, holes):
         points = piece_in_fixture.apply(np.array(piece.vertices))

@@ -9,7 +9,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 from ..journal import Happened
 from ..protocols import Hardware
 from ..robot.description import RobotDescription
-from ..scene.description import SceneDescription
+from ..scene.description import Fixture, SceneDescription
 from .faults import Faulty
 
 Backend: TypeAlias = Literal["physics", "kinematic"]
@@ -26,6 +26,10 @@ class Simulation(Hardware, Faulty, Protocol):
 
     def take_events(self) -> tuple[Happened, ...]:
         """What those who bring items and exchange bins have done since it was asked last."""
+        ...
+
+    def true_fixtures(self) -> tuple[Fixture, ...]:
+        """The scene's fixtures where they really stand."""
         ...
 
     def checkpoint(self) -> Saved: ...

@@ -11,6 +11,7 @@ from functools import cache
 from ..scene.boring import bored
 from ..scene.description import Fixture
 from ..scene.solids import surface
+from ..shapes import Box
 from .engine import pb
 
 
@@ -43,5 +44,6 @@ def bored_visual(fixture: Fixture, rgba: tuple[float, float, float, float], clie
 @cache
 def _lists(fixture: Fixture) -> tuple[list[list[float]], list[int], list[list[float]]]:
     """Made once: pybullet never lets go of the lists."""
-    seen = surface(fixture)
+    assert isinstance(fixture.shape, Box)
+    seen = surface(fixture.shape, fixture.holes)
     return seen.corners.tolist(), list(range(len(seen.corners))), seen.normals.tolist()

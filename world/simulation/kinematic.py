@@ -127,7 +127,7 @@ class KinematicHardware:
         self.seed = seed
         self.period = period
         self.model = RobotModel(robot)
-        real = displaced(scene, seed, level=True)
+        self._real = real = displaced(scene, seed, level=True)
         items = spawn_items(scene, seed)
         self._inventory = Inventory(scene, items)
         self._boards = Boards(real.fixtures)
@@ -214,6 +214,10 @@ class KinematicHardware:
     def truth(self) -> tuple[TrueBody, ...]:
         """What is really there, for the scorer and the log only."""
         return self._inventory.truth(lambda name: self._seated(true_body(self.bodies[name], self._inventory)))
+
+    def true_fixtures(self) -> tuple[Fixture, ...]:
+        """The scene's fixtures where they really stand."""
+        return self._real.fixtures
 
     def _seated(self, body: TrueBody) -> TrueBody:
         """With how it is in a hole; nothing is ever in a wall here."""
