@@ -104,9 +104,7 @@ def _camera_lines(camera: CameraFound) -> list[str]:
 def _tool_lines(tool: ToolFound) -> list[str]:
     sigma = ", ".join(f"{1000 * s:.2f}" for s in tool.deviation)
     if not tool.sure:
-        return [
-            f"tool        left as it was: {tool.touches} touches tell it to ± {sigma} mm along x, y, z only"
-        ]
+        return [f"tool        left as it was: {tool.touches} touches tell it to ± {sigma} mm only"]
     x, y, z = (1000 * c for c in tool.offset)
     return [
         f"tool        was off by x {x:+.2f}, y {y:+.2f}, z {z:+.2f} mm; now known to ± {sigma} mm",

@@ -16,7 +16,7 @@ PIXEL, OUTLINE = 0.05, 0.3
 """Error of a square's centroid: this, and that over the length of its edge, pixels. Measured on pictures."""
 DEPTH = 3e-5
 """Of a square's mean depth beyond what its scatter says, m."""
-TOUCHED = 5e-5
+TOUCHED = 1e-4
 """Of where a touch ends, m."""
 YIELDS = 1e-4
 """How far fingers and target give way, at most about so much, m/N; found out from touches of unlike force."""
