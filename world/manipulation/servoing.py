@@ -41,6 +41,9 @@ NEARBY = 0.25
 """Objects within this distance of the target are looked for in the same picture, m."""
 SAME = 0.0005
 """What is less is no shift, m."""
+TOLD, BELIEVED = math.radians(1.0), math.radians(6.0)
+"""A turn of the target between these is one of the camera that had seen it before: below the first it may be
+noise, and above the second the target has been moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,14 +168,26 @@ def _correct(world: World, believed: BeliefObject, reading: Matched, at: Pose) -
             last_seen=world.clock.now,
         )
         world.scene.put(seen, "seen from the hand")
-    if believed.pose.distance(at) < SAME:
+    moved = _of_camera(believed, at)
+    if moved is None:
         return
-    x, y = (a - b for a, b in zip(at.position[:2], believed.pose.position[:2], strict=True))
     for one in world.scene.objects:
         # What the same picture had shown was off by the same way.
         same_picture = one.last_seen == believed.last_seen and one.place == believed.place
         if one.role == "item" and not one.attached and same_picture:
-            world.scene.put(replace(one, pose=one.pose.shifted((x, y, 0.0))), "shifted with what was seen")
+            world.scene.put(replace(one, pose=moved @ one.pose), "moved with what was seen")
+
+
+def _of_camera(believed: BeliefObject, at: Pose) -> Pose | None:
+    """The motion in the world, along the level, that makes up for the camera that had seen the target before;
+    None: there is nothing to make up for."""
+    turn = at.angle(believed.pose)
+    if max(believed.pose.distance(at), turn * NEARBY) < SAME:
+        return None
+    if TOLD < turn < BELIEVED and believed.sigma_angle < TOLD:
+        return at @ believed.pose.inverse()
+    x, y = (a - b for a, b in zip(at.position[:2], believed.pose.position[:2], strict=True))
+    return Pose((x, y, 0.0))
 
 
 def _note(world: World, message: str, node: str, **data: str | float) -> None:

@@ -20,7 +20,7 @@ from .backdrop import SURFACE, Backdrop, Floor, Floors, levelled, table_of
 from .bins import heap
 from .blobs import Blob, Patch, Picture, connected, outlined
 from .closeups import coarsened, cut_off
-from .fitting import GOOD, HOVER, Fitter, Hypothesis
+from .fitting import GOOD, HOVER, MODEL_SIGMA, Fitter, Hypothesis
 from .following import ROUGH, Sighting, followed
 from .obstacles import RAISED, boxed, grey, points_of
 from .own_hand import registered
@@ -58,8 +58,8 @@ DOWNWARDS = 0.1
 """A moving camera may look to the horizon, where nothing lies that is to be recognised: rays fall at least by
 so much for each m of depth."""
 GOOD_CUT, SHOWN_CUT = 2.5, 0.75
-"""What the border of a moving camera's picture cuts through is recognised with a misfit below this and so
-much of its silhouette; else it is nothing, for another picture shows it better."""
+"""What the hand, or the border of its camera's picture, cuts through is recognised with a misfit below this
+and so much of its silhouette; else it is nothing, for another picture shows it better."""
 VAGUE = 0.012
 """A position that is less certain than this is none, m."""
 POOR = 4.0
@@ -126,7 +126,7 @@ class Perception:
         """Where the picture shows the objects that are believed to be in it, given what they are: see
         `following`. Cheaper and surer than `detect`, for nothing has to be recognised."""
         shot = self._shot(image, joints, width, scene)
-        fitter = Fitter(self.rests, shot.picture.sight, shot.noise, ROUGH)
+        fitter = Fitter(self.rests, shot.picture.sight, shot.noise, shot.rough)
         return followed(shot.picture, fitter, objects)
 
     def _shot(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> _Shot:
@@ -193,7 +193,12 @@ class _Shot:
     noise: float
     """Of the depth at 0.7 m."""
     moving: bool
-    """Whether the camera is on the hand, so that the picture's border may cut through items."""
+    """Whether the camera is on the hand, so that hand and border may cut through what it sees."""
+
+    @property
+    def rough(self) -> float:
+        """What is added to the noise of a depth, m."""
+        return ROUGH if self.moving else MODEL_SIGMA
 
 
 class _Finding:
@@ -202,7 +207,7 @@ class _Finding:
     def __init__(self, perception: Perception, shot: _Shot) -> None:
         self.perception = perception
         self.picture = shot.picture
-        self.fitter = Fitter(perception.rests, shot.picture.sight, shot.noise)
+        self.fitter = Fitter(perception.rests, shot.picture.sight, shot.noise, shot.rough)
         self.backdrop = shot.backdrop
         self.robot = shot.robot
         self.moving = shot.moving
@@ -266,7 +271,8 @@ class _Finding:
         heaped = (0.0, math.inf) if floor.in_bin else (GOOD, HOVER)
         hypotheses = self.fitter.explain(blob, floor.height, *heaped)
         misfit = hypotheses[0].misfit if hypotheses else 9.0
-        if self.moving and cut_off(patch.rows, patch.columns, *self.picture.depth.shape):
+        cut = cut_off(patch.rows, patch.columns, *self.picture.depth.shape) or self._beside_robot(blob)
+        if self.moving and cut:
             if hypotheses and _clear(hypotheses[0], GOOD_CUT) and hypotheses[0].shown > SHOWN_CUT:
                 self._settle(blob, hypotheses, floor)
             return
