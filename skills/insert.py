@@ -14,7 +14,7 @@ from ..world.control.stiffness import Stiffness
 from ..world.journal import Happened
 from ..world.manipulation.dropping import let_go
 from ..world.manipulation.holding import Hold, released
-from ..world.manipulation.inserting import Fit, fit, mouth, peg, poses_over, resting
+from ..world.manipulation.inserting import ABOVE, Fit, fit, mouth, peg, poses_over, resting
 from ..world.manipulation.reaching import withdraw
 from ..world.manipulation.servoing_holes import look_at_hole
 from ..world.motion.requests import PoseGoal
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from ..world.scene.planning_scene import BeliefObject
     from ..world.world import World
 
-ABOVE = 0.012
-"""Of the object's underside over the believed mouth where feeling begins, m."""
 LINEAR, ANGULAR = 600.0, 30.0
 """Of the spring that the arm is while it feels, N/m and Nm/rad."""
 TAKE_UP = 0.4

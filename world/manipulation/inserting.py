@@ -5,15 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..control.searching import Mouth, Peg
 from ..scene.description import Fixture
-from ..scene.fits import slack
+from ..scene.fits import find_hole, slack
 from ..scene.holes import Hole
-from ..shapes import Box, Cylinder, Shape, extents
+from ..shapes import Box, Cylinder, Shape, bottom, extents
 from ..values import Array, Pose
+
+if TYPE_CHECKING:
+    from ..robot.description import GripperDescription
+    from ..scene.planning_scene import BeliefObject
+    from ..world import World
+    from .grasps import GraspCandidate
+
+ABOVE = 0.012
+"""Of the object's underside over the believed mouth where feeling begins, m."""
 
 TURNS = 8
 """Turns about its axis at which an object is tried that fits at any."""
@@ -85,6 +95,18 @@ def poses_over(fit: Fit, above: float) -> tuple[Pose, ...]:
     return tuple(poses)
 
 
+def ways_over(world: World, hole_id: str, shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:
+    """`poses_over` for an object that would be held so, where an insertion by feeling begins."""
+    fixture, hole = find_hole(world.scene, hole_id)
+    return poses_over(fit(fixture, hole, shape, object_in_tcp), ABOVE)
+
+
+def low_for(hole: Hole, belief: BeliefObject, grasp: GraspCandidate, gripper: GripperDescription) -> bool:
+    """Whether the finger tips of a grasp would meet the fixture before the object is down in the hole."""
+    tips = grasp.tcp_in_world.position[2] - gripper.tip
+    return tips - bottom(belief.shape, belief.pose) < hole.depth + TIPS_OVER
+
+
 def _turns(fit: Fit) -> Sequence[float]:
     match fit.shape:
         case Box((x, y, _)):
@@ -144,6 +166,6 @@ def resting(fit: Fit, tcp_in_world: Pose) -> Pose:
     yaw = math.atan2(float(local.rotation()[1, 0]), float(local.rotation()[0, 0]))
     roll = 0.0 if upright[2] > 0 else math.pi
     x, y, _ = held.position
-    bottom = fit.hole_in_world.position[2] - fit.hole.depth
+    floor = fit.hole_in_world.position[2] - fit.hole.depth
     placed = fit.hole_in_world @ Pose.from_rpy((0.0, 0.0, 0.0), (roll, 0.0, yaw))
-    return Pose((x, y, bottom + fit.height / 2), placed.orientation)
+    return Pose((x, y, floor + fit.height / 2), placed.orientation)

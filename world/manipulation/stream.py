@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from ..causes import Failure, planning
 from ..motion.requests import Holding, PoseGoal, Request
+from ..scene.fits import fitting_hole
 from ..scene.planning_scene import BeliefObject
 from ..underway import Landing
 from ..values import Array, Pose
@@ -24,6 +25,7 @@ from . import stages
 from .candidates import PickAndPlace
 from .effort import guessed, slewed, travel
 from .grasps import GraspCandidate
+from .inserting import low_for, ways_over
 from .landings import Level, Target, landings, levels, target_for
 from .legs import approach
 from .spots import SUNK
@@ -31,6 +33,7 @@ from .trail import Refusal, Trail, planned, touching, unreached
 
 if TYPE_CHECKING:
     from ..motion.reach import Reached
+    from ..scene.holes import Hole
     from ..world import World
 
 SCORE = 3.0
@@ -43,6 +46,8 @@ TURNS, TAKEN = 3, 36
 PLACES, FEW, BARREN = 16, 3, 3
 """Places of one grasp for which a configuration is looked for: one that fails more often leads nowhere. When
 three grasps have led nowhere, a few places of each of the others are asked for."""
+LOW = 5.0
+"""What it is worth as time that the finger tips stay above the hole into which an item goes, s."""
 UNREACHED = 4
 """Turns of the hand over one cell that are not reached, after which the next cell is looked at."""
 
@@ -101,9 +106,13 @@ class PickStream:
         self._world, self._belief, self._node = world, belief, node
         into = world.scene.destination(belief.id)
         self._target: Target | None = None
-        """None also for an item that belongs into a hole: how it gets there is felt, not planned."""
+        """None also for an item that belongs into a hole: that is found by feeling, with the item held as
+        `inserting` says."""
+        self._hole: Hole | None = None
         if into is not None and into in world.scene.bins:
             self._target = target_for(world, belief, into)
+        elif into is not None:
+            self._hole = fitting_hole(world.scene, belief.id)
         self.trail = Trail(f"grasp by {node}", belief.id, into or "", grasps)
         self.refused: Failure | None = None
         """What the planner said of the last candidate that passed all other tests."""
@@ -115,7 +124,10 @@ class PickStream:
         tcp = world.robot.tcp(self._start)
         for grasp in grasps:
             guess = guessed(world.robot, tcp, grasp.tcp_in_world)
-            self._push(_Branch(grasp, SCORE * grasp.score, self._hand_fits, guess))
+            cost = SCORE * grasp.score
+            if self._hole is not None and low_for(self._hole, belief, grasp, world.robot.description.gripper):
+                cost += LOW
+            self._push(_Branch(grasp, cost, self._hand_fits, guess))
 
     # ---- the search
 
@@ -188,7 +200,8 @@ class PickStream:
         known = branch.known + travel(self._world.robot, self._start, over.q)
         held = replace(branch, known=known, guess=0.0, over=over.q, at=at.q, passed=3, test=None)
         if self._target is None:
-            yield held
+            if self._hole is None or self._over_hole(held, self._hole):
+                yield held
             return
         self._places[grasp.name] = _Places(levels(self._target))
         yield from self._next_level(held)
@@ -258,6 +271,30 @@ class PickStream:
         self.trail.passed(grasp, stages.PLACE)
         known = branch.known + travel(self._world.robot, at, found.q)
         yield replace(branch, known=known, guess=0.0, above=found.q, passed=5, test=None)
+
+    def _over_hole(self, branch: _Branch, hole: Hole) -> bool:
+        """Whether the arm gets over the hole with the item, at any of its turns."""
+        in_tcp, at = self._in_tcp(branch.grasp), branch.at
+        assert at is not None
+        found: Reached | None = None
+        for tcp in ways_over(self._world, hole.id, self._belief.shape, in_tcp):
+            found = self._world.plan.reached(
+                Request(
+                    PoseGoal((tcp,)),
+                    start=at,
+                    width=branch.grasp.expected_width,
+                    holding=Holding(self._belief.id, in_tcp),
+                )
+            )
+            if found.q is not None:
+                self.trail.passed(branch.grasp, stages.PLACE)
+                return True
+        if found is None:
+            subject = f"so held {self._belief.id} does not stand over {hole.id}"
+            self._refuse(branch, Refusal(stages.PLACE, subject, hole.id))
+        else:
+            self._refuse(branch, unreached(stages.PLACE, f"the place over {hole.id}", found))
+        return False
 
     def _leads_nowhere(self, grasp: GraspCandidate) -> bool:
         """Whether enough of a grasp's places were asked for."""
