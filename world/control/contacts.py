@@ -63,6 +63,8 @@ class ContactDetector:
         self._delay = delay
         self._readings: deque[Reading] = deque()
         self._baseline: Vector3 | None = None
+        self._free = -math.inf
+        """When the last contact ended: what was felt before has no part in the baseline."""
         self.contact: Contact | None = None
 
     def watch(self, readings: Iterable[Reading]) -> Contact | None:
@@ -80,17 +82,18 @@ class ContactDetector:
         lately = [r.force for r in kept if r.at > reading.at - AVERAGED + 1e-9]
         if self.contact is None:
             until = reading.at - AVERAGED - self._delay
-            before = [r.force for r in kept if r.at <= until + 1e-9]
-            if not before:
-                return
-            self._baseline = _mean(before)
-        assert self._baseline is not None
+            before = [r.force for r in kept if self._free <= r.at <= until + 1e-9]
+            if before:
+                self._baseline = _mean(before)
+        if self._baseline is None:
+            return
         fx, fy, fz = _mean(lately)
         bx, by, bz = self._baseline
         change = (fx - bx, fy - by, fz - bz)
         size = math.hypot(*change)
         if self.contact is not None:
             self.contact = Contact(self.contact.since, change) if size >= self._release else None
+            self._free = reading.at
         elif size > self._threshold:
             self.contact = Contact(reading.at, change)
 
