@@ -127,6 +127,8 @@ class KinematicHardware:
         self.seed = seed
         self.period = period
         self.model = RobotModel(robot)
+        same = robot.tool == scene.tool
+        self._believed = self.model if same else RobotModel(replace(robot, tool=scene.tool))
         self._real = real = displaced(scene, seed, level=True)
         items = spawn_items(scene, seed)
         self._inventory = Inventory(scene, items)
@@ -168,6 +170,8 @@ class KinematicHardware:
         self._data = self.model.arm.createData()
         self._on_tcp = np.zeros(6)
         self._height: float | None = None
+        self._in_hole: Array | None = None
+        """Where the TCP was in the last period, while a hole held what is held."""
         self._centre: tuple[Array, Array | None] | None = None
         """Where the hand's centre of mass was in the last period, and its velocity then."""
         self._touching = False
@@ -313,7 +317,7 @@ class KinematicHardware:
         self._belts.restore(saved.belts)
         if self._feeder is not None:
             self._feeder.restore(saved.feeder or FeederState())
-        self._height = self._centre = None
+        self._height = self._centre = self._in_hole = None
         self._feet.forget()
         self._pushing.forget()
         self._sense(still=True)
@@ -330,7 +334,8 @@ class KinematicHardware:
         return body
 
     def _posture(self) -> Posture:
-        return Posture(self.arm.position, self.gripper.width, self.model.tcp(self.arm.position))
+        q = self.arm.position
+        return Posture(q, self.gripper.width, self.model.tcp(q), self._believed.tcp(q))
 
     def _sense(self, still: bool = False) -> None:
         """Fingers, contacts and the wrist's reading at the arm's new configuration."""
@@ -368,18 +373,19 @@ class KinematicHardware:
                 reading[2] += upward
                 reading[3] += float(arm_y) * upward
                 reading[4] -= float(arm_x) * upward
+            across = self._walls(position)
             if bodies.held is None and gripper.width == gripper.target:
                 reach = self.model.fingers.reach(gripper.width)
                 across = self._pushing.step(rotation, position, gripper.width, reach)
-                if across != (0.0, 0.0):
-                    self._touching = True
-                    self._on_tcp[:2] += across
-                    reading[0] += across[0]
-                    reading[1] += across[1]
-                    lever_x, lever_y, lever_z = (-rotation @ self._flange_in_tcp).tolist()
-                    reading[3] -= lever_z * across[1]
-                    reading[4] += lever_z * across[0]
-                    reading[5] += lever_x * across[1] - lever_y * across[0]
+            if across != (0.0, 0.0):
+                self._touching = True
+                self._on_tcp[:2] += across
+                reading[0] += across[0]
+                reading[1] += across[1]
+                lever_x, lever_y, lever_z = (-rotation @ self._flange_in_tcp).tolist()
+                reading[3] -= lever_z * across[1]
+                reading[4] += lever_z * across[0]
+                reading[5] += lever_x * across[1] - lever_y * across[0]
         else:
             self._feet.forget()
             self._pushing.forget()
@@ -397,6 +403,20 @@ class KinematicHardware:
         if before is None or before[1] is None or velocity is None:
             return None
         return (velocity - before[1]) / self.period
+
+    def _walls(self, position: Array) -> tuple[float, float]:
+        """Force (x, y) in the world of the walls of a hole on what is held in it, N; the TCP is there."""
+        held = self.bodies.held
+        hole = None if held is None else self.bodies.in_hole(self.bodies[held])
+        before, self._in_hole = self._in_hole, None if hole is None else position.copy()
+        if held is None or hole is None:
+            return 0.0, 0.0
+        back = np.subtract(hole.pose.position, self.bodies[held].pose.position)
+        if not back.any():
+            return 0.0, 0.0
+        rate = np.zeros(3) if before is None else (position - before) / self.period
+        x, y, _ = (STIFFNESS * back - DAMPING * rate).tolist()
+        return x, y
 
     def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
         """Points (3,) in the world where something pulls down or pushes up on the hand, with its force."""

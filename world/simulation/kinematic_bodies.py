@@ -9,7 +9,7 @@ from ..scene.description import CatalogueEntry, Fixture, SceneDescription
 from ..shapes import Shape, extents
 from ..values import ObjectId, Pose, Vector3
 from .footprints import Footprint, distance, footprint
-from .kinematic_holes import Mouths
+from .kinematic_holes import Mouths, Under
 
 SINKING = 0.005
 """A surface counts as below when it is at most this much above the lowest point, m."""
@@ -209,6 +209,11 @@ class Bodies:
         if surface is not None:
             body = replace(body, pose=body.pose.shifted((0.0, 0.0, surface - prism.low[2])))
         self.put(body)
+
+    def in_hole(self, body: Body) -> Under | None:
+        """The hole that holds the body, if one does."""
+        hole = self._mouths.under(body.entry.shape, body.pose)
+        return hole if hole is not None and hole.entered else None
 
     def below(self, prism: Prism) -> float | None:
         """Height of the highest top under the outline, m."""

@@ -1,8 +1,9 @@
 """Holes without physics: what is over one, near enough, goes down into it; what is in one stays in it.
 
-Idealised: walls push nothing sideways, and nothing jams. An item enters a hole when it stands so that it fits
-between the walls, its chamfer helping, and then has the hole's bottom below it. Once it is a little way in,
-the walls are taken to hold it until it is drawn out. What is let go there comes to stand upright.
+Idealised: an item enters a hole when it stands so that it fits between the walls, the chamfer helping, and
+then has the hole's bottom below it. Once it is a little way in, the walls push a held item back to where it
+has room, as stiffly as a table, and turn nothing; nothing rubs and nothing jams. What is let go there comes
+to stand upright, and fingers do not push it out again.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ TURN = math.radians(1.0)
 """A box that is turned by no more than this enters, however little room it has: the hand gives way."""
 ENTERED = 0.002
 """What is so far below the mouth is in the hole, m: more than a hand presses it into a surface."""
-HELD_WITHIN = 0.005
+HELD_WITHIN = 0.008
 """What is in a hole stays in it unless its middle is farther off than walls allow, by this, m."""
 
 
@@ -37,6 +38,8 @@ class Under:
     """Height of its bottom in the world, m."""
     pose: Pose
     """Of the item as it would stand in the hole: upright, at the height where it is."""
+    entered: bool
+    """It is so deep in the hole that the walls hold it."""
 
 
 class Mouths:
@@ -75,7 +78,7 @@ def _under(fixture: ObjectId, hole: Hole, mouth: Pose, shape: Shape, pose: Pose)
         if leaning > UPRIGHT or abs(turn) > max(TURN, (min(left) + 2 * hole.chamfer) / max(hole.size)):
             return None
     seated = mouth @ _seated(hole, left, item, turn)
-    return Under(fixture, hole, mouth.position[2] - hole.depth, seated)
+    return Under(fixture, hole, mouth.position[2] - hole.depth, seated, entered)
 
 
 def _turn(hole: Hole, shape: Shape, rotation: Array) -> float:

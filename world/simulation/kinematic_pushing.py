@@ -55,7 +55,9 @@ class KinematicPushing:
         here = [
             (body, prism)
             for body, prism in self._bodies.standing()
-            if prism.high[2] > low + OVER and prism.low[2] < low + self._high
+            if prism.high[2] > low + OVER
+            and prism.low[2] < low + self._high
+            and self._bodies.in_hole(body) is None
         ]
         reach = width + 0.2
         if not any(math.dist(b.pose.position[:2], position[:2].tolist()) < reach for b, _ in here):
