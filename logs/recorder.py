@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ from ..world.errors import PicktreeError
 from ..world.journal import CandidatesRanked, Entry, Happened, ImageTaken, PlanMade
 from ..world.protocols import RgbdImage
 from ..world.scene.description import Bin, Fixture
+from ..world.scene.markers import sticker
 from ..world.scene.planning_scene import BeliefChange, BeliefObject
 from ..world.values import GripperState, JointState, Pose, Wrench
 from . import conversions, messages, topics
@@ -47,6 +48,8 @@ from .topics import Topic
 EVERY = 1.0
 """Simulated seconds after which belief and truth are written again, changed or not."""
 
+STICKER = 0.001
+"""Thickness of the squares of a target in pictures, m."""
 _WARNINGS = frozenset({"recovery", "safety_stop", "fault"})
 """Kinds of event that the log line topic repeats for people, as warnings."""
 
@@ -227,8 +230,8 @@ class Recorder:
         walls = tuple(
             Part(f"{b.id}/{k}", b.colour, box, pose) for b in bins for k, (box, pose) in enumerate(b.parts())
         )
-        self._fixed = (*map(_part, fixtures), *walls)
-        self._standing = self._fixed if really is None else (*map(_part, really), *walls)
+        self._fixed = (*_parts(fixtures), *walls)
+        self._standing = self._fixed if really is None else (*_parts(really), *walls)
 
     # At each tick
 
@@ -397,5 +400,10 @@ def _run_words(run: RunInfo) -> dict[str, str]:
     }
 
 
-def _part(fixture: Fixture) -> Part:
-    return Part(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
+def _parts(fixtures: Iterable[Fixture]) -> Iterator[Part]:
+    """Each fixture, and the squares on it."""
+    for fixture in fixtures:
+        yield Part(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
+        for tile in fixture.tiles:
+            box, inner = sticker(tile, STICKER)
+            yield Part(f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner)

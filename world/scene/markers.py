@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..values import Array, Vector3
+from ..shapes import Box
+from ..values import Array, Pose, Vector3
 
 COLOURS = ("red", "yellow", "blue", "purple", "green", "cyan")
 """Of the squares, row by row. All differ, so that each square is known by itself and a target that is turned
@@ -50,3 +51,9 @@ def tiles_on(size: Vector3) -> tuple[Tile, ...]:
         across, along = column - (COLUMNS - 1) / 2, (ROWS - 1) / 2 - row
         found.append(Tile(colour, (across * cell[0], along * cell[1], z / 2 + PROUD), edge))
     return tuple(found)
+
+
+def sticker(tile: Tile, thickness: float) -> tuple[Box, Pose]:
+    """The square as a body for whoever draws it, in the target's frame: half of it stands out, m."""
+    x, y, z = tile.centre
+    return Box((tile.edge, tile.edge, thickness)), Pose((x, y, z - PROUD))

@@ -12,7 +12,7 @@ import numpy as np
 from ..colours import COLOURS
 from ..errors import PicktreeError
 from ..scene.description import Bin, Fixture, SceneDescription
-from ..scene.markers import PROUD
+from ..scene.markers import PROUD, sticker
 from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ..values import Array, ObjectId, Pose, Vector3
 from .bores import add_bored, bored_visual
@@ -76,9 +76,8 @@ def add_scenery(scene: SceneDescription, client: int) -> None:
             visual = _visual(fixture.shape, fixture.colour, client)
         _fixed(-1, visual, fixture.pose, client)
         for tile in fixture.tiles:
-            sticker = Box((tile.edge, tile.edge, 2 * PROUD))
-            inner = Pose(tile.centre).shifted((0.0, 0.0, -PROUD))
-            _fixed(-1, _visual(sticker, tile.colour, client), fixture.pose @ inner, client)
+            box, inner = sticker(tile, 2 * PROUD)
+            _fixed(-1, _visual(box, tile.colour, client), fixture.pose @ inner, client)
     for each in scene.bins:
         for box, pose in each.parts():
             _fixed(-1, _visual(box, each.colour, client), pose, client)

@@ -22,11 +22,12 @@ from .spawn import SpawnedItem
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posture:
-    """How the robot stands: joints (n,) rad, opening m, and the TCP in the world."""
+    """How the robot stands: joints (n,) rad, opening m, and the TCP in the world, truly and as believed."""
 
     position: Array
     width: float
     tool: Pose
+    believed_tool: Pose
 
 
 class Stage:
@@ -116,5 +117,5 @@ class KinematicCamera:
             depth=np.where(np.isfinite(picture.depth), picture.depth, np.float32(0.0)),
             stamp=self._clock.now,
             intrinsics=intrinsics(self._camera),
-            camera_in_world=View(self._camera).believed(posture.tool),
+            camera_in_world=View(self._camera).believed(posture.believed_tool),
         )
