@@ -6,6 +6,7 @@ without a camera on the hand that looks before each grasp.
 Direction of the shift and axis of the turn are drawn for each seed and camera, evenly over all directions;
 nobody tells the robot. Each seed's items are sorted in five settings: the overhead camera right or off and
 nobody looks again; and with the camera on the hand the overhead camera off, the hand's camera off, and both.
+Two of the six items are cartons of 66 mm: fingers that open by 80 mm have 7 mm to spare at each side.
 
 Each finished seed is a line in the results file; a campaign that was interrupted goes on where it stopped.
 """
@@ -47,8 +48,10 @@ picktree: 1
 kind: scene
 base: {base}
 {cameras}
+catalogue:
+  carton: {{box: [66 mm, 66 mm, 40 mm], mass: 150 g, friction: 0.6}}
 spawn:
-  - of: {{block: 1, brick: 1, can: 1, ball: 1, plate: 1, nut: 1}}
+  - of: {{carton: 2, brick: 1, can: 1, plate: 1, nut: 1}}
     colours: [red, green, blue]
     area: {{min: [0.38, -0.20], max: [0.62, 0.20]}}
     gap: 25 mm

@@ -53,8 +53,15 @@ def test_a_neighbour_of_its_colour_is_not_taken_for_the_target() -> None:
 def test_a_hidden_target_is_not_found_in_its_neighbour() -> None:
     a, b = block("a", 0.0), block("b", 0.030)
     found = matched(a, [a, b], [seen("a", 2, 0.031), seen("b", 2, 0.031)])
-    assert found.target is None
-    assert not found.ambiguous or found.others == ()
+    assert (found.target, found.ambiguous) == (None, False)
+    assert [(s.object, s.patch) for s in found.others] == [("b", 2)]
+
+
+def test_a_neighbour_that_was_corrected_before_does_not_make_it_ambiguous() -> None:
+    a, b = block("a", 0.0), block("b", 0.0, 0.1)
+    found = matched(a, [a, b], [seen("a", 1, 0.014), seen("b", 2, 0.001, 0.1)])
+    assert found.target is not None
+    assert (found.target.patch, found.ambiguous) == (1, False)
 
 
 def test_what_stands_around_tells_which_of_two_it_is() -> None:

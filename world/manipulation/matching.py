@@ -51,16 +51,21 @@ def matched(target: BeliefObject, objects: Sequence[BeliefObject], found: Sequen
     shifts = sorted({_shift(believed[s.object], s) for s in fitting})
     readings = [_read(shift, believed, fitting) for shift in shifts]
     mine = [r for r in readings if target.id in r.taken]
-    if not mine:
-        best = min(readings, key=lambda r: r.cost, default=None)
-        return Matched(None, () if best is None else tuple(best.taken.values()), False, seen)
-    best = min(mine, key=lambda r: r.cost)
-    own = best.taken[target.id]
-    others = [r for r in readings if target.id not in r.taken or r.taken[target.id].patch != own.patch]
-    rival = min((r.cost for r in others), default=math.inf)
-    if rival < best.cost + CLEARLY:
-        return Matched(None, (), True, seen)
+    best = min(mine or readings, key=lambda r: r.cost, default=_Reading(0.0, {}))
+    own = best.taken.get(target.id)
+    if own is not None:
+        rivals = [r for r in readings if _contradicts(r, target.id, own.patch)]
+        rival = min(rivals, key=lambda r: r.cost, default=None)
+        if rival is not None and rival.cost < best.cost - CLEARLY:
+            best, own = rival, rival.taken.get(target.id)
+        elif rival is not None and rival.cost < best.cost + CLEARLY:
+            return Matched(None, (), True, seen)
     return Matched(own, tuple(s for name, s in best.taken.items() if name != target.id), False, seen)
+
+
+def _contradicts(reading: _Reading, target: ObjectId, patch: int) -> bool:
+    """Whether it gives the target another patch, or the patch to another object."""
+    return any((name == target) != (s.patch == patch) for name, s in reading.taken.items())
 
 
 def _shift(one: BeliefObject, sighting: Sighting) -> tuple[float, float]:

@@ -33,7 +33,7 @@ Doing: TypeAlias = Generator[None, None, T]
 
 LOOKS = 3
 """Looks for one grasp at most."""
-LARGE, LARGE_TURN = 0.003, math.radians(1.5)
+LARGE, LARGE_TURN = 0.003, math.radians(2.5)
 """A correction beyond this is checked by another look, m and rad."""
 LAST = 0.05
 """Height over the grasp from which it is looked again, m: lower, the fingers hide too much."""
