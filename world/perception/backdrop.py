@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.description import Bin, Fixture, SceneDescription
+from ..scene.holes import CERTAIN
 from ..shapes import Box, Shape, corners, top
 from ..values import Array, Pose
 from . import hues
 from .rays import cast
+from .seated import spread
 from .sight import Sight
 
 WALL = 0.012
@@ -49,7 +51,7 @@ class Backdrop:
         for fixture in description.fixtures:
             scene.paint(fixture.shape, fixture.pose, fixture.colour, _TABLE if fixture is table else _FIXTURE)
             if fixture is not table:
-                scene.shield(fixture.shape, fixture.pose, FIXTURE, belt=fixture.id in belts)
+                scene.shield(*_where_it_may_be(fixture), FIXTURE, belt=fixture.id in belts)
         for bin_ in description.bins:
             floor, *walls = bin_.parts()
             scene.paint(*floor, bin_.colour, _BIN)
@@ -58,6 +60,17 @@ class Backdrop:
                 scene.shield(shape, pose, WALL)
         scene.ground(table_z)
         return cls(scene.depth, scene.guard, scene.label, scene.owner == _TABLE, scene.owner == _BIN)
+
+
+def _where_it_may_be(fixture: Fixture) -> tuple[Shape, Pose]:
+    """The fixture's shape grown by all that is not known of where it stands."""
+    if not isinstance(fixture.shape, Box) or fixture.uncertainty == CERTAIN:
+        return fixture.shape, fixture.pose
+    x, y, z = fixture.shape.size
+    aside, up = spread(fixture), fixture.uncertainty.angle * float(np.hypot(x, y)) / 2
+    # Its underside stays: what it stands on hides that.
+    grown = Box((x + 2 * aside, y + 2 * aside, z + up))
+    return grown, fixture.pose @ Pose((0.0, 0.0, up / 2))
 
 
 _NOTHING, _TABLE, _FIXTURE, _BIN = range(4)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -26,6 +26,7 @@ from .obstacles import RAISED, boxed, grey, points_of
 from .own_hand import registered
 from .rests import rests
 from .robot_mask import HIGH, Body, RobotMask, with_what_hangs_on
+from .seated import Mouths
 from .sight import Sight
 from .silhouettes import Stand
 from .splitting import split
@@ -85,6 +86,7 @@ class Perception:
         self.tallest = max((rest.height for rest in self.rests), default=0.0)
         """Height of the tallest item as it stands, m."""
         self._floors = Floors(description.fixtures, description.bins)
+        self.mouths = Mouths(description.fixtures, description.catalogue)
         self._noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
         self.moving = frozenset(c.name for c in description.cameras if c.on == "hand")
         """Names of the cameras on the hand."""
@@ -270,6 +272,10 @@ class _Finding:
         blob = outlined(self.picture, patch)
         heaped = (0.0, math.inf) if floor.in_bin else (GOOD, HOVER)
         hypotheses = self.fitter.explain(blob, floor.height, *heaped)
+        seated = self._seated(blob)
+        if seated is not None and (not hypotheses or seated.best.misfit < max(GOOD, hypotheses[0].misfit)):
+            self.detections.append(seated.detection)
+            return
         misfit = hypotheses[0].misfit if hypotheses else 9.0
         cut = cut_off(patch.rows, patch.columns, *self.picture.depth.shape) or self._beside_robot(blob)
         if self.moving and cut:
@@ -283,6 +289,23 @@ class _Finding:
                     self._settle(part.blob, part.hypotheses, floor)
                 return
         self._settle(blob, hypotheses, floor)
+
+    def _seated(self, blob: Blob) -> _Seated | None:
+        """The item of which the blob is what stands out of a hole; None when it is none that is clear."""
+        x, y = self.picture.sight.at_height(blob.middle, blob.top)
+        mouth = self.perception.mouths.near(float(x), float(y))
+        if mouth is None or not mouth.stubs:
+            return None
+        found = replace(self.fitter, rests=mouth.rests).explain(blob, mouth.height)
+        stub = mouth.stub(found[0].stand.rest) if found else None
+        if stub is None or not _clear(found[0]):
+            return None
+        seen = _detection(self.picture.sight, blob, found, Floor(mouth.id, mouth.height, False))
+        # What the board hides of its outline leaves open where it is, and the hole tells.
+        at = seen.pose.position if seen.sigma_position < mouth.sigma else (*mouth.at, seen.pose.position[2])
+        pose = Pose(at, seen.pose.orientation).shifted((0.0, 0.0, -stub.sunk))
+        sigma = min(seen.sigma_position, mouth.sigma)
+        return _Seated(found[0], replace(seen, shape=stub.entry.shape, pose=pose, sigma_position=sigma))
 
     def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: Floor) -> None:
         """Take the best hypothesis for true, or box the blob."""
@@ -317,6 +340,14 @@ class _Finding:
         box = boxed(self.picture, rows[known], columns[known], below.height)
         if box is not None:
             self.unexplained.append(box)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seated:
+    """An item that stands in a hole."""
+
+    best: Hypothesis
+    detection: Detection
 
 
 def _clear(hypothesis: Hypothesis, poor: float = POOR) -> bool:
