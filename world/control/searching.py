@@ -100,8 +100,16 @@ UPRIGHT = math.radians(2.5)
 """A peg that leans less counts as upright: no more is known of how it is held."""
 AROUND = 0.0025
 """Radius searched where the peg was raised against the wall and has not dropped, m."""
-SLIDING = 0.025
+SLIDING = 0.02
 """Of the leaning peg to the side, m/s."""
+SLIDING_PRESS = 0.75
+"""Of the force on the surface while searching, pressed meanwhile."""
+AIMS = 3
+"""How often a leaning peg slides over about the same place, each time beginning from what was felt before."""
+RUBBING = 0.35
+"""Share of the force on the surface that is pushed along a spiral: rubbing takes about as much."""
+FIRMER = 1500.0
+"""Stiffness with which the foot is held on the spiral beyond that of the spring, N/m."""
 BLOCKED_TIME, BLOCKED = 0.15, 0.0006
 """A tool that comes no further than this in that time is blocked, s, m."""
 STALL_TIME, STALL = 0.5, 0.0003
@@ -297,9 +305,14 @@ class Inserting(Course):
         x, y = _plane(up)
         begin = self._foot(felt)
         begun = felt.elapsed
+        rubbing, before = RUBBING * touch.press, begin
         for a, b in spiral(touch.pitch, radius or self._mouth.slack, touch.speed * felt.period):
-            off = begin + a * x + b * y - self._foot(felt)
-            self._act(felt, -touch.press * up, off - up * float(up @ off))
+            target = begin + a * x + b * y
+            off = target - self._foot(felt)
+            off = off - up * float(up @ off)
+            ahead, before = target - before, target
+            along = ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+            self._act(felt, FIRMER * off + rubbing * along - touch.press * up, off)
             if not self._peg.round:
                 sweep = math.sin(2 * math.pi * YAWS * (felt.elapsed - begun))
                 self.rotation = turned(up, touch.yaw * sweep) @ upright
@@ -315,9 +328,15 @@ class Inserting(Course):
         x, y = _plane(self._mouth.up)
         for a, b in grid(0.7 * self._mouth.across, self._mouth.slack):
             self.searched = max(self.searched, math.hypot(a, b))
-            felt = yield from self._lean(felt, self._mouth.middle + a * x + b * y)
-            felt, blocked = yield from self._against_wall(felt)
-            if not blocked:
+            aim = self._mouth.middle + a * x + b * y
+            for _ in range(AIMS):
+                felt = yield from self._lean(felt, aim)
+                felt, blocked, wall = yield from self._against_wall(felt)
+                if blocked:
+                    break
+                # It has passed a wall that it was beside the middle of: there the hole is.
+                aim = wall - self._towards * (self._mouth.across / 2)
+            else:
                 continue
             felt = yield from self._upright(felt)
             if self.depth < self._touch.drop:
@@ -342,11 +361,13 @@ class Inserting(Course):
             if float(felt.force @ up) > touch.contact or low < -deepest:
                 return felt
 
-    def _against_wall(self, felt: Felt) -> Generator[None, Felt, tuple[Felt, bool]]:
-        """Push to the side; whether something blocks the way, as the wall of the hole does."""
+    def _against_wall(self, felt: Felt) -> Generator[None, Felt, tuple[Felt, bool, Array]]:
+        """Push to the side; whether something blocks the way, as the wall of the hole does, and where (3,)
+        the lowest point was when most was felt of one."""
         touch, towards, begin = self._touch, self._towards, felt.position
         stand = Standing(BLOCKED_TIME, BLOCKED)
-        press, most, lead = -0.5 * touch.press * self._mouth.up, touch.aside / self._linear, 0.0
+        press, most, lead = -SLIDING_PRESS * touch.press * self._mouth.up, touch.aside / self._linear, 0.0
+        greatest, wall = -math.inf, begin + felt.rotation @ self._tip
         while True:
             lead = min(most, lead + SLIDING * felt.period)
             self._act(felt, press, lead * towards)
@@ -355,10 +376,13 @@ class Inserting(Course):
             felt = yield
             lead = max(0.0, lead - float(towards @ (felt.position - before)))
             way = float(towards @ (felt.position - begin))
+            against = -float(towards @ felt.force)
+            if against > greatest:
+                greatest, wall = against, felt.position + felt.rotation @ self._tip
             if stand.since(felt.elapsed, way) and lead > 0.8 * most:
-                return felt, True
+                return felt, True, wall
             if way > 2 * self._reach + self._mouth.slack:
-                return felt, False
+                return felt, False, wall
 
     def _upright(self, felt: Felt) -> Part:
         """Raise the leaning peg against the wall, and let it drop."""
@@ -502,13 +526,16 @@ def spiral(pitch: float, radius: float, step: float) -> Iterator[tuple[float, fl
 
 
 def grid(spacing: float, radius: float) -> Iterator[tuple[float, float]]:
-    """The middle, then rings around it, so that no point within the radius is further than about 0.6 of the
-    spacing from one of them."""
+    """The middle, then rings around it within the radius, so many that no point of it is further than about
+    0.6 of the spacing from one of them."""
     yield 0.0, 0.0
-    for ring in range(1, math.ceil(max(0.0, radius - 0.5 * spacing) / spacing) + 1):
+    beyond = radius - 0.5 * spacing
+    rings = math.ceil(max(0.0, beyond) / spacing)
+    for ring in range(1, rings + 1):
+        at = ring * (beyond + 0.15 * spacing) / rings
         for k in range(6 * ring):
             angle = math.pi * k / (3 * ring)
-            yield ring * spacing * math.cos(angle), ring * spacing * math.sin(angle)
+            yield at * math.cos(angle), at * math.sin(angle)
 
 
 def _plane(up: Array) -> tuple[Array, Array]:
