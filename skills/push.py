@@ -13,10 +13,11 @@ from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, perception, planning, push, safety
 from ..world.causes import world as world_causes
-from ..world.journal import Happened
+from ..world.journal import Happened, Plain
 from ..world.manipulation.looking import look_closely
 from ..world.manipulation.planar import Planar, moved, outline, planar
 from ..world.manipulation.pushing import Pushed, Ready, go_looking, make, ready, refused, step_back
+from ..world.manipulation.singulating import Parting, crowded, has_room, partings
 from ..world.manipulation.strokes import Aim, Stroke, strokes
 from ..world.manipulation.tracking import Estimate, felt, seen, together
 from ..world.values import ObjectId
@@ -31,23 +32,31 @@ LONGEST = 0.06
 """Way of one stroke unless so few are allowed that it has to be longer, m."""
 STUCK = 0.004
 """What was pushed, blocked, and has moved by less does not move, m."""
+TRIED = 12
+"""Pushes that make room of which it is found out whether the arm can make them."""
 IN_ROW = 2
 """So many strokes in a row that lose the object, or do not move it, are enough."""
 
 
 class Push(Skill):
-    """Push an object over the table: to a place (`to`, `yaw`), or along a line (`direction`, `distance`).
+    """Push an object over the table: to a place (`to`, `yaw`), along a line (`direction`, `distance`), or so
+    that it can be grasped (`singulate`).
 
     The closed fingers push at a flat side, the opened ones hold what is round between them. After each stroke
     the arm goes out of the view and looks; the next stroke begins from what is seen and felt. What is pushed
-    stays away from the edge of its table, and from everything else.
+    stays away from the edge of its table, and from everything else; to make room, what stands around is
+    pushed along.
     """
 
     example = """
     Push: {object: "{item}", to: [0.5, 0.1], yaw: 90 deg}
     """
 
-    object: In[ObjectId] = port("the object to push")
+    object: In[ObjectId] = port(
+        "the object to push, or to make room around; with `singulate` and without it the one that stands "
+        "closest to others, and what nobody has recognised first",
+        default=ObjectId(""),
+    )
     to: In[list[float]] = port("where its middle is to be: x, y in the world", unit="m", default=[])
     yaw: In[float | None] = port(
         "its heading there, as seen from above, of what looks the same the nearest one; any unless given",
@@ -56,6 +65,10 @@ class Push(Skill):
     )
     direction: In[list[float]] = port("of a push along a line: x, y in the world, of any length", default=[])
     distance: In[float] = port("of a push along a line", unit="m", default=0.0, least=0, most=1)
+    singulate: In[bool] = port(
+        "push it, or what stands around it, until the hand fits around it; nothing is pushed when it does",
+        default=False,
+    )
     tolerance: In[float] = port("how far off its middle may be in the end", unit="m", default=0.0015, above=0)
     turned: In[float] = port(
         "how far off its heading may be in the end", unit="rad", default=math.radians(1.5), above=0
@@ -83,10 +96,13 @@ class Push(Skill):
     def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
         wrong: list[str | Misfit] = []
         placed, lined = given.any_of("to", "yaw"), given.any_of("direction", "distance")
-        if placed == lined:
-            wrong.append("one of 'to' (or 'yaw' alone) and 'direction' must be given, and not both")
+        parted = given.any_of("singulate") and given.constants.get("singulate") is not False
+        if placed + lined + parted != 1:
+            wrong.append("one of 'to' (or 'yaw' alone), 'direction' and 'singulate' must be given")
         elif lined and not (given.any_of("direction") and given.any_of("distance")):
             wrong.append("'direction' and 'distance' belong together")
+        if not parted and not given.any_of("object"):
+            wrong.append("'object' must be given: only with 'singulate' it may be left out")
         for key in ("to", "direction"):
             value = given.constants.get(key)
             if isinstance(value, list) and len(cast("list[object]", value)) != 2:
@@ -102,9 +118,69 @@ class Push(Skill):
             raise Failure(
                 push.NO_STROKE, f"the hand is not free: it holds {held.id}", object=self.object, held=held.id
             )
+        if self.singulate:
+            yield from self._apart(world)
+            return
         world.scene.get(self.object)
         belief = yield from self._seen(world, None)
         yield from self._to(world, belief, self._aim(belief))
+
+    def _apart(self, world: World) -> Steps:
+        """Push until the target can be grasped; what is unknown, until it is recognised or stands alone."""
+        yield from self._look(world)
+        name = self.object or crowded(world)
+        if not name:
+            return
+        world.scene.get(name)
+        made: list[str] = []
+        for left in range(self.strokes, -1, -1):
+            target = world.scene.find(name)
+            if target is None or has_room(world, target):
+                world.attempts.clear(self.path, name)
+                self._parted(world, name, made)
+                return
+            if not left:
+                break
+            one, ready_ = self._parting(world, target)
+            world.attempts.failed(self.path, name, one.name)
+            pushed = yield from make(world, one.pushed, ready_, self.speed, self.force, self.path, one.there)
+            made.append(f"{one.name}: {pushed.told}")
+            yield from step_back(world, one.there, self.path)
+            yield from self._look(world)
+        raise Failure(
+            push.MISSED,
+            f"there is still no room for the hand around {name} after {len(made)} strokes",
+            object=name,
+            strokes=made,
+        )
+
+    def _look(self, world: World) -> Steps:
+        yield from world.control.settle()
+        yield from world.eyes.look(self.camera)
+
+    def _parting(self, world: World, target: BeliefObject) -> tuple[Parting, Ready]:
+        """The best push that makes room and that the arm can make; one that was made before comes last."""
+        found = partings(world, target)
+        offered = world.attempts.remaining(self.path, target.id, found)
+        why: list[str] = []
+        for one in offered[:TRIED]:
+            answer = ready(world, one.pushed, one.stroke, [n for n in one.there if n != one.pushed.id])
+            if isinstance(answer, Ready):
+                return one, answer
+            why.append(f"{one.name}: {answer}")
+        told = "; ".join(why[:4]) or "no push that is free would do"
+        raise Failure(
+            push.NO_STROKE,
+            f"no stroke makes room for the hand around {target.id}: {told}",
+            object=target.id,
+            refused=why,
+        )
+
+    def _parted(self, world: World, name: str, made: list[str]) -> None:
+        if made:
+            data: dict[str, Plain] = {"object": name, "strokes": [*made]}
+            text = f"{name}: the hand fits around it after {len(made)} strokes"
+            world.journal.note(Happened("push", text, self.path, data))
 
     def _to(self, world: World, belief: BeliefObject, aim: Aim) -> Steps:
         stalled = lost = 0

@@ -145,3 +145,33 @@ def outline(shape: Shape, pose: Pose) -> Outline:
 def wrapped(angle: float, turn: float = 2 * math.pi) -> float:
     """The angle that is the same but for whole `turn`s and nearest to 0, rad."""
     return angle - turn * round(angle / turn) if turn else 0.0
+
+
+def gap(one: Outline, at: Planar, other: Outline, there: Planar) -> float:
+    """Free distance of two outlines, m; negative: the least way that parts them."""
+    a, b = at.apply(one.corners), there.apply(other.corners)
+    radii = one.radius + other.radius
+    apart = max(_beyond(a, b), _beyond(b, a))
+    if apart <= 0.0 and max(len(a), len(b)) > 1:
+        return apart - radii
+    return min(_nearest(a, b), _nearest(b, a)) - radii
+
+
+def _beyond(polygon: Array, points: Array) -> float:
+    """Greatest distance by which the line of an edge holds off all points; negative when none does."""
+    if len(polygon) < 2:
+        return -math.inf
+    edge = np.roll(polygon, -1, axis=0) - polygon
+    out = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / np.hypot(edge[:, 0], edge[:, 1])[:, None]
+    off = ((points[None, :, :] - polygon[:, None, :]) * out[:, None, :]).sum(axis=2)
+    return float(off.min(axis=1).max())
+
+
+def _nearest(points: Array, polygon: Array) -> float:
+    """Least distance of points to the border of a polygon."""
+    edge = np.roll(polygon, -1, axis=0) - polygon
+    square = np.maximum((edge * edge).sum(axis=1), 1e-18)
+    away = points[:, None, :] - polygon[None, :, :]
+    share = np.clip((away * edge[None]).sum(axis=2) / square, 0.0, 1.0)
+    rest = away - share[:, :, None] * edge[None]
+    return float(np.sqrt((rest * rest).sum(axis=2)).min())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Generator, Sequence
+from collections.abc import Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
@@ -15,7 +15,7 @@ from ..scene.description import Fixture
 from ..scene.planning_scene import BeliefObject
 from ..shapes import Box, bottom, top
 from ..values import Array, ObjectId, Pose
-from .planar import Outline, Planar, moved, outline, planar
+from .planar import Outline, Planar, gap, moved, outline, planar
 from .pushing_course import SLOW, PushCourse
 from .pushing_sides import height, tool_outline
 from .strokes import Stroke
@@ -127,7 +127,9 @@ def refused(world: World, belief: BeliefObject, stroke: Stroke, touching: Collec
     shape = outline(belief.shape, belief.pose)
     fingers = tool_outline(world.robot.description.gripper, stroke.side.opening)
     margin = BESIDE + SIGMAS * belief.sigma_position
-    ignore = (belief.id, support.id, *touching)
+    others = [o for o in world.scene.objects if o.id != belief.id and o.id not in touching and not o.attached]
+    around = [(o.id, outline(o.shape, o.pose), planar(o.shape, o.pose)) for o in others]
+    ignore = (belief.id, support.id, *(o.id for o in world.scene.objects))
     for way in _samples(0.0, stroke.way.length):
         at = stroke.object_at(way)
         if not within(support, placed(shape, at), EDGE):
@@ -137,9 +139,12 @@ def refused(world: World, belief: BeliefObject, stroke: Stroke, touching: Collec
             free = at.distance(Planar(middle[0], middle[1])) - shape.reach
             if free < math.hypot(*hole.size) / 2 + hole.chamfer:
                 return f"it would come over {hole.id}"
-        hit = world.queries.free(belief.shape, moved(belief.shape, belief.pose, at), ignore, margin)
-        if hit:
-            return f"it would touch {hit[0].b}"
+        hit = next((name for name, other, there in around if gap(shape, at, other, there) < margin), None)
+        if hit is None:
+            there = moved(belief.shape, belief.pose, at)
+            hit = next((c.b for c in world.queries.free(belief.shape, there, ignore, margin)), None)
+        if hit is not None:
+            return f"it would touch {hit}"
     for way in _samples(-stroke.gap, stroke.way.length):
         at = stroke.way.at(way) @ stroke.side.tool
         if not all(within(support, at.apply(finger.corners), 0.0) for finger in fingers):
@@ -222,18 +227,24 @@ def _samples(start: float, end: float) -> Sequence[float]:
 
 
 def make(
-    world: World, belief: BeliefObject, one: Ready, speed: float, force: float, node: str, rate: float = 1.0
+    world: World,
+    belief: BeliefObject,
+    one: Ready,
+    speed: float,
+    force: float,
+    node: str,
+    along: Mapping[ObjectId, Planar] | None = None,
 ) -> Doing[Pushed]:
     """Make the stroke; the tool ends beside the object, and the belief says where it ought to be now.
 
-    `rate`: share of the joints' speed limits on the way there. Failures: planning.*, control.*, safety.*,
-    world.disturbed.
+    `along`: where else what is expected to come to that is pushed along. Failures: planning.*, control.*,
+    safety.*, world.disturbed.
     """
     stroke, handling = one.stroke, world.handling
     world.grip.start(one.opening)
     start = stroke.tcp_at(-stroke.gap, one.height, one.flipped)
     legs = (
-        Request(JointGoal(one.over), width=_widest(world, one.opening), scaling=handling.scaling(rate)),
+        Request(JointGoal(one.over), width=_widest(world, one.opening), scaling=handling.scaling(1.0)),
         Request(Line(start), width=one.opening, scaling=handling.slowly),
     )
     plan = yield from world.plan.through(legs, node=node)
@@ -251,7 +262,8 @@ def make(
         rolls=stroke.side.rolls,
     )
     limit = (stroke.gap + stroke.way.length) / min(speed, SLOW) + SPARE
-    with world.scene.allow(("gripper", belief.id)):
+    along = {} if along is None else along
+    with world.scene.allow(*(("gripper", str(name)) for name in (belief.id, *along))):
         result = yield from world.move.comply(course, limit, stiffness=STIFF, node=node)
     touched = course.touched_at is not None
     ends = stroke.side.object(course.carrier)
@@ -259,7 +271,8 @@ def make(
         touched, course.in_contact, course.blocked, course.lost, course.reached, result.force, ends
     )
     if stroke.side.rolls or (touched and not course.lost):
-        _believe(world, belief, ends)
+        for name, at in {**along, belief.id: ends}.items():
+            _believe(world, name, at)
     return pushed
 
 
@@ -268,23 +281,23 @@ def _widest(world: World, opening: float) -> float:
     return max(opening, world.grip.width)
 
 
-def _believe(world: World, belief: BeliefObject, at: Planar) -> None:
-    known = world.scene.find(belief.id)
+def _believe(world: World, name: ObjectId, at: Planar) -> None:
+    known = world.scene.find(name)
     if known is not None:
         pose = moved(known.shape, known.pose, at)
         sigma = max(known.sigma_position, 0.002)
         world.scene.put(replace(known, pose=pose, sigma_position=sigma), "pushed there")
 
 
-def step_back(world: World, names: Collection[ObjectId | str], node: str, rate: float = 1.0) -> Doing[None]:
+def step_back(world: World, names: Collection[str], node: str) -> Doing[None]:
     """Up beside the object and to where the cameras see the table."""
     handling = world.handling
     near = world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=0.02)
     touched = {*names, *(c.b for c in near if c.b not in world.scene.fixtures)}
-    pairs = tuple(("gripper", str(name)) for name in sorted(touched))
+    pairs = tuple(("gripper", name) for name in sorted(touched))
     legs = (
         Request(Offset((0.0, 0.0, UP), least_fraction=0.3), allowed=pairs, scaling=handling.slowly),
-        Request(NamedGoal(LOOKING), allowed=pairs, scaling=handling.scaling(rate)),
+        Request(NamedGoal(LOOKING), allowed=pairs, scaling=handling.scaling(1.0)),
     )
     plan = yield from world.plan.through(legs, node=node)
     yield from world.move.along(plan.trajectory, guard=handling.guard, node=node)

@@ -17,9 +17,9 @@ from typing import TypeAlias
 
 from .planar import Outline, Planar
 
-ROUNDS = 12
+ROUNDS = 8
 """Times that all contacts are gone through, at most."""
-EXACT = 2e-6
+EXACT = 1e-5
 """Depth that is left, m."""
 DEEPEST = 0.004
 """What is deeper in the tool than this was not reached from the side, m."""

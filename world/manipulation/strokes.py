@@ -10,7 +10,7 @@ import numpy as np
 
 from ..robot.description import GripperDescription
 from ..scene.planning_scene import BeliefObject
-from ..values import Pose
+from ..values import ObjectId, Pose
 from .arcs import Arcs, arc_to, biarc, cut, straight
 from .planar import Outline, Planar, outline, planar, wrapped
 from .pushing_sides import Side, sides
@@ -52,6 +52,7 @@ class Aim:
 class Stroke:
     """One push: the carrier follows `way` with the tool, which begins `gap` m before."""
 
+    object: ObjectId
     side: Side
     way: Arcs
     gap: float
@@ -97,10 +98,9 @@ def strokes(
 
 def slid(side: Side, belief: BeliefObject, length: float) -> Stroke:
     """Straight along one side's push."""
-    at, shape = planar(belief.shape, belief.pose), outline(belief.shape, belief.pose)
-    way = straight(side.carrier(at), length)
+    way = straight(side.carrier(planar(belief.shape, belief.pose)), length)
     gap = GAP + SIGMAS * belief.sigma_position
-    return Stroke(side, way, gap, side.object(way.at(length)), _effort(way) + 0.0 * shape.radius)
+    return Stroke(belief.id, side, way, gap, side.object(way.at(length)), _effort(way))
 
 
 def _ways(side: Side, at: Planar, aim: Aim, shape: Outline) -> Sequence[Arcs]:
@@ -149,7 +149,7 @@ def _stroke(
     first = cut(way, way.length / parts) if parts > 1 else way
     askew = abs(wrapped(way.start.yaw - side.carrier(at).yaw))
     gap = GAP + SIGMAS * belief.sigma_position + side.half * math.sin(min(askew, 1.0))
-    return Stroke(side, first, gap, side.object(first.at(first.length)), cost)
+    return Stroke(belief.id, side, first, gap, side.object(first.at(first.length)), cost)
 
 
 def _effort(way: Arcs) -> float:

@@ -307,7 +307,7 @@ class SpawnFile(FileModel):
     tumbled: Flag = False
     """Dropped from 10 cm in any orientation instead of set down: items roll, and lean on one another."""
     touching: Flag = False
-    """Set down side by side, so that each touches another; half of them face to face. Then `gap` is only kept
+    """Set down side by side, so that each touches another; most of them face to face. Then `gap` is only kept
     from other entries' items. Not beside `tumbled`."""
 
 

@@ -16,11 +16,11 @@ from .footprints import Footprint, distance, footprint
 TRIES = 60
 GROUPS = 20
 """So often an item is tried at the group, and a group is begun."""
-CHOICES = 4
+CHOICES = 12
 """Places next to others of which the one nearest to the middle of all is taken: a group, not a chain."""
 TOUCH = 1e-4
 """Free distance at which two stand side by side, m: nothing overlaps, and nothing moves when it settles."""
-FACE_TO_FACE = 0.5
+FACE_TO_FACE = 0.9
 """Share of the items that are turned as their neighbour is."""
 
 
@@ -94,7 +94,7 @@ def _beside(
     if aligned and not isinstance(shape, Sphere | Cylinder):
         yaw = 2.0 * math.atan2(turned[anchor][2], turned[anchor][3])
         turn = _about_z(yaw)
-        angle = yaw + math.pi / 2 * int(rng.integers(4)) + float(rng.uniform(-0.15, 0.15))
+        angle = yaw + math.pi / 2 * int(rng.integers(4)) + float(rng.uniform(-0.05, 0.05))
     way = np.array([math.cos(angle), math.sin(angle)])
     one = footprint(shape, turn)
     far = max(o.reach + float(np.hypot(*(np.array(o.centre) - places[anchor]))) for o in outlines)
