@@ -10,22 +10,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from picktree.world.motion.ik import InverseKinematics
 from picktree.world.perception.closeups import coarsened
 from picktree.world.perception.own_hand import registered
 from picktree.world.perception.pipeline import Perception
 from picktree.world.perception.robot_mask import RobotMask
 from picktree.world.perception.sight import Sight
 from picktree.world.protocols import RgbdImage
-from picktree.world.scene.description import SceneDescription
+from picktree.world.scene.description import CatalogueEntry, SceneDescription
 from picktree.world.scene.load import load_scene, parse_scene
 from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
+from picktree.world.shapes import Box
 from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.simulation.noise import FLOOR, noisy_depth
 from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.simulation.truth import TrueBody
 from picktree.world.values import Array, Pose
 
-from .motion_cell import HOME, MODEL
+from .motion_cell import HOME, MODEL, down
 
 OVER = np.array([0.0, 0.25, 0.0, -2.05, 0.0, 2.3, 0.785])
 """The hand low over the middle of the table, rad."""
@@ -204,3 +206,17 @@ def test_a_near_picture_is_taken_as_coarse_as_recognising_needs() -> None:
     assert np.array_equal(coarse.colour, near.colour[::2, ::2])
     far = replace(image, depth=np.full(image.depth.shape, 0.8, dtype=np.float32))
     assert coarsened(far) is far
+
+
+def test_items_that_fill_the_picture_do_not_tilt_it() -> None:
+    carton = CatalogueEntry("carton", "box", Box((0.09, 0.09, 0.04)), 0.15, 0.6)
+    spawn = replace(scene().spawn[0], counts=(("carton", 4),), area=((0.42, -0.11), (0.62, 0.11)), gap=0.004)
+    crowded = replace(scene(OFF), catalogue=(carton,), spawn=(spawn,))
+    hardware = KinematicHardware(crowded, MODEL.description, 1)
+    low = InverseKinematics(MODEL).descend(down(0.5, 0.0, 0.12), OVER)
+    assert low is not None
+    hardware.arm.set(low, np.zeros(7))
+    belief = PlanningScene(crowded.fixtures, crowded.bins)
+    view = Perception(crowded, MODEL).detect(shot(hardware), low, hardware.gripper.width, belief)
+    true = MODEL.tcp(low) @ crowded.cameras[1].pose @ OFF
+    assert view.sight.apart(Sight.at(view.sight.intrinsics, true), 0.2) < 1.5e-3

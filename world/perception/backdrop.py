@@ -229,8 +229,15 @@ LEVEL_SHIFT, LEVEL_TILT = 0.03, 0.052
 """A correction beyond this is no error of the mounting, and is not made: m, rad."""
 
 
-def levelled(sight: Sight, depth: Array, backdrop: Backdrop, table_z: float) -> Sight:
-    """The camera moved and tilted so that the table, as measured, lies where the scene file says.
+def levelled(
+    sight: Sight,
+    depth: Array,
+    backdrop: Backdrop,
+    table_z: float,
+    clutter: NDArray[np.bool_] | None = None,
+) -> Sight:
+    """The camera moved and tilted so that the table, as measured, lies where the scene file says. `clutter`
+    (h, w): pixels that are known to show something else.
 
     Only height and tilt show on a plane; they are what shifts every height above the table.
     """
@@ -238,6 +245,8 @@ def levelled(sight: Sight, depth: Array, backdrop: Backdrop, table_z: float) -> 
     every = max(1, min(LEVEL_EVERY, depth.shape[1] // (LEVEL_WIDTH // LEVEL_EVERY)))
     picked[::every, ::every] = True
     picked &= backdrop.table & (depth > 0)
+    if clutter is not None:
+        picked &= ~clutter
     rows, columns = np.nonzero(picked)
     points = sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))
     points *= depth[rows, columns][:, None]

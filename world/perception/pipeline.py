@@ -139,15 +139,20 @@ class Perception:
         depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
         believed = Sight.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
-        sight = levelled(believed, depth, backdrop, self._table_z)
+        label = hues.labels(image.colour)
+        held = scene.held
+        in_hand = None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
         if moving:
+            # From near, items and fingers may fill more of the picture than the table does.
+            clutter = (label > 0) | self._robot.nearby(believed, depth, joints, width, in_hand)
+            sight = levelled(believed, depth, backdrop, self._table_z, clutter)
             sight = self._beside_hand(sight, whole, joints, width)
+        else:
+            sight = levelled(believed, depth, backdrop, self._table_z)
         if believed.apart(sight, FAR_OFF) > OFF:
             # What is seen of walls and table is to be compared with where they are from there.
             believed = sight
             backdrop = Backdrop.of(self._description, sight, self._table, self._table_z)
-        held = scene.held
-        in_hand = None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
         height = sight.heights(depth)
         robot = self._robot.paint(believed, joints, width, in_hand)
         if moving:
@@ -156,7 +161,6 @@ class Perception:
         walls = np.isfinite(backdrop.guard) & ((depth == 0) | (depth > backdrop.guard - SURFACE))
         if moving:
             walls |= sight.all_directions()[:, :, 2] > -DOWNWARDS
-        label = hues.labels(image.colour)
         picture = Picture(
             sight, depth, height, label, robot | walls, np.zeros(depth.shape, dtype=np.int32), []
         )
