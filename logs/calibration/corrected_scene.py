@@ -24,7 +24,8 @@ def output_file(scene: str, wanted: Path | None, *, replace: bool) -> Path:
     """Where it will be written. Raises PicktreeError where something is that must not be replaced."""
     path = find_file(scene, SHIPPED, Path.cwd(), "scene")
     if wanted is None:
-        folder = Path() if path.parent == SHIPPED else path.parent
+        here = path.parent == SHIPPED or path.parent.resolve() == Path.cwd()
+        folder = Path() if here else path.parent
         wanted = folder / f"{path.stem}_calibrated.yaml"
     if wanted.suffix not in (".yaml", ".yml"):
         raise PicktreeError(f"-o {wanted}: a scene file ends in .yaml")
