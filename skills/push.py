@@ -90,7 +90,6 @@ class Push(Skill):
         world_causes.DISTURBED,
     )
     uses = (ARM, GRIPPER, CAMERA)
-    hand_after = "empty"
 
     @classmethod
     def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
