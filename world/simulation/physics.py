@@ -143,8 +143,8 @@ class PhysicsHardware:
         rate = EVERYDAY if rate is None else checked(rate)
         if rate != self._senses.rate:
             self._senses.rate = rate
-            self._body.period = 1 / rate
             tune(rate, self._client)
+            self._body.pace(1 / rate)
 
     @property
     def cameras(self) -> Mapping[str, Camera]:

@@ -176,6 +176,16 @@ class RobotBody:
                 physicsClientId=self._client,
             )
 
+    def pace(self, period: float) -> None:
+        """Steps last `period` s from now on. pybullet keeps the greatest force of a motor as the impulse of a
+        step as long as the step was when it was told: so all motors are told again."""
+        self.period = period
+        command = self._command
+        if command.mode == "follow" and not self._torque_mode and command.position:
+            self._command = ArmCommand("follow", (), (), ())
+            self.follow(command.position, command.velocity)
+        self.drive_fingers(self._grip)
+
     def before_step(self) -> None:
         """pybullet forgets torques after each step; the servo's targets stay."""
         if self._linkage is not None:
