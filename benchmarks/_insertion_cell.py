@@ -177,7 +177,7 @@ class _Cell:
         from picktree.trees.registry import Registry
         from picktree.trees.status import NodeStatus
 
-        tree = build(parse_mission(text, Path("insertion.yaml"), Registry()), self.world)
+        self.tree = tree = build(parse_mission(text, Path("insertion.yaml"), Registry()), self.world)
         while self.world.clock.now < LIMIT:
             tree.tick()
             self._note()

@@ -114,6 +114,8 @@ BLOCKED_TIME, BLOCKED = 0.15, 0.0006
 """A tool that comes no further than this in that time is blocked, s, m."""
 STALL_TIME, STALL = 0.5, 0.0003
 """A peg that goes no deeper than this in that time stands, s, m."""
+BOTTOM_TIME = 0.12
+"""At the bottom it need not stand longer than this, s: it would only be pressed against the walls."""
 SHORT = 0.0025
 """So much less deep than it should be it may stand at the bottom, m."""
 SINKING = 0.04
@@ -409,7 +411,7 @@ class Inserting(Course):
         touch, mouth = self._touch, self._mouth
         x, y = _plane(mouth.up)
         base, begun = self.rotation, felt.elapsed
-        stand = Standing(STALL_TIME, STALL)
+        stand, bottom = Standing(STALL_TIME, STALL), Standing(BOTTOM_TIME, STALL)
         push, wiggle, pulls = touch.push, touch.wiggle, 0
         while True:
             phase = 2 * math.pi * WIGGLES * (felt.elapsed - begun)
@@ -425,11 +427,14 @@ class Inserting(Course):
             if depth > mouth.depth + ROUGH + SHORT:
                 self.outcome = "no bottom"
                 return felt
-            if not stand.since(felt.elapsed, depth):
+            deep = depth >= mouth.depth - SHORT
+            if deep:
+                wiggle = 0.0
+                if bottom.since(felt.elapsed, depth):
+                    self.outcome = "in"
+                    return felt
+            if deep or not stand.since(felt.elapsed, depth):
                 continue
-            if depth >= mouth.depth - SHORT:
-                self.outcome = "in"
-                return felt
             if pulls >= touch.pulls:
                 self.outcome = "jammed"
                 return felt
