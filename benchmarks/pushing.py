@@ -1,4 +1,4 @@
-"""Campaign: push one object 10 cm to a random pose, looking through the real camera, and say how far off it is.
+"""Campaign: push an object 10 cm to a random pose, looking through the real camera: how far off is it?
 
     python benchmarks/pushing.py --runs 100
     python benchmarks/pushing.py --runs 100 --kinds nut

@@ -16,7 +16,7 @@ from ..world.causes import world as world_causes
 from ..world.journal import Happened, Plain
 from ..world.manipulation.looking import look_closely
 from ..world.manipulation.planar import Planar, moved, outline, planar
-from ..world.manipulation.pushing import Pushed, Ready, go_looking, make, ready, refused, step_back
+from ..world.manipulation.pushing import Pushed, Ready, go_looking, make, ready, refused, step_back, unfit
 from ..world.manipulation.singulating import Parting, crowded, has_room, partings
 from ..world.manipulation.strokes import Aim, Stroke, strokes
 from ..world.manipulation.tracking import Estimate, felt, seen, together
@@ -122,7 +122,9 @@ class Push(Skill):
             return
         world.scene.get(self.object)
         belief = yield from self._seen(world, None)
-        yield from self._to(world, belief, self._aim(belief))
+        aim = self._aim(belief)
+        self._check(world, belief, aim)
+        yield from self._to(world, belief, aim)
 
     def _apart(self, world: World) -> Steps:
         """Push until the target can be grasped; what is unknown, until it is recognised or stands alone."""
@@ -223,6 +225,19 @@ class Push(Skill):
         if pushed.blocked or pushed.lost or not pushed.in_contact or stroke.side.rolls:
             return sight
         return together(felt(before, stroke, pushed.ends, shape), sight, shape.turn)
+
+    def _check(self, world: World, belief: BeliefObject, aim: Aim) -> None:
+        """Nothing is pushed towards a place where it cannot be in the end."""
+        yaw = planar(belief.shape, belief.pose).yaw if aim.yaw is None else aim.yaw
+        why = unfit(world, belief, [Planar(aim.x, aim.y, yaw)])
+        if why is not None:
+            raise Failure(
+                push.NO_STROKE,
+                f"{self.object} cannot be pushed to ({aim.x:.3f}, {aim.y:.3f}): {why}",
+                object=self.object,
+                x=aim.x,
+                y=aim.y,
+            )
 
     def _off(self, belief: BeliefObject, aim: Aim) -> tuple[float, float]:
         shape = outline(belief.shape, belief.pose)

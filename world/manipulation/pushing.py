@@ -119,19 +119,19 @@ def placed(shape: Outline, at: Planar) -> Array:
     return at.apply(shape.corners)
 
 
-def refused(world: World, belief: BeliefObject, stroke: Stroke, touching: Collection[str] = ()) -> str | None:
-    """Why the object, or the tool, must not go that way; `touching`: what may be pushed along."""
+def unfit(
+    world: World, belief: BeliefObject, places: Sequence[Planar], touching: Collection[str] = ()
+) -> str | None:
+    """Why the object must not be at one of these places; `touching`: what may be pushed along."""
     support = support_of(world, belief)
     if support is None:
         return f"{belief.id} does not stand on a level fixture"
     shape = outline(belief.shape, belief.pose)
-    fingers = tool_outline(world.robot.description.gripper, stroke.side.opening)
     margin = BESIDE + SIGMAS * belief.sigma_position
     others = [o for o in world.scene.objects if o.id != belief.id and o.id not in touching and not o.attached]
     around = [(o.id, outline(o.shape, o.pose), planar(o.shape, o.pose)) for o in others]
     ignore = (belief.id, support.id, *(o.id for o in world.scene.objects))
-    for way in _samples(0.0, stroke.way.length):
-        at = stroke.object_at(way)
+    for at in places:
         if not within(support, placed(shape, at), EDGE):
             return f"it would come to the edge of {support.id}"
         for hole in support.holes:
@@ -145,6 +145,16 @@ def refused(world: World, belief: BeliefObject, stroke: Stroke, touching: Collec
             hit = next((c.b for c in world.queries.free(belief.shape, there, ignore, margin)), None)
         if hit is not None:
             return f"it would touch {hit}"
+    return None
+
+
+def refused(world: World, belief: BeliefObject, stroke: Stroke) -> str | None:
+    """Why the object, or the tool, must not go that way."""
+    why = unfit(world, belief, [stroke.object_at(way) for way in _samples(0.0, stroke.way.length)])
+    support = support_of(world, belief)
+    if why is not None or support is None:
+        return why
+    fingers = tool_outline(world.robot.description.gripper, stroke.side.opening)
     for way in _samples(-stroke.gap, stroke.way.length):
         at = stroke.way.at(way) @ stroke.side.tool
         if not all(within(support, at.apply(finger.corners), 0.0) for finger in fingers):

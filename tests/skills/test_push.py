@@ -1,0 +1,131 @@
+"""Push, in a cell without physics: objects slide before the fingers, the camera is ideal."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from picktree.world.files.marks import FileError
+from picktree.world.manipulation.planar import planar, wrapped
+from picktree.world.manipulation.singulating import has_room
+from picktree.world.scene.description import SceneDescription
+from picktree.world.scene.load import load_scene
+from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.values import ObjectId, Pose
+
+from .cell import Cell, items, mission
+
+LOOK = 'Observe: {camera: overhead, objects: "{items}"}'
+
+
+def beside(**moved: tuple[float, float, float]) -> Cell:
+    """A cell with these items, each at a place (x, y) with a heading, which are believed as they are seen."""
+    cell = Cell(mission(LOOK), items(**dict.fromkeys(moved, 1)))
+    hardware = cell.hardware
+    assert isinstance(hardware, KinematicHardware)
+    for body in hardware.bodies.items:
+        x, y, yaw = moved[body.entry.kind]
+        turned = Pose.from_rpy((x, y, body.pose.position[2]), (0.0, 0.0, yaw))
+        hardware.bodies.put(replace(body, pose=turned))
+    cell.finish()
+    return cell
+
+
+def named(cell: Cell, kind: str) -> ObjectId:
+    return next(o.id for o in cell.world.scene.objects if o.kind == kind)
+
+
+def push(cell: Cell, ports: str) -> str:
+    """The cause that a push ends in; empty when it succeeds."""
+    cell.start(mission(f"Push: {{{ports}}}"))
+    cell.finish()
+    return "" if cell.tree.failure is None else str(cell.tree.failure.cause)
+
+
+def test_a_block_is_pushed_to_a_pose() -> None:
+    cell = beside(block=(0.50, 0.0, 0.3))
+    assert push(cell, f"object: {named(cell, 'block')}, to: [0.45, 0.08], yaw: 1.2") == ""
+    (body,) = cell.hardware.truth()
+    at = planar(body.shape, body.pose)
+    assert math.hypot(at.x - 0.45, at.y - 0.08) < 0.0015
+    assert abs(wrapped(at.yaw - 1.2, math.pi / 2)) < math.radians(1.5)
+    assert [e.split(":")[0] for e in cell.happened("push")] == ["push"]
+
+
+def test_a_can_is_pushed_along_a_line() -> None:
+    cell = beside(can=(0.50, 0.05, 0.0))
+    assert push(cell, f"object: {named(cell, 'can')}, direction: [0, -2], distance: 50 mm") == ""
+    (body,) = cell.hardware.truth()
+    assert body.pose.position[:2] == pytest.approx((0.50, 0.0), abs=0.0015)
+
+
+def test_nothing_is_pushed_off_its_table_or_into_something_else() -> None:
+    cell = beside(block=(0.50, 0.0, 0.0), can=(0.50, 0.09, 0.0))
+    block = named(cell, "block")
+    before = [body.pose for body in cell.hardware.truth()]
+    where = {
+        "direction: [0, 1], distance: 90 mm": f"(0.500, 0.090): it would touch {named(cell, 'can')}",
+        "to: [0.50, -0.78]": "(0.500, -0.780): it would come to the edge of table",
+        "to: [0.42, -0.42]": "(0.420, -0.420): it would touch blue_bin",
+    }
+    for ports, why in where.items():
+        assert push(cell, f"object: {block}, {ports}") == "push.no_stroke"
+        assert cell.tree.failure is not None
+        assert cell.tree.failure.message == f"{block} cannot be pushed to {why}"
+    assert [body.pose for body in cell.hardware.truth()] == before
+
+
+def test_so_few_strokes_are_not_enough() -> None:
+    cell = beside(block=(0.50, 0.0, 0.0))
+    block = named(cell, "block")
+    assert push(cell, f"object: {block}, to: [0.45, 0.05], yaw: 0, strokes: 1") == "push.missed"
+    assert cell.tree.failure is not None
+    assert cell.tree.failure.message.endswith("off after 1 strokes")
+
+
+def test_a_full_hand_does_not_push() -> None:
+    cell = beside(block=(0.50, 0.0, 0.0), can=(0.45, 0.15, 0.0))
+    block, can = named(cell, "block"), named(cell, "can")
+    cell.start(
+        mission(f"Sequence: [{{Grasp: {{object: {can}}}}}, {{Push: {{object: {block}, to: [0.4, 0]}}}}]")
+    )
+    cell.finish()
+    assert cell.tree.failure is not None
+    assert cell.tree.failure.message == f"the hand is not free: it holds {can}"
+
+
+def test_room_is_made_around_what_is_hemmed_in() -> None:
+    scene: SceneDescription = load_scene("touching")
+    cell = Cell(mission(LOOK), scene, seed=0)
+    cell.finish()
+    world = cell.world
+    hemmed = next(o.id for o in world.scene.objects if not has_room(world, o))
+    assert push(cell, f"object: {hemmed}, singulate: true") == ""
+    assert has_room(world, world.scene.get(hemmed))
+    (told,) = cell.happened("push")
+    assert told == f"push: {hemmed}: the hand fits around it after 1 strokes"
+
+
+def test_what_has_room_is_not_pushed() -> None:
+    cell = beside(block=(0.50, 0.0, 0.3))
+    before = [body.pose for body in cell.hardware.truth()]
+    assert push(cell, "singulate: true") == ""
+    assert [body.pose for body in cell.hardware.truth()] == before
+
+
+@pytest.mark.parametrize(
+    ("ports", "fault"),
+    [
+        ("object: x", "one of 'to' (or 'yaw' alone), 'direction' and 'singulate' must be given"),
+        ("object: x, to: [0, 0], singulate: true", "one of 'to' (or 'yaw' alone), 'direction' and"),
+        ("object: x, direction: [1, 0]", "'direction' and 'distance' belong together"),
+        ("object: x, to: [0.5]", "two numbers x, y are wanted, not 1"),
+        ("to: [0.5, 0]", "'object' must be given: only with 'singulate' it may be left out"),
+    ],
+)
+def test_what_is_missing_is_told_before_a_run(ports: str, fault: str) -> None:
+    with pytest.raises(FileError) as error:
+        mission(f"Push: {{{ports}}}")
+    assert fault in str(error.value)
