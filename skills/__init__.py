@@ -10,9 +10,9 @@ from .insert import Insert
 from .jog import Jog
 from .observe import Observe
 from .place import Place
-from .probe import Probe
 from .push import Push
 from .survey import Survey
+from .touch_target import TouchTarget
 
 NODES: tuple[type[Node], ...] = (
     Observe,
@@ -27,6 +27,6 @@ NODES: tuple[type[Node], ...] = (
     ExchangeBin,
     Jog,
     Survey,
-    Probe,
+    TouchTarget,
 )
 """What the entry point `picktree.nodes` offers."""

@@ -90,7 +90,7 @@ def mission_text(target: str, cameras: Sequence[str], views: int, *, touch: bool
     lines.append("    Sequence:")
     if touch:
         # First: whatever the cameras see later, the arm is known to get around the target.
-        lines.append(f"      - Probe: {{target: {target}}}")
+        lines.append(f"      - TouchTarget: {{target: {target}}}")
     for camera in cameras:
         survey = f"Survey: {{target: {target}, camera: {camera}, views: {views}}}"
         lines.append(f"      - ForceSuccess: [{{{survey}}}]" if all_of_them else f"      - {survey}")

@@ -1,4 +1,4 @@
-"""Probe: touch a calibration target with the closed fingers, from all sides."""
+"""TouchTarget: touch a calibration target with the closed fingers, from all sides."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ FEWEST = 8
 """Touches that tell where the tip is."""
 
 
-class Probe(Skill):
+class TouchTarget(Skill):
     """Touch the faces of a target with the tips of the closed fingers, upright, turned and leaning.
 
     Each touch is recorded: where the tool was by the encoders, and the force. What is out of reach is passed
@@ -47,7 +47,7 @@ class Probe(Skill):
     """
 
     example = """
-    Probe: {target: target}
+    TouchTarget: {target: target}
     """
 
     target: In[str] = port("the fixture with `marker`", default="target", names="fixture")
