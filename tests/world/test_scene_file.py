@@ -66,6 +66,12 @@ REPLACED = [
     ("robot: panda", "robot: my/robot.yaml", "3:8: robot: there is no robot file my/robot.yaml"),
     ("robot: panda", "robot: [panda]", "3:8: robot: a text is wanted, not a list"),
     ("robot: panda\n", "", "1:1: 'robot' is missing"),
+    (
+        "lying: 0.5",
+        "touching: true, tumbled: true",
+        "15:95: spawn[0].touching: 'touching' and 'tumbled' exclude each other: what is dropped comes to lie "
+        "anywhere (give one of them)",
+    ),
     ("limits:", "limit:", "18:1: limit: unknown key 'limit' (did you mean 'limits'?)"),
     ("force: 50 N", "force: 50 mm", "18:17: limits.force: '50 mm' is a length, not a force (as 20 N)"),
     ("force: 50 N", "force: -1", "18:17: limits.force: -1 N is negative (a force is positive here)"),

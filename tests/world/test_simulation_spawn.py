@@ -99,3 +99,23 @@ def test_the_distance_of_two_boxes_is_at_most_that_of_their_centres_and_symmetri
     assert gap == pytest.approx(distance(b.at((apart, 0)), a.at((0, 0))), abs=1e-12)
     assert gap >= apart - a.reach - b.reach - 1e-9
     assert gap <= apart - 0.01 - 0.02 + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_items_that_stand_side_by_side_touch_and_do_not_overlap(seed: int):
+    counts = (("block", 3), ("can", 2), ("plate", 1))
+    spawn = Spawn(counts, ("red",), ((0.38, -0.17), (0.64, 0.17)), touching=True)
+    items = spawn_items(cell(spawn=(spawn,)), seed)
+    assert spawn_items(cell(spawn=(spawn,)), seed) == items
+    outlines = [footprint(i.entry.shape, i.pose.orientation).at(i.pose.position) for i in items]
+    for one in outlines:
+        near = min(distance(one, other) for other in outlines if other is not one)
+        assert 0.0 < near < 1.1e-4
+    for item in items:
+        assert bottom(item.entry.shape, item.pose) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_an_area_that_is_too_small_for_items_side_by_side():
+    spawn = Spawn((("block", 9),), ("red",), ((0.40, 0.0), (0.46, 0.06)), touching=True)
+    with pytest.raises(PicktreeError, match="too small for 9 items"):
+        spawn_items(cell(spawn=(spawn,)), 0)

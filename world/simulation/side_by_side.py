@@ -13,8 +13,8 @@ from ..shapes import Cylinder, Shape, Sphere
 from ..values import Array, Quaternion, quaternion_product
 from .footprints import Footprint, distance, footprint
 
-TRIES = 60
-GROUPS = 20
+TRIES = 12
+GROUPS = 6
 """So often an item is tried at the group, and a group is begun."""
 CHOICES = 12
 """Places next to others of which the one nearest to the middle of all is taken: a group, not a chain."""
