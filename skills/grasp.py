@@ -22,14 +22,14 @@ from ..world.manipulation.holding import Hold
 from ..world.manipulation.legs import onward
 from ..world.manipulation.pressing import pressure
 from ..world.manipulation.reaching import CARRIED, feel, lift
-from ..world.manipulation.regrasping import seen_again
+from ..world.manipulation.regrasping import found_again
 from ..world.manipulation.servoing import close_in
 from ..world.manipulation.stages import PLACE
 from ..world.manipulation.stream import PickStream
 from ..world.manipulation.weighing import Weighing
 from ..world.motion.requests import Holding, Plan
 from ..world.underway import Carriage
-from ..world.values import ObjectId, Pose
+from ..world.values import ObjectId, Pose, Vector3
 
 if TYPE_CHECKING:
     from ..world.motion.ahead import Prepared
@@ -47,7 +47,7 @@ class Grasp(Skill):
     the neighbours, the arm reaches it, and the object can from there be put where it belongs. The fingers
     close by feel, the hand giving way to the one that touches first. Whether the object is held is felt, by
     the opening of the fingers and by the load on the wrist; what slips is gripped more firmly. When it was
-    missed or lost, it is grasped once more if it is seen from there.
+    missed or lost, it is grasped once more, if it is seen from there or was lost where it was gripped.
     """
 
     example = """
@@ -93,12 +93,13 @@ class Grasp(Skill):
         world.underway.drop()
         if (yield from self._already_held(world)):
             return
+        self._gripped: Vector3 | None = None
         try:
             yield from self._pick(world)
         except Failure as failure:
             if failure.cause not in (grasp.MISSED, grasp.SLIPPED):
                 raise
-            if not (yield from seen_again(world, self.object, self.path, failure.message)):
+            if not (yield from found_again(world, self.object, self.path, failure, self._gripped)):
                 raise
             yield from self._pick(world)
 
@@ -208,6 +209,8 @@ class Grasp(Skill):
         belief = world.scene.get(self.object)
         entry = next((e for e in world.description.catalogue if e.kind == belief.kind), None)
         press = pressure(entry, self.force, world.robot.description.gripper)
+        if self._gripped is not None:
+            press = press.firmer()
         object_in_tcp = world.control.tcp.inverse() @ belief.pose
         if carried is None and pick.landing is not None and self.onward:
             carried = self._from_here(world, pick, object_in_tcp)
@@ -216,6 +219,7 @@ class Grasp(Skill):
             carried = self._from_here(world, pick, object_in_tcp)
         felt = Hold(closed.width, None)
         if not felt.empty:
+            self._gripped = belief.pose.position
             take_up(world, press, entry, object_in_tcp)
             world.scene.attach(self.object, object_in_tcp)
         try:

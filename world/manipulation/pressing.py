@@ -7,7 +7,7 @@ they are coupled, and the momentum of both at the impact; a fragile item has to 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..control.grip import OPENING
 from ..robot.description import GripperDescription
@@ -58,6 +58,10 @@ class Pressure:
     """Of each finger while they close, m/s; None for as fast as they can."""
     friction: float
     """Between item and pads."""
+
+    def firmer(self) -> Pressure:
+        """For what has slipped out of a grip like this one."""
+        return replace(self, grip=min(self.grip * FIRMER**2, self.most))
 
     def carrying(self, mass: float) -> float:
         """The grip for an item that turned out to weigh so much, kg; not gentler than it was."""

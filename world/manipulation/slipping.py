@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..control.payload import Payload
 from ..control.slip import FeltMass, Moving, SlipDetector, carried, moving
 from ..journal import Happened
-from .pressing import FIRMER
+from .pressing import FIRMER, GRAVITY, needed
 
 if TYPE_CHECKING:
     from ..world import World
@@ -27,23 +28,21 @@ class SlipWatch:
         self._above = above
         self._before: Moving | None = None
         self._detector: SlipDetector | None = None
+        self.felt: FeltMass | None = None
+        """What hung on the hand in the last tick, as far as it is known."""
 
     def watch(self) -> bool:
         """Take this tick into account; True when the object is gone."""
         world = self._world
         payload = world.control.wrist.payload
-        state = world.control.state
-        if payload is None or world.robot.tcp(state.position).position[2] < self._above:
-            self._before = None
+        self.felt = felt = None if payload is None else self._felt(np.array(payload.centre))
+        if payload is None or felt is None or world.control.tcp.position[2] < self._above:
             return False
         if self._detector is None or self._detector.payload is not payload:
             self._detector = SlipDetector(payload)
-        felt = self._felt(np.array(payload.centre))
-        if felt is None:
-            return False
         detector = self._detector
         detector.feel(felt)
-        if detector.slipping and firmer(world, f"{felt.mass * 1000:.0f} g of {payload} are felt"):
+        if detector.slipping and firmer(world, felt.mass, payload):
             detector.forget()
             return False
         return detector.gone
@@ -56,17 +55,23 @@ class SlipWatch:
         return None if before is None else carried(world.robot.hand_mass, before, now, world.tick)
 
 
-def firmer(world: World, why: str) -> bool:
-    """Press more firmly, as far as the grip allows; False when it does not."""
+def firmer(world: World, felt: float, payload: Payload) -> bool:
+    """Of an object only `felt` kg hang on the hand: press more firmly, as far as the grip allows; False when
+    it does not.
+
+    What slides is pulled by 2 μ F, which tells the friction, and that the force that is needed.
+    """
     before = world.grip.force
-    world.grip.press(min(before * FIRMER, world.grip.bound))
+    friction = max(felt, 0.0) * GRAVITY / (2.0 * before) if before > 0.0 else 0.0
+    world.grip.press(max(before * FIRMER, min(needed(payload.mass, friction), world.grip.bound)))
     if world.grip.force <= before + 1e-9:
         return False
     world.journal.note(
         Happened(
             "slip",
-            f"it slips: the fingers press with {world.grip.force:.0f} N instead of {before:.0f} N ({why})",
-            data={"force": world.grip.force, "before": before},
+            f"it slips: the fingers press with {world.grip.force:.0f} N instead of {before:.0f} N "
+            f"({felt * 1000:.0f} g of {payload} are felt)",
+            data={"force": world.grip.force, "before": before, "felt": felt, "mass": payload.mass},
         )
     )
     return True

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..causes import Failure, grasp
+from ..control.slip import FeltMass
 from ..values import Array
 from .holding import EMPTY_WIDTH, LEAST_LOAD, Hold
 from .slipping import SlipWatch, firmer
@@ -30,6 +31,8 @@ TICKS, FEWEST = 6, 3
 """Ticks over which is weighed: the last ones, and at least so many."""
 STEADY = 0.003
 """Change of the opening that says that the object moves between the fingers, m: they are read to 0.2 mm."""
+BEGUN = 0.003
+"""Height above the grasp from which the object should come along, m."""
 SLIDING = 0.75
 """Share of the weight that was expected below which an object may slide between the fingers."""
 SURE = LEAST_LOAD + 0.013 * GRAVITY
@@ -59,6 +62,11 @@ class Kept:
         self._width = world.grip.width
         self._slip = SlipWatch(world, above)
         self.doubt: Failure | None = None
+
+    @property
+    def felt(self) -> FeltMass | None:
+        """What hung on the hand in the last tick, as far as it is known."""
+        return self._slip.felt
 
     def watch(self) -> Failure | None:
         """For `Motions.along` and `finish`."""
@@ -110,13 +118,12 @@ class Weighing:
         return None
 
     def _hold_on(self) -> None:
-        """What weighs less than its kind, as long as it hangs, may as well slide: press more firmly."""
-        payload = self._world.control.wrist.payload
-        if payload is None:
+        """What does not come up with the hand, or weighs less than its kind, slides: press more firmly."""
+        payload, felt = self._world.control.wrist.payload, self._kept.felt
+        if payload is None or felt is None or self._world.control.tcp.position[2] < self._height + BEGUN:
             return
-        lately = self.load(FEWEST)
-        if lately is not None and lately < SLIDING * payload.mass * GRAVITY:
-            firmer(self._world, f"{lately / GRAVITY * 1000:.0f} g of {payload.mass * 1000:.0f} g are felt")
+        if felt.mass + felt.unsure / 2 < SLIDING * payload.mass:
+            firmer(self._world, felt.mass, payload)
 
     def load(self, most: int = TICKS) -> float | None:
         """Weight on the hand over the last ticks that count, N; None when there were too few of them."""
