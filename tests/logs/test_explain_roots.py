@@ -211,11 +211,12 @@ def test_a_camera_that_hangs_elsewhere(tmp_path: Path) -> None:
 
 def test_an_oiled_item_by_what_the_hand_feels(tmp_path: Path) -> None:
     fault = "{fault: friction, when: {node: Grasp}, target: {nearest_to: object}, friction: 0.01}"
-    found = blind(run(tmp_path, items=BLOCK, fault=fault, backend="physics"))
+    gentle = MISSION.replace('Grasp: {object: "{item}"}', 'Grasp: {object: "{item}", force: 30 N}')
+    found = blind(run(tmp_path, items=BLOCK, mission=gentle, fault=fault, backend="physics"))
     (cause,) = found.root_causes
     assert (cause.cause, cause.item) == ("item.slippery", "blue_block_1")
     assert cause.title.startswith("blue_block_1 is slipperier than its kind: its friction is at most 0.0")
-    assert cause.reasons[1] == "with the catalogue's friction of 0.6 they would hold 9.6 N"
+    assert cause.reasons[1] == "with the catalogue's friction of 0.6 they would hold 36 N"
 
 
 def test_a_run_of_which_nothing_is_to_be_said(tmp_path: Path) -> None:

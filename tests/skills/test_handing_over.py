@@ -146,7 +146,7 @@ def test_what_is_lost_on_the_way_is_told_as_that() -> None:
     assert cell.world.scene.held is None
 
 
-def test_what_slips_out_while_it_is_lifted_was_never_held() -> None:
+def test_what_slips_out_while_it_is_lifted_was_never_held_and_is_grasped_once_more() -> None:
     cell, (block,) = looked(block=1)
     cell.start(mission(sorting(block, destination(cell, block))))
     while cell.world.scene.held is None:
@@ -158,9 +158,11 @@ def test_what_slips_out_while_it_is_lifted_was_never_held() -> None:
     hardware.remove("item_00")
     cell.finish()
     assert cell.tree.failure is not None
-    assert str(cell.tree.failure.cause) == "grasp.slipped"
-    assert "it was between the fingers and slipped out" in cell.tree.failure.message
-    assert cell.happened("pick") == [f"pick: {block}: not held"]
+    (again,) = cell.happened("regrasp")
+    assert again.startswith(f"regrasp: {block} is grasped once more (it was lost where it was gripped): ")
+    assert "it was between the fingers and slipped out" in again
+    assert str(cell.tree.failure.cause) == "grasp.missed"
+    assert cell.happened("pick") == [f"pick: {block}: not held"] * 2
 
 
 def test_the_approach_is_broken_off_when_there_is_no_way_on(monkeypatch: pytest.MonkeyPatch) -> None:

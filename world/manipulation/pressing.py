@@ -30,8 +30,8 @@ ALONE = 2.0
 """Times the force of a finger that one gets which touches alone."""
 IMPACT = 55.0
 """Force of an impact of the fingers beyond their drive's, for each m/s, N: measured up to 47."""
-UNEVEN = 1.07
-"""By which one finger may press harder than the other while both hold."""
+UNEVEN = 1.15
+"""By which a finger may press harder than its drive: than the other one, and when the grip becomes firmer."""
 GENTLE = 0.3
 """Share of its limit with which the fingers close on a fragile item."""
 DRAGGED = 0.4
