@@ -110,9 +110,31 @@ def _run(job: Job, setting: str) -> Row:
         mission=Path(job.mission), scene=str(file), seed=job.seed, out=Path(job.out) / f"run-{name}"
     )
     result = Session(request).run().to_json()
-    return {
-        key: result[key] for key in ("status", "items", "picks", "failures", "sim_seconds", "cpu_seconds")
-    }
+    run = max(Path(request.out or "").iterdir(), key=lambda folder: folder.stat().st_mtime)
+    return {**{key: result[key] for key in KEPT}, "aims": _aims(run)}
+
+
+def _aims(run: Path) -> list[float]:
+    """How far from where it truly was each item was believed when the fingers closed on it, along the table,
+    m. Belief and truth are those before the hand came; of items that are alike the nearer one counts."""
+    from picktree.logs.run_log import RunLog
+
+    found: list[float] = []
+    with RunLog(run) as log:
+        before = next(iter(log.truths())).record.bodies
+        free: dict[str, tuple[float, float]] = {}
+        held: set[str] = set()
+        for at in log.beliefs():
+            for body in at.record.bodies:
+                x, y, _ = body.pose.position
+                if not body.attached:
+                    free[body.id] = (x, y)
+                elif body.id in free and body.id not in held:
+                    held.add(body.id)
+                    alike = [b for b in before if (b.kind, b.colour) == (body.kind, body.colour)]
+                    away = [math.dist(free[body.id], b.pose.position[:2]) for b in alike]
+                    found += [min(away)] if away else []
+    return found
 
 
 def report(rows: list[Row]) -> str:
@@ -127,7 +149,7 @@ def report(rows: list[Row]) -> str:
         first = sum(r["picks"]["held_first_try"] for r in runs)
         objects = sum(r["picks"]["objects"] for r in runs)
         lines.append(rate("  held at the first try", first, objects))
-        aims = sorted(1000 * aim for r in runs for aim in r["aims"])
+        aims = sorted(1000 * aim for r in runs for aim in r.get("aims", ()))
         if aims:
             high = aims[min(len(aims) - 1, int(0.95 * len(aims)))]
             lines.append(f"  aimed beside the item      {median(aims):.1f} mm median, {high:.1f} mm in 95 %")
