@@ -1,0 +1,129 @@
+"""Insert: what it needs, what it leaves, and what it says when the hole is not there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from picktree.world.causes import FailureReport
+from picktree.world.scene.description import SceneDescription
+from picktree.world.scene.load import load_scene
+from picktree.world.values import ObjectId
+
+from .cell import Cell, mission
+
+LOOK = "- Observe: {camera: overhead, objects: '{items}'}\n"
+
+
+def pegs(**counts: int) -> SceneDescription:
+    """The scene `pegs` with these only."""
+    scene = load_scene("pegs")
+    return replace(scene, spawn=(replace(scene.spawn[0], counts=tuple(counts.items())),))
+
+
+def inserting(ports: str = "", grasp: bool = True) -> str:
+    """A tree that looks, grasps what it sees first, and inserts it."""
+    do = "          - Grasp: {object: '{item}'}\n" if grasp else ""
+    each = "- ForEach:\n    in: '{items}'\n    out: '{item}'\n    most: 1\n    do:\n"
+    body = f"{LOOK}{each}      - Sequence:\n{do}          - Insert: {{object: '{{item}}'{ports}}}\n"
+    return "Sequence:\n" + "".join(f"  {line}\n" for line in body.splitlines())
+
+
+def failed(cell: Cell) -> FailureReport:
+    cell.finish()
+    report = cell.tree.failure
+    assert report is not None
+    return report
+
+
+@pytest.mark.parametrize(
+    ("kind", "hole"),
+    [("dowel_30", "board/round_31"), ("post_40", "board/square_41"), ("key_36", "board/slot_38")],
+)
+def test_a_peg_goes_into_the_hole_that_it_fits(kind: str, hole: str) -> None:
+    cell = Cell(mission(inserting()), pegs(**{kind: 1}), seed=2)
+    assert cell.finish().value == "SUCCESS", cell.tree.failure
+    (believed,) = cell.world.scene.objects
+    assert (believed.place, believed.attached) == (hole, False)
+    (done,) = (e for e in cell.events if e.kind == "item_done")
+    assert done.message == f"{believed.id} inserted into {hole}"
+    assert cell.world.control.period == pytest.approx(1 / 240)
+    for _ in range(10):
+        cell.wait()
+    assert cell.score().sorted == 1
+
+
+def test_a_hole_that_is_not_there_is_not_found() -> None:
+    cell = Cell(mission(inserting(", search: none, attempts: 1")), pegs(post_30=1))
+    board = cell.world.scene.fixtures["board"]
+    away = replace(board, pose=board.pose.shifted((0.03, 0.0, 0.0)))
+    cell.world.scene.fixtures = {**cell.world.scene.fixtures, "board": away}
+    report = failed(cell)
+    assert report.cause.name == "insert.not_found"
+    assert report.message == (
+        f"{cell.world.scene.objects[0].id} is not in board/square_32: the surface was felt, but no mouth "
+        "within 0.0 mm"
+    )
+    told = report.evidence
+    assert (told["hole"], told["tried"], told["wanted"]) == ("board/square_32", ["straight down"], 0.03)
+    assert abs(told["surface"]) < 0.002  # type: ignore[arg-type]
+    assert cell.world.scene.held is not None
+    assert cell.world.control.at_rest
+    # It ends with the peg out of the hole and the arm above it.
+    assert cell.world.scene.held.pose.position[2] > board.pose.position[2] + 0.02 + 0.03
+
+
+def test_an_empty_hand_has_nothing_to_insert() -> None:
+    cell = Cell(mission(inserting(grasp=False)), pegs(post_30=1))
+    report = failed(cell)
+    item = cell.world.scene.objects[0].id
+    assert (report.cause.name, report.message) == ("grasp.slipped", f"{item} is not in the hand")
+
+
+@pytest.mark.parametrize(
+    ("into", "cause", "message"),
+    [
+        ("board/slot_52", "insert.missed", "{} does not fit into board/slot_52"),
+        ("board/square_32", "place.occupied", "board/square_32 is taken already"),
+        ("board/none", "world.unknown_object", "the scene has no hole 'board/none'"),
+    ],
+)
+def test_a_hole_that_will_not_do(into: str, cause: str, message: str) -> None:
+    cell = Cell(mission(inserting(f", into: {into}")), pegs(post_30=1))
+    while cell.world.scene.held is None:
+        cell.tick()
+    held = cell.world.scene.held
+    other = replace(held, id=ObjectId("other"), object_in_tcp=None, place="board/square_32")
+    cell.world.scene.put(other, "it was there before")
+    report = failed(cell)
+    assert (report.cause.name, report.message) == (cause, message.format(held.id))
+
+
+def test_where_all_fitting_holes_are_taken_the_board_is_full() -> None:
+    cell = Cell(mission(inserting()), pegs(post_40=1))
+    while cell.world.scene.held is None:
+        cell.tick()
+    held = cell.world.scene.held
+    other = replace(held, id=ObjectId("other"), object_in_tcp=None, place="board/square_41")
+    cell.world.scene.put(other, "it was there before")
+    report = failed(cell)
+    assert (report.cause.name, report.message) == (
+        "place.full",
+        f"board has no free hole that {held.id} fits",
+    )
+
+
+def test_in_physics_a_square_peg_finds_its_hole_by_feeling() -> None:
+    cell = Cell(mission(inserting()), pegs(post_30=1), "physics", seed=5)
+    cell.hardware.penetrations.every = 1  # type: ignore[union-attr]
+    assert cell.finish().value == "SUCCESS", cell.tree.failure
+    (done,) = (e for e in cell.events if e.kind == "item_done")
+    assert done.data["found_by"] == "tilt"
+    assert 5.0 < float(done.data["force"]) < 40.0  # type: ignore[arg-type]
+    for _ in range(20):
+        cell.wait()
+    assert cell.world.control.period == pytest.approx(1 / 240)
+    score = cell.score()
+    assert (score.sorted, score.items[0].reason) == (1, "")
+    assert max(cell.hardware.penetrations.greatest.values()) < 0.15e-3  # type: ignore[union-attr]
