@@ -124,7 +124,7 @@ class _Cell:
         from picktree.world.causes import Failure
 
         look = MISSION.replace('- Insert: {object: "{item}"}', "- AlwaysSuccess")
-        self._mission(look.replace("      - GoTo: {pose: home}\n", "", 1) if False else look)
+        self._mission(look)
         if self.world.scene.held is None:
             return
         try:
