@@ -6,16 +6,19 @@ import math
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
 from picktree.trees.status import NodeStatus
 from picktree.world.manipulation.matching import matched
+from picktree.world.perception.blobs import Pixels
+from picktree.world.perception.edges import parted
 from picktree.world.perception.following import Sighting
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.load import load_scene
 from picktree.world.scene.planning_scene import BeliefObject
 from picktree.world.shapes import Box
-from picktree.world.values import ObjectId, Pose
+from picktree.world.values import Array, ObjectId, Pose
 
 from ..skills.cell import Cell, mission
 
@@ -152,3 +155,23 @@ def test_a_cell_without_a_camera_on_the_hand_does_as_before() -> None:
     cell.start(mission(f"Grasp: {{object: {target.id}}}"))
     assert cell.finish() is NodeStatus.SUCCESS
     assert not cell.happened("servo")
+
+
+def patch_of(depth: Array) -> tuple[Pixels, Pixels]:
+    rows, columns = np.nonzero(depth > 0)
+    return rows, columns
+
+
+def test_two_of_one_colour_part_where_the_depth_steps() -> None:
+    depth = np.full((30, 40), 0.20)
+    depth[:, 22:] = 0.23
+    depth[4::3, 21:23] = 0.0  # lost at the edge
+    everything = np.nonzero(np.ones_like(depth))
+    (left_rows, left), (right_rows, right) = parted(depth, *everything)
+    assert max(abs(int(left.max()) - 21), abs(int(right.min()) - 22)) <= 1
+    assert len(left_rows) + len(right_rows) == depth.size
+
+
+def test_a_slanted_face_is_one_piece() -> None:
+    depth = 0.20 + 0.003 * np.arange(40)[None, :] + np.zeros((30, 1))
+    assert len(parted(depth, *patch_of(depth))) == 1

@@ -16,6 +16,7 @@ from ..scene.planning_scene import BeliefObject
 from ..values import Array, ObjectId, Pose
 from . import hues
 from .blobs import Blob, Picture, connected, outlined
+from .edges import parted
 from .fitting import Fitter, Hypothesis
 from .rests import Rest
 from .silhouettes import Stand, polygon_area, silhouette
@@ -68,9 +69,10 @@ def followed(picture: Picture, fitter: Fitter, objects: Sequence[BeliefObject]) 
     labels = {hues.label_of(o.colour) for o in objects} - {0}
     usable = ~picture.blocked
     patches = [
-        picture.claim(rows, columns, label)
+        picture.claim(*part, label)
         for label in sorted(labels)
         for rows, columns in connected(usable & (picture.label == label), LEAST)
+        for part in parted(picture.depth, rows, columns)
     ]
     blobs = {p.number: outlined(picture, p) for p in patches if p.measured >= 4}
     found: list[Sighting] = []
