@@ -10,15 +10,18 @@ import pytest
 from numpy.typing import NDArray
 from trimesh import Trimesh
 
+from picktree.world.robot.load import load_robot
 from picktree.world.scene.boring import bored, outline
-from picktree.world.scene.load import parse_scene
+from picktree.world.scene.load import load_scene, parse_scene
 from picktree.world.scene.solids import surface
 from picktree.world.shapes import Box
 from picktree.world.simulation.bodies import add_fixed, add_item
+from picktree.world.simulation.checkpoint import Checkpoint
 from picktree.world.simulation.client import Client
 from picktree.world.simulation.displaced import displaced
 from picktree.world.simulation.engine import pb
 from picktree.world.simulation.penetration import Penetrations
+from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.simulation.seats import Boards, Seat
 from picktree.world.simulation.spawn import SpawnedItem
 from picktree.world.values import Array, ObjectId, Pose
@@ -192,3 +195,20 @@ def test_a_fixture_stands_elsewhere_within_its_bounds_and_by_the_seed_alone() ->
     assert level.position == really[7].position
     assert level.rotation()[2, 2] == pytest.approx(1.0)
     assert displaced(DESCRIPTION, 7).fixture("table") == DESCRIPTION.fixture("table")
+
+
+def test_a_resumed_cell_has_its_board_where_it_was() -> None:
+    scene = load_scene("pegs")
+    robot = load_robot(scene.robot)
+    hardware = PhysicsHardware(scene, robot, 5)
+    board = next(f for f in hardware.true_fixtures() if f.id == "board")
+    assert 0.0 < board.pose.distance(scene.fixture("board").pose) <= math.hypot(0.005, 0.005)
+    for _ in range(24):
+        hardware.step()
+    saved = Checkpoint.from_plain(hardware.checkpoint().to_plain())
+    resumed = PhysicsHardware.resume(scene, robot, 5, saved)
+    assert resumed.true_fixtures() == hardware.true_fixtures()
+    for _ in range(24):
+        hardware.step()
+        resumed.step()
+    assert resumed.truth() == hardware.truth()
