@@ -18,7 +18,7 @@ from ..world.manipulation.looking import look_closely
 from ..world.manipulation.planar import Planar, moved, outline, planar
 from ..world.manipulation.pushing import Pushed, Ready, go_looking, make, ready, refused, step_back, unfit
 from ..world.manipulation.singulating import Parting, crowded, has_room, partings
-from ..world.manipulation.strokes import Aim, Stroke, strokes
+from ..world.manipulation.strokes import Aim, Stroke, asides, strokes
 from ..world.manipulation.tracking import Estimate, felt, seen, together
 from ..world.values import ObjectId
 
@@ -280,8 +280,12 @@ class Push(Skill):
         at = planar(belief.shape, belief.pose)
         longest = max(LONGEST, 2.0 * at.distance(Planar(aim.x, aim.y)) / left)
         why: list[str] = []
-        for stroke in strokes(belief, aim, world.robot.description.gripper, longest):
-            if stroke.side.name in bad or not self._helps(stroke, belief, aim):
+        gripper = world.robot.description.gripper
+        helping = [s for s in strokes(belief, aim, gripper, longest) if self._helps(s, belief, aim)]
+        if not helping and aim.yaw is not None:
+            helping = list(asides(belief, gripper))
+        for stroke in helping:
+            if stroke.side.name in bad:
                 continue
             with world.plan.checking():
                 refusal = refused(world, belief, stroke)

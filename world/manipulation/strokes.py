@@ -25,6 +25,8 @@ STEADY = 2.0
 """Turns while it is pushed are wider by this factor than an object would follow at most."""
 TURNED = math.radians(100.0)
 """Greatest turn of one way, rad."""
+ASIDE = 0.012
+"""Way on which what is turned by some degrees is squared up, m."""
 TINY = 4e-4
 """A push by less is none, m."""
 RADIAN = 0.05
@@ -96,6 +98,14 @@ def strokes(
     return tuple(sorted(found, key=lambda s: (s.cost, s.side.name)))
 
 
+def asides(belief: BeliefObject, gripper: GripperDescription) -> tuple[Stroke, ...]:
+    """Short pushes away from where an object is: it is where it should be, but turned, and only on a way can
+    it be squared up."""
+    if outline(belief.shape, belief.pose).round:
+        return ()
+    return tuple(slid(side, belief, ASIDE) for side in sides(belief, gripper, 0.0) if not side.rolls)
+
+
 def slid(side: Side, belief: BeliefObject, length: float) -> Stroke:
     """Straight along one side's push."""
     way = straight(side.carrier(planar(belief.shape, belief.pose)), length)
@@ -143,13 +153,24 @@ def _stroke(
     side: Side, way: Arcs, belief: BeliefObject, at: Planar, aim: Aim, shape: Outline, longest: float
 ) -> Stroke:
     """The way as one stroke, or its first part where it takes several."""
-    away, turned = aim.off(side.object(way.at(way.length)), shape.turn)
+    away, turned = aim.off(_ended(side, way, at, shape), shape.turn)
     cost = away + RADIAN * turned + _effort(way)
     parts = max(1, math.ceil(way.length / longest - 1e-6))
     first = cut(way, way.length / parts) if parts > 1 else way
     askew = abs(wrapped(way.start.yaw - side.carrier(at).yaw))
     gap = GAP + SIGMAS * belief.sigma_position + side.half * math.sin(min(askew, 1.0))
-    return Stroke(belief.id, side, first, gap, side.object(first.at(first.length)), cost)
+    return Stroke(belief.id, side, first, gap, _ended(side, first, at, shape), cost)
+
+
+def _ended(side: Side, way: Arcs, at: Planar, shape: Outline) -> Planar:
+    """Where the object comes to: one that the way does not begin square to turns at a corner on the way, and
+    is squared up only when that is long enough."""
+    end = side.object(way.at(way.length))
+    askew = wrapped(way.start.yaw - side.carrier(at).yaw)
+    if shape.round or askew == 0.0:
+        return end
+    turned = way.length * side.half / (shape.inertia() + side.half**2)
+    return Planar(end.x, end.y, end.yaw - math.copysign(max(0.0, abs(askew) - turned), askew))
 
 
 def _effort(way: Arcs) -> float:

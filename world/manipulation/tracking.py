@@ -25,6 +25,10 @@ FELT, FELT_TURNED = 2e-4, math.radians(0.25)
 SLIPPED = 2e-4
 """Along the side, m; and of each metre of way a share of it:"""
 SLIP = 0.03
+RESERVE = 0.5
+"""Share of the turning on a way that is counted on: friction at the corner holds some back."""
+WIDE = 0.016
+"""Half of a length of touch that is wide enough for that heading, m."""
 DOUBT = 4.0
 """Difference between sight and touch, in standard deviations, that both cannot be right with."""
 
@@ -60,8 +64,9 @@ def felt(before: Estimate, stroke: Stroke, ends: Planar, shape: Outline) -> Esti
     # Pushed at one corner the object turns until it lies at the flat of the fingers.
     askew = abs(wrapped(stroke.way.start.yaw - side.carrier(before.at).yaw)) + 2.0 * before.turned
     turning = side.half / (shape.inertia() + side.half**2)
-    squared = turning * max(0.0, way - 2.0 * SIGHT) > askew
-    return Estimate(ends, covariance, FELT_TURNED if squared else askew)
+    squared = RESERVE * turning * max(0.0, way - 2.0 * SIGHT) > askew
+    narrow = max(1.0, WIDE / side.half) ** 2
+    return Estimate(ends, covariance, FELT_TURNED * narrow if squared else askew)
 
 
 def together(touch: Estimate, sight: Estimate, turn: float) -> Estimate:
