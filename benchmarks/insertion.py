@@ -46,8 +46,13 @@ def one(job: Job) -> Row:
         return {"seed": job.seed, "crash": f"{type(error).__name__}: {error}"}
 
 
+def stands(row: Row) -> bool:
+    """The scorer finds the peg upright at the bottom, and in no wall in the last second."""
+    return row.get("verdict") == "sorted"
+
+
 def counts(row: Row) -> bool:
-    return row.get("verdict") == "sorted" and row["penetration"] < HAIR
+    return stands(row) and row["penetration"] < HAIR
 
 
 def short(row: Row) -> str:
@@ -64,6 +69,7 @@ def short(row: Row) -> str:
 def report(name: str, rows: list[Row]) -> str:
     good = [row for row in rows if counts(row)]
     lines = [rate(name, len(good), len(rows))]
+    lines.append(rate("  however deep in walls", sum(map(stands, rows)), len(rows)))
     first = [row for row in good if row["grasps"] == 1]
     if "straight" not in name:
         lines.append(rate("  with the first grasp", len(first), len(rows)))

@@ -10,18 +10,9 @@ import numpy as np
 import pytest
 
 from picktree.world.control.courses import Felt
-from picktree.world.control.searching import (
-    LIFTED,
-    Inserting,
-    Mouth,
-    Peg,
-    Search,
-    Standing,
-    Touch,
-    grid,
-    spiral,
-    turned,
-)
+from picktree.world.control.patterns import Standing, grid, spiral
+from picktree.world.control.searching import LIFTED, Inserting, Mouth, Peg, Search, Touch
+from picktree.world.control.turning import turned
 
 PERIOD = 1 / 240
 LINEAR = 600.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -17,6 +17,8 @@ import numpy as np
 
 from ..values import Array
 from .courses import Course, Felt
+from .patterns import Standing, grid, spiral
+from .turning import axis_of, following, plane, skew, turned
 
 Part: TypeAlias = Generator[None, Felt, Felt]
 """A part of a course: sent what is felt in each control period, it ends with the last of it."""
@@ -256,7 +258,7 @@ class Inserting(Course):
         start, turn = felt.position, self.rotation
         between = rotation @ turn.T
         angle = math.acos(min(1.0, max(-1.0, (float(np.trace(between)) - 1.0) / 2.0)))
-        axis = _axis(between)
+        axis = axis_of(between)
         way = position - start
         time = max(float(np.linalg.norm(way)) / speed, angle / TURNING, 1e-3)
         begun = felt.elapsed
@@ -304,7 +306,7 @@ class Inserting(Course):
     def _spiral(self, felt: Felt, radius: float | None = None) -> Part:
         """Over the surface along an Archimedean spiral, pressing, until the peg drops."""
         touch, up, upright = self._touch, self._mouth.up, self.turn
-        x, y = _plane(up)
+        x, y = plane(up)
         begin = self._foot(felt)
         begun = felt.elapsed
         rubbing, before = RUBBING * touch.press, begin
@@ -327,7 +329,7 @@ class Inserting(Course):
 
     def _tilt(self, felt: Felt) -> Part:
         """With the peg leaning, its lowest point in the hole first: against the wall, then upright."""
-        x, y = _plane(self._mouth.up)
+        x, y = plane(self._mouth.up)
         for a, b in grid(0.7 * self._mouth.across, self._mouth.slack):
             self.searched = max(self.searched, math.hypot(a, b))
             aim = self._mouth.middle + a * x + b * y
@@ -398,7 +400,7 @@ class Inserting(Course):
             if time > rising and not self._peg.round:
                 sweep = touch.yaw * math.sin(2 * math.pi * YAWS * (time - rising))
             self.rotation = turned(up, sweep) @ turned(axis, angle) @ self.turn
-            leaning = float(np.linalg.norm(_skew(self.turn @ felt.rotation.T)))
+            leaning = float(np.linalg.norm(skew(self.turn @ felt.rotation.T)))
             press = touch.press * (0.5 if leaning > UPRIGHT else 1.0)
             self._act(felt, touch.aside * towards - press * up)
             felt = yield
@@ -409,14 +411,14 @@ class Inserting(Course):
         """Down to the bottom, wiggling; pulled back a bit and pressed again, more strongly, where it stands
         before."""
         touch, mouth = self._touch, self._mouth
-        x, y = _plane(mouth.up)
+        x, y = plane(mouth.up)
         base, begun = self.rotation, felt.elapsed
         stand, bottom = Standing(STALL_TIME, STALL), Standing(BOTTOM_TIME, STALL)
         push, wiggle, pulls = touch.push, touch.wiggle, 0
         while True:
             phase = 2 * math.pi * WIGGLES * (felt.elapsed - begun)
             axis = math.cos(phase) * x + math.sin(phase) * y
-            base = _following(base, felt.rotation, felt.period / ALIGNING, self.turn)
+            base = following(base, felt.rotation, felt.period / ALIGNING, self.turn, ALIGNED)
             sweep = 0.0
             if pulls and not self._peg.round:
                 sweep = 0.5 * touch.yaw * math.sin(2 * math.pi * YAWS * (felt.elapsed - begun))
@@ -493,80 +495,3 @@ class Leaving(Course):
         self.position = self.origin + self._up * self._done
         self.finished = self._done >= self._way
         self.velocity = np.zeros(3) if self.finished else LEAVING * self._up
-
-
-class Standing:
-    """Whether something has changed little for a while."""
-
-    def __init__(self, time: float, little: float) -> None:
-        self._time, self._little = time, little
-        self._recent: deque[tuple[float, float]] = deque()
-
-    def since(self, now: float, value: float) -> bool:
-        """`value` at the time `now`, s: whether all values of the last while are this near to each other."""
-        recent = self._recent
-        recent.append((now, value))
-        while now - recent[0][0] > self._time:
-            recent.popleft()
-        if now - recent[0][0] < 0.9 * self._time:
-            return False
-        values = [v for _, v in recent]
-        return max(values) - min(values) < self._little
-
-
-def turned(axis: Array, angle: float) -> Array:
-    """Rotation matrix (3, 3) about a unit vector (3,) by an angle, rad (Rodrigues)."""
-    x, y, z = axis.tolist()
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
-
-
-def spiral(pitch: float, radius: float, step: float) -> Iterator[tuple[float, float]]:
-    """Points of an Archimedean spiral out to a radius, `step` m apart along it."""
-    rise, angle = pitch / (2 * math.pi), 0.0
-    while rise * angle <= radius:
-        r = rise * angle
-        yield r * math.cos(angle), r * math.sin(angle)
-        angle += step / math.hypot(r, rise)
-
-
-def grid(spacing: float, radius: float) -> Iterator[tuple[float, float]]:
-    """The middle, then rings around it within the radius, so many that no point of it is further than about
-    0.6 of the spacing from one of them."""
-    yield 0.0, 0.0
-    beyond = radius - 0.5 * spacing
-    rings = math.ceil(max(0.0, beyond) / spacing)
-    for ring in range(1, rings + 1):
-        at = ring * (beyond + 0.15 * spacing) / rings
-        for k in range(6 * ring):
-            angle = math.pi * k / (3 * ring)
-            yield at * math.cos(angle), at * math.sin(angle)
-
-
-def _plane(up: Array) -> tuple[Array, Array]:
-    """Two unit vectors (3,) that span the plane across `up`."""
-    x = np.cross(np.array([0.0, 1.0, 0.0]) if abs(up[1]) < 0.9 else np.array([1.0, 0.0, 0.0]), up)
-    x = x / float(np.linalg.norm(x))
-    return x, np.cross(up, x)
-
-
-def _axis(rotation: Array) -> Array:
-    """Unit axis (3,) of a rotation by less than half a turn; any where there is none."""
-    r = rotation
-    axis = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-    size = float(np.linalg.norm(axis))
-    return np.array([0.0, 0.0, 1.0]) if size < 1e-9 else axis / size
-
-
-def _following(rotation: Array, towards: Array, share: float, about: Array) -> Array:
-    """`rotation` turned a share of the way to `towards`, no further than `ALIGNED` from `about`."""
-    between = towards @ rotation.T
-    angle = math.asin(min(1.0, float(np.linalg.norm(_skew(between)))))
-    moved = turned(_axis(between), share * angle) @ rotation
-    away = moved @ about.T
-    far = math.asin(min(1.0, float(np.linalg.norm(_skew(away)))))
-    return moved if far <= ALIGNED else turned(_axis(away), ALIGNED) @ about
-
-
-def _skew(r: Array) -> Array:
-    return 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
