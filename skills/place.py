@@ -10,7 +10,7 @@ from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
-from ..world.manipulation.burden import burden, weighed
+from ..world.manipulation.burden import burden, is_fragile, weighed
 from ..world.manipulation.dropping import let_go
 from ..world.manipulation.feeding import notice_exchanges
 from ..world.manipulation.holding import Hold, released
@@ -239,6 +239,8 @@ class Place(Skill):
         world.scene.detach(held.id, self._resting(world, held), where, "placed")
         if self.at:
             yield from withdraw(world, self.path)
+        elif is_fragile(world, held.kind):
+            yield from self._clear(world)
         yield from world.control.settle()
         after = world.control.load()
         if not released(before, after):
@@ -258,6 +260,14 @@ class Place(Skill):
                 {"object": held.id, "form": held.form, "into": self.into, "spot": self._spot},
             )
         )
+
+    def _clear(self, world: World) -> Steps:
+        """Straight up from what the hand would crush on its way, as far as there is one."""
+        try:
+            yield from withdraw(world, self.path)
+        except Failure as failure:
+            if failure.cause not in (*ELSEWHERE, planning.START_IN_COLLISION):
+                raise
 
     def _resting(self, world: World, held: BeliefObject) -> Pose:
         """Where the object is believed to come to rest."""

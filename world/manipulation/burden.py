@@ -19,6 +19,8 @@ VAGUE = 0.25
 """Standard deviation of a mass in the catalogue, as a share of it."""
 WEIGHED = 0.005
 """Of a mass that was weighed, kg."""
+FRAGILE = 20.0
+"""N"""
 LIGHT = 0.4
 """What carrying so much does to the wrist on a fast transfer, the guard of a motion has room for, kg."""
 
@@ -43,6 +45,12 @@ def weighed(world: World, hold: Hold, press: Pressure | None = None) -> None:
     firm = 0.0 if press is None else press.carrying(mass)
     if firm > world.grip.force:
         world.grip.press(firm)
+
+
+def is_fragile(world: World, kind: str) -> bool:
+    """Whether items of that kind are crushed by what a hand bumps them with."""
+    limits = [e.force_limit for e in world.description.catalogue if e.kind == kind]
+    return any(limit is not None and limit < FRAGILE for limit in limits)
 
 
 def burden(world: World) -> float:
