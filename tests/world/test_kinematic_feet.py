@@ -75,4 +75,4 @@ def test_a_lying_cylinder_that_is_held_weighs_what_it_weighs() -> None:
     cell.go(x, y, 0.02)
     assert cell.run(cell.grip.close(30.0)) == pytest.approx(0.04, abs=1e-4)
     cell.run(cell.loop.settle())
-    assert -can.mass * GRAVITY <= cell.loop.wrist.force[2] <= 1e-9
+    assert -can.mass * GRAVITY <= cell.loop.wrist.force[2] <= 1e-3

@@ -87,6 +87,5 @@ class KinematicGripper:
             # The finger that touches first pushes the item along until the other one is there, too.
             if abs(left + right) > before or width > size:
                 continue
-            if self._carries(body):
-                return body.id, pose.shifted((0.0, -(left + right) / 2, 0.0)), size
+            return body.id, pose.shifted((0.0, -(left + right) / 2, 0.0)), size
         return None
