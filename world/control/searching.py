@@ -106,6 +106,8 @@ SLIDING = 0.02
 """Of the leaning peg to the side, m/s."""
 SLIDING_PRESS = 0.75
 """Of the force on the surface while searching, pressed meanwhile."""
+LEAST_RUBBING = 0.5
+"""A slide that is held back by no more than this at any place tells nothing of walls, N."""
 AIMS = 3
 """How often a leaning peg slides over about the same place, each time beginning from what was felt before."""
 RUBBING = 0.35
@@ -336,11 +338,13 @@ class Inserting(Course):
             for _ in range(AIMS):
                 felt = yield from self._lean(felt, aim)
                 felt, blocked, wall = yield from self._against_wall(felt)
-                if blocked:
+                if blocked or wall is None:
                     break
                 # It has passed a wall that it was beside the middle of: there the hole is.
                 aim = wall - self._towards * (self._mouth.across / 2)
             else:
+                continue
+            if not blocked:
                 continue
             felt = yield from self._upright(felt)
             if self.depth < self._touch.drop:
@@ -365,9 +369,9 @@ class Inserting(Course):
             if float(felt.force @ up) > touch.contact or low < -deepest:
                 return felt
 
-    def _against_wall(self, felt: Felt) -> Generator[None, Felt, tuple[Felt, bool, Array]]:
+    def _against_wall(self, felt: Felt) -> Generator[None, Felt, tuple[Felt, bool, Array | None]]:
         """Push to the side; whether something blocks the way, as the wall of the hole does, and where (3,)
-        the lowest point was when most was felt of one."""
+        the lowest point was when most was felt of one; None: nothing was felt."""
         touch, towards, begin = self._touch, self._towards, felt.position
         stand = Standing(BLOCKED_TIME, BLOCKED)
         press, most, lead = -SLIDING_PRESS * touch.press * self._mouth.up, touch.aside / self._linear, 0.0
@@ -386,7 +390,7 @@ class Inserting(Course):
             if stand.since(felt.elapsed, way) and lead > 0.8 * most:
                 return felt, True, wall
             if way > 2 * self._reach + self._mouth.slack:
-                return felt, False, wall
+                return felt, False, wall if greatest > LEAST_RUBBING else None
 
     def _upright(self, felt: Felt) -> Part:
         """Raise the leaning peg against the wall, and let it drop."""
