@@ -16,8 +16,8 @@ AVERAGED = 1 / 60
 
 class Feeling:
     """External wrench relative to `zero` (6,), which the wrist has felt without a contact (world axes, about
-    the sensor), from the arm's configuration q (n,) on. The tool may turn by a few degrees: the weight of
-    the hand and the bias of the sensor count as they were."""
+    the sensor), from the arm's configuration q (n,) on. The sensor's bias turns with the tool; the
+    hand's weight counts at the lever that it had, so the tool may turn by a few degrees."""
 
     def __init__(self, wrist: Wrist, model: RobotModel, q: Array, zero: Array, period: float) -> None:
         self._wrist = wrist
@@ -27,17 +27,17 @@ class Feeling:
         )
         weight = np.array([0.0, 0.0, model.hand_mass * GRAVITY])
         lever = model.flange(q).rotation() @ np.array(model.hand_com)
-        bias = np.concatenate(
-            [tcp.rotation() @ np.array(part) for part in (wrist.bias.force, wrist.bias.torque)]
-        )
-        self._zero: list[float] = (zero + bias - np.concatenate([weight, np.cross(lever, weight)])).tolist()
+        self._zero: list[float] = (zero - np.concatenate([weight, np.cross(lever, weight)])).tolist()
+        self._bias: tuple[Array, Array] = (np.array(wrist.bias.force), np.array(wrist.bias.torque))
         self._recent: deque[list[float]] = deque(maxlen=max(1, round(AVERAGED / period)))
 
     def read(self, rotation: Array) -> tuple[Array, Array]:
         """Take this period's reading, the tool being turned by (3, 3): force (3,) N and torque (3,) Nm about
         the TCP, means of the last. Plain numbers: numpy would take ten times as long for so few."""
         reading, recent = self._wrist.latest, self._recent
-        recent.append([a - b for a, b in zip((*reading.force, *reading.torque), self._zero, strict=True)])
+        bias = [*(rotation @ self._bias[0]).tolist(), *(rotation @ self._bias[1]).tolist()]
+        felt = zip((*reading.force, *reading.torque), self._zero, bias, strict=True)
+        recent.append([a - b - c for a, b, c in felt])
         count = len(recent)
         fx, fy, fz, tx, ty, tz = (sum(column) / count for column in zip(*recent, strict=True))
         x, y, z = (rotation @ self._sensor_in_tool).tolist()

@@ -35,7 +35,8 @@ CONTACT_RATE = 500
 """Of physics and control in contact, Hz."""
 FELT = 20.0
 """Force above which something is touched rather than carried, N."""
-CARRIED_SAMPLES = 12
+CARRIED_TIME = 0.05
+"""At rest before what the hand carries is known, s."""
 SETTLED = 0.5
 """Standard deviation of the wrist force below which nothing vibrates, N."""
 SETTLE_LIMIT = 1.0
@@ -295,8 +296,8 @@ class ControlLoop:
     def run(self, controller: Controller, guard: ForceGuard | None) -> None:
         """For the lease only."""
         self._guard = guard
-        if self._standing >= CARRIED_SAMPLES and self._servo:
-            weight = -self.wrist.mean(CARRIED_SAMPLES, self._state.position)[:3]
+        if self._standing * self.period >= CARRIED_TIME - 1e-9 and self._servo:
+            weight = -self.wrist.over(CARRIED_TIME, self._state.position)[:3]
             self._carried[:3] = weight if float(np.linalg.norm(weight)) < FELT else 0.0
         self._begin(controller)
 

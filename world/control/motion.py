@@ -23,7 +23,7 @@ from .joint_controllers import Track, way_back
 from .lease import ForceGuard, Lease
 from .loop import ControlLoop
 from .stiffness import FIRM, Stiffness
-from .touching import Complied, Touching
+from .touching import ZERO_TIME, Complied, Touching
 
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
@@ -370,7 +370,7 @@ class Motions:
         self._last.progress = way.progress
 
     def _felt(self) -> tuple[float, float, float]:
-        fx, fy, fz = (float(c) for c in self._loop.wrist.mean(12, self._loop.state.position)[:3])
+        fx, fy, fz = (float(c) for c in self._loop.wrist.over(ZERO_TIME, self._loop.state.position)[:3])
         return (fx, fy, fz)
 
     def _until_rest(self, lease: Lease) -> Doing[None]:

@@ -28,6 +28,8 @@ Doing: TypeAlias = Generator[None, None, T]
 
 SLOWED = 4.0
 """How much longer a guarded move may take near a singularity, where it goes slower."""
+ZERO_TIME = 0.05
+"""Of readings at rest that count as what is felt without a contact, s."""
 CONTACT_TIME = 1.5
 """Longest wait for the arm to stand after a course, s."""
 
@@ -140,7 +142,7 @@ class Touching:
         then the arm is held where it is."""
         loop, q = self._loop, self._loop.state.position
         if zero is None:
-            zero = loop.wrist.mean(12, q)
+            zero = loop.wrist.over(ZERO_TIME, q)
         feeling = Feeling(loop.wrist, self._model, q, zero, loop.period)
         spring = CartesianImpedance(
             self._model, loop.period, course, stiffness, self._carrying(zero), feeling=feeling

@@ -113,10 +113,6 @@ class Wrist:
             mean[3:] -= turn @ self._bias[3:]
         return mean
 
-    def mean(self, samples: int, q: Array) -> Array:
-        """As `over`, for the time of so many readings at the everyday rate."""
-        return self.over(samples * EVERYDAY, q)
-
     def tare(self, window: float, q: Array) -> None:
         """What was felt over the last `window` s counts as nothing, for `external` and `load`."""
         self._tare = self.over(window, q)

@@ -268,7 +268,6 @@ def make(
         speed,
         force,
         world.robot.hand_mass,
-        world.control.wrist.bias.force,
         rolls=stroke.side.rolls,
     )
     limit = (stroke.gap + stroke.way.length) / min(speed, SLOW) + SPARE

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from ..control.courses import Course, Felt
-from ..values import Array, Vector3
+from ..values import Array
 from .arcs import Arcs
 from .planar import Planar
 
@@ -53,19 +53,18 @@ class PushCourse(Course):
         speed: float,
         force: float,
         hand_mass: float,
-        bias: Vector3 = (0.0, 0.0, 0.0),
         *,
         rolls: bool = False,
     ) -> None:
-        """`tool`: the TCP in the carrier. `hand_mass`: what the wrist feels the tool accelerate, kg. `bias`:
-        what the wrist adds in the tool's axes, N: it turns with the tool. `rolls`: see `Side`."""
+        """`tool`: the TCP in the carrier. `hand_mass`: what the wrist feels the tool accelerate, kg.
+        `rolls`: see `Side`."""
         super().__init__()
         self._path, self._tool, self._gap = way, tool, gap
         if rolls or way.length < SHORT:
             speed = min(speed, SLOW)
         self._rolls, self._braking = rolls, GENTLE if rolls else ACCELERATION
         self._speed, self._most = speed, speed
-        self._force, self._mass, self._bias = force, hand_mass, np.array(bias)
+        self._force, self._mass = force, hand_mass
         self._way, self._rate = -gap, 0.0
         self._pushed = 0.0
         self._without = 0.0
@@ -128,8 +127,7 @@ class PushCourse(Course):
     def _feel(self, felt: Felt, acceleration: float, period: float) -> None:
         """What acts against the push; the sensor feels the hand beyond it accelerate, too."""
         x, y = self._path.at(self._way).direction
-        force = felt.force - (felt.rotation - self.turn) @ self._bias
-        against = -float(force[0] * x + force[1] * y) - self._mass * acceleration
+        against = -float(felt.force[0] * x + felt.force[1] * y) - self._mass * acceleration
         self._pushed += (against - self._pushed) * min(1.0, period / MEMORY)
         if self._pushed > TOUCHED and self.touched_at is None:
             self.touched_at = self._way
