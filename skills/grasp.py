@@ -21,7 +21,7 @@ from ..world.manipulation.grasps import GraspCandidate, grasp_candidates
 from ..world.manipulation.holding import Hold
 from ..world.manipulation.legs import onward
 from ..world.manipulation.pressing import pressure
-from ..world.manipulation.reaching import CARRIED, feel, lift
+from ..world.manipulation.reaching import CARRIED, feel, lift, raise_off
 from ..world.manipulation.regrasping import found_again
 from ..world.manipulation.servoing import close_in
 from ..world.manipulation.stages import PLACE
@@ -166,6 +166,11 @@ class Grasp(Skill):
             )
         yield from world.control.settle()
         hold = Hold(world.grip.width, world.control.load())
+        if not hold.empty and not hold.loaded:
+            # What is between the fingers may stand on something, or in it.
+            yield from raise_off(world, self.path)
+            yield from world.control.settle()
+            hold = Hold(world.grip.width, world.control.load())
         if hold.held:
             return True
         let_go(world.scene, "no longer felt in the hand")

@@ -19,7 +19,7 @@ Steps = Generator[None, None, None]
 
 NEAR = 0.02
 """Neighbours closer than this may be grazed while lifting: they were cleared by the open hand before, m."""
-DOWN = (0.0, 0.0, -1.0)
+DOWN, UP = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
 CARRIED = 10.0
 """Force that lifting an object may add to the guard of a motion, N."""
 
@@ -56,6 +56,15 @@ def lift(world: World, object_id: ObjectId, node: str) -> Steps:
         plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
         guard = world.handling.guard + (0.0 if held is None else CARRIED)
         yield from world.move.along(plan.trajectory, guard=guard, node=node)
+
+
+def raise_off(world: World, node: str) -> Steps:
+    """Straight up with what is between the fingers, off what it stands on or out of what it sticks in, or
+    until that holds it."""
+    handling = world.handling
+    yield from world.move.guarded(
+        UP, handling.approach, force=handling.guard + CARRIED, speed=handling.lower_speed, node=node
+    )
 
 
 def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Steps:
