@@ -217,5 +217,6 @@ class _Cell:
             "depth": None if seat is None else seat.depth,
             "tilt": None if seat is None else math.degrees(seat.tilt),
             "penetration": greatest,
+            "lasting": self.hardware.penetrations.lasting.get(body.id, 0.0),
             "simulated": self.world.clock.now,
         }

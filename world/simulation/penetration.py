@@ -27,11 +27,16 @@ class Penetrations:
         self.every = EVERY
         self.greatest: dict[ObjectId, float] = {}
         """Of each item that ever was at a fixture since `watch`, m."""
+        self.lasting: dict[ObjectId, float] = {}
+        """The same of what was seen at two looks in a row. With `every` at 1: the engine may notice a new
+        contact of a curved edge a step late, and takes it back in the next."""
+        self._before: dict[ObjectId, float] = {}
 
     def watch(self, items: Mapping[ObjectId, int], bored: Collection[int]) -> None:
         """From now on these items, which may change, by pybullet's body numbers; nothing is remembered."""
         self._items, self._bored = items, frozenset(bored)
         self._recent, self.greatest, self._steps = {}, {}, 0
+        self.lasting, self._before = {}, {}
 
     def stepped(self, now: float) -> None:
         """To be called after each step."""
@@ -41,8 +46,12 @@ class Penetrations:
         for name, number in self._items.items():
             contacts = pb.getContactPoints(number, physicsClientId=self._client)
             depths = [-c[8] for c in contacts if c[2] in self._bored]
+            depth = max(0.0, *depths) if depths else 0.0
             if depths:
-                self._note(name, now, max(0.0, *depths))
+                self._note(name, now, depth)
+            twice = min(depth, self._before.get(name, 0.0))
+            self.lasting[name] = max(twice, self.lasting.get(name, 0.0))
+            self._before[name] = depth
 
     def _note(self, name: ObjectId, now: float, depth: float) -> None:
         recent = self._recent.setdefault(name, deque())
