@@ -69,7 +69,7 @@ def one(job: Job) -> Row:
 
     cell = _cell()
     mission = load_mission(Path(job.mission), Registry())
-    scene = load_scene(job.scene or mission.scene or "sort_small")
+    scene = load_scene(job.scene or mission.scene or "sort_small", Path(job.mission).parent)
     last = LAST_TICK if job.scene == "sort_small" else 3 * LAST_TICK
     draw = np.random.default_rng([job.seed, 1])
     ticks = sorted(int(t) + 1 for t in draw.choice(last, job.halts, replace=False))
