@@ -12,8 +12,8 @@ from ..world.causes import world as world_causes
 from ..world.control.searching import Inserting, Leaving, Touch
 from ..world.control.stiffness import Stiffness
 from ..world.journal import Happened
-from ..world.manipulation.dropping import let_go
 from ..world.manipulation.holding import Hold, released
+from ..world.manipulation.in_hand import felt_in_hand, lost
 from ..world.manipulation.inserting import ABOVE, Fit, fit, mouth, peg, poses_over, resting
 from ..world.manipulation.reaching import withdraw
 from ..world.manipulation.servoing_holes import look_at_hole
@@ -99,10 +99,10 @@ class Insert(Skill):
 
     def run(self, world: World) -> Steps:
         world.underway.drop()
-        held = yield from self._held(world)
+        held, _ = yield from felt_in_hand(world, self.object)
         plan = yield from self._choose(world, held)
         yield from self._over(world, plan)
-        held = yield from self._held(world)
+        held, _ = yield from felt_in_hand(world, self.object)
         hanging = world.control.load()
         with world.control.contact(rate=plan.rate):
             world.grip.press(self.grip)
@@ -118,34 +118,6 @@ class Insert(Skill):
         yield from self._gone(world, held, plan, course, hanging)
 
     # Before
-
-    def _held(self, world: World) -> Doing[BeliefObject]:
-        """What the hand holds, felt; raises grasp.slipped when it is not there."""
-        held = world.scene.held
-        if held is None or held.id != self.object:
-            raise Failure(
-                grasp.SLIPPED,
-                f"{self.object} is not in the hand",
-                object=self.object,
-                held=held.id if held else None,
-            )
-        yield from world.control.settle()
-        hold = Hold(world.grip.width, world.control.load())
-        if not hold.held:
-            yield from self._lost(world, hold, "was lost on the way")
-        return held
-
-    def _lost(self, world: World, hold: Hold, what: str) -> Steps:
-        let_go(world.scene, "no longer felt in the hand")
-        world.control.wrist.carry(None)
-        yield from world.grip.open()
-        raise Failure(
-            grasp.SLIPPED,
-            f"{self.object} {what} ({hold})",
-            object=self.object,
-            width=hold.width,
-            load=hold.load,
-        )
 
     def _choose(self, world: World, held: BeliefObject) -> Doing[Fit]:
         """The hole, and how the object is held for it."""
@@ -219,7 +191,7 @@ class Insert(Skill):
         yield from world.control.settle()
         hold = Hold(world.grip.width, world.control.load())
         if not hold.held:
-            yield from self._lost(world, hold, f"slipped out of the fingers at {plan.hole.id}")
+            yield from lost(world, self.object, hold, f"slipped out of the fingers at {plan.hole.id}")
         if abs(hold.width - width) > CHANGED:
             raise Failure(
                 grasp.SLIPPED,

@@ -11,9 +11,9 @@ from ..world.causes import Failure, control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
 from ..world.manipulation.burden import burden, is_fragile, weighed
-from ..world.manipulation.dropping import let_go
 from ..world.manipulation.feeding import notice_exchanges
-from ..world.manipulation.holding import Hold, released
+from ..world.manipulation.holding import released
+from ..world.manipulation.in_hand import felt_in_hand
 from ..world.manipulation.landings import landings, levels, target_for
 from ..world.manipulation.legs import lowering
 from ..world.manipulation.reaching import lower, withdraw
@@ -140,26 +140,7 @@ class Place(Skill):
 
     def _held(self, world: World) -> Doing[BeliefObject]:
         """What the hand holds, felt; raises grasp.slipped when it is no longer there."""
-        held = world.scene.held
-        if held is None or held.id != self.object:
-            raise Failure(
-                grasp.SLIPPED,
-                f"{self.object} is not in the hand",
-                object=self.object,
-                held=held.id if held else None,
-            )
-        yield from world.control.settle()
-        hold = Hold(world.grip.width, world.control.load())
-        if not hold.held:
-            let_go(world.scene, "no longer felt in the hand")
-            yield from world.grip.open()
-            raise Failure(
-                grasp.SLIPPED,
-                f"{self.object} was lost on the way ({hold})",
-                object=self.object,
-                width=hold.width,
-                load=hold.load,
-            )
+        held, hold = yield from felt_in_hand(world, self.object)
         weighed(world, hold)
         return held
 
