@@ -16,7 +16,6 @@ from ..world.manipulation.holding import Hold, released
 from ..world.manipulation.in_hand import felt_in_hand, lost
 from ..world.manipulation.inserting import ABOVE, Fit, fit, mouth, peg, poses_over, resting
 from ..world.manipulation.reaching import withdraw
-from ..world.manipulation.servoing_holes import look_at_hole
 from ..world.motion.requests import PoseGoal
 from ..world.scene.fits import find_hole, fits, fitting_hole, occupied
 from ..world.values import ObjectId
@@ -149,6 +148,8 @@ class Insert(Skill):
         plan = fit(fixture, hole, held.shape, held.object_in_tcp)
         seen = None
         if any(camera.on == "hand" for camera in world.description.cameras):
+            from ..world.manipulation.servoing_holes import look_at_hole  # needs OpenCV
+
             seen = yield from look_at_hole(world, hole.id, self.path)
         return plan if seen is None else plan.seen_at(seen, SEEN)
 
@@ -234,7 +235,7 @@ class Insert(Skill):
     def _let_go(self, world: World, held: BeliefObject, plan: Fit) -> Steps:
         pose = resting(plan, world.control.tcp)
         try:
-            yield from world.grip.open(world.grip.width + world.handling.release)
+            yield from world.grip.release(world.handling.release)
         except GeneratorExit:  # halted, but the fingers go on opening
             world.scene.detach(held.id, pose, plan.hole.id, "let go")
             raise

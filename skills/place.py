@@ -212,7 +212,7 @@ class Place(Skill):
         held = world.scene.get(held.id)
         where = self.into or "table"
         try:
-            yield from world.grip.open(world.grip.width + world.handling.release)
+            yield from world.grip.release(world.handling.release)
         except GeneratorExit:  # halted, but the fingers go on opening
             world.scene.detach(held.id, self._resting(world, held), where, "let go")
             raise

@@ -13,7 +13,7 @@ from ..world.causes import Failure, control, perception, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
 from ..world.motion.requests import NamedGoal, PoseGoal, Request
-from ..world.perception.markers import TileSeen, averaged, find_tiles
+from ..world.perception.tiles import TileSeen
 
 if TYPE_CHECKING:
     from ..world.scene.description import CameraDescription
@@ -122,6 +122,8 @@ class Survey(Skill):
         self, world: World, target: Target, camera: CameraDescription, pictures: int
     ) -> Doing[Shot | None]:
         """What several pictures from here show together; None when that is not the target."""
+        from ..world.perception.markers import averaged, find_tiles  # needs OpenCV
+
         yield from world.control.settle()
         seen: list[tuple[TileSeen, ...]] = []
         taken = None
@@ -135,6 +137,8 @@ class Survey(Skill):
         return Shot(self.camera, on_hand, taken.image.intrinsics, world.control.tcp, camera.pose, together)
 
     def _seen(self, world: World, target: Target, pictures: int) -> Doing[bool]:
+        from ..world.perception.markers import find_tiles
+
         yield from world.control.settle()
         for _ in range(pictures):
             taken = yield from world.eyes.shoot(self.camera)

@@ -27,6 +27,7 @@ MEASURING = {
     "logs/mcap_file.py",
     "logs/request.py",
     "logs/edits.py",
+    "logs/calibration/job.py",
     "logs/live/view.py",
     "logs/live/pace.py",
     "logs/report/report.py",

@@ -102,6 +102,6 @@ def test_nodes_as_one_json_object(capsys: pytest.CaptureFixture[str]) -> None:
     (node,) = json.loads(capsys.readouterr().out)["nodes"]
     assert (node["id"], node["kind"], node["uses"]) == ("Grasp", "action", ["arm", "gripper"])
     force = next(port for port in node["ports"] if port["key"] == "force")
-    assert (force["unit"], force["default"], force["bounds"]) == ("N", "30 N", "more than 0")
+    assert (force["unit"], force["default"], force["bounds"]) == ("N", "70 N", "more than 0")
     planning = next(cause for cause in node["causes"] if cause["name"] == "planning.*")
     assert "planning.no_path" in [member["name"] for member in planning["members"]]

@@ -33,7 +33,8 @@ def mission(node: NodeDeclaration, given: dict[str, str]) -> Document:
     ports = {key: {"type": kind} for key, kind in given.items()}
     body = "\n".join(f"    {line}" for line in node.example.splitlines())
     head = f"    ports: {ports}\n" if ports else ""
-    text = f"picktree: 1\nkind: mission\nscene: three_bins\ntrees:\n  Main:\n{head}{body}\n"
+    scene = "calibrating" if "target:" in body else "three_bins"
+    text = f"picktree: 1\nkind: mission\nscene: {scene}\ntrees:\n  Main:\n{head}{body}\n"
     return read_document(text, Path("example.yaml"), "mission")
 
 

@@ -14,7 +14,8 @@ from picktree.world.calibration.observations import Evidence, Shot, Touch
 from picktree.world.calibration.touches import contacts
 from picktree.world.calibration.views import viewpoints
 from picktree.world.errors import PicktreeError
-from picktree.world.perception.markers import TileSeen, area_and_centroid, pixels_of
+from picktree.world.perception.markers import area_and_centroid, pixels_of
+from picktree.world.perception.tiles import TileSeen
 from picktree.world.protocols import Intrinsics
 from picktree.world.scene.markers import tiles_on
 from picktree.world.values import Array, Pose

@@ -22,7 +22,7 @@ def test_an_arm_that_is_held_stays_where_it_is(rates: tuple[int | None, int | No
     # Stretched out, where gravity pulls most.
     out = np.array([0.0, 0.4, 0.0, -1.6, 0.0, 2.0, 0.785])
     now = hardware.arm.read().position
-    for share in np.linspace(0.0, 1.0, 600):
+    for share in (*np.linspace(0.0, 1.0, 600), *np.ones(240)):
         hardware.arm.follow(now + share * (out - now), np.zeros(7))
         hardware.step()
     hardware.pace(after)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..journal import Plain
-from ..perception.markers import TileSeen
+from ..perception.tiles import TileSeen
 from ..protocols import Intrinsics
 from ..values import Array, Pose, Vector3
 

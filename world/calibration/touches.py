@@ -10,11 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..robot.model import RobotModel
 from ..values import Array, Pose, Vector3
+
+if TYPE_CHECKING:
+    from ..robot.model import RobotModel
 
 LEAN = math.radians(30.0)
 """Of the hand, for touches with the tip ahead."""

@@ -21,6 +21,8 @@ BLOCKED = 5e-3
 """Fingers that stay this far short of an opening are an error, m."""
 OPENING = 20.0
 """Force a finger with which they open, N: what stands beside them must not be pressed against a wall."""
+LEAST_RELEASE = 0.25
+"""Share of the opening of a release that lets go."""
 SPARE = 1.0
 """Time beyond what the way takes at the fingers' speed, s."""
 
@@ -73,11 +75,19 @@ class Grip:
     def open(self, width: float | None = None) -> Doing[None]:
         """Open to `width` m, by default fully, and not with more force than `bound`. Failure(control.timeout)
         when something holds the fingers."""
-        target = min(self._description.max_width if width is None else width, self._description.max_width)
+        yield from self._open(self._description.max_width if width is None else width, BLOCKED)
+
+    def release(self, by: float) -> Doing[None]:
+        """Let go of what is held: open by `by` m, or as far as what stands beside the fingers leaves them,
+        if that is a quarter of it. Failure(control.timeout) when something holds the fingers."""
+        yield from self._open(self.width + by, max(BLOCKED, (1.0 - LEAST_RELEASE) * by))
+
+    def _open(self, width: float, short: float) -> Doing[None]:
+        target = min(width, self._description.max_width)
         # A finger that alone pushes at something has the drive of both.
         force, self.bound = min(self._opening, self.bound / 2), self._description.max_force
         reached = yield from self.move(target, force)
-        if reached < target - BLOCKED:
+        if reached < target - short:
             raise Failure(
                 control.TIMEOUT,
                 f"the fingers opened {reached * 1000:.0f} mm of {target * 1000:.0f} mm",

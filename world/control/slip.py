@@ -9,12 +9,15 @@ not move them.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..robot.model import RobotModel
 from ..values import Array
 from .payload import Payload
+
+if TYPE_CHECKING:
+    from ..robot.model import RobotModel
 
 GRAVITY = 9.81
 FEWEST = 2

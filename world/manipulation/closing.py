@@ -15,7 +15,7 @@ import numpy as np
 
 from ..control.contacts import ContactDetector
 from ..control.courses import Course, Felt
-from ..control.impedance import Stiffness
+from ..control.stiffness import Stiffness
 from ..journal import Happened
 from ..values import Array
 from .pressing import Pressure

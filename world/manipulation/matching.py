@@ -10,10 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from ..perception.following import Sighting
 from ..scene.planning_scene import BeliefObject
 from ..values import ObjectId
+
+if TYPE_CHECKING:
+    from ..perception.following import Sighting
 
 UNEXPLAINED = 0.010
 """What an object is worth that a shift brings nowhere near a patch, m: as one that is off by so much."""

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..motion.fcl_queries import SceneQueries
 from ..motion.requests import PoseGoal, Request
 from ..scene.description import Fixture
 from ..scene.planning_scene import BeliefObject
@@ -178,6 +177,8 @@ class _Case:
             o.id: (outline(o.shape, o.pose), planar(o.shape, o.pose)) for o in near
         }
         self._supposed = world.scene.supposing()
+        from ..motion.fcl_queries import SceneQueries  # slow to load, and few pushes part anything
+
         self._queries = SceneQueries(world.robot, self._supposed)
         self._gripper = world.robot.description.gripper
         self.checks = 0

@@ -15,6 +15,7 @@ from ..scene.markers import Tile
 from ..values import Array, Pose
 from . import hues
 from .blobs import connected
+from .tiles import TileSeen
 
 LEAST = 16
 """Pixels of a square."""
@@ -30,23 +31,6 @@ WHOLE = 0.15
 """Share by which the area of a square that is seen whole may differ from what its pose says."""
 FEWEST = 4
 """Squares that tell a target."""
-
-
-@dataclass(frozen=True, slots=True)
-class TileSeen:
-    """A square in a picture. Pixels (column u, row v) are those of `Intrinsics`."""
-
-    index: int
-    """Of the square among those of the target."""
-    pixel: tuple[float, float]
-    """Centroid of its area in the picture."""
-    depth: float
-    """Along the optical axis where the ray of `depth_pixel` meets it, m: harmonic mean over its inside."""
-    depth_pixel: tuple[float, float]
-    depth_sigma: float
-    """Standard error of that depth, from the scatter, m."""
-    area: int
-    """Pixels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
