@@ -128,7 +128,7 @@ def main() -> int:
         Job(scene, seed, HALTS, options.mission, tuple(options.leaf), options.each)
         for seed in range(options.first, options.first + seeds)
     ]
-    name = "-".join([scene or mission.stem, *options.leaf, *(["each"] if options.each else [])])
+    name = "-".join([Path(scene).stem or mission.stem, *options.leaf, *(["each"] if options.each else [])])
     rows = campaign(
         Path(options.out) / f"{name}.jsonl",
         jobs,
