@@ -182,7 +182,7 @@ def test_ports_and_the_only_child_are_offered_in_a_decorator(mission: Editor) ->
     [
         ("SafeRetreat: {hand: |}", {"keep", "open"}),
         ("GoTo: {pose: |}", {"home", "observe", "rest"}),
-        ("Grasp: {force: |}", {"30"}),
+        ("Grasp: {force: |}", {"70"}),
         ("Grasp: {object: |}", {'"{item}"'}),
     ],
 )
@@ -217,7 +217,9 @@ def test_hover_over_a_bare_node(mission: Editor) -> None:
 
 def test_hover_over_a_port(mission: Editor) -> None:
     assert mission.hover(f'{MISSION}      - Grasp: {{object: "{{item}}", fo|rce: 20 N}}\n') == (
-        '#### Grasp\n\ngrip force of each finger\n\n*number in N, or as "20 N"; more than 0; default: 30 N*'
+        "#### Grasp\n\ngreatest grip force of each finger: it presses as weight and friction need, but never "
+        "harder than this, than the item bears (`force_limit`) or than the gripper can\n\n"
+        '*number in N, or as "20 N"; more than 0; default: 70 N*'
     )
 
 

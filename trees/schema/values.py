@@ -75,8 +75,10 @@ def _literal(port: PortDeclaration, known: Known) -> Schema:
     choices = _choices(port, known)
     if choices is not None:
         usual: Schema = {"examples": _EXAMPLES[port.names]} if port.names in _EXAMPLES else {}
+        # A schema may not list nothing: where there is no such thing, as in a scene without holes.
+        named: list[Schema] = [{"enum": list(choices)}] if choices else []
         alternatives: list[Schema] = [
-            {"enum": list(choices)},
+            *named,
             reference() | usual | {"description": "a reference to the blackboard"},
         ]
         if port.default == "":
@@ -110,7 +112,7 @@ def _list(port: PortDeclaration, known: Known) -> Schema:
 def _item(port: PortDeclaration, choices: Sequence[Plain] | None) -> Schema:
     """An element of a list, which is no reference."""
     if choices is not None:
-        return {"enum": list(choices)}
+        return {"enum": list(choices)} if choices else {"not": {}}
     match port.type.name:
         case "string" | "object":
             return {"type": "string"}
