@@ -40,6 +40,7 @@ class perception:
         "perception.ambiguous", "Several objects fit what was asked for.", "observe from another view"
     )
     STALE = Cause("perception.stale", "What is known of the object is too old.", "observe again")
+    NO_IMAGE = Cause("perception.no_image", "The camera gave no image in time.", "observe again")
     ANY = Family("perception")
 
 
@@ -101,6 +102,7 @@ class push:
 class control:
     TRACKING = Cause("control.tracking", "The arm did not follow its trajectory.", "retreat safely")
     TIMEOUT = Cause("control.timeout", "A motion took longer than it may.", "retreat safely")
+    GRIPPER = Cause("control.gripper", "The fingers did not do what they were told to.", "reset the gripper")
     ANY = Family("control")
 
 
@@ -116,6 +118,15 @@ class safety:
         "safety.singularity", "The arm came to a singular configuration.", "go there by a planned motion"
     )
     TRAJECTORY = Cause("safety.trajectory", "A trajectory is not sound.", "mend what made it")
+    TORQUE_LIMIT = Cause("safety.torque_limit", "A joint was loaded more than it may be.", "retreat safely")
+    PAYLOAD = Cause("safety.payload", "The hand carries more than it may.", "let go of it, set it aside")
+    STALE_SENSOR = Cause(
+        "safety.stale_sensor", "A sensor gives no new readings.", "wait, then retreat safely"
+    )
+    WATCHDOG = Cause(
+        "safety.watchdog", "The arm moved while nobody looked after its motion.", "retreat safely"
+    )
+    NO_RETREAT = Cause("safety.no_retreat", "There is no safe way out.", "ask for help")
     STOP = Cause("safety.stop", "Motion is refused: a safety stop is not acknowledged.", "retreat safely")
     ANY = Family("safety")
 
@@ -138,6 +149,8 @@ class feed:
 class tree:
     TIMEOUT = Cause("tree.timeout", "The branch took longer than its time.", "give it more time")
     ATTEMPTS = Cause("tree.attempts", "All attempts are used up.", "allow more attempts")
+    BUDGET = Cause("tree.budget", "What recovery may cost is used up.", "allow more, or escalate")
+    GIVEN_UP = Cause("tree.given_up", "Whoever was asked for help gave it up.", "see to it by hand")
     NO_CASE = Cause("tree.no_case", "No case matches and there is no default.", "add a default")
     MISSING_INPUT = Cause("tree.missing_input", "An input has no value.", "write it before it is read")
     ANY = Family("tree")

@@ -85,10 +85,26 @@ class RgbdImage:
     """As believed (from the scene file): x right, y down, z forward."""
 
 
+class NoImage(Exception):
+    """The camera gave no image in time. Who looks says so as perception.no_image."""
+
+
 class Camera(Protocol):
     """A camera that returns colour, depth and stamp, and no segmentation."""
 
-    def capture(self) -> RgbdImage: ...
+    def capture(self) -> RgbdImage:
+        """Raises NoImage when none comes."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SensorStamps:
+    """When each sensor of the robot last gave a new reading, s. One that is silent stands still: what it is
+    asked then, it answers as before."""
+
+    joints: float
+    gripper: float
+    wrench: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +155,8 @@ class Hardware(Protocol):
     def cameras(self) -> Mapping[str, Camera]: ...
     @property
     def feed(self) -> Feed: ...
+    @property
+    def stamps(self) -> SensorStamps: ...
     @property
     def period(self) -> float:
         """Length of a control period, s."""

@@ -126,6 +126,11 @@ def test_causes_that_leaves_declare() -> None:
         "Main/Fallback/Pick safety.acceleration_limit",
         "Main/Fallback/Pick safety.singularity",
         "Main/Fallback/Pick safety.trajectory",
+        "Main/Fallback/Pick safety.torque_limit",
+        "Main/Fallback/Pick safety.payload",
+        "Main/Fallback/Pick safety.stale_sensor",
+        "Main/Fallback/Pick safety.watchdog",
+        "Main/Fallback/Pick safety.no_retreat",
         "Main/Fallback/Pick safety.stop",
         "Main/Fallback/Put grasp.slipped",
     ]

@@ -13,7 +13,7 @@ import pinocchio as pin
 from ..errors import PicktreeError
 from ..journal import Happened
 from ..no_feed import NoFeed
-from ..protocols import Camera, Feed
+from ..protocols import Camera, Feed, SensorStamps
 from ..robot.description import RobotDescription
 from ..robot.model import RobotModel, pose_of
 from ..scene.description import Fixture, SceneDescription
@@ -204,6 +204,11 @@ class KinematicHardware:
     def belts(self) -> Mapping[ObjectId, BeltDrive]:
         """For whoever brings items: the robot has no word in it."""
         return self._belts.drives
+
+    @property
+    def stamps(self) -> SensorStamps:
+        now = self.clock.now
+        return SensorStamps(now, now, now)
 
     def pace(self, rate: int | None = None) -> None:
         """Nothing changes: there is no solver that a finer step would help."""

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import PicktreeError
 from ..journal import Happened
 from ..no_feed import NoFeed
-from ..protocols import Camera, Clock, Feed
+from ..protocols import Camera, Clock, Feed, SensorStamps
 from ..robot.description import RobotDescription
 from ..robot.model import RobotModel
 from ..scene.description import Fixture, SceneDescription
@@ -136,6 +136,11 @@ class PhysicsHardware:
     @property
     def period(self) -> float:
         return self._senses.period
+
+    @property
+    def stamps(self) -> SensorStamps:
+        now = self._senses.now
+        return SensorStamps(now, now, now)
 
     def pace(self, rate: int | None = None) -> None:
         """Step and control so often a second from now on; by default as everyday. The contact solver gets
