@@ -27,7 +27,7 @@ demo: $(READY)
 	@"$(BIN)/picktree" run examples/sort_by_colour.yaml || [ $$? -eq 1 ]
 
 test: $(READY)
-	@"$(BIN)/python" -m pytest -n $(JOBS)
+	@"$(BIN)/python" -m pytest -n $(JOBS) --durations=25
 
 check: $(READY)
 	@failed=; run() { echo "== $$*"; "$(BIN)/$$@" || failed="$$failed $$1"; }; \
