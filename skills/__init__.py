@@ -13,6 +13,7 @@ from .place import Place
 from .push import Push
 from .survey import Survey
 from .touch_target import TouchTarget
+from .watch_scene import WatchScene
 
 NODES: tuple[type[Node], ...] = (
     Observe,
@@ -28,5 +29,6 @@ NODES: tuple[type[Node], ...] = (
     Jog,
     Survey,
     TouchTarget,
+    WatchScene,
 )
 """What the entry point `picktree.nodes` offers."""

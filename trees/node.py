@@ -57,6 +57,8 @@ class Node(Behaviour):
     uses: ClassVar[tuple[Resource, ...]] = ()
     hand_after: ClassVar[Hand] = "unchanged"
     """What is in the hand after its success, for the linter."""
+    shares: ClassVar[tuple[Resource, ...]] = ()
+    """Of what it uses that which others may use meanwhile: it takes nothing away from them."""
     played: ClassVar[bool] = True
     """Whether a stand-in takes its place in a rehearsal; not of a leaf that asks and changes the belief only.
     """
@@ -155,6 +157,12 @@ class Node(Behaviour):
     @property
     def state(self) -> NodeStatus:
         return self._state
+
+    @property
+    def saveable(self) -> bool:
+        """Whether its state can be saved while it is RUNNING: a leaf says so where nothing but what it
+        `remembers` decides how it goes on."""
+        return bool(self.children)
 
     @property
     def world(self) -> TreeWorld:

@@ -11,11 +11,12 @@ from .journal import ImageTaken, Journal
 from .perception.association import ObservationSummary, update_belief
 from .perception.following import Sighting
 from .perception.pipeline import BinView, Perception
+from .perception.view import View
 from .protocols import Camera, Clock, RgbdImage
 from .scene.planning_scene import BeliefObject, PlanningScene
 from .stopwatch import Stopwatch
 from .thinking import ThinkingAccount
-from .values import Array
+from .values import Array, Pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,6 +26,18 @@ class Shot:
     image: RgbdImage
     joints: Array
     width: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Glance:
+    """A picture with what perception made of it; the belief does not know of it yet."""
+
+    image: RgbdImage
+    view: View
+    stamp: float
+    """Simulated seconds."""
+    held: Pose | None
+    """Where the object in the hand was in the world when it was taken; None: the hand was empty."""
 
 
 class Eyes:
@@ -52,7 +65,8 @@ class Eyes:
         self._clock = clock
         self._journal = journal
         self._thinking = thinking
-        self._cost = cost
+        self.cost = cost
+        """Simulated seconds that it takes to work on a picture."""
         self._joints = joints
         self._width = width
         self._stopwatch = stopwatch or Stopwatch()
@@ -61,6 +75,9 @@ class Eyes:
         """What was last seen in each bin; part of the state."""
         self.looks = 0
         """How often it was looked; part of the state."""
+        self.newest = 0.0
+        """When the newest picture was taken that the belief knows of, s. Only compared with pictures that are
+        under way, of which a checkpoint knows none."""
 
     @property
     def hand(self) -> str | None:
@@ -92,16 +109,32 @@ class Eyes:
 
         Raises Failure(perception.not_found) when there is no such camera.
         """
+        glance = self.glance(camera)
+        yield from self._charge()
+        return self.take_in(glance)
+
+    def glance(self, camera: str) -> Glance:
+        """A picture through `camera`, and what perception makes of it: nothing is charged, and the belief
+        does not change before `take_in`, which the caller defers until the thinking is over.
+
+        Raises Failure(perception.not_found) when there is no such camera.
+        """
         stamp = self._clock.now
         shot = self._shot(camera)
-        image = shot.image
         with self._stopwatch.measure("perception"):
-            view = self._perceive.detect(image, shot.joints, shot.width, self._scene)
-        yield from self._charge()
-        summary = update_belief(self._scene, view, stamp)
+            view = self._perceive.detect(shot.image, shot.joints, shot.width, self._scene)
+        held = self._scene.held
+        return Glance(shot.image, view, stamp, None if held is None else held.pose)
+
+    def take_in(self, glance: Glance) -> ObservationSummary:
+        """Bring the belief up to date with a picture, as it was when it was taken."""
+        view, image = glance.view, glance.image
+        summary = update_belief(self._scene, view, glance.stamp, glance.held)
         for name, seen in view.bins.items():
-            self.bins[str(name)] = seen if camera in self._still else seen.over(self.bins.get(str(name)))
+            still = image.camera in self._still
+            self.bins[str(name)] = seen if still else seen.over(self.bins.get(str(name)))
         self.looks += 1
+        self.newest = max(self.newest, glance.stamp)
         findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)
         self._journal.note(ImageTaken(image, findings))
         return summary
@@ -116,5 +149,5 @@ class Eyes:
         return Shot(image, self._joints(), self._width())
 
     def _charge(self) -> Generator[None, None, None]:
-        self._thinking.spend(self._cost)
+        self._thinking.spend(self.cost)
         yield from self._thinking.charge()

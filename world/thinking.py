@@ -27,6 +27,10 @@ class ThinkingAccount:
         self.owed += seconds
         self.total += seconds
 
+    def beside(self, seconds: float) -> None:
+        """Count what was thought beside that for which skills wait: no one owes it."""
+        self.total += seconds
+
     def charge(self) -> Generator[None, None, None]:
         """Let the whole ticks that are owed pass."""
         while self.owed >= self._tick:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import combinations
+from typing import TypeAlias
 
 from ...world.files.document import Fault
 from ..controls import (
@@ -26,6 +27,8 @@ from ..declaration import Resource
 from ..mission import NodeSpec
 from .survey import Survey
 
+Users: TypeAlias = Mapping[Resource, NodeSpec]
+
 
 def at_the_same_time(survey: Survey) -> Iterator[Fault]:
     """P331: two children of a Parallel that use the same."""
@@ -36,7 +39,7 @@ def at_the_same_time(survey: Survey) -> Iterator[Fault]:
         said: set[int] = set()
         for first, second in combinations(spec.children, 2):
             mine, others = users(survey, first), users(survey, second)
-            shared = next((resource for resource in mine if resource in others), None)
+            shared = next((one for one in mine if one in others and not _both(one, mine, others)), None)
             if shared is None or id(second) in said:
                 continue
             said.add(id(second))
@@ -65,18 +68,31 @@ def started_anew(survey: Survey) -> Iterator[Fault]:
                 yield survey.fault(part, message, hint, code="P332")
 
 
-def users(survey: Survey, spec: NodeSpec) -> Mapping[Resource, NodeSpec]:
-    """What a branch uses, with the first node in it that does; what is never reached does not count."""
+def _both(resource: Resource, mine: Users, others: Users) -> bool:
+    """Whether two branches may use it at once: one of them leaves it to others all the while."""
+    return any(_shares(users[resource], resource) for users in (mine, others))
+
+
+def _shares(spec: NodeSpec, resource: Resource) -> bool:
+    return spec.node is not None and resource in spec.node.shares
+
+
+def users(survey: Survey, spec: NodeSpec) -> Users:
+    """What a branch uses, with the first node in it that does, before it one that does not share it; what is
+    never reached does not count."""
     found: dict[Resource, NodeSpec] = {}
     for part in spec.iterate():
         if not survey.started(part):
             continue
         if part.node is None:
-            for resource in users(survey, survey.mission.trees[part.id].root):
-                found.setdefault(resource, part)
+            below = users(survey, survey.mission.trees[part.id].root)
+            added = {one: part for one, user in below.items() if not _shares(user, one)}
+            added |= {one: user for one, user in below.items() if one not in added}
         else:
-            for resource in part.node.uses:
-                found.setdefault(resource, part)
+            added = dict.fromkeys(part.node.uses, part)
+        for resource, user in added.items():
+            if resource not in found or (_shares(found[resource], resource) and not _shares(user, resource)):
+                found[resource] = user
     return found
 
 

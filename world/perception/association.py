@@ -47,13 +47,19 @@ class ObservationSummary:
     """Obstacles in the view."""
 
 
-def update_belief(scene: PlanningScene, view: View, now: float) -> ObservationSummary:
+def update_belief(
+    scene: PlanningScene, view: View, now: float, held_at: Pose | None = None
+) -> ObservationSummary:
     """Bring the items and obstacles of `scene` up to date with what `view` showed at time `now`.
+
+    `held_at`: where what the hand holds was in the world then, if it has moved on since.
 
     Ids stay with their objects: first by place, then by kind for those that left their place. What is
     attached to the gripper is not touched. A belief goes only when its place is clearly seen to be empty.
     """
     held = scene.held
+    if held is not None and held_at is not None:
+        held = replace(held, pose=held_at)
     detections = [d for d in view.detections if held is None or not _is_held(held, d)]
     items = [o for o in scene.objects if o.role == "item" and not o.attached]
     matched = _assigned(items, detections, _nearness)

@@ -1,0 +1,121 @@
+"""WatchScene: somebody looks while the arm moves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..trees.controls.decorator import Decorator
+from ..trees.declaration import Resource
+from ..trees.flow import Ends, Flow, State
+from ..trees.ports import In, port
+from ..trees.status import NodeStatus
+from ..world.causes import Failure, perception
+from ..world.journal import Plain
+from ..world.world import World
+
+if TYPE_CHECKING:
+    from ..trees.flow.walk import Walk
+    from ..trees.mission import NodeSpec
+    from ..trees.runtime import TreeWorld
+    from ..world.eyes import Glance
+
+UNSETTLED = 0.5
+"""What was just let go falls and rolls: no picture is taken for so long, s."""
+_ROUNDING = 1e-9
+
+
+class WatchScene(Decorator):
+    """Looks through a camera at intervals while its child runs, whether the arm moves or not.
+
+    The belief learns of each picture when the camera's time of thinking is over; the child does not wait for
+    it. What the arm or what it holds hides stays believed. So a motion notices what comes into its way, and
+    `Grasp` that its object was moved. For half a second after something was taken or let go no picture is
+    taken.
+    """
+
+    by_turns = True
+
+    example = """
+    WatchScene:
+      every: 250 ms
+      do: {PickAndPlace: {item: "{item}"}}
+    """
+
+    camera: In[str] = port("the camera to look through", default="overhead", names="camera")
+    every: In[float] = port("time between two pictures", unit="s", default=0.5, least=0.05)
+    blind: In[float] = port(
+        "how long pictures may fail to come before the child is halted and the node fails with what the "
+        "camera said",
+        unit="s",
+        default=2.0,
+        least=0,
+    )
+    causes = (perception.NOT_FOUND, perception.NO_IMAGE)
+    uses = (Resource.CAMERA,)
+    shares = (Resource.CAMERA,)
+    remembers = ("_next", "_held", "_seen")
+    _next: float = 0.0
+    _held: str = ""
+    _seen: float = 0.0
+    _pending: Glance | None = None
+
+    def on_start(self) -> None:
+        self._next = self._seen = self.world.clock.now
+        self._held = _in_hand(self.world)
+        self._pending = None
+
+    def on_tick(self) -> NodeStatus:
+        # In a rehearsal nothing is seen.
+        if isinstance(self.world, World):
+            self._watch(self.world)
+        return self.relay()
+
+    def on_halt(self) -> None:
+        self._pending = None
+
+    def save(self) -> dict[str, Plain]:
+        """A picture that is being thought about is not kept: the run goes on without it, too."""
+        self._pending = None
+        return super().save()
+
+    def _watch(self, world: World) -> None:
+        now = world.clock.now
+        held = _in_hand(world)
+        if held != self._held:
+            # Where things were a moment ago says nothing of where they are.
+            self._held, self._pending = held, None
+            self._next = max(self._next, now + UNSETTLED)
+        pending = self._pending
+        if pending is not None and now >= pending.stamp + world.eyes.cost - _ROUNDING:
+            self._pending = None
+            if pending.stamp > world.eyes.newest:
+                for gone in world.eyes.take_in(pending).removed:
+                    world.attempts.forget(gone)
+        if self._pending is None and now >= self._next - _ROUNDING:
+            self._next = now + self.every
+            self._look(world, now)
+
+    def _look(self, world: World, now: float) -> None:
+        try:
+            self._pending = world.eyes.glance(self.camera)
+        except Failure as failure:
+            if failure.cause is not perception.NO_IMAGE or now - self._seen > self.blind:
+                self.body.halt()
+                raise
+            return
+        self._seen = now
+        world.thinking.beside(world.eyes.cost)
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+        ends.take(flow)
+        reasons = walk.fails(spec, walk.causes.of(cls.causes))
+        for state in (entry, *flow.running):
+            ends.fail_at(state, reasons)
+        return ends.flow()
+
+
+def _in_hand(world: TreeWorld) -> str:
+    held = world.scene.held
+    return "" if held is None else str(held.id)
