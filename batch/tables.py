@@ -70,7 +70,7 @@ TABLES = (
             _text("settings", "JSON object"),
             _count("seed", "of all its randomness"),
             _text("recipe", "hash of all that it runs but the seed; recipes/HASH.zip holds it"),
-            _text("status", "success, incomplete, failure, timeout, crashed; waiting: not yet run"),
+            _text("status", "success, incomplete, failure, timeout, paused, crashed; waiting: not yet run"),
             _text("message", "why it failed or crashed, in a sentence"),
             _text("digest", "of all that happened; two equal runs have the same"),
             _count("attempts", "times that a worker tried it"),

@@ -12,14 +12,16 @@ from typing import Literal, TypeAlias
 
 from ..world.errors import PicktreeError
 from ..world.journal import Plain
+from ..world.operator import Question
 
-RunStatus: TypeAlias = Literal["success", "incomplete", "failure", "timeout", "interrupted"]
+RunStatus: TypeAlias = Literal["success", "incomplete", "failure", "timeout", "paused", "interrupted"]
 
 _SENTENCES: Mapping[RunStatus, str] = {
     "success": "the goal is reached",
     "incomplete": "the tree ended in SUCCESS, but the goal is missed",
     "failure": "the tree ended in FAILURE",
     "timeout": "the run was ended at its limit of simulated time",
+    "paused": "it waits for help",
     "interrupted": "the run was interrupted",
 }
 
@@ -142,6 +144,8 @@ class RunResult:
     """None for a scene to which nothing is brought."""
     holes: tuple[HoleItem, ...] = ()
     """Items that ended at holes."""
+    asked: Question | None = None
+    """Of a run that is paused: what a person is to say."""
 
     @property
     def reached(self) -> bool:
@@ -156,6 +160,11 @@ class RunResult:
     def explain(self, program: str = "picktree") -> str:
         """The command that tells what happened; `program` is how picktree is called here."""
         return f"{program} explain {shlex.quote(str(self.folder))}"
+
+    def goes_on(self, program: str = "picktree") -> str:
+        """The command that takes a paused run up again, with the first of the answers that it knows."""
+        answer = f" --answer {shlex.quote(self.asked.choices[0])}" if self.asked else ""
+        return f"{program} run --resume {shlex.quote(str(self.folder))}{answer}"
 
     def to_json(self) -> dict[str, Plain]:
         items, picks, wall = self.items, self.picks, self.wall_seconds
@@ -188,6 +197,7 @@ class RunResult:
             "disagreements": self.disagreements,
             "feed": None if self.feed is None else asdict(self.feed),
             "holes": [asdict(item) for item in self.holes],
+            "asked": None if self.asked is None else self.asked.to_json(),
             "cpu_seconds": round(self.cpu_seconds, 3),
             "wall_seconds": {
                 "total": round(wall.total, 3),
@@ -218,6 +228,7 @@ class RunResult:
                 wall_seconds=WallSeconds(**wall),
                 feed=FeedCount(**said["feed"]) if said.get("feed") else None,
                 holes=tuple(HoleItem(**item) for item in said.get("holes", ())),
+                asked=Question.from_json(said["asked"]) if said.get("asked") else None,
                 log=Path(said["log"]),
                 folder=Path(said["folder"]),
                 **{name: said[name] for name in _PLAIN_FIELDS},
@@ -230,6 +241,7 @@ class RunResult:
         items, picks, wall = self.items, self.picks, self.wall_seconds
         lines = [
             f"{self.status}: {_SENTENCES[self.status]}" + (f": {self.message}" if self.message else ""),
+            *self._waits(program),
             f"items       {items.sorted} of {items.total} sorted, "
             f"{items.misplaced} misplaced, {items.left} left",
         ]
@@ -252,6 +264,16 @@ class RunResult:
             f"look at it  {self.explain(program)}",
         ]
         return "\n".join(lines)
+
+    def _waits(self, program: str) -> list[str]:
+        """Lines when a person is to answer."""
+        if self.asked is None:
+            return []
+        return [
+            f"it is so    {self.asked.situation}",
+            f"answers     {', '.join(self.asked.choices)}",
+            f"go on with  {self.goes_on(program)}",
+        ]
 
     def _fed(self) -> list[str]:
         """A line when a feed brought items."""

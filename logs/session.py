@@ -26,11 +26,21 @@ from .assembly import TICK, assemble
 from .checkpoints import RunState, restore, take
 from .edits import Edits, FileEdits
 from .following import Following, Revisions
+from .operators import Operator
 from .recipe import LIMIT, Recipe
 from .recorder import Listener
 from .records import NodeTime, Timing
 from .request import RunOptions, RunRequest, make_folder, read_recipe
-from .result import FeedCount, FormCount, HoleItem, ItemCount, PickCount, RunResult, RunStatus, WallSeconds
+from .result import (
+    FeedCount,
+    FormCount,
+    HoleItem,
+    ItemCount,
+    PickCount,
+    RunResult,
+    RunStatus,
+    WallSeconds,
+)
 from .rotation import FOR_FEEDS, NEVER
 from .scribe import Scribe, Tap
 from .tally import Tally
@@ -61,12 +71,14 @@ class Session:
         revisions: Revisions | None = None,
         tap: Tap | None = None,
         listener: Listener | None = None,
+        operator: Operator | None = None,
     ) -> None:
         """A request says itself where its record goes; of a recipe `out` does, as there.
 
         `edits` tells of edited files, by default the disk when the request is to watch them; `revisions`
         gives other versions of the mission itself, as a log has them. `tap` is shown every message that is
-        part of the digest, `listener` every message, once it is written.
+        part of the digest, `listener` every message, once it is written. `operator` answers who asks for
+        help; without one, or without an answer, the run ends `paused`.
         """
         rotation = NEVER
         if isinstance(request, RunRequest):
@@ -108,6 +120,7 @@ class Session:
         self._revisions = self._follow(edits) if edits is not None else revisions
         self._tap = tap
         self._listener = listener
+        self._operator = operator
         self._stopping = False
         self._total = 0
         self.folder = make_folder(out, recipe.mission.document.path.stem, recipe.seed)
@@ -171,11 +184,29 @@ class Session:
                 return "timeout"
             if self._stopping:
                 return "interrupted"
+            if not self._helped():
+                if self._quiet:
+                    self._checkpoint(scribe)
+                return "paused"
             if self._checkpoint_due():
                 self._checkpoint(scribe)
             self._pass_time()
             with self._stopwatch.measure("logging"):
                 scribe.timing(self._timing(before, began))
+
+    def _helped(self) -> bool:
+        """Whether nobody waits for an answer any more. Simulated time stands still while a person thinks."""
+        desk = self.world.operator
+        question = desk.pending
+        if question is None:
+            return True
+        answer = self._operator.answer(question) if self._operator else None
+        if answer is None:
+            return False
+        desk.answer(answer)
+        data: dict[str, Plain] = {"question": question.reason, "answer": answer}
+        self.world.journal.note(Happened("operator_answer", f"the answer is: {answer}", question.node, data))
+        return True
 
     def _brought(self) -> tuple[Happened, ...]:
         """What whoever brings items has done since the last tick, and what was crushed."""
@@ -263,9 +294,10 @@ class Session:
 
     @property
     def _quiet(self) -> bool:
-        """No skill runs, the arm is at rest, the hand is empty."""
+        """No skill runs, the arm is at rest, the hand is empty, and no answer waits for who asked."""
         world = self.world
-        return self.tree.quiescent and world.control.at_rest and world.scene.held is None
+        free = world.scene.held is None and not world.operator.answered
+        return self.tree.quiescent and world.control.at_rest and free
 
     def _checkpoint(self, scribe: Scribe) -> None:
         self._checkpointed = self.tally.done
@@ -352,6 +384,7 @@ class Session:
         if status == "success" and not verdict.reached(goal):
             status = "incomplete"
         tally, failure = self.tally, self.tree.failure
+        asked = self.world.operator.pending if status == "paused" else None
         wall = self._stopwatch.seconds()
         return RunResult(
             status=status,
@@ -378,13 +411,14 @@ class Session:
             ),
             log=(self.folder / LOG).absolute(),
             folder=self.folder.absolute(),
-            message=failure.message if failure else "",
+            message=asked.reason if asked else failure.message if failure else "",
             thinking_charged=self.scene.thinking.collision_check > 0.0 and self.scene.thinking.image > 0.0,
             disagreements=self._disagreements if self.recipe.verify else None,
             holes=tuple(
                 _at_hole(body, item) for body, item in zip(truth, verdict.items, strict=True) if item.seat
             ),
             feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if self._fed else None,
+            asked=asked,
         )
 
 

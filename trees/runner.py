@@ -105,8 +105,8 @@ class Tree:
 
     @property
     def quiescent(self) -> bool:
-        """Whether no leaf is RUNNING, so that the state can be saved."""
-        return not any(node.state is NodeStatus.RUNNING and not node.children for node in self._nodes)
+        """Whether no leaf is RUNNING but those that can be saved meanwhile."""
+        return not any(node.state is NodeStatus.RUNNING and not node.saveable for node in self._nodes)
 
     def tick(self) -> TickReport:
         """Tick the root once. After the root has ended, another tick starts the mission anew."""

@@ -10,6 +10,7 @@ from .facts import facts, to_do
 from .handling import Handling
 from .no_feed import NoFeed
 from .noticed import Noticed
+from .operator import OperatorDesk
 from .underway import Underway
 
 if TYPE_CHECKING:  # so that who only names the type, as a plug-in does, does not wait for planner and robot
@@ -51,6 +52,7 @@ class World:
     noticed: Noticed = field(default_factory=Noticed)
     underway: Underway = field(default_factory=Underway)
     handling: Handling = field(default_factory=Handling)
+    operator: OperatorDesk = field(default_factory=OperatorDesk)
     tick: float = 0.05
     """Seconds between two ticks of the tree."""
 

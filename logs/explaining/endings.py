@@ -22,6 +22,9 @@ def run_ended(case: Case, outcome: Outcome) -> Finding | None:
             return Finding(
                 "run.interrupted", "", "the run was interrupted by hand", _under_way(case), "", outcome.end
             )
+        case "paused":
+            title = "help was wanted, and nobody was there to answer"
+            return Finding("run.paused", "", title, _asked(case), "", outcome.end)
         case "killed":
             title = "the process that ran it was killed: its log has no end"
             return Finding("run.killed", "", title, (*_under_way(case), *_recovered(case)), "", outcome.end)
@@ -68,6 +71,19 @@ def _under_way(case: Case) -> tuple[str, ...]:
     running = [v for v in case.family.visits if v.outcome == "RUNNING" and not case.family.children(v)]
     told = [f"{_name(v)} (for {v.duration:.1f} s)" for v in running]
     return (*reasons, f"what ran then: {listed(told)}") if told else tuple(reasons)
+
+
+def _asked(case: Case) -> tuple[str, ...]:
+    """What a person is to say before it goes on, and how."""
+    result = case.run.result
+    if result is None or result.asked is None:
+        return ()
+    asked = result.asked
+    return (
+        f"{asked.node} asks: {asked.reason}",
+        f"it takes one of these answers: {', '.join(asked.choices)}",
+        f"go on with: {result.goes_on()}",
+    )
 
 
 def _recovered(case: Case) -> tuple[str, ...]:

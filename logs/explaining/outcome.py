@@ -29,6 +29,7 @@ def outcome_of(run: Run, visits: Sequence[Visit]) -> Outcome:
         "incomplete": f"the mission ended in SUCCESS, but its goal is missed: {counts}",
         "failure": f"the mission ended in FAILURE: {result.message or 'a condition did not hold'}; {counts}",
         "timeout": f"the run was ended at its limit of time{_doing(visits)}; {counts}",
+        "paused": f"the run waits for help: {result.message}; {counts}",
         "interrupted": f"the run was interrupted{_doing(visits)}; {counts}",
     }[result.status]
     return Outcome(result.status, sentence, end, items.sorted, items.total)

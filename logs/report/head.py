@@ -8,7 +8,7 @@ from ..explaining.explanation import Outcome
 from ..run import Run
 from .packing import Packable, Section
 
-_WORDS = {"success": "success", "interrupted": "open", "killed": "open"}
+_WORDS = {"success": "success", "paused": "open", "interrupted": "open", "killed": "open"}
 """Of the outcome's colour; anything else is a failure."""
 
 

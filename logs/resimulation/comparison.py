@@ -167,7 +167,7 @@ class Comparison:
 def is_cut(run: Run) -> bool:
     """Whether the record ends before the run came to an end of its own."""
     status = run.log.result.get("status", "")
-    return bool(run.recovered) or status not in ("success", "incomplete", "failure", "timeout")
+    return bool(run.recovered) or status not in ("success", "incomplete", "failure", "timeout", "paused")
 
 
 def _to_the_end(messages: Iterator[RawMessage], *, cut: bool) -> Iterator[RawMessage]:

@@ -1,0 +1,151 @@
+"""AskForHelp: the arm waits at rest until a person says how to go on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Generator
+from typing import TYPE_CHECKING, Final, cast
+
+from ..trees.flow.plainly import leaf
+from ..trees.given import Given, Misfit
+from ..trees.node import Node
+from ..trees.ports import In, Out, port
+from ..trees.references import Reference
+from ..trees.runtime import Runtime, Wiring
+from ..trees.skill import ARM
+from ..trees.status import NodeStatus
+from ..world.causes import Failure, control, tree
+from ..world.operator import GIVE_UP, GO_ON, SET_ASIDE, Question, situation
+from ..world.values import ObjectId
+
+if TYPE_CHECKING:
+    from ..trees.flow import Flow, State
+    from ..trees.flow.walk import Walk
+    from ..trees.mission import NodeSpec
+    from ..world.world import World
+
+_INSERTED: Final = re.compile(r"\{[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\}", re.ASCII)
+
+
+class AskForHelp(Node):
+    """Brake, and ask a person how to go on: the reason and the choices are shown, the answer is an output.
+
+    Simulated time stands still while the person thinks. Where nobody can be asked, without a terminal and in
+    batches, the run ends `paused`; `picktree run --resume` asks again, or takes the answer with `--answer`.
+    With the answer `give_up` the node fails with tree.given_up. In `reason` a reference as {item.kind} stands
+    for its value. The answer changes nothing by itself: what it means is for the nodes after it to say.
+    """
+
+    example = """
+    Sequence:
+      - AskForHelp: {reason: "the {item.kind} slips each time", object: "{item}", answer: "{answer}"}
+      - Switch:
+          variable: "{answer}"
+          cases:
+            set aside: {SetAside: {object: "{item}"}}
+          default: AlwaysSuccess
+    """
+
+    kind = "action"
+    reason: In[str] = port("why help is needed: a sentence for a person; references in it are filled in")
+    object: In[ObjectId] = port("what it is about, for the record", default=ObjectId(""))
+    choices: In[list[str]] = port("the answers to choose from", default=[GO_ON, SET_ASIDE, GIVE_UP])
+    give_up: In[str] = port("the choice with which the node fails", default=GIVE_UP)
+    answer: Out[str] = port("the choice that was made")
+    causes = (tree.GIVEN_UP, control.ANY)
+    uses = (ARM,)
+    remembers = ("_asks",)
+    _asks: bool = False
+    """The arm is at rest, and the question was put."""
+
+    def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
+        super().__init__(wiring, runtime)
+        self._braking: Generator[None, None, None] | None = None
+
+    @classmethod
+    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+        choices = given.constants.get("choices")
+        if not isinstance(choices, list):
+            return ()
+        named = [" ".join(choice.split()).casefold() for choice in cast("list[str]", choices)]
+        if not named or not all(named):
+            return (Misfit("choices", "a person needs at least one answer to choose, and none is empty"),)
+        twice = next((choice for choice in named if named.count(choice) > 1), None)
+        return () if twice is None else (Misfit("choices", f"{twice!r} is there twice"),)
+
+    @property
+    def saveable(self) -> bool:
+        return self._asks
+
+    def on_start(self) -> None:
+        self._asks, self._braking = False, None
+
+    def on_tick(self) -> NodeStatus:
+        world = cast("World", self.world)
+        if not self._asks:
+            if not self._at_rest(world):
+                return NodeStatus.RUNNING
+            self._asks = True
+        if not world.operator.waits(self.path):
+            self._ask(world)
+            return NodeStatus.RUNNING
+        answer = world.operator.take(self.path)
+        if answer is None:
+            return NodeStatus.RUNNING
+        self._asks = False
+        self.feedback_message = f"the answer is: {answer}"
+        self.answer = answer
+        if answer == self.give_up:
+            raise Failure(
+                tree.GIVEN_UP, f"help was asked for, and given up: {self._text()}", object=self.object
+            )
+        return NodeStatus.SUCCESS
+
+    def on_halt(self) -> None:
+        self._braking = None
+        cast("World", self.world).operator.withdraw(self.path)
+
+    def _at_rest(self, world: World) -> bool:
+        if self._braking is None:
+            self._braking = world.move.rest()
+        try:
+            next(self._braking)
+        except StopIteration:
+            self._braking = None
+            return True
+        return False
+
+    def _ask(self, world: World) -> None:
+        question = Question(self.path, self._text(), tuple(self.choices), str(self.object), situation(world))
+        world.operator.ask(question)
+        self.feedback_message = f"waits for an answer: {question.reason}"
+        self.note(
+            "help_wanted",
+            f"help is wanted: {question.reason}",
+            reason=question.reason,
+            choices=list(question.choices),
+            object=question.object,
+            situation=question.situation,
+        )
+
+    def _text(self) -> str:
+        """The reason, with the values of what it refers to. Raises Failure for one that has none."""
+        return _INSERTED.sub(self._value, self.reason)
+
+    def _value(self, found: re.Match[str]) -> str:
+        reference = Reference.parse(found[0])
+        assert reference is not None
+        try:
+            value = self.wiring.namespace.read(reference, self.world.scene)
+        except KeyError:
+            raise Failure(
+                tree.MISSING_INPUT,
+                f"in 'reason' of {self.wiring.id}: nothing has written {reference} yet",
+                port="reason",
+                reference=str(reference),
+            ) from None
+        return "nothing" if value is None else str(value)
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        return leaf(cls, spec, entry, walk, takes_time=True)
