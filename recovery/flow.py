@@ -7,11 +7,15 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 from ..trees.flow import UNREPORTED, Ends, Failures, Flow, Reasons, State, States, joined, tidy
-from ..world.causes import tree
+from ..world.causes import internal, tree
 
 if TYPE_CHECKING:
     from ..trees.flow.walk import Walk
     from ..trees.mission import NodeSpec
+
+
+OUTPUTS = ("attempt", "cause", "message", "failed")
+"""What a node that cures failures tells those below; written when it starts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +48,12 @@ class _Rounds:
         self._recovery, self._spec, self._walk = recovery, spec, walk
         self._ends = Ends()
         self._used_up = walk.fails(spec, walk.causes.of((tree.ATTEMPTS,)))
+        self._fault = walk.fails(spec, 0, walk.causes.matching(str(internal.ANY)))
+        self._outputs = walk.keys_of(spec, OUTPUTS)
         self._cured: set[State] = set()
 
     def flow(self, entry: State) -> Flow:
-        states: States = frozenset((entry,))
+        states: States = frozenset((entry.written(self._outputs),))
         seen: States = frozenset()
         for run in count(1):
             self._run(states, run)
@@ -78,6 +84,11 @@ class _Rounds:
         used_up = run > 1 or runs is None or runs <= 1
         given_up: list[Failures] = []
         left = {state: self._reported(reasons) for state, reasons in flow.failure.items()}
+        if any(_names_faults(cure) for cure in recovery.cures):
+            # Whoever names it wants it handled; it may happen in any node, at any time.
+            for state in tidy(frozenset((*states, *flow.everywhere))):
+                at = state.in_doubt()
+                left[at] = joined((left[at], self._fault)) if at in left else self._fault
         for cure in recovery.cures:
             pattern = self._walk.causes.matching(cure.pattern)
             caught, left = _narrowed(left, pattern), _narrowed(left, ~pattern)
@@ -117,6 +128,10 @@ class _Rounds:
         self._ends.run(flow.running)
         reasons = joined(failures.values()).tried()
         self._ends.fail(dict.fromkeys((*flow.success, *flow.skipped, *flow.failure), reasons))
+
+
+def _names_faults(cure: Cure) -> bool:
+    return cure.pattern in (internal.ERROR.name, str(internal.ANY))
 
 
 def _narrowed(failures: Failures, mask: int) -> Failures:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from ..trees.given import Given
 from ..trees.node import Node
-from ..trees.ports import In, port
+from ..trees.ports import In, Out, port
 from ..trees.slots import child, optional_child, table
-from ..world.causes import FailureReport, matches
+from ..world.causes import FailureReport, internal, matches
 from .flow import Cure, Recovery
 from .recovering import Recovering
 
@@ -24,7 +24,9 @@ class Recover(Recovering):
     a cause without a handler fails at once. A handler that fails ends the node with the original cause, the
     handler's attached. When all attempts are used up, `give_up` is run, so that the arm is left in a state
     from which others can go on, and the node fails with the last cause, the earlier ones attached.
-    A fault of the program is never handled. The tick ends between a handler and the next attempt.
+    A fault of the program is handled only where `when` names it: `internal.error`. `do`, the handlers and
+    `give_up` read from the outputs which attempt it is and what is being handled. The tick ends between a
+    handler and the next attempt.
     """
 
     example = """
@@ -39,6 +41,10 @@ class Recover(Recovering):
     """
 
     attempts: In[int] = port("how often `do` may run", default=3, least=1)
+    attempt: Out[int] = port("number of the attempt that runs, or failed last: 1, 2, …")
+    cause: Out[str] = port("cause of the failure that is being handled; empty before the first")
+    message: Out[str] = port("its sentence")
+    failed: Out[str] = port("path of the node that it comes from")
     body = child("what is to succeed")
     handlers = table("cause, or family of causes, and what may cure it", key="when", of="cause")
     otherwise = optional_child("what may cure all other causes", key="otherwise")
@@ -60,7 +66,10 @@ class Recover(Recovering):
         for pattern in self.handlers:
             if matches(pattern, report.cause):
                 return pattern
-        return _OTHERWISE if self.otherwise is not None else ""
+        # A fault of the program is not to be handled by accident.
+        if self.otherwise is None or matches(str(internal.ANY), report.cause):
+            return ""
+        return _OTHERWISE
 
     def cure(self, label: str) -> Node:
         if label == _OTHERWISE and self.otherwise is not None:

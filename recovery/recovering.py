@@ -10,6 +10,7 @@ from ..trees.node import Control, Node
 from ..trees.reports import with_attached
 from ..trees.status import NodeStatus
 from ..world.causes import FailureReport, internal, matches, tree
+from .budget import budgets_above
 from .flow import Recovery
 
 if TYPE_CHECKING:
@@ -18,18 +19,24 @@ if TYPE_CHECKING:
 
 
 class Recovering(Control, abstract=True):
-    """Runs `tried`; after a failure runs its cure, then `tried` again, a tick apart."""
+    """Runs `tried`; after a failure runs its cure, then `tried` again, a tick apart.
+
+    Its outputs `attempt`, `cause`, `message` and `failed` tell those below what is going on, cures above all.
+    What a cure costs is charged to every `Budget` above; one that is used up refuses the next.
+    """
 
     by_turns = True
 
     causes = (tree.ATTEMPTS,)
-    remembers = ("_runs", "_reports", "_handler", "_giving_up")
+    remembers = ("_runs", "_reports", "_handler", "_giving_up", "_refused")
     positions = ("_handler",)
     _runs: int = 0
     _reports: tuple[FailureReport, ...] = ()
     _handler: str = ""
     """Label of the cure that runs; empty while `tried` runs."""
     _giving_up: bool = False
+    _refused: bool = False
+    """A budget above has no cure left to pay for."""
 
     # What a sub-class says.
 
@@ -70,8 +77,13 @@ class Recovering(Control, abstract=True):
 
     def on_start(self) -> None:
         self._runs, self._reports, self._handler, self._giving_up = 0, (), "", False
+        self._refused = False
+        self._tell(None)
 
     def on_tick(self) -> NodeStatus:
+        if self._reports:
+            for budget in budgets_above(self):
+                budget.is_recovering()
         if self._giving_up:
             return self._give_up()
         if self._handler:
@@ -96,10 +108,16 @@ class Recovering(Control, abstract=True):
         if report is None:
             report = FailureReport(tree.ATTEMPTS, "a condition does not hold", {}, body.path)
         self._reports = (*self._reports, report)
-        if matches(str(internal.ANY), report.cause):
-            return self.fail_with(report)
+        self._tell(report)
         label = self.cure_of(report)
+        if not label and matches(str(internal.ANY), report.cause):
+            return self.fail_with(report)
         if not label or self._runs >= self.most_runs():
+            return self._give_up()
+        refusal = self._pay()
+        if refusal is not None:
+            self._refused = True
+            self._reports = (*self._reports[:-1], refusal)
             return self._give_up()
         self._handler = label
         self.note(
@@ -113,6 +131,28 @@ class Recovering(Control, abstract=True):
         )
         return NodeStatus.RUNNING
 
+    def _tell(self, report: FailureReport | None) -> None:
+        """Write the outputs: the attempt that runs, or that failed with the report last."""
+        if report is None:
+            self.output("attempt", self._runs + 1)
+            if self._reports:
+                return  # the failure that was cured stays known while it is tried again
+        self.output("cause", report.cause.name if report else "")
+        self.output("message", report.message if report else "")
+        self.output("failed", report.node if report else "")
+
+    def _pay(self) -> FailureReport | None:
+        """Charge one cure to all budgets above, or answer why one of them has none left."""
+        budgets = budgets_above(self)
+        last = self._reports[-1]
+        for budget in budgets:
+            refusal = budget.refusal(last)
+            if refusal is not None:
+                return refusal
+        for budget in budgets:
+            budget.charge()
+        return None
+
     def _handle(self) -> NodeStatus:
         handler = self.cure(self._handler)
         state = handler.step()
@@ -120,6 +160,7 @@ class Recovering(Control, abstract=True):
             return state
         self._handler = ""
         if self.goes_on_after(state):
+            self._tell(None)
             return NodeStatus.RUNNING
         failed = (handler.failure,) if handler.failure is not None else ()
         return self.fail_with(with_attached(self._reports[-1], failed))
@@ -128,16 +169,19 @@ class Recovering(Control, abstract=True):
         *earlier, last = self._reports
         report = with_attached(last, earlier)
         resort = self.resort()
-        if resort is None:
-            return self.fail_with(report)
-        self._giving_up = True
-        match resort.step():
-            case NodeStatus.RUNNING:
-                return NodeStatus.RUNNING
-            case NodeStatus.FAILURE if resort.failure is not None:
-                return self.fail_with(with_attached(report, (resort.failure,)))
-            case _:
-                return self.fail_with(report)
+        if resort is not None:
+            self._giving_up = True
+            match resort.step():
+                case NodeStatus.RUNNING:
+                    return NodeStatus.RUNNING
+                case NodeStatus.FAILURE if resort.failure is not None:
+                    report = with_attached(report, (resort.failure,))
+                case _:
+                    pass
+        if self._refused:
+            for budget in budgets_above(self):
+                budget.has_given_up(report)
+        return self.fail_with(report)
 
     @classmethod
     def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:

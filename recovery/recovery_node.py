@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..trees.node import Node
-from ..trees.ports import In, port
+from ..trees.ports import In, Out, port
 from ..trees.slots import children
 from ..trees.status import NodeStatus
-from ..world.causes import FailureReport
+from ..world.causes import FailureReport, internal, matches
 from .flow import Cure, Recovery
 from .recovering import Recovering
 
@@ -38,6 +38,10 @@ class RecoveryNode(Recovering):
         "what is to succeed, and what may cure its failure", least=2, most=2, labels=("", "recovery")
     )
     number_of_retries: In[int] = port("how often the second child may run", default=1, least=0)
+    attempt: Out[int] = port("number of the attempt that runs, or failed last: 1, 2, …")
+    cause: Out[str] = port("cause of the failure that is being handled; empty before the first")
+    message: Out[str] = port("its sentence")
+    failed: Out[str] = port("path of the node that it comes from")
 
     def tried(self) -> Node:
         return self.parts[0]
@@ -46,7 +50,8 @@ class RecoveryNode(Recovering):
         return self.number_of_retries + 1
 
     def cure_of(self, report: FailureReport) -> str:
-        return self.parts[1].name
+        # A fault of the program is cured only where somebody names it, which this node cannot.
+        return "" if matches(str(internal.ANY), report.cause) else self.parts[1].name
 
     def cure(self, label: str) -> Node:
         return self.parts[1]

@@ -88,14 +88,11 @@ def _table(survey: Survey, spec: NodeSpec, slot: str) -> Iterator[Fault]:
         over = next((other for other in earlier if _covers(other, pattern)), None)
         at = f"{slot}/{pattern}"
         earlier.append(pattern)
-        if used:
-            continue
+        if used or (over is None and pattern in (str(internal.ANY), internal.ERROR.name)):
+            continue  # any node may have a fault, which is not walked through
         if over is not None:
             message = f"{pattern!r} is never used: {over!r} above it takes its causes"
             yield survey.fault(spec, message, "the first that fits is used", code="P312", at=at)
-        elif pattern in (str(internal.ANY), internal.ERROR.name):
-            message = f"{pattern!r} is never used: a fault of the program is not handled"
-            yield survey.fault(spec, message, code="P311", at=at)
         elif causes & survey.walk.causes.matching(pattern):
             message = f"{pattern!r} is never used: the patterns above take all its causes that are possible"
             yield survey.fault(spec, message, code="P312", at=at)

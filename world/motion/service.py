@@ -29,6 +29,7 @@ from .fcl_queries import SceneQueries
 from .goals import SOLUTIONS
 from .judge import Judge
 from .made import MadePlans
+from .manner import Manner
 from .quality import Measuring, Quality, least_singular, length, together
 from .reach import Reached, reached
 from .requests import BUDGET, Contact, Goal, Line, Offset, Plan, Request, Scaling
@@ -88,6 +89,17 @@ class PlanService:
         self._judge = Judge(model) if verify else None
         self._disagreements: list[Disagreement] = []
         self.made = MadePlans(scene, width)
+        self._manner = Manner()
+
+    @contextmanager
+    def in_manner(self, manner: Manner) -> Generator[None]:
+        """What is asked meanwhile is asked in that manner, besides the one in force."""
+        before = self._manner
+        self._manner = before & manner
+        try:
+            yield
+        finally:
+            self._manner = before
 
     @property
     def disagreements(self) -> tuple[Disagreement, ...]:
@@ -99,6 +111,7 @@ class PlanService:
 
         Fails with planning.no_ik, .goal_in_collision, .start_in_collision, .constraint, .budget or .no_path.
         """
+        request = self._manner.of(request)
         seed = self._seed(request, node)
         answer: Plan | Failure
         with self._stopwatch.measure("planning"), self._meter.measure() as spent:
@@ -156,6 +169,7 @@ class PlanService:
         """
         if not legs or any(leg.start is not None for leg in legs[1:]):
             raise PicktreeError("a chain needs legs, of which only the first may say where it starts")
+        legs = [self._manner.of(leg) for leg in legs]
         seeds = [self._seed(leg, node) for leg in legs]
         answer: Plan | Failure
         with self._stopwatch.measure("planning"), self._meter.measure() as spent:
@@ -251,7 +265,7 @@ class PlanService:
         Answers at once; the cost is owed to the thinking account.
         """
         with self._stopwatch.measure("planning"), self._meter.measure():
-            return reached(self.solver, request, self._streams.at("ik", 0))
+            return reached(self.solver, self._manner.of(request), self._streams.at("ik", 0))
 
     def quality(self, plan: Plan) -> Quality:
         """How long a plan is, how near it comes to anything, to singularities and to joints' limits, in the
@@ -278,7 +292,7 @@ class PlanService:
     def _seed(self, request: Request, node: str) -> int:
         """Keyed by the node; a line draws nothing at random."""
         line = isinstance(request.target, Line | Offset)
-        return 0 if line else self._streams.number(f"planner {node}")
+        return 0 if line else self._streams.number(self._manner.stream(f"planner {node}"))
 
     def verify(self, request: Request, trajectory: Trajectory) -> None:
         """Let the second judge look at what the planner calls free, where that was asked for."""

@@ -1,0 +1,192 @@
+"""Guards in a handler: whether the failure that is being handled is one that a cure may help against."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar, cast
+
+from ..trees.flow.plainly import leaf
+from ..trees.given import Given, Misfit
+from ..trees.node import Node
+from ..trees.ports import In, port
+from ..trees.status import NodeStatus
+from ..world.causes import all_causes, cause_named, matches
+from ..world.errors import PicktreeError
+from ..world.files.nearest import nearest
+
+if TYPE_CHECKING:
+    from ..trees.flow import Flow, State
+    from ..trees.flow.walk import Walk
+    from ..trees.mission import NodeSpec
+    from ..world.causes import Cause
+
+
+class Guard(Node, abstract=True):
+    """SUCCESS when the cause is one of a list, else FAILURE without a report, as a condition."""
+
+    kind = "condition"
+    played = False
+    steady = True
+
+    def patterns(self) -> tuple[str, ...]:
+        """The causes that it says yes to."""
+        raise NotImplementedError
+
+    def handled(self) -> Cause | None:
+        """The cause that is asked about; None before the first failure."""
+        name = str(self.input("cause"))
+        try:
+            return cause_named(name) if name else None
+        except PicktreeError:
+            return None
+
+    def on_tick(self) -> NodeStatus:
+        cause = self.handled()
+        helps = cause is not None and any(matches(pattern, cause) for pattern in self.patterns())
+        return NodeStatus.SUCCESS if helps else NodeStatus.FAILURE
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        return leaf(cls, spec, entry, walk, takes_time=False, says_no=True)
+
+
+class WouldHelp(Guard, abstract=True):
+    """A guard for one kind of cure."""
+
+    helps: ClassVar[tuple[str, ...]] = ()
+
+    def patterns(self) -> tuple[str, ...]:
+        return self.helps
+
+
+_WHICH = "the cause that is being handled: output `cause` of the Recover"
+
+
+class CauseIs(Guard):
+    """Whether the cause that is being handled is one of these, or of one of these families."""
+
+    example = """
+    CauseIs: {cause: "{cause}", of: ["grasp.*", perception.not_found]}
+    """
+
+    cause: In[str] = port(_WHICH)
+    of: In[list[str]] = port("causes, or families as `grasp.*`")
+
+    def patterns(self) -> tuple[str, ...]:
+        return tuple(self.of)
+
+    @classmethod
+    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+        patterns = cast("list[str]", given.constants.get("of", []))
+        names = [cause.name for cause in all_causes()]
+        unknown = (p for p in patterns if not any(matches(p, cause) for cause in all_causes()))
+        return tuple(
+            Misfit("of", f"{pattern!r} is no cause and no family of causes", nearest(pattern, names))
+            for pattern in unknown
+        )
+
+
+class WouldLookingHelp(WouldHelp):
+    """Whether another look may help: something is not where it was believed to be, or was not seen well."""
+
+    example = """
+    WouldLookingHelp: {cause: "{cause}"}
+    """
+
+    cause: In[str] = port(_WHICH)
+    helps = (
+        "perception.*", "grasp.no_candidate", "grasp.missed", "grasp.slipped", "place.missed",
+        "place.occupied", "insert.missed", "insert.not_found", "push.lost_contact", "push.missed",
+        "planning.blocked", "planning.goal_in_collision", "world.*", "safety.force_limit",
+    )  # fmt: skip
+
+
+class WouldARetreatHelp(WouldHelp):
+    """Whether getting clear may help: a safety stop waits to be acknowledged, or the arm stands too near."""
+
+    example = """
+    WouldARetreatHelp: {cause: "{cause}"}
+    """
+
+    cause: In[str] = port(_WHICH)
+    helps = (
+        "safety.*", "control.*", "planning.start_in_collision", "planning.blocked", "grasp.missed",
+        "grasp.slipped", "world.disturbed", "feed.obstructed", "insert.jammed", "push.stalled",
+        "tree.timeout", "internal.*",
+    )  # fmt: skip
+
+
+class WouldAnotherGraspHelp(WouldHelp):
+    """Whether to take hold of the object elsewhere, or anew, may help."""
+
+    example = """
+    WouldAnotherGraspHelp: {cause: "{cause}"}
+    """
+
+    cause: In[str] = port(_WHICH)
+    helps = (
+        "grasp.missed", "grasp.slipped", "planning.no_ik", "planning.goal_in_collision", "planning.no_path",
+        "insert.jammed", "insert.missed", "safety.payload",
+    )  # fmt: skip
+
+
+class WouldAGripperResetHelp(WouldHelp):
+    """Whether opening and closing the empty fingers may help: they did not do what they were told to."""
+
+    example = """
+    WouldAGripperResetHelp: {cause: "{cause}"}
+    """
+
+    cause: In[str] = port(_WHICH)
+    helps = ("control.gripper", "control.timeout", "grasp.missed", "grasp.slipped")
+
+
+class WouldReplanningHelp(WouldHelp):
+    """Whether planning otherwise may help: with another seed, with more checks, with more room."""
+
+    example = """
+    WouldReplanningHelp: {cause: "{cause}"}
+    """
+
+    cause: In[str] = port(_WHICH)
+    helps = (
+        "planning.no_path", "planning.budget", "planning.blocked", "planning.no_ik", "planning.constraint",
+        "planning.goal_in_collision", "control.tracking", "safety.acceleration_limit", "safety.singularity",
+        "safety.joint_limit",
+    )  # fmt: skip
+
+
+class WouldPushingHelp(WouldHelp):
+    """Whether pushing the object free may help: the hand does not fit around it where it lies."""
+
+    example = """
+    WouldPushingHelp: {cause: "{cause}"}
+    """
+
+    cause: In[str] = port(_WHICH)
+    helps = ("grasp.no_candidate", "planning.goal_in_collision", "planning.no_ik", "push.stalled")
+
+
+class WouldWaitingHelp(WouldHelp):
+    """Whether time alone may help: a sensor, a camera or the arm may come to itself, what rolls may lie."""
+
+    example = """
+    WouldWaitingHelp: {cause: "{cause}"}
+    """
+
+    cause: In[str] = port(_WHICH)
+    helps = (
+        "perception.no_image", "safety.stale_sensor", "safety.watchdog", "control.tracking",
+        "control.timeout", "control.gripper", "world.disturbed", "feed.*", "tree.timeout",
+    )  # fmt: skip
+
+
+GUARDS: tuple[type[Node], ...] = (
+    CauseIs,
+    WouldLookingHelp,
+    WouldARetreatHelp,
+    WouldAnotherGraspHelp,
+    WouldAGripperResetHelp,
+    WouldReplanningHelp,
+    WouldPushingHelp,
+    WouldWaitingHelp,
+)
