@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Generator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self
@@ -41,6 +42,9 @@ class View(Protocol):
     def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
     def told(self, now: float, text: str) -> None: ...
     def finished(self, result: RunResult) -> None: ...
+    def aside(self) -> AbstractContextManager[None]:
+        """Meanwhile the terminal is somebody else's."""
+        ...
 
 
 class LinesView:
@@ -80,6 +84,9 @@ class LinesView:
             self._say(now, f"at {deepest_running(report.nodes)}")
 
     def finished(self, result: RunResult) -> None: ...
+
+    def aside(self) -> AbstractContextManager[None]:
+        return nullcontext()
 
     def _say(self, now: float, text: str) -> None:
         self._said_at = now
@@ -135,6 +142,14 @@ class LiveView:
 
     def finished(self, result: RunResult) -> None:
         self._live.stop()
+
+    @contextmanager
+    def aside(self) -> Generator[None]:
+        self._live.stop()
+        try:
+            yield
+        finally:
+            self._live.start()
 
 
 def deepest_running(nodes: Sequence[NodeReport]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
 
 def run(
-    mission: Annotated[Path, typer.Argument(metavar="MISSION", help="Mission file.")],
+    context: typer.Context,
+    mission: Annotated[
+        Path | None, typer.Argument(metavar="MISSION", help="Mission file; not with --resume.")
+    ] = None,
     scene: Annotated[
         str | None, typer.Option(metavar="SCENE", help="Shipped scene or scene file, for the mission's own.")
     ] = None,
@@ -49,8 +52,13 @@ def run(
         bool, typer.Option("--watch", help="Take over an edited mission between two items.")
     ] = False,
     limit: Annotated[
-        str, typer.Option(metavar="TIME", help="Simulated time after which the run is ended, as 90 min.")
-    ] = "1 h",
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Simulated time after which the run is ended, as 90 min.",
+            show_default="1 h; with --resume as before",
+        ),
+    ] = None,
     rotate_mb: Annotated[
         float, typer.Option(min=0.0, metavar="MB", help="Go on in a further file of the log at this size.")
     ] = 0.0,
@@ -68,37 +76,70 @@ def run(
         float | None,
         typer.Option(metavar="FACTOR", help="Simulated time no faster than so many times the clock's."),
     ] = None,
+    resume: Annotated[
+        str | None,
+        typer.Option(metavar="LOG", help="Go on with this run: a log file, a run's folder, or 'last'."),
+    ] = None,
+    answers: Annotated[
+        list[str] | None,
+        typer.Option("--answer", metavar="TEXT", help="What is answered when the mission asks for help."),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
 ) -> None:
-    """Run a mission in simulation. Exit code 0: the goal is reached; 1: it is missed."""
+    """Run a mission in simulation, or go on with a run that did not come to its end. Exit code 0: the goal is
+    reached; 1: it is missed, or the run is paused because the mission asks for help."""
+    if resume is not None:
+        refuse_contradictions(context)
+    elif mission is None:
+        context.fail("Missing argument 'MISSION'.")
     answer = keep_stdout() if json else None
     parameters = parse_parameters(set_ or ())
     if pace is not None and pace <= 0:
         raise PicktreeError(f"--pace {pace:g}: write a number above 0, as in --pace 1 for real time")
-    seconds = parse_limit(limit)
+    seconds = None if limit is None else parse_limit(limit)
 
     from ..logs.live.pace import Paced
+    from ..logs.operators import GivenAnswers
+    from ..logs.recipe import LIMIT
     from ..logs.rotation import Rotation
     from ..logs.session import RunRequest, Session
+    from .operator_prompt import person
 
-    request = RunRequest(
-        mission=mission,
-        scene=scene,
-        robot=robot,
-        seed=seed,
-        parameters=parameters,
-        faults=faults,
-        out=out,
-        backend=backend,
-        verify=verify,
-        watch=watch,
-        limit=seconds,
-        rotation=Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0),
-    )
-    with _view(to_stderr=json, lines=debug) as view, _live_view(live, live_port) as live_view:
+    rotation = Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0)
+    with ExitStack() as stack:
+        resumption = None
+        if resume is not None:
+            from ..logs.resuming.resumption import ResumeRequest, Resumption
+
+            asked = ResumeRequest(resume, out, seconds, rotation, tuple(answers or ()))
+            resumption = stack.enter_context(Resumption(asked))
+            print(resumption.told, file=sys.stderr, flush=True)
+        view = stack.enter_context(_view(to_stderr=json, lines=debug))
+        live_view = stack.enter_context(_live_view(live, live_port))
         watcher = view if pace is None else Paced(view, pace)
         debugger = _debugger(to_stderr=json) if debug else None
-        result = Session(request, watcher, debugger, listener=live_view).run()
+        operator = person(sys.stderr if json else sys.stdout, view.aside)
+        if resumption is not None:
+            session = resumption.session(watcher, debugger, listener=live_view, operator=operator)
+        else:
+            assert mission is not None
+            request = RunRequest(
+                mission=mission,
+                scene=scene,
+                robot=robot,
+                seed=seed,
+                parameters=parameters,
+                faults=faults,
+                out=out,
+                backend=backend,
+                verify=verify,
+                watch=watch,
+                limit=LIMIT if seconds is None else seconds,
+                rotation=rotation,
+            )
+            given = GivenAnswers(answers or (), operator)
+            session = Session(request, watcher, debugger, listener=live_view, operator=given)
+        result = session.run()
     if answer is None:
         print(result.to_text(program()))
     else:
@@ -108,6 +149,22 @@ def run(
         raise typer.Exit(130)
     if not result.reached:
         raise typer.Exit(1)
+
+
+_SAID_BY_THE_LOG = ("mission", "scene", "robot", "seed", "set_", "faults", "backend", "verify", "watch")
+"""Parameters that cannot be given with --resume."""
+
+
+def refuse_contradictions(context: typer.Context) -> None:
+    """Raises PicktreeError for an option that says what the log of the run says already."""
+    for name in _SAID_BY_THE_LOG:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            shown = "MISSION" if name == "mission" else f"--{name.rstrip('_')}"
+            raise PicktreeError(
+                f"--resume and {shown} exclude each other: mission, scene, robot, seed, parameters, faults "
+                "and backend are those of the run that goes on (`picktree whatif` changes some of them)"
+            )
 
 
 def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:

@@ -35,3 +35,21 @@ class GivenAnswers:
             known = ", ".join(question.choices)
             raise PicktreeError(f"--answer {said}: {question.node} asks, and takes one of these: {known}")
         return choice
+
+
+class RecordedAnswers:
+    """Answers that a log holds, each to the node that asked; where another asks now, or takes no such answer,
+    whoever comes after is asked, from then on."""
+
+    def __init__(self, answers: Iterable[tuple[str, str]], after: Operator | None = None) -> None:
+        """`answers`: path of who asked, and what was answered."""
+        self._left = deque(answers)
+        self._after = after
+
+    def answer(self, question: Question) -> str | None:
+        if self._left:
+            node, said = self._left.popleft()
+            if node == question.node and said in question.choices:
+                return said
+            self._left.clear()
+        return self._after.answer(question) if self._after else None

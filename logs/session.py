@@ -41,7 +41,7 @@ from .result import (
     RunStatus,
     WallSeconds,
 )
-from .rotation import FOR_FEEDS, NEVER
+from .rotation import FOR_FEEDS, NEVER, Rotation
 from .scribe import Scribe, Tap
 from .tally import Tally
 from .watcher import Watcher
@@ -72,15 +72,16 @@ class Session:
         tap: Tap | None = None,
         listener: Listener | None = None,
         operator: Operator | None = None,
+        rotation: Rotation = NEVER,
     ) -> None:
-        """A request says itself where its record goes; of a recipe `out` does, as there.
+        """A request says itself where its record goes, and when it goes on in a further file; of a recipe
+        `out` and `rotation` do, as there.
 
         `edits` tells of edited files, by default the disk when the request is to watch them; `revisions`
         gives other versions of the mission itself, as a log has them. `tap` is shown every message that is
         part of the digest, `listener` every message, once it is written. `operator` answers who asks for
         help; without one, or without an answer, the run ends `paused`.
         """
-        rotation = NEVER
         if isinstance(request, RunRequest):
             out, rotation = request.out, request.rotation
             edits = FileEdits() if edits is None and request.watch else edits
@@ -133,6 +134,7 @@ class Session:
         """Run to the end and say what came of it. The log is finished on every way out; an interrupt
         (SIGINT, SIGTERM) ends the run with the status `interrupted`."""
         structure = self.tree.structure()
+        self.tally.follow(structure)
         self._total = self._items_total()
         with Scribe(self.folder / LOG, self, structure, self._tap, self._listener) as scribe:
             if self._watcher:
@@ -170,7 +172,7 @@ class Session:
             for happened in (*self._injector.tick(), *self._brought()):
                 world.journal.note(happened)
             entries = world.journal.take()
-            self.tally.take(entries, report.nodes, tree.leaves)
+            self.tally.take(world.clock.now, entries, report.nodes, tree.leaves, report.transitions)
             with self._stopwatch.measure("logging"):
                 scribe.tick(report, entries, self.hardware)
             if self._watcher:
@@ -347,6 +349,7 @@ class Session:
         tree.on_end.extend(self.tree.on_end)
         self.mission, self.tree = mission, tree
         structure = tree.structure()
+        self.tally.follow(structure)
         message = f"the edited mission takes over: {_counted(adoption)}"
         data: dict[str, Plain] = {
             "files": scribe.edited(mission, structure),
@@ -384,6 +387,7 @@ class Session:
         if status == "success" and not verdict.reached(goal):
             status = "incomplete"
         tally, failure = self.tally, self.tree.failure
+        episodes = tally.episodes.so_far(self.world.clock.now)
         asked = self.world.operator.pending if status == "paused" else None
         wall = self._stopwatch.seconds()
         return RunResult(
@@ -400,6 +404,8 @@ class Session:
             picks=PickCount(tally.tried, tally.held, tally.tried_objects, tally.held_first_try),
             failures=dict(tally.failures),
             recoveries=dict(tally.recovered),
+            cures=episodes.cures,
+            planted=episodes.planted,
             sim_seconds=self.world.clock.now,
             cpu_seconds=time.process_time() - self._cpu_began,
             wall_seconds=WallSeconds(

@@ -101,6 +101,7 @@ def carry_out(order: Order, say: Callable[[Answer], None]) -> Answer:
             out=order.out or Path(away),
             revisions=edits,
             tap=comparison.take,
+            operator=recorded.answers(),
         )
         if not order.changes:
             comparison.on_difference = session.stop

@@ -14,6 +14,7 @@ from ...world.errors import PicktreeError
 from ...world.simulation.backends import Backend
 from ..checkpoints import RunState
 from ..following import News
+from ..operators import Operator, RecordedAnswers
 from ..recipe import LIMIT, Recipe, Start
 from ..records import Continues
 from ..run import Run
@@ -79,6 +80,16 @@ class Recorded:
         """The edits that were taken over under the run later than `since`, simulated s."""
         later = [(time, files) for time, files in self._edits if time > since + _EARLY]
         return RecordedEdits(self._unpacking, later)
+
+    def answers(self, since: float = -1.0, after: Operator | None = None) -> Operator:
+        """What a person answered later than `since`, simulated s, when the run asked for help; then `after`
+        is asked."""
+        given = [
+            (at.record.node, str(at.record.data["answer"]))
+            for at in self.run.events
+            if at.record.kind == "operator_answer" and at.time > since + _EARLY
+        ]
+        return RecordedAnswers(given, after)
 
     def checkpoints(self) -> tuple[str, ...]:
         """Names of the checkpoints in the log, in the order of time."""

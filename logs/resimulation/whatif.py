@@ -64,6 +64,7 @@ def what_if(
             out=out,
             revisions=None if changes.mission else recorded.edits(-1.0 if begin is None else begin),
             tap=comparison.take,
+            operator=recorded.answers(-1.0 if begin is None else begin),
         )
         result = session.run()
         if result.status != "interrupted":

@@ -55,6 +55,7 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
             watcher: object = None,
             debugger: object = None,
             listener: object = None,
+            operator: object = None,
         ) -> None:
             stage.requests.append(request)
             stage.debuggers.append(debugger)

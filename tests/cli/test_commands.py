@@ -75,7 +75,7 @@ def test_request_carries_every_option(stage: Any) -> None:
 
 @pytest.mark.parametrize(
     ("status", "code"),
-    [("success", 0), ("incomplete", 1), ("failure", 1), ("timeout", 1), ("interrupted", 130)],
+    [("success", 0), ("incomplete", 1), ("failure", 1), ("timeout", 1), ("paused", 1), ("interrupted", 130)],
 )
 def test_status_becomes_exit_code(
     status: Any,
@@ -167,7 +167,7 @@ from conftest import RESULT
 from picktree.cli.app import answer
 
 class Session:
-    def __init__(self, request, watcher=None, debugger=None, listener=None): pass
+    def __init__(self, request, watcher=None, debugger=None, listener=None, operator=None): pass
     def run(self):
         print("printed in Python")
         os.write(1, b"printed in C\\n")

@@ -1,0 +1,1 @@
+"""Going on with a run that was killed, interrupted, paused or ended at its limit."""
