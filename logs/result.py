@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from ..world.errors import PicktreeError
 from ..world.journal import Plain
 from ..world.operator import Question
+from .episodes.counting import CureCount, PlantedCount, cause_lines, planted_lines
 
 RunStatus: TypeAlias = Literal["success", "incomplete", "failure", "timeout", "paused", "interrupted"]
 
@@ -134,6 +135,11 @@ class RunResult:
     """How often a leaf failed, by cause."""
     recoveries: Mapping[str, int] = field(default_factory=_none)
     """How often recovery was tried, by cause."""
+    cures: tuple[CureCount, ...] | None = None
+    """What was seen, what was tried against it and what came of it, in the words of `episodes.episode`; None
+    in older logs."""
+    planted: tuple[PlantedCount, ...] = ()
+    """Faults that were planted in the simulation, with what failed first after them."""
     message: str = ""
     """Why the tree failed, in a sentence."""
     thinking_charged: bool = True
@@ -192,6 +198,8 @@ class RunResult:
             },
             "failures": dict(sorted(self.failures.items())),
             "recoveries": dict(sorted(self.recoveries.items())),
+            "cures": None if self.cures is None else [asdict(each) for each in self.cures],
+            "planted": [asdict(each) for each in self.planted],
             "sim_seconds": round(self.sim_seconds, 6),
             "thinking_charged": self.thinking_charged,
             "disagreements": self.disagreements,
@@ -227,6 +235,8 @@ class RunResult:
                 picks=PickCount(**said["picks"]),
                 wall_seconds=WallSeconds(**wall),
                 feed=FeedCount(**said["feed"]) if said.get("feed") else None,
+                cures=_cures(said.get("cures")),
+                planted=tuple(PlantedCount(**each) for each in said.get("planted", ())),
                 holes=tuple(HoleItem(**item) for item in said.get("holes", ())),
                 asked=Question.from_json(said["asked"]) if said.get("asked") else None,
                 log=Path(said["log"]),
@@ -253,7 +263,7 @@ class RunResult:
             f"grasps      {picks.tried} tried, {picks.held} held; "
             f"{picks.held_first_try} of {picks.objects} objects held at the first try",
             f"failures    {_counts(self.failures)}",
-            f"recoveries  {_counts(self.recoveries)}",
+            *self._recovered(),
             *self._fed(),
             *self._verified(),
             f"simulated   {self.sim_seconds:.1f} s{self._rate()}{self._thinking()}",
@@ -274,6 +284,13 @@ class RunResult:
             f"answers     {', '.join(self.asked.choices)}",
             f"go on with  {self.goes_on(program)}",
         ]
+
+    def _recovered(self) -> list[str]:
+        """A line for each cause, what cost the most time first."""
+        if self.cures is None:
+            return [f"recoveries  {_counts(self.recoveries)}"]
+        told = _under("recovery", cause_lines(self.cures))
+        return [*told, *_under("planted", planted_lines(self.planted))]
 
     def _fed(self) -> list[str]:
         """A line when a feed brought items."""
@@ -308,6 +325,15 @@ _PLAIN_FIELDS = (
     "status", "seed", "digest", "sim_seconds", "cpu_seconds", "failures", "recoveries", "message",
     "thinking_charged", "disagreements",
 )  # fmt: skip
+
+
+def _cures(said: list[dict[str, Any]] | None) -> tuple[CureCount, ...] | None:
+    return None if said is None else tuple(CureCount(**each) for each in said)
+
+
+def _under(title: str, told: Iterable[str]) -> list[str]:
+    """Lines of which the first has the title."""
+    return [f"{title if n == 0 else '':<12}{line}" for n, line in enumerate(told)]
 
 
 def _counts(counts: Mapping[str, int]) -> str:

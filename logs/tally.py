@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from typing import Protocol, cast
 
 from ..world.journal import Entry, Happened
+from .episodes.following import Changed, Node
+from .episodes.tally import EpisodesState, EpisodeTally
 
 
 class Reported(Protocol):
@@ -40,6 +42,7 @@ class TallyState:
     deliveries: int = 0
     exchanges: int = 0
     set_aside: int = 0
+    episodes: EpisodesState = field(default_factory=EpisodesState)
 
 
 @dataclass
@@ -71,6 +74,8 @@ class Tally:
     """By cause: how often a handler was tried."""
     cured: Counter[str] = field(default_factory=Counter[str])
     """By cause: how often the branch then succeeded."""
+    episodes: EpisodeTally = field(default_factory=EpisodeTally)
+    """What was seen, tried and cured."""
 
     def state(self) -> TallyState:
         return TallyState(
@@ -87,6 +92,7 @@ class Tally:
             self.deliveries,
             self.exchanges,
             self.set_aside,
+            self.episodes.state(),
         )
 
     @classmethod
@@ -106,6 +112,7 @@ class Tally:
             failures=Counter(state.failures),
             recovered=Counter(state.recovered),
             cured=Counter(state.cured),
+            episodes=EpisodeTally(state.episodes),
         )
 
     @property
@@ -124,11 +131,24 @@ class Tally:
         self.objects -= gone
         self.first_try -= gone
 
-    def take(self, entries: Iterable[Entry], nodes: Iterable[Reported], leaves: frozenset[str]) -> None:
-        """Count what one tick brought; `leaves` are the paths of the nodes without children."""
-        for entry in entries:
-            if isinstance(entry, Happened):
-                self._happened(entry)
+    def follow(self, nodes: Iterable[Node]) -> None:
+        """From the next tick on it is this tree that is ticked."""
+        self.episodes.follow(nodes)
+
+    def take(
+        self,
+        time: float,
+        entries: Iterable[Entry],
+        nodes: Iterable[Reported],
+        leaves: frozenset[str],
+        changes: Iterable[Changed],
+    ) -> None:
+        """Count what one tick brought; `leaves` are the paths of the nodes without children, `changes` tell
+        which nodes began and ended, in their order."""
+        events = [entry for entry in entries if isinstance(entry, Happened)]
+        for event in events:
+            self._happened(event)
+        self.episodes.take(time, changes, events)
         for node in nodes:
             if node.cause and node.ticked and node.status == "FAILURE" and node.path in leaves:
                 self.failures[node.cause] += 1

@@ -9,6 +9,7 @@ from typing import cast
 from ...world.journal import Happened, Plain
 from ..checkpoints import RunState
 from ..digest import Digest
+from ..explaining.derived import with_transitions
 from ..recorder import RecordingState
 from ..run import Run
 from ..tally import Tally
@@ -28,15 +29,19 @@ def completed(state: RunState, run: Run) -> RunState:
 def tally_of(run: Run, time: float) -> Tally:
     """What the run amounted to by then, simulated s."""
     tally = Tally()
+    coming = list(run.trees)
     events: dict[float, list[Happened]] = {}
     for at in run.events:
         event = at.record
         data = cast("Mapping[str, Plain]", event.data)
         events.setdefault(at.time, []).append(Happened(event.kind, event.message, event.node, data))
-    for at in run.log.ticks(end=time):
+    ticks = run.log.ticks(end=time)
+    for at in ticks if run.log.format >= 2 else with_transitions(ticks):
+        while coming and coming[0].time <= at.time:
+            tally.follow(coming.pop(0).record.nodes)
         now = events.get(at.time, ())
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
-        tally.take(now, at.record.nodes, leaves)
+        tally.take(at.time, now, at.record.nodes, leaves, at.record.transitions)
     return tally
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from picktree.logs.episodes.counting import CureCount, PlantedCount
 from picktree.logs.result import FormCount, ItemCount, PickCount, RunResult, WallSeconds
 
 RESULT = RunResult(
@@ -26,6 +27,11 @@ RESULT = RunResult(
     folder=Path("/runs/a run"),
     failures={"grasp.missed": 2, "control.tracking": 1},
     recoveries={"grasp.missed": 2},
+    cures=(
+        CureCount("control.tracking", "", 1, unhandled=1, seconds=0.04),
+        CureCount("grasp.missed", "RetreatAndLook", 2, 1, 1, tries=3, tries_cured=2, seconds=9.5),
+    ),
+    planted=(PlantedCount("slip", "grasp.missed", "cured", 1), PlantedCount("jam", "", "", 1)),
 )
 
 

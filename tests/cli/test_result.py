@@ -19,7 +19,10 @@ items       2 of 4 sorted, 1 misplaced, 1 left
   sphere    0 of 1
 grasps      5 tried, 4 held; 3 of 4 objects held at the first try
 failures    control.tracking 1, grasp.missed 2
-recoveries  grasp.missed 2
+recovery    grasp.missed      2 seen, 1 cured by RetreatAndLook after 2 tries, 1 given up, 9.5 s lost
+            control.tracking  1 seen, nobody handled it
+planted     1 slip, then grasp.missed (cured)
+            1 jam, then nothing failed
 simulated   20.1 s, 5.0 s a pick
 wall        2.5 s: physics 1.2, planning 0.5, perception 0.3, logging 0.2; CPU 2.3 s
 seed        7, digest 0123456789abcdef
@@ -38,6 +41,8 @@ def test_text_of_a_run_without_a_pick(result: RunResult) -> None:
         sim_seconds=3.0,
         failures={},
         recoveries={},
+        cures=(),
+        planted=(),
         thinking_charged=False,
         folder=Path("/runs/1"),
         log=Path("/runs/1/log.mcap"),
@@ -45,6 +50,7 @@ def test_text_of_a_run_without_a_pick(result: RunResult) -> None:
     lines = poor.to_text().splitlines()
     assert lines[0] == "failure: the tree ended in FAILURE: perception.not_found: no item is in view"
     assert "failures    none" in lines
+    assert not any(line.startswith(("recover", "planted")) for line in lines)
     assert "simulated   3.0 s (planning and perception took no simulated time)" in lines
     assert lines[-1] == "look at it  picktree explain /runs/1"
 
@@ -65,6 +71,37 @@ def test_json(result: RunResult) -> None:
         "picks": {"tried": 5, "held": 4, "held_first_try": 3, "objects": 4},
         "failures": {"control.tracking": 1, "grasp.missed": 2},
         "recoveries": {"grasp.missed": 2},
+        "cures": [
+            {
+                "cause": "control.tracking",
+                "cure": "",
+                "seen": 1,
+                "cured": 0,
+                "given_up": 0,
+                "unhandled": 1,
+                "open": 0,
+                "tries": 0,
+                "tries_cured": 0,
+                "seconds": 0.04,
+            },
+            {
+                "cause": "grasp.missed",
+                "cure": "RetreatAndLook",
+                "seen": 2,
+                "cured": 1,
+                "given_up": 1,
+                "unhandled": 0,
+                "open": 0,
+                "tries": 3,
+                "tries_cured": 2,
+                "seconds": 9.5,
+            },
+        ],
+        "planted": [
+            {"fault": "slip", "cause": "grasp.missed", "end": "cured", "count": 1},
+            {"fault": "jam", "cause": "", "end": "", "count": 1},
+        ],
+        "asked": None,
         "sim_seconds": 20.05,
         "thinking_charged": True,
         "disagreements": None,
@@ -116,3 +153,12 @@ def test_of_a_run_with_holes(result: RunResult) -> None:
         "misplaced: it is 0.40 mm deep in a wall of board/right"
     )
     assert RunResult.from_json_text(felt.to_json_text(), Path("log.mcap")).holes == felt.holes
+
+
+def test_of_an_older_log(result: RunResult) -> None:
+    older = json.loads(result.to_json_text())
+    del older["cures"], older["planted"]
+    read = RunResult.from_json_text(json.dumps(older), Path("log.mcap"))
+    assert read.cures is None
+    assert "recoveries  grasp.missed 2" in read.to_text().splitlines()
+    assert RunResult.from_json_text(result.to_json_text(), Path("log.mcap")).cures == result.cures

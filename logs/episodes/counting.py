@@ -1,0 +1,190 @@
+"""Episodes and planted faults counted, for the summary of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from .episode import Episode, Planted
+
+NOBODY = ""
+"""The cure where nothing was tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class CureCount:
+    """Episodes of one cause for which the same was tried last; the words are those of `episode`."""
+
+    cause: str
+    cure: str
+    """What was tried last; empty where nothing was."""
+    seen: int = 0
+    cured: int = 0
+    given_up: int = 0
+    """Tried in vain. `seen` = `cured` + `given_up` + `unhandled` + `open`."""
+    unhandled: int = 0
+    open: int = 0
+    tries: int = 0
+    """Over all of them."""
+    tries_cured: int = 0
+    """Over those that were cured."""
+    seconds: float = 0.0
+    """Simulated s lost."""
+
+    def with_(self, other: CureCount) -> CureCount:
+        """Both together."""
+        return replace(
+            self,
+            seen=self.seen + other.seen,
+            cured=self.cured + other.cured,
+            given_up=self.given_up + other.given_up,
+            unhandled=self.unhandled + other.unhandled,
+            open=self.open + other.open,
+            tries=self.tries + other.tries,
+            tries_cured=self.tries_cured + other.tries_cured,
+            seconds=round(self.seconds + other.seconds, 6),
+        )
+
+    @property
+    def tries_a_cure(self) -> float | None:
+        """How many tries a cure took; None when nothing was cured."""
+        return self.tries_cured / self.cured if self.cured else None
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedCount:
+    """Faults of one kind after which the same cause was seen first, and came to the same end."""
+
+    fault: str
+    cause: str
+    """Empty: nothing failed after it."""
+    end: str
+    """As of an episode; empty with `cause`."""
+    count: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class CauseCount:
+    """All episodes of one cause."""
+
+    cause: str
+    total: CureCount
+    by_cure: tuple[CureCount, ...]
+    """What cured most first."""
+
+    def to_text(self) -> str:
+        """What came of it, without the cause:
+        `3 seen, 3 cured by RetreatAndLook after 1.3 tries, 12.4 s lost`."""
+        total = self.total
+        parts = [f"{total.seen} seen", self._cured()]
+        parts.append(f"{total.given_up} given up" if total.cured and total.given_up else "")
+        if total.unhandled:
+            parts.append(
+                "nobody handled it" if total.unhandled == total.seen else f"{total.unhandled} not handled"
+            )
+        parts.append(f"{total.open} open at the end" if total.open else "")
+        parts.append(f"{total.seconds:.1f} s lost" if total.seconds >= 0.05 else "")
+        return ", ".join(part for part in parts if part)
+
+    def _cured(self) -> str:
+        total = self.total
+        if not total.cured:
+            tried = ", ".join(each.cure for each in self.by_cure if each.cure)
+            return f"none cured (tried: {tried})" if tried else ""
+        by = [each for each in self.by_cure if each.cured]
+        names = [each.cure if len(by) == 1 else f"{each.cure} ({each.cured})" for each in by]
+        tries = total.tries_a_cure or 0.0
+        return f"{total.cured} cured by {' or '.join(names)} after {_tries(tries)}"
+
+
+class Counts:
+    """Counts episodes as they end."""
+
+    def __init__(self, cures: Iterable[CureCount] = (), planted: Iterable[PlantedCount] = ()) -> None:
+        self._cures = {(each.cause, each.cure): each for each in cures}
+        self._planted = {(each.fault, each.cause, each.end): each for each in planted}
+
+    def add(self, episode: Episode) -> None:
+        key = (episode.cause, episode.cure)
+        self._cures[key] = self._cures.get(key, CureCount(*key)).with_(_one(episode))
+
+    def add_planted(self, fault: Planted) -> None:
+        key = (fault.fault, fault.cause, fault.end or "")
+        before = self._planted.get(key, PlantedCount(*key))
+        self._planted[key] = replace(before, count=before.count + 1)
+
+    @property
+    def cures(self) -> tuple[CureCount, ...]:
+        """By cause, and then what cured most first."""
+        return tuple(sorted(self._cures.values(), key=lambda c: (c.cause, -c.cured, -c.seen, c.cure)))
+
+    @property
+    def planted(self) -> tuple[PlantedCount, ...]:
+        return tuple(self._planted[key] for key in sorted(self._planted))
+
+
+def by_cause(cures: Iterable[CureCount]) -> tuple[CauseCount, ...]:
+    """What cost the most time first."""
+    found: dict[str, list[CureCount]] = {}
+    for each in cures:
+        found.setdefault(each.cause, []).append(each)
+    counts = [CauseCount(cause, _sum(cause, each), tuple(each)) for cause, each in found.items()]
+    return tuple(sorted(counts, key=lambda c: (-c.total.seconds, -c.total.seen, c.cause)))
+
+
+def counted(episodes: Iterable[Episode]) -> tuple[CureCount, ...]:
+    counts = Counts()
+    for episode in episodes:
+        counts.add(episode)
+    return counts.cures
+
+
+def cause_lines(cures: Iterable[CureCount]) -> Iterator[str]:
+    """A line for each cause, what cost the most time first."""
+    causes: Sequence[CauseCount] = by_cause(cures)
+    width = max((len(each.cause) for each in causes), default=0)
+    for each in causes:
+        yield f"{each.cause:<{width}}  {each.to_text()}"
+
+
+def planted_lines(planted: Iterable[PlantedCount]) -> Iterator[str]:
+    """`2 slip, then grasp.slipped (cured)`."""
+    for each in planted:
+        seen = f"{each.cause} ({ENDS[each.end]})" if each.cause else "nothing failed"
+        yield f"{each.count} {each.fault}, then {seen}"
+
+
+def _one(episode: Episode) -> CureCount:
+    end = episode.end
+    return CureCount(
+        episode.cause,
+        episode.cure,
+        1,
+        int(end == "cured"),
+        int(end == "given_up"),
+        int(end == "unhandled"),
+        int(end == "open"),
+        episode.tries,
+        episode.tries if end == "cured" else 0,
+        episode.seconds,
+    )
+
+
+def _sum(cause: str, parts: Iterable[CureCount]) -> CureCount:
+    total = CureCount(cause, "")
+    for part in parts:
+        total = total.with_(part)
+    return total
+
+
+def _tries(number: float) -> str:
+    return "1 try" if number == 1.0 else f"{number:.1f} tries".replace(".0 ", " ")
+
+
+ENDS: Mapping[str, str] = {
+    "cured": "cured",
+    "given_up": "given up",
+    "unhandled": "not handled",
+    "open": "open at the end",
+}
+"""How an episode ended, in words."""
