@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from ..trees.ports import In, port
 from ..trees.skill import ARM, Skill, Steps
 from ..world.causes import control, planning, safety
+from ..world.manipulation.anew import travel
 from ..world.motion.requests import NamedGoal
 
 if TYPE_CHECKING:
@@ -14,7 +15,10 @@ if TYPE_CHECKING:
 
 
 class GoTo(Skill):
-    """Move the arm, free of collisions, to a named configuration of the robot file."""
+    """Move the arm, free of collisions, to a named configuration of the robot file.
+
+    What is seen to come into its way meanwhile stops it, and it plans anew.
+    """
 
     example = """
     GoTo: {pose: observe, speed: 0.5}
@@ -28,7 +32,5 @@ class GoTo(Skill):
     uses = (ARM,)
 
     def run(self, world: World) -> Steps:
-        plan = yield from world.plan.to(
-            NamedGoal(self.pose), scaling=world.handling.scaling(self.speed), node=self.path
-        )
-        yield from world.move.along(plan.trajectory, node=self.path)
+        goal, scaling = NamedGoal(self.pose), world.handling.scaling(self.speed)
+        yield from travel(world, lambda: world.plan.to(goal, scaling=scaling, node=self.path), node=self.path)

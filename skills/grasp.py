@@ -11,6 +11,7 @@ from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, perception, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
+from ..world.manipulation.anew import Replans
 from ..world.manipulation.burden import burden, take_up, weighed
 from ..world.manipulation.candidates import PickAndPlace
 from ..world.manipulation.closing import close
@@ -20,6 +21,7 @@ from ..world.manipulation.fates import fates, told
 from ..world.manipulation.grasps import GraspCandidate, grasp_candidates
 from ..world.manipulation.holding import Hold
 from ..world.manipulation.legs import onward
+from ..world.manipulation.noticing import TargetWatch
 from ..world.manipulation.pressing import pressure
 from ..world.manipulation.reaching import CARRIED, feel, lift, raise_off
 from ..world.manipulation.regrasping import found_again
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     from ..world.scene.planning_scene import BeliefObject
     from ..world.world import World
 
+LIFTED = 0.5
+"""Share of the way up from a grasp from which an object is clear of its neighbours."""
 SAME_START = 0.005
 """A plan whose start is further from where the arm stands was made for elsewhere, rad in a joint."""
 
@@ -104,7 +108,14 @@ class Grasp(Skill):
             yield from self._pick(world)
 
     def _pick(self, world: World) -> Steps:
-        """The best candidate that is left, to the lifted object."""
+        """The best candidate that is left, to the lifted object. When something gets into the way to it, or
+        the object is seen elsewhere, the arm stops and candidates are looked for anew."""
+        replans = Replans(world, self.path, self.object)
+        while not (yield from self._try(world, replans)):
+            pass
+
+    def _try(self, world: World, replans: Replans) -> Doing[bool]:
+        """False: the arm has stopped on the way to the object, and another plan may help."""
         belief = world.scene.get(self.object)
         ranked = grasp_candidates(belief, world.robot.description.gripper)
         first = world.attempts.count(self.path, self.object) == 0
@@ -112,22 +123,29 @@ class Grasp(Skill):
         stream = PickStream(world, belief, offered, self.path)
         while True:
             pick = yield from self._next(world, stream)
+            watch = TargetWatch(world, belief)
             if pick is None:
                 raise self._none(stream, len(ranked), len(ranked) - len(offered))
             carried: Prepared[Plan] | None = None
             try:
-                if self.servo:
-                    pick = yield from close_in(world, pick, self.path, first=first)
+                if self.servo and world.eyes.hand is not None:
+                    pick = yield from close_in(world, pick, self.path, first=first, watch=watch)
+                    # What the hand has seen of it counts; a camera elsewhere may err by its mounting.
+                    watch = None
                 carried = self._prepared(world, pick)
-                yield from self._approach(world, pick, carried)
+                yield from self._approach(world, pick, carried, watch)
             except Failure as failure:
                 if carried is not None and failure is carried.answer:
                     stream.refuse(pick, failure)
                     continue
-                world.attempts.failed(self.path, self.object, pick.grasp.name)
+                seen = watch is not None and failure is watch.noticed
+                if replans.allows(failure, *((world_causes.DISTURBED,) if seen else ())):
+                    return False
+                if not seen:
+                    world.attempts.failed(self.path, self.object, pick.grasp.name)
                 raise
             yield from self._close_and_lift(world, pick, carried, first=first)
-            return
+            return True
 
     def _next(self, world: World, stream: PickStream) -> Doing[PickAndPlace | None]:
         """The next candidate. An arm that is believed to stand within something gets clear of it first."""
@@ -193,19 +211,24 @@ class Grasp(Skill):
         )
         return world.plan.ahead(world.plan.through(legs, node=self.path))
 
-    def _approach(self, world: World, pick: PickAndPlace, carried: Prepared[Plan] | None) -> Steps:
-        """To the pre-grasp and down in one motion, until it turns out that there is no way on from there."""
+    def _approach(
+        self, world: World, pick: PickAndPlace, carried: Prepared[Plan] | None, target: TargetWatch | None
+    ) -> Steps:
+        """To the pre-grasp and down in one motion, until it turns out that there is no way on from there, or
+        that the object is elsewhere."""
 
-        def no_way_on() -> Failure | None:
+        def in_vain() -> Failure | None:
             known = carried is not None and carried.ready <= world.clock.now
-            return carried.answer if carried and known and isinstance(carried.answer, Failure) else None
+            if carried and known and isinstance(carried.answer, Failure):
+                return carried.answer
+            return None if target is None else target()
 
         yield from world.control.settle()
         world.control.zero()
         world.grip.start(pick.grasp.opening)
         guard = world.handling.guard
         plan = pick.approach.trajectory
-        yield from world.move.along(plan, guard=guard, watch=no_way_on, node=self.path)
+        yield from world.move.along(plan, guard=guard, watch=in_vain, node=self.path)
         yield from feel(world, pick.grasp, self.object, self.path)
 
     def _close_and_lift(
@@ -285,8 +308,12 @@ class Grasp(Skill):
                     plan.trajectory, guard=guard, watch=weighing.watch, hand_over=lifted, node=self.path
                 )
             except Failure as failure:
-                if failure is not weighing.doubt:
+                if failure is not weighing.doubt and not Replans(world, self.path, self.object).allows(
+                    failure
+                ):
                     raise
+                if failure.cause is planning.BLOCKED and not self._is_clear(world, pick):
+                    yield from lift(world, self.object, self.path)
             if weighing.hold is not None:
                 held = world.scene.get(self.object)
                 if held.object_in_tcp is not None:
@@ -297,6 +324,12 @@ class Grasp(Skill):
             yield from lift(world, self.object, self.path)
         yield from world.control.settle()
         return Hold(world.grip.width, world.control.load())
+
+    @staticmethod
+    def _is_clear(world: World, pick: PickAndPlace) -> bool:
+        """Whether the hand has lifted the object out of what stood around it."""
+        risen = world.control.tcp.position[2] - pick.grasp.tcp_in_world.position[2]
+        return risen > LIFTED * world.handling.approach
 
     def _onward(self, world: World, carried: Prepared[Plan]) -> Doing[Plan | None]:
         """The plan for the way on, if there is one that starts where the arm stands and still holds."""

@@ -12,6 +12,7 @@ from ..world.causes import world as world_causes
 from ..world.control.searching import Inserting, Leaving, Touch
 from ..world.control.stiffness import Stiffness
 from ..world.journal import Happened
+from ..world.manipulation.anew import travel
 from ..world.manipulation.holding import Hold, released
 from ..world.manipulation.in_hand import felt_in_hand, lost
 from ..world.manipulation.inserting import ABOVE, Fit, fit, mouth, peg, poses_over, resting
@@ -165,8 +166,12 @@ class Insert(Skill):
                 hole=plan.hole.id,
             )
         scaling = world.handling.scaling(self.speed)
-        way = yield from world.plan.to(PoseGoal(poses), scaling=scaling, node=self.path)
-        yield from world.move.along(way.trajectory, guard=world.handling.guard, node=self.path)
+        yield from travel(
+            world,
+            lambda: world.plan.to(PoseGoal(poses), scaling=scaling, node=self.path),
+            guard=world.handling.guard,
+            node=self.path,
+        )
 
     # By feeling
 

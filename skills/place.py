@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from ..trees.given import Given, Misfit
 from ..trees.ports import In, port
@@ -10,12 +11,14 @@ from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
+from ..world.manipulation.anew import Replans, planned
 from ..world.manipulation.burden import burden, is_fragile, weighed
 from ..world.manipulation.feeding import notice_exchanges
 from ..world.manipulation.holding import released
 from ..world.manipulation.in_hand import felt_in_hand
 from ..world.manipulation.landings import landings, levels, target_for
 from ..world.manipulation.legs import lowering
+from ..world.manipulation.noticing import LandingWatch, PointWatch
 from ..world.manipulation.reaching import lower, withdraw
 from ..world.manipulation.spots import blocked, put_down_poses
 from ..world.manipulation.weighing import Kept
@@ -26,9 +29,13 @@ from ..world.shapes import bottom
 from ..world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ..world.trajectory import Trajectory
-    from ..world.underway import Carriage
+    from ..world.underway import Carriage, Landing
     from ..world.world import World
+
+Room: TypeAlias = LandingWatch | PointWatch
 
 ELSEWHERE = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)
 """Causes for which another spot may do."""
@@ -80,21 +87,24 @@ class Place(Skill):
 
     def run(self, world: World) -> Steps:
         notice_exchanges(world, self.path)
-        there = yield from self._carried(world)
+        replans = Replans(world, self.path, self.object)
+        there = yield from self._carried(world, replans)
         while not there:
             held = yield from self._held(world)
-            plan = yield from (
-                self._over_point(world, held) if self.at else self._over_bin(world, held, self._bin(world))
-            )
-            guard, grip = world.handling.guard + burden(world), Kept(world)
-            motion = world.move.along(plan.trajectory, guard=guard, watch=grip.watch, node=self.path)
-            there = yield from self._arrives(motion, grip)
+
+            def over(held: BeliefObject = held) -> Doing[Plan]:
+                return self._over_point(world, held) if self.at else self._over_bin(world, held)
+
+            plan = yield from planned(world, over, self.path, after=replans.made)
+            guard, watch = world.handling.guard + burden(world), _OnTheWay(Kept(world), self._room)
+            motion = world.move.along(plan.trajectory, guard=guard, watch=watch, node=self.path)
+            there = yield from self._arrives(motion, watch, replans)
         held = yield from self._held(world)
         hanging = world.control.load()
         yield from lower(world, held, None if self.at else self._bin(world), self.path)
         yield from self._release(world, held, hanging)
 
-    def _carried(self, world: World) -> Doing[bool]:
+    def _carried(self, world: World, replans: Replans) -> Doing[bool]:
         """Whether a motion that `Grasp` has left brings the object to where it is to go. It is finished then;
         else the arm comes to rest."""
         left, going = world.underway.take(), world.move.ongoing
@@ -102,27 +112,37 @@ class Place(Skill):
             yield from world.move.rest()
             return False
         self._spot, self._floor = left.landing.spot, left.landing.height
-        guard, grip = world.handling.guard + burden(world), Kept(world)
-        motion = world.move.finish(guard=guard, watch=grip.watch, node=self.path)
-        return (yield from self._arrives(motion, grip))
+        room = LandingWatch(world, world.scene.get(self.object), left.landing)
+        if left.version != world.scene.version and room.judged() is not None:
+            yield from world.move.rest()
+            return False
+        guard, watch = world.handling.guard + burden(world), _OnTheWay(Kept(world), room)
+        motion = world.move.finish(guard=guard, watch=watch, node=self.path)
+        return (yield from self._arrives(motion, watch, replans))
 
     def _fits(self, world: World, left: Carriage, going: Trajectory) -> bool:
-        """Whether what was left is about this object and this bin, and nothing is known since that was not
-        known then."""
+        """Whether what was left is about this object and this bin, and the object is still in the hand. What
+        is believed since is asked on the way: whether that is free, and whether there is room."""
+        held = world.scene.held
         return (
             not self.at
             and going is left.plan.trajectory
             and (left.object, left.landing.into) == (self.object, self.into)
-            and left.version == world.scene.version
+            and held is not None
+            and (held.id, held.object_in_tcp) == (left.object, left.object_in_tcp)
         )
 
     @staticmethod
-    def _arrives(motion: Steps, grip: Kept) -> Doing[bool]:
-        """Follow a motion; False when it was stopped because the fingers moved on the way."""
+    def _arrives(motion: Steps, watch: _OnTheWay, replans: Replans) -> Doing[bool]:
+        """Follow a motion; False when it was stopped because the fingers moved on the way, because something
+        came into it, or because the place was taken."""
         try:
             yield from motion
         except Failure as failure:
-            if failure is not grip.doubt:
+            if failure is watch.grip.doubt:
+                return False
+            taken = failure is watch.room.noticed
+            if not replans.allows(failure, *((place.OCCUPIED,) if taken else ())):
                 raise
             return False
         return True
@@ -144,8 +164,9 @@ class Place(Skill):
         weighed(world, hold)
         return held
 
-    def _over_bin(self, world: World, held: BeliefObject, bin_: Bin) -> Doing[Plan]:
+    def _over_bin(self, world: World, held: BeliefObject) -> Doing[Plan]:
         assert held.object_in_tcp is not None
+        bin_ = self._bin(world)
         target = target_for(world, held, bin_.id)
         if not target.cells:
             raise Failure(
@@ -165,6 +186,7 @@ class Place(Skill):
                 refused = failure
                 continue
             self._spot, self._floor = level.spot.name, level.spot.height
+            self._room = LandingWatch(world, held, _reached(over, plan, world))
             return plan
         assert refused is not None
         raise refused
@@ -200,6 +222,7 @@ class Place(Skill):
                 place.OCCUPIED, f"{by} stands where {self.object} should go", object=self.object, by=by
             )
         self._spot, self._floor = "point", 0.0
+        self._room = PointWatch(world, held, poses[0])
         over = tuple(p.shifted((0.0, 0.0, world.handling.approach)) for p in poses)
         return (
             yield from world.plan.to(
@@ -257,3 +280,20 @@ class Place(Skill):
         bin_ = self._bin(world)
         floor = bin_.pose.position[2] + bin_.wall + max(0.0, self._floor)
         return held.pose.shifted((0.0, 0.0, floor - bottom(held.shape, held.pose)))
+
+
+@dataclass(frozen=True, slots=True)
+class _OnTheWay:
+    """Asked each tick while the arm carries the object: is it still held, and is there room for it?"""
+
+    grip: Kept
+    room: Room
+
+    def __call__(self) -> Failure | None:
+        return self.grip.watch() or self.room()
+
+
+def _reached(over: Sequence[Landing], plan: Plan, world: World) -> Landing:
+    """The one of the landings to which a plan leads."""
+    ends = world.robot.tcp(plan.trajectory.end)
+    return min(over, key=lambda landing: landing.above.angle(ends))

@@ -15,6 +15,7 @@ from ..scene.description import Fixture
 from ..scene.planning_scene import BeliefObject
 from ..shapes import Box, bottom, top
 from ..values import Array, ObjectId, Pose
+from .anew import travel
 from .planar import Outline, Planar, gap, moved, outline, planar
 from .pushing_course import SLOW, PushCourse
 from .pushing_sides import height, tool_outline
@@ -257,8 +258,7 @@ def make(
         Request(JointGoal(one.over), width=_widest(world, one.opening), scaling=handling.scaling(1.0)),
         Request(Line(start), width=one.opening, scaling=handling.slowly),
     )
-    plan = yield from world.plan.through(legs, node=node)
-    yield from world.move.along(plan.trajectory, guard=handling.guard, node=node)
+    yield from travel(world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node)
     if abs(world.grip.width - one.opening) > 0.002:
         yield from world.grip.move(one.opening, world.robot.description.gripper.max_force)
     course = PushCourse(
@@ -308,11 +308,11 @@ def step_back(world: World, names: Collection[str], node: str) -> Doing[None]:
         Request(Offset((0.0, 0.0, UP), least_fraction=0.3), allowed=pairs, scaling=handling.slowly),
         Request(NamedGoal(LOOKING), allowed=pairs, scaling=handling.scaling(1.0)),
     )
-    plan = yield from world.plan.through(legs, node=node)
-    yield from world.move.along(plan.trajectory, guard=handling.guard, node=node)
+    yield from travel(world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node)
 
 
 def go_looking(world: World, node: str) -> Doing[None]:
     """To where the arm does not hide the table from the cameras."""
-    plan = yield from world.plan.to(NamedGoal(LOOKING), scaling=world.handling.scaling(1.0), node=node)
-    yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)
+    goal, scaling = NamedGoal(LOOKING), world.handling.scaling(1.0)
+    ask = lambda: world.plan.to(goal, scaling=scaling, node=node)  # noqa: E731
+    yield from travel(world, ask, guard=world.handling.guard, node=node)

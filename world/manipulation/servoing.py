@@ -25,6 +25,7 @@ from .legs import onto
 from .matching import Matched, matched
 
 if TYPE_CHECKING:
+    from ..control.motion import Watch
     from ..scene.planning_scene import BeliefObject
     from ..world import World
 
@@ -62,12 +63,14 @@ class Correction:
         return self.distance > LARGE or self.turn > LARGE_TURN
 
 
-def close_in(world: World, pick: PickAndPlace, node: str, *, first: bool = True) -> Doing[PickAndPlace]:
+def close_in(
+    world: World, pick: PickAndPlace, node: str, *, first: bool = True, watch: Watch | None = None
+) -> Doing[PickAndPlace]:
     """Bring the hand over a grasp, look, and correct the grasp by what is seen; the arm then stands over it,
     and the pick's approach is what is left of the way. Without a camera on the hand nothing is done.
 
     What is not recognised is grasped as believed. Fails with perception.ambiguous where it may be either of
-    two; only the `first` time: then the grasp is tried as believed.
+    two; only the `first` time: then the grasp is tried as believed. `watch` is asked on the way there.
     """
     camera = world.eyes.hand
     if camera is None:
@@ -75,7 +78,7 @@ def close_in(world: World, pick: PickAndPlace, node: str, *, first: bool = True)
     yield from world.control.settle()
     world.grip.start(pick.grasp.opening)
     over = pick.approach.legs[0].trajectory
-    yield from world.move.along(over, guard=world.handling.guard, node=node)
+    yield from world.move.along(over, guard=world.handling.guard, watch=watch, node=node)
     grasp = yield from _corrected(world, pick, camera, node, first=first)
     plan = yield from world.plan.through((onto(world, pick.object, grasp),), node=node)
     return replace(pick, grasp=grasp, at=plan.trajectory.end, approach=plan)

@@ -18,6 +18,7 @@ from ..protocols import Intrinsics
 from ..scene.fits import find_hole
 from ..shapes import corners
 from ..values import Array, ObjectId, Pose
+from .anew import travel
 
 if TYPE_CHECKING:
     from ..scene.description import CameraDescription
@@ -80,12 +81,16 @@ def _go(
             continue
         request = Request(PoseGoal(poses), scaling=world.handling.scaling(1.0))
         try:
-            plan = yield from world.plan.solve(request, node=node)
+            yield from travel(
+                world,
+                lambda request=request: world.plan.solve(request, node=node),
+                guard=world.handling.guard,
+                node=node,
+            )
         except Failure as failure:
             if not failure.cause.name.startswith("planning."):
                 raise
             continue
-        yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)
         return True
     return False
 
