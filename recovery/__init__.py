@@ -4,7 +4,9 @@ from ..trees.node import Node
 from .ask_for_help import AskForHelp
 from .budget import Budget
 from .for_attempt import ForAttempt
+from .free_spot import FreeSpot
 from .guards import GUARDS
+from .look_around import LookAround
 from .plan_with import PlanWith
 from .recover import Recover
 from .recovery_node import RecoveryNode
@@ -20,6 +22,8 @@ NODES: tuple[type[Node], ...] = (
     ForAttempt,
     PlanWith,
     *GUARDS,
+    FreeSpot,
+    LookAround,
     ResetGripper,
     SafeRetreat,
     SetAside,

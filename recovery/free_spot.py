@@ -1,0 +1,127 @@
+"""FreeSpot: a place on the table where what the hand holds can be put down for a while."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..trees.ports import In, Out, port
+from ..trees.skill import Skill, Steps
+from ..world.causes import Failure, grasp, place
+from ..world.causes import world as world_causes
+from ..world.manipulation.spots import ABOVE, put_down_poses
+from ..world.shapes import Box, top
+from ..world.values import ObjectId
+
+if TYPE_CHECKING:
+    from ..world.scene.description import Fixture
+    from ..world.scene.planning_scene import BeliefObject
+    from ..world.world import World
+
+GRID = 0.03
+"""Between two places that are tried, m."""
+FROM_EDGE = 0.08
+"""What is put down stays so far from the edge of what it stands on, m."""
+ROOM = 0.04
+"""Around it, so that the hand fits around it again, m."""
+NEAREST, FARTHEST = 0.32, 0.70
+"""From the robot's base, m: where an arm of a table-top size reaches down."""
+REACHED = 25
+"""Free places of which it is asked whether the arm reaches them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A point of a table's top, by its place in words."""
+
+    name: str
+    at: tuple[float, float, float]
+
+
+class FreeSpot(Skill):
+    """Find a place on a table where the held object can be put down, with room for the hand around it.
+
+    The nearest one to where the hand is, within reach, away from edges, bins and everything believed; after
+    it was offered once, another one. `Place` with `at` puts the object there.
+    """
+
+    example = """
+    Sequence:
+      - FreeSpot: {object: "{item}", at: "{spot}"}
+      - Place: {object: "{item}", at: "{spot}"}
+    """
+
+    object: In[ObjectId] = port("what the hand holds")
+    at: Out[list[float]] = port("the place of its underside: x, y, z in the world", unit="m")
+    causes = (place.OCCUPIED, grasp.SLIPPED, world_causes.UNKNOWN_OBJECT)
+
+    def run(self, world: World) -> Steps:
+        held = world.scene.get(self.object)
+        if held.object_in_tcp is None:
+            raise Failure(grasp.SLIPPED, f"{self.object} is not in the hand", object=self.object)
+        free = [spot for spot in self._spots(world) if self._has_room(world, held, spot)]
+        for spot in world.attempts.remaining(self.path, self.object, free)[:REACHED]:
+            above = put_down_poses(spot.at, held.shape, held.object_in_tcp)
+            raised = (pose.shifted((0.0, 0.0, world.handling.approach)) for pose in above[::2])
+            if any(world.plan.reachable(pose) is not None for pose in raised):
+                world.attempts.failed(self.path, self.object, spot.name)
+                yield from world.plan.charge()
+                self.at = list(spot.at)
+                return
+        yield from world.plan.charge()
+        raise Failure(
+            place.OCCUPIED,
+            f"there is no place within reach where {self.object} can be put down",
+            object=self.object,
+            free=len(free),
+        )
+
+    def _spots(self, world: World) -> list[Spot]:
+        """On all tables, the nearest to the hand first."""
+        hand = world.control.tcp.position
+        found: list[Spot] = []
+        for fixture in world.scene.fixtures.values():
+            found += _on(fixture)
+        return sorted(found, key=lambda spot: (math.dist(spot.at[:2], hand[:2]), spot.name))
+
+    def _has_room(self, world: World, held: BeliefObject, spot: Spot) -> bool:
+        assert held.object_in_tcp is not None
+        pose = put_down_poses(spot.at, held.shape, held.object_in_tcp)[0] @ held.object_in_tcp
+        bounds = world.description.workspace
+        if not all(
+            low < x < high for x, low, high in zip(pose.position, bounds.low, bounds.high, strict=True)
+        ):
+            return False
+        below = {f.id for f in world.scene.fixtures.values() if _top(f) is not None}
+        raised = pose.shifted((0.0, 0.0, ABOVE))
+        contacts = world.queries.free(held.shape, raised, ignore=(held.id,), margin=ROOM)
+        return all(contact.b in below and contact.distance > 0 for contact in contacts)
+
+
+def _top(fixture: Fixture) -> float | None:
+    """Height of the upper side of a board, m; None for anything else."""
+    if not isinstance(fixture.shape, Box) or fixture.shape.size[2] > min(fixture.shape.size[:2]):
+        return None
+    up = fixture.pose.rotation()[:, 2]
+    return top(fixture.shape, fixture.pose) if up[2] > 0.9999 else None
+
+
+def _on(fixture: Fixture) -> list[Spot]:
+    """Points of a grid over a board, in the part that an arm at the origin reaches."""
+    height = _top(fixture)
+    if height is None or not isinstance(fixture.shape, Box):
+        return []
+    half = [size / 2 - FROM_EDGE for size in fixture.shape.size[:2]]
+    if min(half) <= 0:
+        return []
+    axes = [np.arange(-math.floor(h / GRID), math.floor(h / GRID) + 1) * GRID for h in half]
+    found: list[Spot] = []
+    for a in axes[0]:
+        for b in axes[1]:
+            x, y, _ = (float(v) for v in fixture.pose.apply(np.array([a, b, 0.0])))
+            if NEAREST < math.hypot(x, y) < FARTHEST:
+                found.append(Spot(f"{fixture.id} {x:.2f} {y:.2f}", (x, y, height)))
+    return found
