@@ -68,14 +68,14 @@ def read_recipe(request: RunRequest) -> Recipe:
         raise PicktreeError(f"{request.mission}: the mission names no scene; add 'scene:' or give --scene")
     beside = Path.cwd() if request.scene else request.mission.parent
     scene = load_scene(wanted, beside)
+    wanted_robot = (request.robot, Path.cwd()) if request.robot else (scene.robot, Path(scene.source).parent)
+    robot = load_robot(*wanted_robot)
     return Recipe(
         mission,
         scene,
-        load_robot(request.robot, Path.cwd())
-        if request.robot
-        else load_robot(scene.robot, Path(scene.source).parent),
+        robot,
         request.seed,
-        load_faults(request.faults) if request.faults else None,
+        load_faults(request.faults, scene, robot) if request.faults else None,
         request.parameters,
         request.backend,
         request.verify,

@@ -72,7 +72,7 @@ def apply(changes: Changes, recorded: Recipe) -> Changed:
         told.append(f"set {name}: {value}" + ("" if before is None else f" instead of {before}"))
     recipe = replace(recipe, parameters=parameters)
     if changes.faults is not None or changes.no_faults:
-        faults = load_faults(changes.faults) if changes.faults else None
+        faults = load_faults(changes.faults, recipe.scene, recipe.robot) if changes.faults else None
         recipe = replace(recipe, faults=faults)
         told.append(_faults_told(recorded.faults, faults))
     if changes.seed is not None:

@@ -38,7 +38,10 @@ def _faults() -> Schema:
     definitions = schema(found["definitions"])
     rules = {
         "FaultEntry": by_value("fault", NEEDS, MAY),
-        "When": belonging(("start", "delay"), "node", "at"),
+        "When": [
+            *belonging(("start", "delay", "each"), "node", "at"),
+            *belonging(("every",), "at", "node"),
+        ],
     }
     for name, more in rules.items():
         definition = schema(definitions[name])

@@ -1,87 +1,31 @@
-"""What a faults file says, as values: what is to go wrong, when, and to which item."""
+"""What a faults file says, as values: what is to go wrong, when, and what would be right to say of it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
-from ..scene.description import Fixture, Form
-from ..values import Vector3
+from .devices import Ailing
+from .items import Appear, Bump, Friction, Heavier, ItemFault, Larger, Obstacle, Remove, Slip, Target
+from .program import ProgramFault
+from .when import AtNode, AtTime, When
 
+__all__ = [
+    "Appear", "AtNode", "AtTime", "Bump", "Expect", "FaultFile", "FaultSpec", "Friction", "Heavier", "Larger",
+    "Obstacle", "Remove", "Slip", "Target", "When",
+]  # fmt: skip
 
-@dataclass(frozen=True, slots=True)
-class AtTime:
-    """At this simulated time, s."""
-
-    time: float
-
-
-@dataclass(frozen=True, slots=True)
-class AtNode:
-    """`delay` s after the node that fits `pattern` has started for the `start`-th time (from 1)."""
-
-    pattern: str
-    start: int = 1
-    delay: float = 0.0
-
-
-When: TypeAlias = AtTime | AtNode
+FaultSpec: TypeAlias = ItemFault | Slip | Appear | Obstacle | Ailing | ProgramFault
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
-    """A true item: among those that fit all that is given, the nearest to `nearest_to`, else the first.
+class Expect:
+    """What whoever judges a run with these faults takes as right. Neither robot nor simulation reads it."""
 
-    `tool` is the TCP; `object` the place where the belief has what the node's port `object` names.
-    """
-
-    index: int | None = None
-    """Number in the order of spawning, from 0."""
-    kind: str | None = None
-    form: Form | None = None
-    colour: str | None = None
-    nearest_to: Literal["tool", "object"] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Remove:
-    """The item is snatched away, out of the robot's world."""
-
-    when: When
-    target: Target
-
-
-@dataclass(frozen=True, slots=True)
-class Friction:
-    """The item gets another friction, and mass (kg) where one is given."""
-
-    when: When
-    target: Target
-    friction: float
-    mass: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Bump:
-    """The item gets a velocity (m/s, world) and a spin (rad/s, world) all at once."""
-
-    when: When
-    target: Target
-    velocity: Vector3
-    spin: Vector3 = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Obstacle:
-    """Something that the robot is not told of is put into its way, as soon as nothing is there; it stands
-    still, and is taken away again after so many seconds, or never."""
-
-    when: When
-    body: Fixture
-    stays: float | None = None
-
-
-FaultSpec: TypeAlias = Remove | Friction | Bump | Obstacle
+    causes: tuple[str, ...] = ()
+    """Causes, or patterns of causes, that name what went wrong; none: it should do no harm."""
+    lost: int = 0
+    """Items that can physically not be sorted any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,3 +36,4 @@ class FaultFile:
     source: str = ""
     text: str = ""
     """The file as it was read, for the log."""
+    expect: Expect | None = None

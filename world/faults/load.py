@@ -6,15 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import PicktreeError
-from ..files.checked import Checker, describe
-from ..files.document import Document, Fault, FileError, Location, nearest, open_document, read_document
+from ..files.checked import Checker
+from ..files.document import Document, Fault, FileError, open_document, read_document
+from ..robot.description import RobotDescription
+from ..robot.load import load_robot
 from ..scene.description import SceneDescription
-from ..scene.entries import check_unknown, unknown
 from ..scene.load import load_scene
-from .description import AtNode, AtTime, Bump, FaultFile, FaultSpec, Friction, Obstacle, Remove, Target, When
-from .schema import MAY, NEEDS, FaultEntryFile, FaultsRestFile, TargetFile, WhenFile
-
-_OWN_KEYS = ("target", "friction", "mass", "velocity", "spin", "body", "name", "stays")
+from .checks import Place, check_entry, check_expected, check_items, check_place
+from .description import Expect, FaultFile
+from .entries import spec
+from .schema import FaultEntryFile, FaultsRestFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,44 +27,55 @@ class FaultsCheck:
     """Also those of the scene that it names, with their own places."""
 
 
-def load_faults(path: Path) -> FaultFile:
-    """Raises FileError with all faults of the file."""
-    return _faultless(open_document(path, "faults"))
+def load_faults(
+    path: Path, scene: SceneDescription | None = None, robot: RobotDescription | None = None
+) -> FaultFile:
+    """`scene` and `robot`: where it is to happen, where that is known; they must have the cameras, joints and
+    kinds that the file names. Raises FileError with all faults of the file."""
+    return _faultless(open_document(path, "faults"), _place(scene, robot))
 
 
 def parse_faults(text: str, path: Path) -> FaultFile:
     """As `load_faults`, of a text as a log keeps it."""
-    return _faultless(read_document(text, path, "faults"))
+    return _faultless(read_document(text, path, "faults"), None)
 
 
-def check_faults(document: Document) -> FaultsCheck:
+def check_faults(document: Document, place: Place | None = None) -> FaultsCheck:
     """Everything that can be said of a document of kind `faults`; never raises for what stands in it.
 
-    Kinds, forms, colours and numbers of items are compared with the scene where the file names one.
+    Kinds, forms, colours and numbers of items are compared with the scene where the file names one; cameras,
+    joints and what is to appear with `place`, or else with that scene.
     """
     check = Checker(document)
-    check.keys(("scene", "faults"))
-    rest = check.read(FaultsRestFile, ignore=[key for key in document.data if key != "scene"])
+    check.keys(("scene", "expect", "faults"))
+    rest = check.read(FaultsRestFile, ignore=[key for key in document.data if key not in ("scene", "expect")])
     scene: SceneDescription | None = None
     with check.readable():
         scene = _scene(check, rest.scene)
+    with check.readable():
+        if rest.expect is not None:
+            check_expected(check, rest.expect)
     if "faults" not in document.data:
         check.fault((), "'faults' is missing", "a list of what is to go wrong", code="P105", key=True)
     entries = check.sequence(FaultEntryFile, "faults")
+    if place is None and scene is not None:
+        asked = any(document.get(("faults", n, "joint")) is not None for n in range(len(entries)))
+        place = Place(scene, _joints(scene) if asked else None)
     for n, entry in enumerate(entries):
-        _check_entry(check, n, entry)
+        check_entry(check, n, entry)
         if scene is not None:
-            with check.readable():
-                if entry.target is not None:
-                    _check_target(check, ("faults", n, "target"), entry.target, scene)
+            check_items(check, n, entry, scene)
+        if place is not None:
+            check_place(check, n, entry, place)
     if any(fault.severity == "error" for fault in check.faults):
         return FaultsCheck(None, tuple(check.faults))
-    specs = tuple(_spec(entry) for entry in entries)
-    return FaultsCheck(FaultFile(specs, str(document.path), document.text), tuple(check.faults))
+    expect = None if rest.expect is None else Expect(tuple(rest.expect.causes), rest.expect.lost)
+    specs = tuple(map(spec, entries))
+    return FaultsCheck(FaultFile(specs, str(document.path), document.text, expect), tuple(check.faults))
 
 
-def _faultless(document: Document) -> FaultFile:
-    found = check_faults(document)
+def _faultless(document: Document, place: Place | None) -> FaultFile:
+    found = check_faults(document, place)
     if found.file is None:
         raise FileError(found.faults)
     return found.file
@@ -81,74 +93,15 @@ def _scene(check: Checker, name: str | None) -> SceneDescription | None:
     return None
 
 
-def _check_entry(check: Checker, n: int, entry: FaultEntryFile) -> None:
-    loc: Location = ("faults", n)
-    with check.readable():
-        _check_when(check, (*loc, "when"), entry.when)
-    with check.readable():
-        for name in _OWN_KEYS:
-            given = check.document.get((*loc, name)) is not None
-            if given and name not in MAY[entry.fault]:
-                check.fault((*loc, name), f"{entry.fault!r} takes no {name!r}", code="P602", key=True)
-            if not given and name in NEEDS[entry.fault]:
-                check.fault(loc, f"{entry.fault!r} needs {name!r}", code="P601")
-    with check.readable():
-        if entry.target == TargetFile():
-            hint = "index, kind, form, colour or nearest_to"
-            check.fault((*loc, "target"), "no item is named", hint, code="P603")
-    with check.readable():
-        if entry.target and entry.target.nearest_to == "object" and entry.when.node is None:
-            message = "'object' needs a node in 'when', whose port it is"
-            check.fault((*loc, "target", "nearest_to"), message, code="P604")
-    with check.readable():
-        if entry.body is not None:
-            check_unknown(check, (*loc, "body"), entry.body)
+def _place(scene: SceneDescription | None, robot: RobotDescription | None) -> Place | None:
+    if scene is None:
+        return None
+    return Place(scene, None if robot is None else tuple(robot.joints))
 
 
-def _check_when(check: Checker, loc: Location, when: WhenFile) -> None:
-    if check.one_of(loc, WhenFile.one_of) == "at":
-        for name in ("start", "delay"):
-            if getattr(when, name) is not None:
-                check.fault((*loc, name), f"{name!r} belongs to 'node'", code="P605", key=True)
-
-
-def _check_target(check: Checker, loc: Location, target: TargetFile, scene: SceneDescription) -> None:
-    """Whether the scene has an item that is meant."""
-    counts = [count for load in scene.loads for count in load.counts]
-    kinds = list(dict.fromkeys(kind for kind, _ in counts))
-    forms = list(dict.fromkeys(str(scene.entry(kind).form) for kind in kinds))
-    colours = list(dict.fromkeys(colour for load in scene.loads for colour in load.colours))
-    total = scene.items_in_all
-    for key, known in (("kind", kinds), ("form", forms), ("colour", colours)):
-        with check.readable():
-            name: str | None = getattr(target, key)
-            if name is not None and name not in known:
-                message = f"the scene {scene.name} has no item of {key} {describe(name)}"
-                check.fault((*loc, key), message, nearest(name, known), code="P608")
-    with check.readable():
-        if target.index is not None and total is not None and target.index >= total:
-            hint = f"it has {total} items, counted from 0" if total else "it has no items"
-            message = f"the scene {scene.name} has no item {target.index}"
-            check.fault((*loc, "index"), message, hint, code="P608")
-
-
-def _spec(entry: FaultEntryFile) -> FaultSpec:
-    """A fault without faults."""
-    when, chosen = _when(entry.when), entry.target or TargetFile()
-    target = Target(chosen.index, chosen.kind, chosen.form, chosen.colour, chosen.nearest_to)
-    match entry.fault:
-        case "remove":
-            return Remove(when, target)
-        case "friction":
-            return Friction(when, target, entry.friction or 0.0, entry.mass)
-        case "bump":
-            return Bump(when, target, entry.velocity or (0.0, 0.0, 0.0), entry.spin or (0.0, 0.0, 0.0))
-        case "obstacle":
-            assert entry.body is not None
-            return Obstacle(when, unknown(entry.name or "obstacle", entry.body), entry.stays)
-
-
-def _when(when: WhenFile) -> When:
-    if when.node is not None:
-        return AtNode(when.node, when.start or 1, when.delay or 0.0)
-    return AtTime(when.at or 0.0)
+def _joints(scene: SceneDescription) -> tuple[str, ...] | None:
+    """Of the scene's robot; None: its file says what is wrong with it itself."""
+    try:
+        return tuple(load_robot(scene.robot, Path(scene.source).parent).joints)
+    except PicktreeError:
+        return None

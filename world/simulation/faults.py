@@ -67,6 +67,10 @@ class Injector:
         object_place: Callable[[str], Vector3 | None] = lambda _: None,
     ) -> None:
         self._faults: tuple[FaultSpec, ...] = faults.faults if faults else ()
+        for fault in self._faults:
+            if not isinstance(fault, Remove | Friction | Bump | Obstacle):
+                kind = type(fault).__name__
+                raise PicktreeError(f"{faults.source if faults else ''}: {kind} cannot be carried out yet")
         self._hardware = hardware
         self._object_place = object_place
         self._states = [
@@ -134,7 +138,8 @@ class Injector:
         data: dict[str, Plain] = {"fault": "obstacle", "obstacle": state.standing, "gone": True}
         return Happened("fault", f"{state.standing} is taken away", state.node, data)
 
-    def _carry_out(self, fault: Remove | Friction | Bump, node: str) -> Happened:
+    def _carry_out(self, fault: FaultSpec, node: str) -> Happened:
+        assert isinstance(fault, Remove | Friction | Bump)
         name = type(fault).__name__.lower()
         body = self._choose(fault.target, node)
         if body is None:

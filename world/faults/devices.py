@@ -1,0 +1,120 @@
+"""What may happen to the robot's devices: arm, gripper, wrist sensor, cameras. `lasts`: s; None: for good."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from ..values import Pose, Vector3
+from .when import When
+
+
+@dataclass(frozen=True, slots=True)
+class GripperJam:
+    """The fingers stay where they are, whatever they are told, and go on pressing on what they hold."""
+
+    when: When
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GripperWeak:
+    """The fingers press with a share of the force that they are told."""
+
+    when: When
+    share: float
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class JointWeak:
+    """The joint's torque is at most a share of what it could give."""
+
+    when: When
+    joint: str
+    share: float
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stall:
+    """The commands to the arm are not carried out: its drives hold it where it is."""
+
+    when: When
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchBias:
+    """The wrist's sensor is off by a force, N, and a torque, Nm, in its own axes."""
+
+    when: When
+    force: Vector3
+    torque: Vector3 = (0.0, 0.0, 0.0)
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchDead:
+    """The wrist's sensor is silent: its reading and the stamp of it stand still."""
+
+    when: When
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraDrop:
+    """No image comes from a camera (None: from any), for a time or for so many images."""
+
+    when: When
+    camera: str | None = None
+    lasts: float | None = None
+    images: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraShift:
+    """A camera's true optical frame is moved, given in the frame as it was: x right, y down, z forward."""
+
+    when: When
+    moved: Pose
+    camera: str | None = None
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraNoise:
+    """The noise of a camera's depth and colour is `factor` times as large."""
+
+    when: When
+    factor: float
+    camera: str | None = None
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMislabel:
+    """A camera shows one colour of items as another; `swapped`: and the other as the one."""
+
+    when: When
+    colour: str
+    shown_as: str
+    swapped: bool = False
+    camera: str | None = None
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NoPlan:
+    """The planner finds no way, for a time or for so many requests."""
+
+    when: When
+    lasts: float | None = None
+    requests: int | None = None
+
+
+CameraFault: TypeAlias = CameraDrop | CameraShift | CameraNoise | CameraMislabel
+Ailing: TypeAlias = (
+    GripperJam | GripperWeak | JointWeak | Stall | WrenchBias | WrenchDead | CameraFault | NoPlan
+)
+"""What is so for a while: it begins and, unless it is for good, ends."""

@@ -1,0 +1,32 @@
+"""What may happen to the program that runs the mission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from .when import When
+
+
+@dataclass(frozen=True, slots=True)
+class Hang:
+    """The skill that runs yields for ever: it is never done, until it is halted."""
+
+    when: When
+
+
+@dataclass(frozen=True, slots=True)
+class Raise:
+    """The code of the skill that runs raises an exception."""
+
+    when: When
+
+
+@dataclass(frozen=True, slots=True)
+class Kill:
+    """The process is killed (SIGKILL)."""
+
+    when: When
+
+
+ProgramFault: TypeAlias = Hang | Raise | Kill
