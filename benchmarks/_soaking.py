@@ -1,0 +1,210 @@
+"""What a soak writes down while it runs, and what that amounts to."""
+
+from __future__ import annotations
+
+import json
+import resource
+import time
+from array import array
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from picktree.logs.result import RunResult
+    from picktree.trees.runner import NodeInfo, TickReport
+
+MINUTE, QUARTER = 60.0, 900.0
+"""Simulated s."""
+SETTLED = 1800.0
+"""Simulated s after which memory must stay where it is."""
+PAGE = resource.getpagesize() / 1e6
+"""MB"""
+
+
+@dataclass(frozen=True, slots=True)
+class Minute:
+    """How things stand at the end of a simulated minute."""
+
+    time: float
+    """Simulated s."""
+    wall: float
+    """s since the soak began in this process."""
+    cpu: float
+    """s of this process."""
+    memory: float
+    """Resident, MB."""
+    items: int
+    """Done so far."""
+    came: int
+    """Items that have come so far."""
+    part: int
+    """1 unless the soak was taken up: which process that is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quarter:
+    """Ticks of a quarter of a simulated hour: CPU seconds from one to the next, all that happens between
+    two looks at the tree included."""
+
+    time: float
+    """Simulated s at its end."""
+    ticks: int
+    median: float
+    """ms"""
+    p95: float
+    """ms"""
+    mean: float
+    """ms"""
+    part: int
+
+
+class Diary:
+    """Watches a run and writes a line for each minute and each quarter of an hour into a file, at once: a
+    soak that is cut off has told what it knew."""
+
+    def __init__(self, path: Path, part: int = 1, *, say: bool = True) -> None:
+        self._path, self._part, self._say = path, part, say
+        self._began, self._last = time.perf_counter(), 0.0
+        self._minute = self._quarter = 0.0
+        self._ticks = array("d")
+
+    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
+        self._write({"folder": str(folder), "part": self._part})
+        self._last = time.process_time()
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        cpu = time.process_time()
+        if self._minute == 0.0:  # the first tick: it may be that of a soak that goes on
+            self._minute = MINUTE * (now // MINUTE + 1)
+            self._quarter = QUARTER * (now // QUARTER + 1)
+        self._ticks.append(cpu - self._last)
+        if now >= self._minute - 1e-6:
+            self._minute += MINUTE
+            wall = time.perf_counter() - self._began
+            minute = Minute(
+                now, round(wall, 1), round(cpu, 1), round(resident(), 2), items_done, items_total, self._part
+            )
+            self._write({"minute": asdict(minute)})
+            if self._say:
+                print(
+                    f"{now / 60:6.0f} min  {items_done:5d} items  {minute.memory:7.1f} MB  "
+                    f"{now / max(wall, 1e-9):5.1f} × real time",
+                    flush=True,
+                )
+        if now >= self._quarter - 1e-6:
+            self._quarter += QUARTER
+            self._write({"quarter": asdict(quarter(now, self._ticks, self._part))})
+            self._ticks = array("d")
+        self._last = time.process_time()  # what this diary costs is no part of a tick
+
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
+    def told(self, now: float, text: str) -> None: ...
+
+    def finished(self, result: RunResult) -> None:
+        self._write({"result": result.to_json_text(), "part": self._part})
+
+    def died(self, error: BaseException) -> None:
+        self._write({"crash": f"{type(error).__name__}: {error}", "part": self._part})
+
+    def _write(self, row: dict[str, object]) -> None:
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+
+
+def quarter(now: float, ticks: Iterable[float], part: int) -> Quarter:
+    """Of CPU seconds a tick."""
+    ms = 1000 * np.array(ticks)
+    return Quarter(
+        now,
+        len(ms),
+        round(float(np.median(ms)), 4),
+        round(float(np.percentile(ms, 95)), 4),
+        round(float(ms.mean()), 4),
+        part,
+    )
+
+
+def resident() -> float:
+    """MB of this process."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE
+
+
+@dataclass(frozen=True, slots=True)
+class Soak:
+    """What a diary holds."""
+
+    minutes: tuple[Minute, ...]
+    quarters: tuple[Quarter, ...]
+    folders: tuple[str, ...]
+    """Of the runs, one for each process that went on with it."""
+    result: RunResult | None
+    """Of the last process; None when it was cut off."""
+    crash: str
+
+    @classmethod
+    def read(cls, path: Path) -> Soak:
+        from picktree.logs.result import RunResult
+
+        rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        results = [row["result"] for row in rows if "result" in row]
+        crashes = [row["crash"] for row in rows if "crash" in row]
+        return cls(
+            tuple(Minute(**row["minute"]) for row in rows if "minute" in row),
+            tuple(Quarter(**row["quarter"]) for row in rows if "quarter" in row),
+            tuple(row["folder"] for row in rows if "folder" in row),
+            RunResult.from_json_text(results[-1], path) if results else None,
+            crashes[-1] if crashes else "",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """Of the memory after the first half hour of a process."""
+
+    first: float
+    """MB at half an hour."""
+    last: float
+    """MB at the end."""
+    most: float
+    """MB at the worst minute after it."""
+    an_hour: float
+    """MB, by least squares over all minutes after it."""
+    an_item: float
+    """kB, likewise."""
+
+    @property
+    def share(self) -> float:
+        """Of the last minute against the half hour."""
+        return self.last / self.first - 1.0
+
+
+def growth(minutes: Iterable[Minute], settled: float = SETTLED) -> Growth | None:
+    """Of one process: None when it was over before there was something to compare. A process that took a
+    soak up begins its half hour when it begins."""
+    minutes = tuple(minutes)
+    if not minutes:
+        return None
+    last = minutes[-1].part
+    own = [minute for minute in minutes if minute.part == last]
+    later = [minute for minute in own if minute.time - own[0].time >= settled - 1.5 * MINUTE]
+    if len(later) < 3:
+        return None
+    memory = np.array([minute.memory for minute in later])
+    hours = np.array([minute.time for minute in later]) / 3600
+    items = np.array([float(minute.items) for minute in later])
+    return Growth(
+        later[0].memory,
+        later[-1].memory,
+        float(memory.max()),
+        _slope(hours, memory),
+        1000 * _slope(items, memory),
+    )
+
+
+def _slope(x: np.ndarray, y: np.ndarray) -> float:
+    spread = float(((x - x.mean()) ** 2).sum())
+    return float(((x - x.mean()) * (y - y.mean())).sum()) / spread if spread else 0.0

@@ -1,0 +1,208 @@
+"""Soak: sort on and on with random faults, in one process. Do memory and the time of a tick stay where they
+are, and does each file of the log open by itself?
+
+    python benchmarks/soak.py                              # 8 simulated hours
+    python benchmarks/soak.py --hours 0.3 --backend kinematic
+    python benchmarks/soak.py --resume                     # go on from the last checkpoint
+    python benchmarks/soak.py --report                     # what it has told so far
+
+A feed that never ends brings items, full bins are exchanged, and faults come as benchmarks/soak/faults.yaml
+draws them. Each simulated minute is a line in the soak's diary: resident memory, items; each quarter of an
+hour the CPU time of its ticks. A soak that is cut off has told what it knew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from _campaign import ROOT
+from _soaking import SETTLED, Diary, Soak, growth
+
+if TYPE_CHECKING:
+    from picktree.logs.result import RunResult
+
+HERE = ROOT / "benchmarks" / "soak"
+COST_AN_HOUR = 750.0
+"""CPU seconds that a simulated hour takes in physics, for the forecast."""
+MB_AN_HOUR = 250.0
+"""Of log."""
+OVERTIME = 1800.0
+"""Simulated s after which a mission that does not end when it should is ended."""
+PARTS = 6
+"""Files of the log that are opened by themselves, drawn at random."""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--hours", type=float, default=8.0, help="simulated")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--mission", type=Path, default=HERE / "sort_on.yaml")
+    parser.add_argument("--scene", default=str(HERE / "endless.yaml"))
+    parser.add_argument("--faults", default=str(HERE / "faults.yaml"), help="none for no faults")
+    parser.add_argument("--backend", choices=("physics", "kinematic"), default="physics")
+    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "soak")
+    parser.add_argument("--parts", type=int, default=PARTS, help="files of the log to open; 0 for all")
+    parser.add_argument("--resume", action="store_true", help="go on with the soak in --out")
+    parser.add_argument("--report", action="store_true", help="only say what the soak in --out has told")
+    given = parser.parse_args()
+    diary = given.out / "diary.jsonl"
+    if not given.report:
+        if diary.exists() and not given.resume:
+            print(f"{diary}: there is a soak already; --resume, --report, or another --out", file=sys.stderr)
+            return 2
+        if given.resume and not diary.exists():
+            print(f"{diary}: there is no soak to go on with", file=sys.stderr)
+            return 2
+        soak(given, diary)
+    elif not diary.exists():
+        print(f"{diary}: there is no soak", file=sys.stderr)
+        return 2
+    return report(diary, given.parts)
+
+
+def soak(given: argparse.Namespace, diary: Path) -> None:
+    from picktree.logs.resuming.resumption import ResumeRequest, Resumption
+    from picktree.logs.rotation import FOR_FEEDS
+    from picktree.logs.session import RunRequest, Session
+
+    print(
+        f"{given.hours:g} simulated hours on the {given.backend} backend: about "
+        f"{given.hours * COST_AN_HOUR / 60:.0f} CPU minutes and {given.hours * MB_AN_HOUR:.0f} MB of log; "
+        f"one process; diary in {diary}",
+        flush=True,
+    )
+    given.out.mkdir(parents=True, exist_ok=True)
+    until = given.hours * 3600.0
+    with ExitStack() as stack:
+        if given.resume:
+            folders = Soak.read(diary).folders
+            watcher = Diary(diary, 1 + len(folders))
+            asked = ResumeRequest(folders[-1], given.out, until + OVERTIME, FOR_FEEDS)
+            resumption = stack.enter_context(Resumption(asked))
+            print(resumption.told, flush=True)
+            session = resumption.session(watcher)
+        else:
+            watcher = Diary(diary)
+            request = RunRequest(
+                mission=given.mission,
+                scene=given.scene,
+                seed=given.seed,
+                parameters={"until": f"{until:g} s"},
+                faults=None if given.faults == "none" else Path(given.faults),
+                out=given.out,
+                backend=given.backend,
+                limit=until + OVERTIME,
+                rotation=FOR_FEEDS,
+            )
+            session = Session(request, watcher)
+        try:
+            session.run()
+        except BaseException as error:
+            watcher.died(error)
+            raise
+
+
+def report(path: Path, parts: int) -> int:
+    """Print what a diary amounts to. 1 when a target is missed, or it was cut off."""
+    told = Soak.read(path)
+    missed: list[str] = []
+    if not told.minutes:
+        print("not a minute was finished" + (f": {told.crash}" if told.crash else ""))
+        return 1
+    last = told.minutes[-1]
+    print(f"simulated      {last.time / 3600:.2f} h in {last.cpu:.0f} CPU s, {last.part} process(es)")
+    print(f"items          {last.items} done of {last.came} that came")
+    if told.result is not None:
+        _print_result(told.result)
+    else:
+        missed.append(f"the run came to no end: {told.crash or 'it was cut off'}")
+    grown = growth(told.minutes)
+    if grown is None:
+        print(f"memory         {told.minutes[0].memory:.1f} … {last.memory:.1f} MB; too short to tell growth")
+    else:
+        print(
+            f"memory         {grown.first:.1f} MB after {SETTLED / 60:.0f} min, {grown.last:.1f} at the end: "
+            f"{100 * grown.share:+.1f} %; at most {grown.most:.1f} MB; by least squares "
+            f"{grown.an_hour:+.2f} MB an hour, {grown.an_item:+.2f} kB an item"
+        )
+        if grown.share >= 0.05:
+            missed.append("memory grows by 5 % or more after the first half hour")
+    if told.quarters:
+        _print_ticks(told)
+    missed += _open_parts(told, parts)
+    for words in missed:
+        print(f"MISSED: {words}")
+    return 1 if missed else 0
+
+
+def _print_result(result: RunResult) -> None:
+    items, picks, feed = result.items, result.picks, result.feed
+    print(f"ended          {result.status}{': ' + result.message if result.message else ''}")
+    print(f"scored         sorted {items.sorted}, misplaced {items.misplaced}, left {items.left}")
+    print(f"grasps         {picks.held} of {picks.tried} held")
+    if feed is not None:
+        print(
+            f"feed           {feed.deliveries} loads, {feed.exchanges} bins exchanged, "
+            f"{feed.set_aside} items set aside"
+        )
+    for name, counts in (("failures", result.failures), ("recoveries", result.recoveries)):
+        most = sorted(counts.items(), key=lambda each: -each[1])
+        print(f"{name:<14} " + (", ".join(f"{cause} {n}" for cause, n in most) or "none"))
+
+
+def _print_ticks(told: Soak) -> None:
+    print("CPU of a tick  by quarter of an hour, ms: median, 95 %, mean")
+    for each in told.quarters:
+        print(f"  until {each.time / 60:5.0f} min  {each.median:7.2f} {each.p95:8.2f} {each.mean:8.2f}")
+    later = [quarter for quarter in told.quarters if quarter.time > SETTLED]
+    if len(later) >= 4:
+        half = len(later) // 2
+        for name in ("median", "p95", "mean"):
+            early = np.median([getattr(each, name) for each in later[:half]])
+            late = np.median([getattr(each, name) for each in later[half:]])
+            print(
+                f"  {name}: second half against the first, after {SETTLED / 60:.0f} min: × {late / early:.3f}"
+            )
+
+
+def _open_parts(told: Soak, wanted: int) -> list[str]:
+    """Open files of the log each by itself, with the stock reader and with `picktree explain`."""
+    from mcap.reader import make_reader
+
+    files = [file for folder in told.folders for file in sorted(Path(folder).glob("*.mcap"))]
+    size = sum(file.stat().st_size for file in files)
+    print(f"log            {size / 1e6:.0f} MB in {len(files)} files")
+    if wanted and wanted < len(files):
+        drawn: list[int] = (
+            np.random.default_rng(len(files)).choice(len(files), wanted, replace=False).tolist()
+        )
+        files = [files[n] for n in sorted(drawn)]
+    faults: list[str] = []
+    opened = 0
+    for file in files:
+        try:
+            with file.open("rb") as stream:
+                messages = sum(1 for _ in make_reader(stream).iter_messages())
+        except Exception as error:  # noqa: BLE001  whatever the stock reader says is the answer
+            faults.append(f"{file.name}: the stock reader: {error}")
+            continue
+        said = subprocess.run(
+            [sys.executable, "-m", "picktree", "explain", str(file)], capture_output=True, text=True
+        )
+        opened += said.returncode in (0, 1) and messages > 0
+        if said.returncode not in (0, 1):
+            faults.append(f"{file.name}: picktree explain: {said.stderr.strip().splitlines()[-1:]}")
+    print(f"  opened by themselves: {opened} of {len(files)}")
+    return faults
+
+
+if __name__ == "__main__":
+    sys.exit(main())
