@@ -80,3 +80,19 @@ def test_what_the_hand_would_touch() -> None:
     tall = item("tall", Box((0.03, 0.03, 0.2)), Pose((0.5, 0.09, 0.1)))
     scene.put(tall, "test")
     assert ("hand", "tall") in {(c.a, c.b) for c in queries.hand_contacts(down(0.5, 0.0, 0.02), 0.0)}
+
+
+def test_bodies_that_just_touch_in_a_symmetric_way_are_measured() -> None:
+    """python-fcl's own signed distance ends the process for these: a plate, and a ball at its edge."""
+    rng = np.random.default_rng(1)
+    shapes = (Cylinder(0.05, 0.006), Sphere(0.02), Cylinder(0.02, 0.08))
+    for _ in range(300):
+        one, other = (shapes[int(rng.integers(3))] for _ in range(2))
+        across, lying = rng.choice([0.0, 0.01, 0.02, -0.02, -0.02 + 1e-9], 2), rng.choice([0.0, np.pi / 2], 2)
+        standing = item("one", one, Pose.from_rpy((0.5, 0.0, 0.02), (0.0, float(lying[0]), np.pi / 2)))
+        there = Pose.from_rpy(
+            (0.5 + float(across[0]), float(across[1]), 0.02), (0.0, float(lying[1]), np.pi / 4)
+        )
+        (touched,) = SceneQueries(MODEL, table_scene(standing)).free(other, there, ignore=("table",))
+        assert touched.b == "one"
+        assert touched.distance <= 0.0

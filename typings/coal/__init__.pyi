@@ -50,3 +50,21 @@ def collide(
     request: CollisionRequest,
     result: CollisionResult,
 ) -> int: ...
+
+class DistanceRequest:
+    enable_signed_distance: bool
+    def __init__(self) -> None: ...
+
+class DistanceResult:
+    def __init__(self) -> None: ...
+    def getNearestPoint1(self) -> NDArray[np.float64]: ...
+    def getNearestPoint2(self) -> NDArray[np.float64]: ...
+
+def distance(
+    a: CollisionGeometry,
+    a_in_world: Transform3s,
+    b: CollisionGeometry,
+    b_in_world: Transform3s,
+    request: DistanceRequest,
+    result: DistanceResult,
+) -> float: ...

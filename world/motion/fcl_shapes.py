@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import coal
 import fcl
 import numpy as np
 
 from ..shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, corners
 from ..values import Array, Pose, Vector3
+from .coal_shapes import CoalShapes
 
-_REQUEST = fcl.DistanceRequest(enable_nearest_points=True, enable_signed_distance=True)
+# Without its signed distance: where bodies touch, the search for the depth throws where no Python can catch
+# it, and the process is gone (flexible-collision-library/fcl, issue 529).
+_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +23,16 @@ class Solid:
 
     geometry: fcl.CollisionGeometry
     corners: Array
+    shape: Shape
+    """What it is, for whoever measures the depth of an overlap."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """A solid where python-fcl has put it."""
+
+    solid: Solid
+    object: fcl.CollisionObject
 
 
 class Placed:
@@ -42,7 +56,7 @@ def solid(shape: Shape) -> Solid:
             geometry = fcl.Sphere(radius)
         case ConvexMesh(vertices):
             return hull(np.array(vertices))
-    return Solid(geometry, corners(shape))
+    return Solid(geometry, corners(shape), shape)
 
 
 def hull(points: Array) -> Solid:
@@ -54,7 +68,9 @@ def hull(points: Array) -> Solid:
     vertices: Array = np.array(mesh.vertices, dtype=np.float64)
     faces = np.array(mesh.faces, dtype=np.int64)
     flat = np.column_stack([np.full(len(faces), 3, dtype=np.int64), faces]).ravel()
-    return Solid(fcl.Convex(vertices, len(faces), flat), vertices)
+    x, y, z = vertices.T
+    shape = ConvexMesh(tuple(zip(x.tolist(), y.tolist(), z.tolist(), strict=True)), "")
+    return Solid(fcl.Convex(vertices, len(faces), flat), vertices, shape)
 
 
 def place(shape: Solid, pose: Pose) -> Placed:
@@ -70,15 +86,33 @@ class Gap:
     point_b: Vector3
 
 
-def gap(a: Placed, b: Placed) -> Gap:
-    return gap_of(a.object, b.object)
-
-
-def gap_of(a: fcl.CollisionObject, b: fcl.CollisionObject) -> Gap:
+def gap(a: Placed | Moved, b: Placed | Moved) -> Gap:
+    """By python-fcl where they are apart; how deep they are in each other is measured by coal."""
     result = fcl.DistanceResult()
-    fcl.distance(a, b, _REQUEST, result)
-    (ax, ay, az), (bx, by, bz) = (tuple(float(c) for c in p) for p in result.nearest_points)
-    return Gap(float(result.min_distance), (ax, ay, az), (bx, by, bz))
+    fcl.distance(a.object, b.object, _REQUEST, result)
+    if result.min_distance > 0.0:
+        (ax, ay, az), (bx, by, bz) = (tuple(float(c) for c in p) for p in result.nearest_points)
+        return Gap(float(result.min_distance), (ax, ay, az), (bx, by, bz))
+    return _overlap(a, b)
+
+
+def _overlap(a: Placed | Moved, b: Placed | Moved) -> Gap:
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.enable_signed_distance = True
+    depth = coal.distance(*_for_coal(a), *_for_coal(b), request, result)
+    (ax, ay, az), (bx, by, bz) = (
+        tuple(float(c) for c in p) for p in (result.getNearestPoint1(), result.getNearestPoint2())
+    )
+    # The two disagree by rounding about bodies that just touch.
+    return Gap(min(float(depth), 0.0), (ax, ay, az), (bx, by, bz))
+
+
+def _for_coal(body: Placed | Moved) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+    there = coal.Transform3s(body.object.getRotation(), body.object.getTranslation())
+    return _SHAPES.of(body.solid.shape), there
+
+
+_SHAPES = CoalShapes()
 
 
 def bounds_apart(a: Placed, b: Placed, margin: float) -> bool:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..robot.model import RobotModel
 from ..trajectory import Trajectory
 from ..values import Array, Pose
-from .fcl_shapes import Gap, Placed, Solid, gap_of
+from .fcl_shapes import Gap, Moved, Placed, Solid, gap
 
 STEP = 0.005
 """Greatest way of the TCP between two moments, m."""
@@ -104,8 +104,7 @@ class Sweep:
         self._around_low: Array = np.array([b.low for b in around]).reshape(-1, 3)
         self._around_high: Array = np.array([b.high for b in around]).reshape(-1, 3)
         self._travel = self._travelled(centre, half)
-        self._objects = [fcl.CollisionObject(c.solid.geometry) for c in carried]
-        self._solids = [*(c.solid for c in carried), *(b.solid for b in around)]
+        self._moved = [Moved(c.solid, fcl.CollisionObject(c.solid.geometry)) for c in carried]
 
     def _travelled(self, centre: Array, half: Array) -> Array:
         """(moments, carried): the way that the fastest point of each has made up to each moment, m.
@@ -151,29 +150,29 @@ class Sweep:
 
     def gap(self, moment: int, i: int, j: int) -> Gap:
         """The signed distance of a pair at a moment, by python-fcl."""
-        return gap_of(self._object(moment, i), self._object(moment, j))
+        return gap(self._body(moment, i), self._body(moment, j))
 
     def again(self, moment: int, i: int, j: int) -> tuple[float, ...]:
         """The same distance measured in other ways, m: the other way round, and with both bodies turned about
         the origin. Each is the distance of two points of the bodies: what is too large shows in the least."""
-        a, b = self._object(moment, i), self._object(moment, j)
-        found = [gap_of(b, a).distance]
+        a, b = self._body(moment, i), self._body(moment, j)
+        found = [gap(b, a).distance]
         for turn in _TURNS:
-            one, other = (_turned_copy(self._solids[k], body, turn) for k, body in ((i, a), (j, b)))
-            found += [gap_of(one, other).distance, gap_of(other, one).distance]
+            one, other = (_turned_copy(body, turn) for body in (a, b))
+            found += [gap(one, other).distance, gap(other, one).distance]
         return tuple(found)
 
-    def _object(self, moment: int, i: int) -> fcl.CollisionObject:
-        if i >= len(self._objects):
-            return self._around[i - len(self._objects)].object
-        body = self._objects[i]
-        body.setTransform(fcl.Transform(self._rotation[moment, i], self._position[moment, i]))
+    def _body(self, moment: int, i: int) -> Placed | Moved:
+        if i >= len(self._moved):
+            return self._around[i - len(self._moved)]
+        body = self._moved[i]
+        body.object.setTransform(fcl.Transform(self._rotation[moment, i], self._position[moment, i]))
         return body
 
 
-def _turned_copy(solid: Solid, body: fcl.CollisionObject, turn: Array) -> fcl.CollisionObject:
-    place = fcl.Transform(turn @ body.getRotation(), turn @ body.getTranslation())
-    return fcl.CollisionObject(solid.geometry, place)
+def _turned_copy(body: Placed | Moved, turn: Array) -> Moved:
+    place = fcl.Transform(turn @ body.object.getRotation(), turn @ body.object.getTranslation())
+    return Moved(body.solid, fcl.CollisionObject(body.solid.geometry, place))
 
 
 def _of(moving: Array, still: Array, numbers: NDArray[np.intp]) -> Array:
