@@ -67,6 +67,11 @@ class LogFile:
         """Whether the disk has refused."""
         return self._file.failed
 
+    @property
+    def part(self) -> int:
+        """Number of the present file, from 1 on."""
+        return self._number
+
     def message(self, topic: Topic, at: int, data: bytes) -> None:
         channel = self._channels.get(topic.name)
         if channel is None:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from ..world.errors import PicktreeError
 from ..world.journal import CandidatesRanked, Entry, Happened, ImageTaken, PlanMade
@@ -44,6 +44,7 @@ from .records import (
 )
 from .rotation import NEVER, Rotation
 from .topics import Topic
+from .true_state import StateWriter
 
 EVERY = 1.0
 """Simulated seconds after which belief and truth are written again, changed or not."""
@@ -108,6 +109,9 @@ class Recorder:
         self._transforms = messages.Transforms()
         self._beliefs = messages.Scenes(locked=True)
         self._truths = messages.Scenes(locked=False)
+        self._states = StateWriter()
+        self._part = 0
+        """The file of the log that has the last state."""
         self._fixed: tuple[Part, ...] = ()
         self._standing: tuple[Part, ...] = ()
         self._cameras: dict[str, Pose] = {}  # by frame
@@ -323,6 +327,15 @@ class Recorder:
             self._standing,
         )
         self._write(topics.TRUTH, now, self._truths.encode(_ns(now), scene))
+
+    def state_due(self, now: float) -> bool:
+        """Whether it is time to write the simulation's own state."""
+        return self._states.due(now)
+
+    def true_state(self, now: float, state: Mapping[str, Any]) -> None:
+        """The simulation's own state, as plain values, from which it can be built again."""
+        anew, self._part = self._part != self._file.part, self._file.part
+        self._write(topics.STATE, now, self._states.encode(now, state, anew=anew))
 
     # As they happen
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from ..world.scene.holes import Hole
 from ..world.shapes import Shape
@@ -289,6 +289,14 @@ class Joints:
     position: tuple[float, ...]
     velocity: tuple[float, ...]
     effort: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class TrueState:
+    """Of the simulation at a tick: all of it, or what is otherwise than in the message before."""
+
+    whole: bool
+    state: Mapping[str, Any]
 
 
 @dataclass(frozen=True)

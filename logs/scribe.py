@@ -160,6 +160,8 @@ class Scribe:
         moved = any(isinstance(entry, Happened) and _sudden(entry) for entry in entries)
         if moved or recorder.truth_due(now):
             self._truth(now, hardware)
+        if recorder.state_due(now):
+            recorder.true_state(now, self._session.true_state())
 
     def _on_hand(self, tcp: Pose) -> dict[str, Pose]:
         """The optical frames in the world of the cameras that move with the tool, by name."""
@@ -196,7 +198,9 @@ class Scribe:
 
     def last(self, hardware: Simulation) -> None:
         """The truth at the end."""
-        self._truth(self._world.clock.now, hardware)
+        now = self._world.clock.now
+        self._truth(now, hardware)
+        self._recorder.true_state(now, self._session.true_state())
 
     def _truth(self, now: float, hardware: Simulation) -> None:
         """What is really there: an item that a fault took away is nowhere, one that left with its bin is told

@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Unpack
+from typing import Any, Unpack
+
+from pydantic import TypeAdapter
 
 from ..trees.adoption import Adoption
 from ..trees.builder import build
@@ -17,7 +19,7 @@ from ..world.causes import Failure
 from ..world.errors import PicktreeError
 from ..world.journal import Happened, Plain
 from ..world.simulation.backends import build_hardware
-from ..world.simulation.faults import Injector
+from ..world.simulation.faults import FaultState, Injector
 from ..world.simulation.scorer import ItemScore, score
 from ..world.simulation.truth import TrueBody
 from ..world.stopwatch import Stopwatch
@@ -50,6 +52,7 @@ __all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "Wat
 
 LOG = "log.mcap"
 RESULT = "result.json"
+_FAULTS = TypeAdapter(tuple[FaultState, ...])
 _BRAKING = 40
 """Ticks within which every motion comes to rest."""
 
@@ -216,6 +219,11 @@ class Session:
         if events:
             self._total = self._items_total()
         return events
+
+    def true_state(self) -> dict[str, Any]:
+        """The simulation with its faults as it is now, as plain values; to ask disturbs nothing."""
+        faults: list[Any] = _FAULTS.dump_python(self._injector.state(), mode="json")
+        return {**self.hardware.snapshot().to_plain(), "faults": faults}
 
     @property
     def _fed(self) -> bool:

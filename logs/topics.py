@@ -51,6 +51,8 @@ TF = Topic("/tf", "foxglove.FrameTransforms", "protobuf")
 ROBOT = Topic("/scene/robot", "foxglove.SceneUpdate", "protobuf", simulated=False)
 OBJECTS = Topic("/scene/objects", "foxglove.SceneUpdate", "protobuf")
 TRUTH = Topic("/truth/objects", "foxglove.SceneUpdate", "protobuf")
+# Who goes on as things stood needs it; nothing that happens in a run is told here alone.
+STATE = Topic("/truth/state", "picktree.TrueState", "json", simulated=False)
 WRENCH = Topic("/wrench", "picktree.Wrench", "json")
 CONTROL = Topic("/control", "picktree.Control", "json")
 PLAN = Topic("/plan", "picktree.Plan", "json")
@@ -86,6 +88,7 @@ _JSON: dict[str, type] = {
     "picktree.Plan": records.Plan,
     "picktree.Candidates": records.Candidates,
     "picktree.Event": records.Event,
+    "picktree.TrueState": records.TrueState,
 }
 _PROTOBUF: dict[str, Descriptor] = {
     message.DESCRIPTOR.full_name: message.DESCRIPTOR

@@ -282,8 +282,14 @@ class KinematicHardware:
 
     def checkpoint(self) -> KinematicState:
         """Save, and go on from what was saved, as a resumed run would."""
+        saved = self.snapshot()
+        self.restore(saved)
+        return saved
+
+    def snapshot(self) -> KinematicState:
+        """The state at any moment, without a change to anything."""
         gripper, bodies = self.gripper, self.bodies
-        saved = KinematicState(
+        return KinematicState(
             self.seed,
             self.clock.periods,
             tuple(self.arm.position.tolist()),
@@ -300,8 +306,6 @@ class KinematicHardware:
             self._feeder.state() if self._feeder is not None else None,
             self._obstacles.here,
         )
-        self.restore(saved)
-        return saved
 
     def restore(self, saved: KinematicState) -> None:
         """Take up a checkpoint of the same scene, robot and seed, taken with the arm at rest."""

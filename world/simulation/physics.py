@@ -230,6 +230,10 @@ class PhysicsHardware:
     def _save(self) -> Checkpoint:
         if self._senses.rate != EVERYDAY:
             raise PicktreeError("a checkpoint is not taken while the simulation is stepped finely")
+        return self.snapshot()
+
+    def snapshot(self) -> Checkpoint:
+        """The state at any moment, without a change to anything; what goes on from it is not bit-exact."""
         return Checkpoint(
             seed=self.seed,
             step=self._senses.step,
