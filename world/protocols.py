@@ -158,6 +158,12 @@ class Hardware(Protocol):
     @property
     def stamps(self) -> SensorStamps: ...
     @property
+    def feels_effort(self) -> bool:
+        """Whether `JointState.effort` is what the joints exert while the arm moves, too, so that it may be
+        judged by the robot's dynamics."""
+        ...
+
+    @property
     def period(self) -> float:
         """Length of a control period, s."""
         ...

@@ -59,6 +59,7 @@ def test_stale_release_does_nothing() -> None:
     assert second.valid and not first.valid
     assert track.progress == pytest.approx(0.05)
     for _ in range(45):
+        assert second.valid
         cell.loop.step_tick(0.05)
     assert track.completed
 

@@ -10,18 +10,20 @@ from time import perf_counter
 
 import numpy as np
 
-from ..causes import control, safety
+from ..causes import Failure, control, safety
 from ..errors import PicktreeError
+from ..journal import Happened
 from ..protocols import Hardware
 from ..robot.model import RobotModel
 from ..stopwatch import Stopwatch
 from ..values import Array, JointState, Pose, Wrench
 from .commands import Controller, JointCommand
-from .impedance import Comply
+from .efforts import EXPLAINED, Efforts
+from .impedance import CartesianImpedance, Comply
 from .joint_controllers import Brake, Hold
 from .lease import ForceGuard, Lease
 from .monitor import MonitorState, SafetyMonitor
-from .wrist import Wrist
+from .wrist import GRAVITY, LARGEST_STEP, Wrist
 
 REST_SPEED = 0.02
 """Below this, over all joints, the arm counts as standing, rad/s."""
@@ -37,6 +39,15 @@ FELT = 20.0
 """Force above which something is touched rather than carried, N."""
 CARRIED_TIME = 0.05
 """At rest before what the hand carries is known, s."""
+EFFORTS_EVERY = 0.025
+"""Time between two looks at whether the joints' efforts are explained, s: one costs as much as a control step
+does by itself."""
+WATCHDOG = 0.2
+"""So long the arm may move without a sign of whoever commands it, s: four ticks. A jog and a motion that was
+handed over brake by themselves before."""
+BESIDE = 0.01
+"""An arm that stands so far from where it was told to be when its motion ends is held where it is, rad: what
+kept it from there may let go at any time."""
 SETTLED = 0.5
 """Standard deviation of the wrist force below which nothing vibrates, N."""
 SETTLE_LIMIT = 1.0
@@ -59,6 +70,10 @@ class ControlState:
     """Times of the readings, s; empty in older logs."""
     bias: tuple[float, ...] = ()
     """Of the wrist sensor as it was learnt, (6,), in the tool's axes; empty when it was not."""
+    noisy: bool = False
+    """Whether the wrist sensor is known never to say the same twice."""
+    doubts_wrist: bool = False
+    """Whether the joints' efforts speak against what the wrist says."""
 
 
 class ControlLoop:
@@ -92,8 +107,16 @@ class ControlLoop:
         self._carried = np.zeros(6)
         self._standing = 0
         self._periods = 0
+        self._efforts = Efforts(model)
+        self._looked = self._clock.now
+        self._doubts_wrist = False
+        self._velocity = self._state.velocity
+        self._attended = False
+        self._alone = 0.0
+        self._braking = False
         self._controller: Controller = Hold()
         self._begin(self._controller)
+        monitor.age_of_joints(lambda: self._clock.now - hardware.stamps.joints)
 
     @property
     def now(self) -> float:
@@ -179,13 +202,26 @@ class ControlLoop:
         """Learn the wrist sensor's bias, the arm being at rest with an empty hand that nothing touches, and
         tare: the hand carries nothing. False when what is felt cannot be a bias (see `Wrist.zero`): then the
         known one goes on."""
-        resting = self._standing * self.period >= REST_TIME - 1e-9
-        learnt = resting and self.wrist.zero(WINDOW, self._state.position)
+        learnt = self._standing * self.period >= REST_TIME - 1e-9 and self._learn_bias()
         self.wrist.carry(None)
         if self.wrist.zeroed:
             self.wrist.untare()
         else:
             self.tare()
+        return learnt
+
+    def _learn_bias(self) -> bool:
+        """As `Wrist.zero`. What the wrist says against what the joints carry is its bias, however large."""
+        before = self.wrist.force
+        state, anew = self._state, self.wrist.zeroed
+        learnt = self.wrist.zero(WINDOW, state.position, lambda felt: self._efforts.believes(state, felt))
+        by = math.dist(before, self.wrist.force)
+        if learnt and anew and by > LARGEST_STEP:
+            self.monitor.forget_efforts()
+            words = (
+                f"the wrist felt {by:.1f} N that no joint carries: its bias has jumped, and is learnt anew"
+            )
+            self.monitor.note(Happened("wrist_bias", words, data={"force": by}))
         return learnt
 
     def load(self, window: float = WINDOW) -> float:
@@ -209,6 +245,7 @@ class ControlLoop:
     def step_tick(self, tick: float) -> None:
         """Let one tick pass, in whole control periods."""
         self._keep_pace()
+        self._look_after(tick)
         periods = round(tick / self.period)
         if abs(periods * self.period - tick) > 1e-6:
             raise PicktreeError(
@@ -230,16 +267,14 @@ class ControlLoop:
         # The slow end of a motion does not count: what brakes there is still felt at the wrist.
         still = isinstance(self._controller, Hold) and float(v @ v) < REST_SPEED * REST_SPEED
         self._standing = self._standing + 1 if still else 0
-        if not self.wrist.zeroed and self._standing == round(REST_TIME / self.period):
-            # A run begins with an empty hand in the open.
-            self.wrist.zero(WINDOW, state.position)
+        if self._standing == round(REST_TIME / self.period):
+            self._come_to_rest()
         self._reference = self._setpoint.position if self._servo else None
         stopped = self.monitor.check(state, self._reference, force, self.period)
         self._periods += 1
         if self._periods % TOOL_CHECK == 0:
-            tool = self.model.tcp(state.position)
-            self.wrist.turned(tool)
-            stopped = self.monitor.check_tool(tool.position) or stopped
+            stopped = self._look_around(state) or stopped
+        self._velocity = v
         if (self._guard is not None and self._guard.touched(force)) or (stopped and self._off_its_way):
             self._stop_at_once()
         elif stopped:
@@ -258,6 +293,60 @@ class ControlLoop:
         self.hardware.step()
         self._stepping += perf_counter() - before
 
+    def _come_to_rest(self) -> None:
+        """The arm rests since just now."""
+        if not self.wrist.zeroed:
+            # A run begins with an empty hand in the open.
+            self.wrist.zero(WINDOW, self._state.position)
+        elif (self.monitor.pressed or self._doubts_wrist) and self.wrist.payload is None:
+            self._doubts_wrist = not self._learn_bias()
+
+    def _look_around(self, state: JointState) -> bool:
+        """What need not be looked at in each period; whether a stop was latched."""
+        monitor, wrist, now = self.monitor, self.wrist, self._clock.now
+        tool = self.model.tcp(state.position)
+        wrist.turned(tool)
+        stopped = monitor.check_tool(tool.position)
+        stopped = monitor.check_sensors(now, self.hardware.stamps, wrist.repeats_since) or stopped
+        if self._standing * self.period >= REST_TIME:
+            stopped = monitor.check_load(-wrist.force[2] / GRAVITY) or stopped
+        elapsed = now - self._looked
+        if elapsed >= EFFORTS_EVERY - 1e-9:
+            self._looked = now
+            if self.hardware.feels_effort and not monitor.blind:
+                stopped = self._check_efforts(state, elapsed) or stopped
+        return stopped
+
+    def _check_efforts(self, state: JointState, elapsed: float) -> bool:
+        acceleration = (state.velocity - self._velocity) / self.period
+        left = self._efforts.unexplained(state, acceleration, self.wrist.latest)
+        explained = self.monitor.explained(left, elapsed)
+        if not explained and self._doubtful(state, acceleration, left):
+            self._doubts_wrist = explained = True
+        return self.monitor.check_efforts(explained)
+
+    def _doubtful(self, state: JointState, acceleration: Array, left: Array) -> bool:
+        """Whether the efforts are explained better if the wrist felt nothing but what the hand carries: then
+        it is the wrist that is wrong."""
+        payload, turn = self.wrist.payload, self.model.tcp(state.position).rotation()
+        carried = np.zeros(6) if payload is None else payload.wrench(turn, self.wrist.sensor_in_tool)
+        otherwise = self._efforts.without_wrist(state, acceleration, carried)
+        limit = self.model.torque_limit
+        return float(np.linalg.norm(otherwise / limit)) < EXPLAINED * float(np.linalg.norm(left / limit))
+
+    def _look_after(self, tick: float) -> None:
+        """Once a tick: has whoever commands the arm given a sign since the last?"""
+        moving = self._holder is not None and not self._braking and not isinstance(self._controller, Hold)
+        self._alone = 0.0 if self._attended or not moving else self._alone + tick
+        self._attended = False
+        if (
+            self._alone > WATCHDOG
+            and self._holder is not None
+            and not getattr(self._controller, "late", False)
+        ):
+            self.monitor.unattended(self._holder.owner, self.controller, self._alone)
+            self._alone = 0.0
+
     def save(self) -> ControlState:
         """Only while the arm is held at rest."""
         if not isinstance(self._controller, Hold):
@@ -273,6 +362,8 @@ class ControlLoop:
             self.monitor.state(),
             self.wrist.stamps,
             self.wrist.learnt,
+            self.wrist.noisy,
+            self._doubts_wrist,
         )
 
     def restore(self, saved: ControlState) -> None:
@@ -287,14 +378,30 @@ class ControlLoop:
         self._reference = hold
         self._begin(Hold(hold))
         self.wrist.restore(saved.readings, saved.tare, saved.stamps, saved.bias, self.tcp)
+        self.wrist.noisy, self._doubts_wrist = saved.noisy, saved.doubts_wrist
         self._carried = np.array(saved.carried)
+        self._velocity, self._looked = self._state.velocity, self._clock.now
+        self._attended, self._alone = False, 0.0
         self.monitor.restore(saved.monitor)
 
     def holds(self, lease: Lease) -> bool:
-        return self._holder is lease
+        """Whoever asks looks after its motion: it is the sign that the watchdog waits for."""
+        holds = self._holder is lease
+        self._attended = self._attended or holds
+        return holds
 
     def run(self, controller: Controller, guard: ForceGuard | None) -> None:
-        """For the lease only."""
+        """For the lease only. Raises Failure(safety.stale_sensor) for a motion by feel while the wrist is
+        silent."""
+        if self.monitor.blind and isinstance(controller, CartesianImpedance):
+            raise Failure(
+                safety.STALE_SENSOR,
+                "a motion by feel is refused: the wrist sensor is silent",
+                sensor="wrench",
+            )
+        if self._holder is not None and not isinstance(controller, Hold):
+            self.monitor.moves(self._holder.owner)
+        self._braking, self._attended = False, True
         self._guard = guard
         if self._standing * self.period >= CARRIED_TIME - 1e-9 and self._servo:
             weight = -self.wrist.over(CARRIED_TIME, self._state.position)[:3]
@@ -318,20 +425,35 @@ class ControlLoop:
 
     def _brake_motion(self) -> None:
         self._guard = None
+        self._braking = True
+        if self._stands_beside():
+            self._servo = False
+            self._begin(Brake(self.model, self.period))
+            return
         braking = self._controller.brake()
         if braking is not self._controller:
             self._begin(braking)
+
+    def _stands_beside(self) -> bool:
+        """Whether the arm stands, but not where the servo was told to be: it would jump there as soon as
+        what keeps it away lets go."""
+        if not self._servo or float(np.abs(self._setpoint.velocity).max()) > REST_SPEED:
+            return False
+        state = self._state
+        standing = float(state.velocity @ state.velocity) < REST_SPEED * REST_SPEED
+        return standing and float(np.abs(self._setpoint.position - state.position).max()) > BESIDE
 
     @property
     def _off_its_way(self) -> bool:
         """Whether the safety stop that was just latched says that the arm is not where it was told to be, or
         is pushed: then braking on the path would go on with what is wrong."""
         stop = self.monitor.stopped
-        return stop is not None and stop.cause in (control.TRACKING, safety.FORCE_LIMIT)
+        return stop is not None and stop.cause in (control.TRACKING, safety.FORCE_LIMIT, safety.TORQUE_LIMIT)
 
     def _stop_at_once(self) -> None:
         """After a contact comply with it; else brake as fast as the joints allow, from where they are."""
         self._guard = None
+        self._braking = True
         self._servo = False
         if math.hypot(*self.wrist.force) > FELT:
             self._begin(Comply(self.model, self.period, self._carried))

@@ -4,7 +4,7 @@ and what the hand carries."""
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -36,7 +36,8 @@ class Wrist:
 
     The weight of the tool follows from the robot file, in any orientation. The sensor's bias turns with the
     hand; it is learnt by `zero`, and only there: whoever calls it vouches that the hand is empty and free.
-    The loop does so when the arm first rests in a run.
+    The loop does so when the arm first rests in a run, and then it shows, too, whether the sensor is noisy:
+    one that is never says the same twice.
     """
 
     def __init__(self, sensor: WrenchSensor, model: RobotModel, clock: Clock) -> None:
@@ -49,6 +50,9 @@ class Wrist:
         self._bias: Array | None = None
         self._bias_in_world: Vector3 = (0.0, 0.0, 0.0)
         self._sensor_in_tool = _sensor_in_tool(model)
+        self._changed = -1.0
+        self.noisy = False
+        """Whether no reading was like the one before when it was looked at last, at rest."""
         self.payload: Payload | None = None
         """What the hand is known to carry, see `carry`."""
         self.force: Vector3 = (0.0, 0.0, 0.0)
@@ -81,6 +85,8 @@ class Wrist:
         """Take this control period's reading."""
         reading, now = self._sensor.read(), self._clock.now
         readings = self._readings
+        if not readings or reading.force != readings[-1][1].force:
+            self._changed = now
         readings.append((now, reading))
         while now - readings[0][0] > KEPT:
             readings.popleft()
@@ -148,12 +154,21 @@ class Wrist:
             return 0.0
         return float(np.array([w.force for w in recent]).std(axis=0).max())
 
-    def zero(self, window: float, q: Array) -> bool:
+    @property
+    def repeats_since(self) -> float | None:
+        """From when on the sensor says the same numbers bit by bit, s; None for one that is not noisy."""
+        return self._changed if self.noisy else None
+
+    def zero(self, window: float, q: Array, real: Callable[[Array], bool] | None = None) -> bool:
         """Learn the sensor's bias from the last `window` s at rest, with an empty hand that nothing touches.
 
         False, and nothing is learnt, when what is felt is no bias: too large, too different from the one
         known, or not at rest. So what pushes at the hand is never taken for the sensor's fault altogether.
+        `real` is asked about what is too large or too different: whether a wrench (6,), world axes about the
+        sensor, really acts on the hand. Where it does not, the sensor's bias has jumped, and is learnt.
         """
+        recent = self._last(window)
+        self.noisy = len(recent) > 2 and len({w.force for w in recent}) == len(recent)
         felt = self.over(window, q)
         known = np.zeros(6) if self._bias is None else self._bias
         tool = self._model.tcp(q)
@@ -161,7 +176,10 @@ class Wrist:
         step = np.concatenate([turn.T @ felt[:3], turn.T @ felt[3:]])
         bias = known + step
         sudden = self._bias is not None and float(np.linalg.norm(step[:3])) > LARGEST_STEP
-        if sudden or float(np.linalg.norm(bias[:3])) > LARGEST_BIAS or self.unrest(window) > QUIET:
+        if self.unrest(window) > QUIET:
+            return False
+        odd = sudden or float(np.linalg.norm(bias[:3])) > LARGEST_BIAS
+        if odd and (real is None or real(felt)):
             return False
         self._bias = bias
         self.turned(tool)
@@ -218,6 +236,7 @@ class Wrist:
             self.turned(tool)
         if self._readings:
             self.force = self._external(self.latest)
+        self._changed = max((at for at, _ in self._readings), default=-1.0)
 
     def _external(self, reading: Wrench) -> Vector3:
         """The force of a reading that was taken just now."""

@@ -104,6 +104,8 @@ class RobotDescription:
     gripper: GripperDescription
     disabled_pairs: tuple[tuple[str, str], ...]
     """Pairs of links that are not checked against each other."""
+    payload: float | None = None
+    """Rated: what may hang on the flange, the hand itself included, kg. None: nobody says."""
     source: str = ""
     text: str = ""
     tool: Pose = field(default_factory=Pose)

@@ -107,6 +107,7 @@ def _described(document: Document, robot: RobotFile, urdf: Path, linkage: Linkag
             linkage=linkage,
         ),
         disabled_pairs=robot.disabled_pairs,
+        payload=robot.payload,
         source=str(document.path),
         text=document.text,
     )

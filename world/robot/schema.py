@@ -164,6 +164,8 @@ class RobotFile(FileModel):
     """The tool centre point."""
     flange_joint: str
     """The fixed joint between arm and hand, where the wrist sensor sits."""
+    payload: Mass | None = None
+    """Rated payload: what may hang on the flange, the hand itself included. Not watched unless given."""
     gripper: GripperFile
     """Its gripper."""
     disabled_pairs: tuple[tuple[str, str], ...] = ()

@@ -132,6 +132,8 @@ class Limits:
     """Contact force at the wrist, N."""
     workspace: Bounds = field(default_factory=lambda: Bounds((-0.5, -1.0, -0.02), (1.0, 1.0, 1.5)))
     """Where the TCP may be, in the world."""
+    payload: float | None = None
+    """Greatest mass in the hand, kg; None: what the robot's rated payload leaves."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -192,7 +192,7 @@ class _Parts:
             catalogue=tuple(k for k in self.catalogue.values() if k is not None),
             spawn=tuple(_spawn(entry) for entry in self.spawn),
             destinations=tuple(Destination(d.where, ObjectId(d.to)) for d in self.destinations),
-            limits=Limits(limits.force, Bounds(limits.workspace.min, limits.workspace.max)),
+            limits=Limits(limits.force, Bounds(limits.workspace.min, limits.workspace.max), limits.payload),
             thinking=Thinking(rest.thinking.collision_check, rest.thinking.image),
             noise=SensorNoise(
                 rest.sensors.encoder,

@@ -418,6 +418,8 @@ class LimitsFile(FileModel):
     """Greatest contact force at the wrist."""
     workspace: WorkspaceFile = WorkspaceFile()
     """Where the TCP may be."""
+    payload: Mass | None = None
+    """Greatest mass that the hand may carry here, where that is less than what the robot may."""
 
 
 class ThinkingFile(FileModel):

@@ -206,6 +206,11 @@ class KinematicHardware:
         return self._belts.drives
 
     @property
+    def feels_effort(self) -> bool:
+        """At rest only: what the arm follows, it follows without effort."""
+        return False
+
+    @property
     def stamps(self) -> SensorStamps:
         now = self.clock.now
         return SensorStamps(now, now, now)

@@ -138,6 +138,10 @@ class PhysicsHardware:
         return self._senses.period
 
     @property
+    def feels_effort(self) -> bool:
+        return True
+
+    @property
     def stamps(self) -> SensorStamps:
         now = self._senses.now
         return SensorStamps(now, now, now)
