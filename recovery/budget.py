@@ -37,7 +37,11 @@ class Budget(Decorator):
       of: "{item}"
       tries: 6
       time: 90 s
-      do: {PickAndPlace: {item: "{item}"}}
+      do:
+        Recover:
+          attempts: 10
+          do: {Grasp: {object: "{item}"}}
+          otherwise: [SafeRetreat, Observe]
     """
 
     of: In[ObjectId] = port(
@@ -59,8 +63,9 @@ class Budget(Decorator):
 
     @classmethod
     def check_ports(cls, given: Given) -> tuple[str, ...]:
-        unbounded = (given.number("tries") or -1) == -1 and "tries" in given.constants
-        if not given.any_of("tries", "time") or (unbounded and not given.any_of("time")):
+        no_count = "tries" not in given.keys or given.number("tries") == -1
+        no_time = "time" not in given.keys or given.number("time") == 0
+        if no_count and no_time:
             return ("without `tries` or `time` nothing is bounded",)
         return ()
 
@@ -72,8 +77,8 @@ class Budget(Decorator):
         count, seconds = self._account()
         if (self.tries < 0 or count < self.tries) and (not self.time or seconds < self.time):
             return None
-        if last.cause.name == tree.BUDGET.name:
-            return last
+        if (last.cause, last.node) == (tree.BUDGET, self.path):
+            return last  # this one has refused it further down already
         whose = f"of {self.of} " if self.of else ""
         spent = [f"{count:g} of {self.tries} handlers"] if self.tries >= 0 else [f"{count:g} handlers"]
         spent += [f"{seconds:.1f} of {self.time:g} s"] if self.time else [f"{seconds:.1f} s"]

@@ -90,10 +90,7 @@ class FreeSpot(Skill):
     def _has_room(self, world: World, held: BeliefObject, spot: Spot) -> bool:
         assert held.object_in_tcp is not None
         pose = put_down_poses(spot.at, held.shape, held.object_in_tcp)[0] @ held.object_in_tcp
-        bounds = world.description.workspace
-        if not all(
-            low < x < high for x, low, high in zip(pose.position, bounds.low, bounds.high, strict=True)
-        ):
+        if not world.description.limits.workspace.contains(pose.position):
             return False
         below = {f.id for f in world.scene.fixtures.values() if _top(f) is not None}
         raised = pose.shifted((0.0, 0.0, ABOVE))

@@ -180,7 +180,8 @@ class Recovering(Control, abstract=True):
                     pass
         if self._refused:
             for budget in budgets_above(self):
-                budget.has_given_up(report)
+                if budget.path == report.node:
+                    budget.has_given_up(report)
         return self.fail_with(report)
 
     @classmethod

@@ -81,6 +81,69 @@ def test_a_fault_of_the_program_is_never_handled() -> None:
     assert "start Else" not in run.trace
 
 
+def test_a_fault_of_the_program_is_handled_where_when_names_it() -> None:
+    body = """\
+attempts: 3
+do: {Scripted: {name: Do, script: "%s"}}
+when: {"*": AlwaysSuccess, %s: {Scripted: {name: Mend}}}
+give_up: {Scripted: {name: Leave}}
+"""
+    for named in ("internal.error", "internal.*"):
+        run = start(body % ("crash|S", named))
+        assert letters(run.to_end()) == "RRS"
+        assert run.trace.count("start Mend") == 1
+        assert [e.data["cause"] for e in run.notes("cured")] == ["internal.error"]
+    run = start(body % ("crash", "internal.error"))
+    assert letters(run.to_end())[-1] == "F"
+    assert run.trace.count("start Do") == 3
+    assert run.trace.count("start Leave") == 1
+    assert run.tree.failure is not None
+    assert str(run.tree.failure.cause) == "internal.error"
+
+
+TOLD = """\
+attempts: 3
+attempt: "{attempt}"
+cause: "{cause}"
+message: "{message}"
+failed: "{failed}"
+do:
+  - Log: {message: do, value: "{attempt}"}
+  - Log: {message: after, value: "{cause}"}
+  - Scripted: {name: Do, script: "grasp.missed|control.timeout|S"}
+otherwise:
+  - Log: {message: handler, value: "{attempt}"}
+  - Log: {message: because, value: "{cause}"}
+  - Log: {message: said, value: "{message}"}
+  - Log: {message: by, value: "{failed}"}
+"""
+
+
+def test_do_and_handlers_read_which_attempt_it_is_and_what_is_handled() -> None:
+    run = start(TOLD)
+    assert run.to_end()[-1] is NodeStatus.SUCCESS
+    by = "Main/Recover/Sequence/Do"
+    assert [e.message for e in run.notes("log")] == [
+        "do: 1", "after: ''",
+        "handler: 1", "because: 'grasp.missed'", "said: 'Do was told to'", f"by: '{by}'",
+        "do: 2", "after: 'grasp.missed'",
+        "handler: 2", "because: 'control.timeout'", "said: 'Do was told to'", f"by: '{by}'",
+        "do: 3", "after: 'control.timeout'",
+    ]  # fmt: skip
+
+
+def test_what_is_handled_is_saved_and_restored_with_the_keys() -> None:
+    world = FakeWorld()
+    run = start(TOLD, world)
+    run.tick()
+    saved = run.tree.save()
+    other = start(TOLD, world)
+    other.tree.restore(saved)
+    other.to_end()
+    said = [e.message for e in other.notes("log") if e.message.startswith("because")]
+    assert said == ["because: 'grasp.missed'", "because: 'control.timeout'"]
+
+
 def test_without_a_handler_the_cause_goes_up_at_once() -> None:
     run = start("do: {Scripted: {name: Do, script: safety.stop}}\nwhen: {grasp.*: [AlwaysSuccess]}\n")
     assert letters(run.to_end()) == "F"

@@ -140,9 +140,11 @@ def test_a_handler_for_a_cause_that_the_child_does_not_fail_with() -> None:
     ]
 
 
-def test_a_fault_of_the_program_is_nobody_s_to_handle() -> None:
-    assert handlers("{GoTo: {pose: home}}", "internal.error", "'*'") == [
-        "P311 6:9 'internal.error' is never used: a fault of the program is not handled"
+def test_a_fault_of_the_program_may_be_handled_by_whoever_names_it() -> None:
+    assert handlers("{GoTo: {pose: home}}", "internal.error", "'*'") == []
+    assert handlers("{GoTo: {pose: home}}", "internal.*", "internal.error") == [
+        "P312 7:9 'internal.error' is never used: 'internal.*' above it takes its causes "
+        "(the first that fits is used)"
     ]
 
 

@@ -24,7 +24,7 @@ from picktree.world.files.expressions import Expression
 ROOT = Path(__file__).parents[2]
 SHIPPED = registry(shipped=True)
 NODES = SHIPPED.declarations()
-TYPES = {"item": "object", "items": "list of object"}
+TYPES = {"item": "object", "items": "list of object", "cause": "string", "attempt": "int"}
 """Of the keys that examples take as given."""
 
 

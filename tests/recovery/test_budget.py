@@ -1,0 +1,182 @@
+"""Budget with scripted leaves: what recovery may cost, for an item and for everything."""
+
+from __future__ import annotations
+
+from textwrap import indent
+from typing import cast
+
+from picktree.recovery import NODES as RECOVERY
+from picktree.trees.builder import build
+from picktree.trees.loader import examine, parse_mission
+from picktree.trees.registry import Registry
+from picktree.trees.status import NodeStatus
+from picktree.world.files.document import parse_document
+from picktree.world.journal import Plain
+from picktree.world.world import World
+
+from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
+
+REGISTRY = Registry((*NODES, *RECOVERY), installed=False)
+
+
+def start(body: str, world: FakeWorld | None = None) -> Run:
+    world = world or FakeWorld()
+    text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n" + indent(body, "    ")
+    return Run(build(parse_mission(text, FILE, REGISTRY), cast("World", world), {}), world)
+
+
+def causes(run: Run) -> list[str]:
+    """Of the failure, outermost first, along the first attached."""
+    found: list[str] = []
+    report = run.tree.failure
+    while report is not None:
+        found.append(f"{report.cause} {report.node}")
+        report = report.attached[0] if report.attached else None
+    return found
+
+
+TRIES = """\
+Budget:
+  tries: %d
+  do:
+    Recover:
+      attempts: 9
+      do: {Scripted: {name: Do, script: "%s"}}
+      otherwise: {Scripted: {name: Cure, script: "%s"}}
+      give_up: {Scripted: {name: Leave, script: R S}}
+"""
+
+
+def test_a_handler_more_than_it_allows_is_refused_and_give_up_runs() -> None:
+    run = start(TRIES % (2, "grasp.missed", "S"))
+    assert letters(run.to_end())[-1] == "F"
+    assert (run.trace.count("start Do"), run.trace.count("start Cure")) == (3, 2)
+    assert run.trace.count("end Leave") == 1
+    assert causes(run) == ["tree.budget Main/Budget", "grasp.missed Main/Budget/Recover/Do"]
+    assert run.tree.failure is not None
+    assert run.tree.failure.message == ("the budget is used up (2 of 2 handlers, 0.2 s): Do was told to")
+    assert [e.data["tries"] for e in run.notes("budget")] == [2]
+
+
+def test_without_a_failure_it_costs_nothing() -> None:
+    run = start(TRIES % (0, "RRRR S", "S"))
+    assert letters(run.to_end()) == "RRRRS"
+    assert run.notes("budget") == []
+
+
+def test_time_counts_from_the_first_failure_and_a_handler_that_runs_is_finished() -> None:
+    body = TRIES.replace("tries: %d", "time: %g") % (0.5, "R" * 40 + " grasp.missed", "R" * 6 + " S")
+    run = start(body)
+    assert run.to_end()[-1] is NodeStatus.FAILURE
+    # The first attempt, of 2 s, is no recovery; the handler is; the second attempt uses the rest up.
+    assert run.trace.count("start Do") == 2
+    assert run.trace.count("end Cure") == 1
+    assert causes(run)[0] == "tree.budget Main/Budget"
+
+
+def test_a_used_up_budget_is_passed_over_by_nobody_below_it() -> None:
+    body = """\
+Budget:
+  tries: 1
+  do:
+    ForEach:
+      in: [1, 2, 3]
+      out: "{n}"
+      on_failure: continue
+      do:
+        Fallback:
+          - Recover:
+              do: {Scripted: {name: Do, script: grasp.missed}}
+              otherwise: {Scripted: {name: Cure}}
+          - Log: {message: passed over, value: "{n}"}
+"""
+    run = start(body)
+    assert run.to_end()[-1] is NodeStatus.FAILURE
+    assert (run.trace.count("start Do"), run.trace.count("start Cure")) == (2, 1)
+    assert causes(run)[0] == "tree.budget Main/Budget"
+
+
+def test_a_recover_between_gives_up_too_before_the_budget_ends() -> None:
+    body = """\
+Budget:
+  tries: 1
+  do:
+    Recover:
+      do:
+        Recover:
+          do: {Scripted: {name: Do, script: grasp.missed}}
+          otherwise: {Scripted: {name: Cure}}
+          give_up: {Scripted: {name: Inner, script: RR S}}
+      otherwise: {Scripted: {name: Other}}
+      give_up: {Scripted: {name: Outer, script: RR S}}
+"""
+    run = start(body)
+    assert run.to_end()[-1] is NodeStatus.FAILURE
+    assert [line for line in run.trace if line.startswith("end")] == ["end Cure", "end Inner", "end Outer"]
+
+
+ITEMS = """\
+Budget:
+  tries: 9
+  do:
+    Repeat:
+      num_cycles: 3
+      do:
+        ForEach:
+          in: [a, b]
+          out: "{item}"
+          on_failure: continue
+          do:
+            Fallback:
+              - Budget:
+                  of: "{item}"
+                  tries: 2
+                  do:
+                    Recover:
+                      do: {Scripted: {name: Do, script: "%s"}}
+                      otherwise: {Scripted: {name: Cure}}
+              - Log: {message: left, value: "{item}"}
+"""
+
+
+def test_an_account_of_an_object_is_kept_from_one_round_to_the_next() -> None:
+    run = start(ITEMS % "grasp.missed")
+    assert run.to_end()[-1] is NodeStatus.SUCCESS
+    # Two handlers for each; in later rounds one attempt without any.
+    assert run.trace.count("start Cure") == 4
+    assert run.trace.count("start Do") == 2 * (3 + 1 + 1)
+    assert [e.data["object"] for e in run.notes("budget")] == ["a", "b"] * 2
+
+
+def test_an_account_is_closed_when_the_child_has_succeeded() -> None:
+    run = start(ITEMS % "|".join(["grasp.missed|grasp.missed|S"] * 6))
+    assert run.to_end()[-1] is NodeStatus.FAILURE  # nine in all are allowed
+    assert run.trace.count("start Cure") == 9
+    assert causes(run)[0] == "tree.budget Main/Budget"
+
+
+def test_accounts_are_saved_and_restored() -> None:
+    world = FakeWorld()
+    run = start(ITEMS % "grasp.missed", world)
+    seen: list[dict[str, Plain]] = []
+    for _ in range(6):
+        run.tick()
+        if run.tree.quiescent:
+            seen.append(run.tree.save())
+    other = start(ITEMS % "grasp.missed", world)
+    other.tree.restore(seen[-1])
+    assert other.to_end()[-1] is NodeStatus.SUCCESS
+    assert world.trace.count("start Cure") == 4
+
+
+def faults(body: str) -> list[str]:
+    text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n" + indent(body, "    ")
+    return [f.message for f in examine(parse_document(text, FILE, "mission"), REGISTRY).faults]
+
+
+def test_a_budget_that_bounds_nothing_is_refused() -> None:
+    wrong = ["without `tries` or `time` nothing is bounded"]
+    for ports in ("", "tries: -1,", "time: 0 s,", "tries: -1, time: 0,"):
+        assert faults(f"Budget: {{{ports} do: AlwaysSuccess}}\n") == wrong, ports
+    for ports in ("tries: 0", "time: 1 s", "tries: -1, time: 1 s", "tries: 2, time: 0 s"):
+        assert faults(f"Budget: {{{ports}, do: AlwaysSuccess}}\n") == [], ports

@@ -1,0 +1,116 @@
+"""What handlers ask and take: guards for the cause that is handled, another value for each attempt."""
+
+from __future__ import annotations
+
+from textwrap import indent
+from typing import cast
+
+import pytest
+
+from picktree.recovery import NODES as RECOVERY
+from picktree.trees.builder import build
+from picktree.trees.loader import examine, parse_mission
+from picktree.trees.registry import Registry
+from picktree.trees.status import NodeStatus
+from picktree.world.causes import all_causes, matches
+from picktree.world.files.document import parse_document
+from picktree.world.world import World
+
+from ..trees.scripted import FILE, NODES, FakeWorld, Run
+
+REGISTRY = Registry((*NODES, *RECOVERY), installed=False)
+WOULD = [node for node in RECOVERY if node.declaration.id.startswith("Would")]
+
+
+def text(body: str) -> str:
+    return "picktree: 1\nkind: mission\ntrees:\n  Main:\n" + indent(body, "    ")
+
+
+def start(body: str) -> Run:
+    world = FakeWorld()
+    return Run(build(parse_mission(text(body), FILE, REGISTRY), cast("World", world), {}), world)
+
+
+GUARDED = """\
+Recover:
+  attempts: 2
+  cause: "{cause}"
+  do: {Scripted: {name: Do, script: "%s|S"}}
+  otherwise:
+    IfThenElse:
+      - %s
+      - Scripted: {name: Yes}
+      - Scripted: {name: No}
+"""
+
+
+@pytest.mark.parametrize(
+    ("guard", "yes", "no"),
+    [
+        ("WouldLookingHelp", "grasp.missed", "control.timeout"),
+        ("WouldARetreatHelp", "safety.force_limit", "grasp.no_candidate"),
+        ("WouldAnotherGraspHelp", "grasp.slipped", "perception.stale"),
+        ("WouldAGripperResetHelp", "control.gripper", "perception.stale"),
+        ("WouldReplanningHelp", "safety.singularity", "grasp.missed"),
+        ("WouldPushingHelp", "grasp.no_candidate", "grasp.missed"),
+        ("WouldWaitingHelp", "perception.no_image", "grasp.missed"),
+    ],
+)
+def test_a_guard_answers_for_the_cause_that_is_handled(guard: str, yes: str, no: str) -> None:
+    assert guard in [node.declaration.id for node in WOULD]
+    for cause, branch in ((yes, "start Yes"), (no, "start No")):
+        run = start(GUARDED % (cause, f'{guard}: {{cause: "{{cause}}"}}'))
+        assert run.to_end()[-1] is NodeStatus.SUCCESS
+        assert branch in run.trace
+
+
+def test_what_guards_name_are_causes() -> None:
+    for node in WOULD:
+        for pattern in node.helps:  # pyright: ignore[reportAttributeAccessIssue, reportUnknownMemberType, reportUnknownVariableType]
+            found = [cause for cause in all_causes() if matches(str(pattern), cause)]  # pyright: ignore[reportUnknownArgumentType]
+            assert found, (node, pattern)
+
+
+def test_cause_is_takes_families_and_knows_their_names() -> None:
+    for cause, branch in (("grasp.slipped", "start Yes"), ("control.timeout", "start No")):
+        run = start(GUARDED % (cause, 'CauseIs: {cause: "{cause}", of: ["grasp.*", safety.stop]}'))
+        run.to_end()
+        assert branch in run.trace
+    body = GUARDED % ("S", 'CauseIs: {cause: "{cause}", of: ["grasp.*", grasp.mised]}')
+    faults = examine(parse_document(text(body), FILE, "mission"), REGISTRY).faults
+    assert [f.message for f in faults] == ["port 'of': 'grasp.mised' is no cause and no family of causes"]
+    assert [f.hint for f in faults] == ["did you mean 'grasp.missed'?"]
+
+
+def test_for_attempt_takes_the_value_of_the_attempt_and_then_the_last() -> None:
+    body = """\
+Recover:
+  attempts: 4
+  attempt: "{attempt}"
+  do:
+    - ForAttempt: {attempt: "{attempt}", values: [30.0, 20.0], value: "{force}"}
+    - Take: {object: a, force: "{force}"}
+    - Scripted: {name: Do, script: "grasp.missed|grasp.missed|S"}
+  otherwise: AlwaysSuccess
+"""
+    run = start(body)
+    assert run.to_end()[-1] is NodeStatus.SUCCESS
+    assert [line for line in run.trace if line.startswith("take")] == [
+        "take a  30",
+        "take a  20",
+        "take a  20",
+    ]
+
+
+def test_values_of_another_type_than_the_port_s_are_found_before_anything_runs() -> None:
+    body = """\
+Sequence:
+  - ForAttempt: {attempt: 1, values: [30 N, 20 N], value: "{force}"}
+  - Take: {object: a, force: "{force}"}
+"""
+    faults = examine(parse_document(text(body), FILE, "mission"), REGISTRY).faults
+    assert len(faults) == 1
+    assert "port 'force'" in faults[0].message
+    empty = "ForAttempt: {attempt: 1, values: [], value: '{force}'}\n"
+    faults = examine(parse_document(text(empty), FILE, "mission"), REGISTRY).faults
+    assert [f.message for f in faults if f.severity == "error"] == ["port 'values': there is no value"]

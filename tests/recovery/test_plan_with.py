@@ -1,0 +1,105 @@
+"""PlanWith: what its child plans is planned otherwise, and nothing else is."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from textwrap import indent
+from typing import cast
+
+from picktree.recovery import NODES as RECOVERY
+from picktree.trees.builder import build
+from picktree.trees.loader import parse_mission
+from picktree.trees.registry import Registry
+from picktree.trees.skill import Skill, Steps
+from picktree.world.causes import Failure, planning
+from picktree.world.motion.manner import Manner
+from picktree.world.motion.requests import BUDGET, NamedGoal, Offset, Request
+from picktree.world.world import World
+
+from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
+
+
+@dataclass
+class FakePlan:
+    """As much of a plan service as the node needs."""
+
+    manner: Manner = field(default_factory=Manner)
+
+    @contextmanager
+    def in_manner(self, manner: Manner) -> Generator[None]:
+        before, self.manner = self.manner, self.manner & manner
+        try:
+            yield
+        finally:
+            self.manner = before
+
+
+@dataclass
+class PlanningWorld(FakeWorld):
+    plan: FakePlan = field(default_factory=FakePlan)
+
+
+class Plans(Skill):
+    """Notes in which manner it would plan, in two ticks; fails when its name says so."""
+
+    causes = (planning.ANY,)
+
+    def run(self, world: World) -> Steps:
+        fake = cast("PlanningWorld", world)
+        for _ in range(2):
+            manner = fake.plan.manner
+            fake.trace.append(f"{self.name} {manner.seed} {manner.budget:g} {manner.clearance:g}")
+            yield
+        if self.name == "Fails":
+            raise Failure(planning.NO_PATH, "none")
+
+
+def start(body: str, world: FakeWorld) -> Run:
+    text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n" + indent(body, "    ")
+    registry = Registry((*NODES, *RECOVERY, Plans), installed=False)
+    return Run(build(parse_mission(text, FILE, registry), cast("World", world), {}), world)
+
+
+def test_the_manner_holds_in_the_child_s_ticks_only() -> None:
+    body = """\
+Parallel:
+  failure_count: 2
+  do:
+    - PlanWith: {seed: 3, budget: 2, clearance: 10 mm, do: {Plans: {name: Fails}}}
+    - Plans: {name: Beside}
+"""
+    world = PlanningWorld()
+    assert letters(start(body, world).to_end()) == "RRF"
+    assert world.trace == ["Fails 3 2 0.01", "Beside 0 1 0"] * 2
+    halted = start(body, world)
+    halted.tick()
+    halted.tree.halt()
+    assert world.plan.manner == Manner()
+
+
+def test_manners_add_up() -> None:
+    body = "PlanWith: {seed: 3, budget: 2, do: {PlanWith: {budget: 3, clearance: 5 mm, do: Plans}}}\n"
+    world = PlanningWorld()
+    start(body, world).to_end()
+    assert world.trace == ["Plans 3 6 0.005"] * 2
+
+
+def test_it_answers_as_its_child() -> None:
+    body = 'PlanWith: {seed: 1, do: {Scripted: {script: "RR S|R grasp.missed"}}}\n'
+    run = start(body, FakeWorld())
+    assert letters(run.to_end()) == "RRS"
+    assert letters(run.to_end()) == "RF"
+    assert run.tree.failure is not None
+    assert str(run.tree.failure.cause) == "grasp.missed"
+
+
+def test_a_manner_changes_what_is_asked() -> None:
+    manner = Manner(seed=2, budget=2.5, clearance=0.01)
+    free = manner.of(Request(NamedGoal("home"), clearance=0.002))
+    assert (free.budget, round(free.clearance, 6)) == (round(2.5 * BUDGET), 0.012)
+    line = manner.of(Request(Offset((0.0, 0.0, 0.1))))
+    assert (line.budget, line.clearance) == (round(2.5 * BUDGET), 0.0)
+    assert manner.stream("planner a") == "planner a seed 2"
+    assert Manner().stream("planner a") == "planner a"
