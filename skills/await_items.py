@@ -31,6 +31,8 @@ class AwaitItems(Skill):
         "how long the feed may wait for the arm to leave before it fails", unit="s", default=5.0, least=0
     )
     causes = (feed.LATE, feed.OBSTRUCTED)
+    limit = 10.0
+    waits_for = "longest"
 
     def run(self, world: World) -> Steps:
         began = world.clock.now

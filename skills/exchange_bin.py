@@ -42,6 +42,8 @@ class ExchangeBin(Skill):
         "how long somebody may wait for the arm to leave before it fails", unit="s", default=5.0, least=0
     )
     causes = (feed.NO_EXCHANGE, feed.OBSTRUCTED, world_causes.UNKNOWN_OBJECT)
+    limit = 10.0
+    waits_for = "longest"
 
     @classmethod
     def empties_with(cls, inputs: Mapping[str, object]) -> str:

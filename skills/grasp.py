@@ -92,6 +92,7 @@ class Grasp(Skill):
     )
     hand_after = "full"
     uses = (ARM, GRIPPER)
+    limit = 240.0
 
     def run(self, world: World) -> Steps:
         world.underway.drop()

@@ -95,6 +95,7 @@ class Insert(Skill):
         world_causes.DISTURBED,
     )
     uses = (ARM, GRIPPER)
+    limit = 300.0
     hand_after = "empty"
 
     def run(self, world: World) -> Steps:

@@ -45,6 +45,8 @@ class Jog(Skill):
     travelled: Out[float] = port("way of the tool's centre point", unit="m")
     causes = (planning.BLOCKED, world_causes.DISTURBED, control.ANY, safety.ANY)
     uses = (ARM,)
+    limit = 600.0
+    waits_for = "duration"
 
     @classmethod
     def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:

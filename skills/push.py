@@ -90,6 +90,7 @@ class Push(Skill):
         world_causes.DISTURBED,
     )
     uses = (ARM, GRIPPER, CAMERA)
+    limit = 300.0
 
     @classmethod
     def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:

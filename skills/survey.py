@@ -56,6 +56,7 @@ class Survey(Skill):
         world_causes.DISTURBED,
     )
     uses = (ARM, CAMERA)
+    limit = 1800.0
 
     def run(self, world: World) -> Steps:
         target = target_named(world.scene.fixtures.values(), self.target)

@@ -61,6 +61,7 @@ class TouchTarget(Skill):
     )
     hand_after = "empty"
     uses = (ARM, GRIPPER)
+    limit = 1800.0
 
     def run(self, world: World) -> Steps:
         target = target_named(world.scene.fixtures.values(), self.target)

@@ -38,7 +38,7 @@ _PY_TREES: Mapping[NodeStatus, Status] = {
     NodeStatus.FAILURE: Status.FAILURE,
     NodeStatus.SKIPPED: Status.INVALID,
 }
-_ALWAYS_POSSIBLE = (tree.MISSING_INPUT, world.UNKNOWN_OBJECT, internal.ERROR)
+_ALWAYS_POSSIBLE = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 
 
 class Node(Behaviour):
@@ -122,6 +122,9 @@ class Node(Behaviour):
 
     def on_rewired(self, ports: frozenset[str]) -> None:
         """Called when the node goes on under an edited mission that says something else for these ports."""
+
+    def pass_over(self, elements: Collection[str]) -> None:
+        """Called while the node runs when these elements of a list, ids as a rule, need nothing any more."""
 
     @classmethod
     def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:

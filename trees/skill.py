@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Generator
 from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 
-from ..world.causes import internal
+from ..world.causes import FailureReport, internal, tree
 from .declaration import Resource
 from .flow.plainly import leaf
 from .node import Node
@@ -32,6 +32,8 @@ CAMERA: Final = Resource.CAMERA
 
 _CLOSINGS = 3
 """How often a body that yields while it is closed is told again; then it is left to itself."""
+SLOW = 0.25
+"""Share of the joints' speed limits below which a skill gets more time, in proportion."""
 
 
 class Skill(Node, abstract=True):
@@ -45,10 +47,16 @@ class Skill(Node, abstract=True):
     takes_over: ClassVar[bool] = False
     """Whether it knows what to do with an arm that is still on the way when it starts, as `Grasp` leaves it
     for `Place`. Before any other that uses robot or camera the arm is brought to rest."""
+    limit: ClassVar[float] = 120.0
+    """Simulated time after which it is stopped with tree.timeout, s: many times what it ever takes, so that
+    one that would never end does. See `time_limit`."""
+    waits_for: ClassVar[str] = ""
+    """The port that says how long it may wait, s: `limit` counts from there on."""
 
     def __init__(self, wiring: Wiring, runtime: Runtime) -> None:
         super().__init__(wiring, runtime)
         self._steps: Steps | None = None
+        self._began = 0.0
 
     @abstractmethod
     def run(self, world: World) -> Steps:
@@ -61,10 +69,30 @@ class Skill(Node, abstract=True):
 
     def on_start(self) -> None:
         self._steps = None
+        self._began = self.world.clock.now
+
+    def time_limit(self) -> float:
+        """Simulated time that this activation has, s: `limit`, the longer the slower a `speed` below a
+        quarter lets it go, and beyond what it may wait by its ports."""
+        time = self.limit
+        speed = self.input("speed") if self.declaration.port("speed") is not None else None
+        if isinstance(speed, int | float) and 0.0 < speed < SLOW:
+            time *= SLOW / speed
+        waits = self.input(self.waits_for) if self.waits_for else 0.0
+        return time + (waits if isinstance(waits, int | float) else 0.0)
+
+    @classmethod
+    def limit_words(cls) -> str:
+        """The same for the reference."""
+        beyond = f" beyond `{cls.waits_for}`" if cls.waits_for else ""
+        slow = f", longer at a `speed` below {SLOW:g}" if cls.declaration.port("speed") is not None else ""
+        return f"It is stopped with tree.timeout after {cls.limit:g} s{beyond}{slow}."
 
     def on_tick(self) -> NodeStatus:
         if self._steps is None:
             self._steps = self._body(cast("World", self.world))
+        elif self.world.clock.now - self._began > self.time_limit() + 1e-9:
+            return self._timed_out()
         try:
             next(self._steps)
         except StopIteration:
@@ -91,6 +119,14 @@ class Skill(Node, abstract=True):
                 refused += 1
         if refused:
             self.note("internal_error", f"{self.wiring.id} yields while it is halted: a finally cannot wait")
+
+    def _timed_out(self) -> NodeStatus:
+        """Stop the body as a halt does: what it holds of the robot is given back, and the arm brakes."""
+        seconds, limit = self.world.clock.now - self._began, self.time_limit()
+        self.on_halt()
+        message = f"{self.wiring.id} still ran after {limit:g} s, its longest time, and was stopped"
+        evidence = {"seconds": round(seconds, 3), "limit": limit}
+        return self.fail_with(FailureReport(tree.TIMEOUT, message, evidence, self.path))
 
     def _finished(self) -> NodeStatus:
         self._steps = None

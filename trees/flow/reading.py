@@ -62,7 +62,7 @@ class Reading:
         """What each node has raised itself, by `id` of its spec."""
         self._missing_input = self.causes.of((tree_causes.MISSING_INPUT,))
         self._unknown_object = self.causes.of((world_causes.UNKNOWN_OBJECT,))
-        self.undeclared = self._missing_input | self._unknown_object
+        self.undeclared = self._missing_input | self._unknown_object | self.causes.of((tree_causes.TIMEOUT,))
         """What a node may fail with although it does not declare it."""
         self._here: Frame | None = None
         self._missing = 0

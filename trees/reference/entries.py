@@ -12,6 +12,7 @@ from ...world.journal import Plain
 from ..declaration import Kind, NodeDeclaration
 from ..node import Node
 from ..ports import PortDeclaration, Required
+from ..skill import Skill
 from ..slots import SlotDeclaration
 from ..together import one_needed_of
 from ..wording import default_words, expression_words, flowing, hand_words, type_words
@@ -82,6 +83,8 @@ class NodeEntry:
     uses: tuple[str, ...]
     hand_after: str
     """A sentence, empty when the hand stays as it is."""
+    limit: str
+    """After which simulated time it is stopped; empty when it never is."""
     rule: str
     """What its keys have to do with one another; empty when nothing."""
     example: str
@@ -110,6 +113,7 @@ def node_entry(node: NodeDeclaration, causes: Iterable[Cause], of: type[Node] | 
         tuple(_cause(cause, known) for cause in node.causes),
         tuple(str(resource.value) for resource in node.uses),
         hand_words(node),
+        of.limit_words() if of is not None and issubclass(of, Skill) else "",
         f"{needed.sentence[0].upper()}{needed.sentence[1:]}." if needed else "",
         node.example,
     )

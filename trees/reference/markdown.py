@@ -69,6 +69,7 @@ def _node(node: NodeEntry) -> Iterator[str]:
         yield "Fails with " + listed([_linked(cause) for cause in node.causes]) + "."
     said = [f"Uses {listed(list(node.uses))}."] if node.uses else []
     said += [node.hand_after] if node.hand_after else []
+    said += [node.limit] if node.limit else []
     if said:
         yield ""
         yield " ".join(said)

@@ -43,6 +43,8 @@ def page(node: NodeEntry) -> str:
         parts.append(f"Uses {listed(list(node.uses))}.")
     if node.hand_after:
         parts.append(node.hand_after)
+    if node.limit:
+        parts.append(node.limit)
     if node.example:
         parts.append("Example\n" + textwrap.indent(node.example, "  "))
     parts.append(_wrapped(f"As every node it also takes {listed(list(COMMON_KEYS))}."))

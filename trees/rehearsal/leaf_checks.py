@@ -13,7 +13,7 @@ from .known import Known
 from .roles import Role
 from .world_checks import WorldChecks
 
-_ALWAYS = (tree.MISSING_INPUT, world.UNKNOWN_OBJECT)
+_ALWAYS = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT)
 """What every node may fail with."""
 
 
