@@ -1,0 +1,212 @@
+"""The table of the fault campaign: what each column counts, from the measures of its runs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from _fault_measures import Measure
+
+from picktree.batch.statistics import Rate, rate
+from picktree.world.causes import cause_named, matches
+from picktree.world.faults.description import Expect
+
+COLUMNS: Mapping[str, str] = {
+    "took effect": "of all runs, those in which a fault did something (a `fault` event that neither waits "
+    "nor finds no item; a process that was killed)",
+    "detected": "of these, those that reported a failure at or after that moment",
+    "right cause": "of the detected, those whose first failure after that moment is among the accepted "
+    "causes (`expect` of the fault file)",
+    "absorbed": "of the runs in which a fault took effect, those without any failure after it; beside it "
+    "the items that were sorted in these, of those that could be",
+    "finished": "of all runs, those whose tree came to its end in SUCCESS, whatever was sorted",
+    "sorted": "of the items that can physically be sorted (all that came, less `lost` of the fault file in "
+    "a run in which it took effect), those that lie in their bin by the scorer; in a run without a result, "
+    "none",
+    "worst force": "at the wrist as the robot felt it, N: mean over 50 ms at each tick, or that of a stop",
+    "beyond": "runs in which a joint or the tool went further beyond a limit of the monitor than braking "
+    "from the speed at which it crossed the limit explains (joint: v²/2a; tool: its speed for as long as "
+    "the slowest joint brakes; each and one tick); in brackets those that crossed one at all",
+    "crashed, hung": "processes that came to no result though no fault had killed them; runs that were "
+    "ended at their limit of simulated time",
+    "s": "simulated seconds of a run, mean",
+}
+"""Name and exact meaning of each column."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One fault, with recovery or without."""
+
+    fault: str
+    recovery: bool
+    runs: int
+    took_effect: int
+    detected: int
+    right: int
+    absorbed: int
+    absorbed_sorted: int
+    absorbed_sortable: int
+    finished: int
+    sorted: int
+    sortable: int
+    misplaced: int
+    on_floor: int
+    worst_force: float
+    above_force: int
+    """Runs in which the force was above the limit of the scene."""
+    crossed: int
+    beyond: int
+    crashed: int
+    hung: int
+    killed: int
+    resumed: int
+    seconds: float
+    """Simulated, mean of the runs with a result."""
+    first_causes: Mapping[str, int]
+    """Of the first failures after the fault."""
+
+    def to_json(self) -> dict[str, Any]:
+        rates = {
+            "detected": rate(self.detected, self.took_effect),
+            "right": rate(self.right, self.detected),
+            "finished": rate(self.finished, self.runs),
+            "sorted": rate(self.sorted, self.sortable),
+        }
+        intervals = {name: [each.interval.low, each.interval.high] for name, each in rates.items()}
+        return {**asdict(self), "intervals": intervals}
+
+
+def is_right(cause: str, expect: Expect) -> bool:
+    """Whether a cause is among those that count as the right ones."""
+    return any(matches(pattern, cause_named(cause)) for pattern in expect.causes)
+
+
+def sortable(measure: Measure, expect: Expect) -> int:
+    """Items of a run that can physically be sorted."""
+    if measure.total is None:
+        raise ValueError(f"{measure.job}: how many items it had is not known")
+    return measure.total - (expect.lost if measure.took_effect else 0)
+
+
+def line(
+    fault: str, recovery: bool, measures: Iterable[Measure], expect: Expect, items: int, limit: float
+) -> Line:
+    """Of the runs of one fault. `items`: what a run without a result would have had; `limit`: of force, N."""
+    runs = [_counted(measure, items) for measure in measures]
+    struck = [run for run in runs if run.took_effect]
+    told = [run for run in struck if run.after]
+    silent = [run for run in struck if not run.after]
+    firsts = [run.after[0].cause for run in told]
+    done = [run.seconds for run in runs if run.seconds is not None and run.status != "crashed"]
+    return Line(
+        fault=fault,
+        recovery=recovery,
+        runs=len(runs),
+        took_effect=len(struck),
+        detected=len(told),
+        right=sum(is_right(cause, expect) for cause in firsts),
+        absorbed=len(silent),
+        absorbed_sorted=sum(_sorted(run, expect) for run in silent),
+        absorbed_sortable=sum(sortable(run, expect) for run in silent),
+        finished=sum(run.finished for run in runs),
+        sorted=sum(_sorted(run, expect) for run in runs),
+        sortable=sum(sortable(run, expect) for run in runs),
+        misplaced=sum(run.misplaced or 0 for run in runs),
+        on_floor=sum(run.on_floor for run in runs),
+        worst_force=max((run.force for run in runs), default=0.0),
+        above_force=sum(run.force > limit for run in runs),
+        crossed=sum(bool(run.beyond) for run in runs),
+        beyond=sum(bool(run.lasting) for run in runs),
+        crashed=sum(run.crashed for run in runs),
+        hung=sum(run.hung for run in runs),
+        killed=sum(run.killed for run in runs),
+        resumed=sum(run.resumed for run in runs),
+        seconds=round(sum(done) / len(done), 2) if done else 0.0,
+        first_causes=dict(Counter(firsts).most_common()),
+    )
+
+
+def total(lines: Sequence[Line], recovery: bool) -> Line:
+    """All faults of one side together; runs without any fault are not in it."""
+    side = [each for each in lines if each.recovery == recovery and each.fault != "none"]
+    causes: Counter[str] = Counter()
+    for each in side:
+        causes.update(each.first_causes)
+    runs = sum(each.runs for each in side)
+    sums = {
+        name: sum(getattr(each, name) for each in side)
+        for name in (
+            *("runs", "took_effect", "detected", "right", "absorbed", "absorbed_sorted", "absorbed_sortable"),
+            *("finished", "sorted", "sortable", "misplaced", "on_floor", "above_force", "crossed", "beyond"),
+            *("crashed", "hung", "killed", "resumed"),
+        )
+    }
+    return Line(
+        fault="all faults",
+        recovery=recovery,
+        **sums,
+        worst_force=max((each.worst_force for each in side), default=0.0),
+        seconds=round(sum(each.seconds * each.runs for each in side) / runs, 2) if runs else 0.0,
+        first_causes=dict(causes.most_common()),
+    )
+
+
+def _counted(measure: Measure, items: int) -> Measure:
+    """A run without a result has sorted nothing of what it would have had."""
+    from dataclasses import replace
+
+    return measure if measure.total is not None else replace(measure, total=items, sorted=0, misplaced=0)
+
+
+def _sorted(measure: Measure, expect: Expect) -> int:
+    return min(measure.sorted or 0, sortable(measure, expect))
+
+
+def brief(found: Rate) -> str:
+    """`19/20 (76…99 %)`"""
+    if not found.total:
+        return "–"
+    low, high = 100 * found.interval.low, 100 * found.interval.high
+    return f"{found.successes}/{found.total} ({low:.0f}…{high:.0f} %)"
+
+
+HEADINGS = (
+    "fault", "", "took effect", "detected", "right cause", "absorbed", "finished", "sorted", "worst force",
+    "beyond", "crashed, hung", "s",
+)  # fmt: skip
+
+
+def cells(each: Line) -> tuple[str, ...]:
+    """A line as it is printed, below `HEADINGS`."""
+    absorbed = f"{each.absorbed}: {each.absorbed_sorted}/{each.absorbed_sortable}" if each.absorbed else "0"
+    return (
+        each.fault.replace("_", " "),
+        "with" if each.recovery else "without",
+        f"{each.took_effect}/{each.runs}",
+        brief(rate(each.detected, each.took_effect)),
+        brief(rate(each.right, each.detected)),
+        absorbed,
+        brief(rate(each.finished, each.runs)),
+        brief(rate(each.sorted, each.sortable)),
+        f"{each.worst_force:.0f} N",
+        f"{each.beyond} ({each.crossed})",
+        f"{each.crashed}, {each.hung}",
+        f"{each.seconds:.0f}",
+    )
+
+
+def to_text(lines: Sequence[Line]) -> str:
+    """For a terminal."""
+    rows = [HEADINGS, *map(cells, lines)]
+    widths = [max(len(row[n]) for row in rows) for n in range(len(HEADINGS))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
+
+
+def to_markdown(lines: Sequence[Line]) -> str:
+    rows = [HEADINGS, tuple("---" for _ in HEADINGS), *map(cells, lines)]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)

@@ -1,0 +1,310 @@
+"""Campaign: each kind of fault on many seeds, with recovery and without. Is it noticed, rightly named, cured?
+
+    python benchmarks/fault_campaign.py                        # the plan; goes on where it stopped
+    python benchmarks/fault_campaign.py --runs 2 --first 900 --only 'slip*' --out runs/slips
+    python benchmarks/fault_campaign.py --report               # the table of what is there
+    python benchmarks/fault_campaign.py --report --markdown docs/fault-campaign.md
+
+The plan is run as a batch (`picktree batch report` makes a page of it, too). A run that a fault has killed is
+taken up by `picktree run --resume` where there is recovery. Then each log is measured, and the table made:
+docs/fault-campaign.md says what its columns count. Exit code 0: all targets are met.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from pathlib import Path
+
+from _campaign import ROOT
+from _fault_measures import Cell, Measure, Measured, measured
+from _fault_page import targets, to_page
+from _fault_table import Line, line, to_text, total
+
+from picktree.batch.batch import Batch
+from picktree.batch.load import load_plan
+from picktree.batch.local import LocalExecutor
+from picktree.batch.plan import Plan
+from picktree.batch.store import NAME, Store
+from picktree.cli.batch_progress import progress
+from picktree.logs.result import RunResult
+from picktree.logs.run import Run
+from picktree.world.errors import PicktreeError
+from picktree.world.faults.description import Expect
+from picktree.world.faults.load import load_faults
+
+PLAN = ROOT / "benchmarks" / "campaign" / "plan.yaml"
+COST_A_RUN = 7.0
+"""CPU seconds of a run of four items with its measures, for the forecast."""
+MB_A_RUN = 1.5
+"""Of log."""
+PLAINLY = "sort_plainly"
+"""Stem of the mission without recovery."""
+ITEMS = 4
+"""Of the scene."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A job of the batch, as far as the table needs it."""
+
+    job: str
+    mission: Path
+    faults: Path | None
+    seed: int
+    status: str
+    message: str
+    total: int | None
+    sorted: int | None
+    misplaced: int | None
+    seconds: float | None
+    folder: str
+
+    @property
+    def fault(self) -> str:
+        return self.faults.stem if self.faults else "none"
+
+    @property
+    def killed(self) -> bool:
+        return self.status == "crashed" and self.fault.startswith("kill") and "SIGKILL" in self.message
+
+
+def main() -> int:
+    given = _options().parse_args()
+    try:
+        return campaign(given)
+    except PicktreeError as error:
+        print(error, file=sys.stderr)
+        return 2
+
+
+def _options() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--plan", type=Path, default=PLAN)
+    parser.add_argument("--runs", type=int, help="seeds of each fault; those of the plan unless given")
+    parser.add_argument("--first", type=int, default=0, help="first seed, with --runs")
+    parser.add_argument("--only", action="append", default=[], metavar="FAULT", help="as 'slip*'; repeatable")
+    parser.add_argument("--without", action="append", default=[], metavar="FAULT")
+    parser.add_argument("--side", choices=("with", "without", "both"), default="both", help="recovery")
+    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--out", type=Path, default=ROOT / "runs" / "campaign")
+    parser.add_argument("--report", action="store_true", help="run nothing: the table of what is there")
+    parser.add_argument("--json", action="store_true", help="the table as one JSON object on stdout")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the page there, too")
+    return parser
+
+
+def campaign(given: argparse.Namespace) -> int:
+    folder: Path = given.out
+    if not given.report:
+        run(given, folder)
+    if not (folder / NAME).exists():
+        raise PicktreeError(f"{folder}: there is no campaign in it")
+    rows = [row for row in read(folder) if row.status != "waiting"]
+    if not rows:
+        raise PicktreeError(f"{folder}: no run has been finished yet")
+    measures = measure(rows, folder)
+    lines = table(rows, measures)
+    found = targets(lines)
+    if given.markdown:
+        whole = to_page(lines, command=_command(), seeds=sorted({row.seed for row in rows}))
+        beside = given.markdown.with_suffix(".part")
+        beside.write_text(whole, encoding="utf-8")
+        beside.replace(given.markdown)
+    if given.json:
+        told = {
+            "lines": [each.to_json() for each in lines],
+            "targets": [
+                {"target": target.words, "measured": target.measured, "met": target.met} for target in found
+            ],
+            "runs": [one.to_json() for one in measures],
+        }
+        print(json.dumps(told, ensure_ascii=False, indent=2))
+    else:
+        print(to_text(lines))
+        for target in found:
+            print(target.to_text())
+    return 0 if all(target.met for target in found) else 1
+
+
+def run(given: argparse.Namespace, folder: Path) -> None:
+    """Run what is to do of the plan, then take up what was killed. Says first what it costs."""
+    plan = asked(given)
+    if (folder / NAME).exists():
+        made = Batch.resume(folder)
+        if given.runs or given.only or given.without or given.side != "both":
+            have, want = _extent(made.plan), _extent(plan)
+            if have != want:
+                made.__exit__()
+                raise PicktreeError(f"{folder} holds another campaign ({have[-1]}): give another --out")
+    else:
+        made = Batch.create(folder, plan)
+    with made as batch, LocalExecutor(given.workers) as executor:
+        to_do = len(batch.store.to_do())
+        print(
+            f"{to_do} of {len(batch.jobs)} runs to do, about {to_do * COST_A_RUN / 60:.0f} CPU minutes on "
+            f"{given.workers} workers and {to_do * MB_A_RUN:.0f} MB of logs; in {folder}",
+            file=sys.stderr,
+            flush=True,
+        )
+        with progress(folder, sys.stderr if given.json else None) as seen:
+            whole = batch.run(executor, seen)
+    if not whole:
+        raise PicktreeError("it was stopped; the same command goes on")
+    for row in read(folder):
+        if row.killed and row.mission.stem != PLAINLY:
+            take_up(row, folder)
+
+
+def asked(given: argparse.Namespace) -> Plan:
+    """The plan, as far as it is wanted."""
+    plan = load_plan(given.plan)
+    faults = tuple(path for path in plan.faults if _wanted(path, given.only, given.without))
+    if not faults:
+        known = ", ".join(path.stem if path else "none" for path in plan.faults)
+        raise PicktreeError(f"no fault of the plan is left; it has: {known}")
+    missions = tuple(
+        path
+        for path in plan.missions
+        if given.side == "both" or (path.stem == PLAINLY) == (given.side == "without")
+    )
+    seeds = tuple(range(given.first, given.first + given.runs)) if given.runs else plan.seeds
+    return replace(plan, faults=faults, missions=missions, seeds=seeds)
+
+
+def _wanted(path: Path | None, only: Sequence[str], without: Sequence[str]) -> bool:
+    name = path.stem if path else "none"
+    return (not only or any(fnmatch(name, each) for each in only)) and not any(
+        fnmatch(name, each) for each in without
+    )
+
+
+def _extent(plan: Plan) -> tuple[object, ...]:
+    faults = [path.stem if path else "none" for path in plan.faults]
+    seeds = f"{plan.seeds[0]}:{plan.seeds[-1] + 1}"
+    missions = tuple(path.stem for path in plan.missions)
+    return missions, tuple(faults), plan.seeds, f"{', '.join(faults)}; seeds {seeds}"
+
+
+def read(folder: Path) -> list[Row]:
+    """All jobs of the batch in the order of its plan."""
+    with Store(folder / NAME) as store:
+        found = store.query(
+            "SELECT job, mission, faults, seed, status, message, items_total, items_sorted, items_misplaced, "
+            "sim_seconds, folder FROM jobs ORDER BY number"
+        )
+    return [
+        Row(str(job), Path(str(mission)), Path(str(faults)) if faults else None, *rest)  # type: ignore[arg-type]
+        for job, mission, faults, *rest in found.rows
+    ]
+
+
+def take_up(row: Row, folder: Path) -> None:
+    """Go on with a killed run as its user would; what comes of it is put beside the batch."""
+    place = folder / "resumed" / row.job
+    if (place / "result.json").exists() or not row.folder:
+        return
+    place.mkdir(parents=True, exist_ok=True)
+    resume = ["run", "--resume", str(folder / row.folder), "--json", "--out", str(place)]
+    said = subprocess.run([sys.executable, "-m", "picktree", *resume], capture_output=True, text=True)
+    (place / "said.txt").write_text(said.stderr, encoding="utf-8")
+    if said.returncode in (0, 1):
+        beside = place / "result.part"
+        beside.write_text(said.stdout, encoding="utf-8")
+        beside.replace(place / "result.json")
+    print(f"seed {row.seed}, killed and taken up: exit code {said.returncode}", file=sys.stderr, flush=True)
+
+
+def measure(rows: Sequence[Row], folder: Path) -> list[Measure]:
+    """Of each run, measured once."""
+    known = Measured.read(folder / "measures.jsonl")
+    cell: Cell | None = None
+    for number, row in enumerate(rows):
+        if row.job in known.by_job:
+            continue
+        if cell is None:
+            print("measuring …", file=sys.stderr, flush=True)
+            cell = Cell.of("sort_small")
+        known.add(_measure(row, folder, cell))
+        if number % 100 == 99:
+            print(f"  {number + 1} of {len(rows)}", file=sys.stderr, flush=True)
+    return [known.by_job[row.job] for row in rows]
+
+
+def _measure(row: Row, folder: Path, cell: Cell) -> Measure:
+    told = Measure(
+        row.job,
+        row.fault,
+        row.mission.stem != PLAINLY,
+        row.seed,
+        row.status,
+        row.message,
+        killed=row.killed,
+        total=row.total,
+        sorted=row.sorted,
+        misplaced=row.misplaced,
+        seconds=row.seconds,
+        folder=row.folder,
+    )
+    if row.folder:
+        with Run(folder / row.folder) as log:
+            told = measured(told, log, cell)
+    result = folder / "resumed" / row.job / "result.json"
+    if not result.exists():
+        return told
+    ended = RunResult.from_json_text(result.read_text(encoding="utf-8"), result)
+    told = replace(
+        told,
+        status=ended.status,
+        message=ended.message,
+        resumed=True,
+        total=ended.items.total,
+        sorted=ended.items.sorted,
+        misplaced=ended.items.misplaced,
+        seconds=ended.sim_seconds,
+        failures=(),
+        folder=str(ended.folder.relative_to(folder.absolute())),
+    )
+    with Run(ended.folder) as log:
+        return measured(told, log, cell)
+
+
+def table(rows: Sequence[Row], measures: Sequence[Measure]) -> list[Line]:
+    """Both sides of each fault, in the order of the plan; then all together."""
+    files = {row.fault: row.faults for row in rows}
+    lines: list[Line] = []
+    for fault, path in files.items():
+        expect = (load_faults(path).expect if path else None) or Expect()
+        for recovery in (True, False):
+            own = [one for one in measures if one.fault == fault and one.recovery == recovery]
+            if own:
+                lines.append(line(fault, recovery, own, expect, ITEMS, _force_limit()))
+    if len(files) > 1:
+        lines += [total(lines, side) for side in _sides(lines)]
+    return lines
+
+
+def _sides(lines: Iterable[Line]) -> list[bool]:
+    return [side for side in (True, False) if any(each.recovery == side for each in lines)]
+
+
+def _force_limit() -> float:
+    from picktree.world.scene.load import load_scene
+
+    return load_scene("sort_small", Path.cwd()).limits.force
+
+
+def _command() -> str:
+    return " ".join(["python", "benchmarks/fault_campaign.py", *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
