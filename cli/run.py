@@ -80,6 +80,13 @@ def run(
         str | None,
         typer.Option(metavar="LOG", help="Go on with this run: a log file, a run's folder, or 'last'."),
     ] = None,
+    as_it_stands: Annotated[
+        bool,
+        typer.Option(
+            "--as-it-stands",
+            help="With --resume: as things stood last, knowing what was known at the checkpoint; look first.",
+        ),
+    ] = False,
     answers: Annotated[
         list[str] | None,
         typer.Option("--answer", metavar="TEXT", help="What is answered when the mission asks for help."),
@@ -90,6 +97,8 @@ def run(
     reached; 1: it is missed, or the run is paused because the mission asks for help."""
     if resume is not None:
         refuse_contradictions(context)
+    elif as_it_stands:
+        raise PicktreeError("--as-it-stands is said of a run that goes on: give --resume LOG, too")
     elif mission is None:
         context.fail("Missing argument 'MISSION'.")
     answer = keep_stdout() if json else None
@@ -111,7 +120,7 @@ def run(
         if resume is not None:
             from ..logs.resuming.resumption import ResumeRequest, Resumption
 
-            asked = ResumeRequest(resume, out, seconds, rotation, tuple(answers or ()))
+            asked = ResumeRequest(resume, out, seconds, rotation, as_it_stands, tuple(answers or ()))
             resumption = stack.enter_context(Resumption(asked))
             print(resumption.told, file=sys.stderr, flush=True)
         view = stack.enter_context(_view(to_stderr=json, lines=debug))

@@ -43,6 +43,9 @@ class Continues:
     items_done: int
     digest: str
     """Of the other run up to there. The digest of this one goes on from it."""
+    as_it_stands: bool = False
+    """The simulation is as the other log told of it last, at rest, while the robot knows what it knew at the
+    checkpoint: it looks first."""
 
     def words(self) -> Mapping[str, str]:
         return {
@@ -51,6 +54,7 @@ class Continues:
             "time": repr(self.time),
             "items_done": str(self.items_done),
             "digest": self.digest,
+            **({"as_it_stands": "true"} if self.as_it_stands else {}),
         }
 
     @classmethod
@@ -62,6 +66,7 @@ class Continues:
             float(words["time"]),
             int(words["items_done"]),
             words["digest"],
+            words.get("as_it_stands") == "true",
         )
 
 

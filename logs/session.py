@@ -9,10 +9,12 @@ from typing import Any, Unpack
 
 from pydantic import TypeAdapter
 
+from ..recovery.taking_stock import Stock, take_stock
 from ..trees.adoption import Adoption
 from ..trees.builder import build
 from ..trees.debugger import Debugger
 from ..trees.mission import MAIN, Mission
+from ..trees.runner import TickReport
 from ..trees.status import NodeStatus
 from ..trees.surroundings import surroundings
 from ..world.causes import Failure
@@ -117,6 +119,8 @@ class Session:
         """What became of the nodes of a checkpoint of another mission."""
         if state is not None:
             self._take_up(state)
+        self._first = take_stock(self.world) if recipe.start and recipe.start.continues.as_it_stands else None
+        """What is done before the tree goes on."""
         self._checkpointed = self.tally.done
         if debugger is not None:
             debugger.attach(self.tree)
@@ -171,7 +175,7 @@ class Session:
             tree = self.tree
             before, began = self._stopwatch.seconds(), time.perf_counter()
             with self._stopwatch.measure("tree"):
-                report = tree.tick()
+                report = self._look_first() or tree.tick()
             for happened in (*self._injector.tick(), *self._brought()):
                 world.journal.note(happened)
             entries = world.journal.take()
@@ -182,7 +186,7 @@ class Session:
                 self._watcher.ticked(world.clock.now, report, self.tally.done, self._total)
             if self._debugger:
                 self._debugger.ticked()
-            if tree.status is not NodeStatus.RUNNING:
+            if self._first is None and tree.status is not NodeStatus.RUNNING:
                 return "success" if tree.status is NodeStatus.SUCCESS else "failure"
             if world.clock.now >= self.recipe.limit:
                 tree.halt()
@@ -198,6 +202,20 @@ class Session:
             self._pass_time()
             with self._stopwatch.measure("logging"):
                 scribe.timing(self._timing(before, began))
+
+    def _look_first(self) -> TickReport | None:
+        """A tick before the tree goes on, of a run that goes on as things stand; None when that is over."""
+        if self._first is None:
+            return None
+        try:
+            next(self._first)
+        except StopIteration as end:
+            stock: Stock = end.value
+            self._first = None
+            self.tree.pass_over({*stock.done, *stock.gone})
+            self._checkpointed = self.tally.done = self.world.journal.items_done
+            return None
+        return self.tree.look()
 
     def _helped(self) -> bool:
         """Whether nobody waits for an answer any more. Simulated time stands still while a person thinks."""
@@ -307,7 +325,7 @@ class Session:
         """No skill runs, the arm is at rest, the hand is empty, and no answer waits for who asked."""
         world = self.world
         free = world.scene.held is None and not world.operator.answered
-        return self.tree.quiescent and world.control.at_rest and free
+        return self._first is None and self.tree.quiescent and world.control.at_rest and free
 
     def _checkpoint(self, scribe: Scribe) -> None:
         self._checkpointed = self.tally.done

@@ -191,6 +191,12 @@ class Tree:
             if node.state is NodeStatus.RUNNING:
                 node.read_again(full_keys)
 
+    def pass_over(self, elements: Collection[str]) -> None:
+        """Let the running loops leave out these elements of their lists, as far as they are yet to come."""
+        for node in self._nodes:
+            if node.state is NodeStatus.RUNNING:
+                node.pass_over(elements)
+
     def look(self) -> TickReport:
         """The nodes as they stand, with what was written, began and ended since the last tick."""
         return self._report()

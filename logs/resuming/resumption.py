@@ -18,6 +18,7 @@ from ..rotation import NEVER, Rotation
 from ..run import Run
 from ..session import Session
 from ..watcher import Watcher
+from .as_it_stands import as_it_stands
 
 _FINISHED: Final = {
     "success": "the goal is reached",
@@ -37,6 +38,9 @@ class ResumeRequest:
     limit: float | None = None
     """Simulated s, counted from the beginning of the first run; None: as it was."""
     rotation: Rotation = NEVER
+    as_it_stands: bool = False
+    """Not from where things stood at the checkpoint, but from where they stood last: only what the robot
+    knows is that of the checkpoint. It looks first."""
     answers: tuple[str, ...] = ()
     """What is answered when the run asks for help, one for each question."""
 
@@ -53,7 +57,7 @@ class Resumption:
             self.run = stack.enter_context(Run(request.log))
             _refuse_finished(self.run, request.limit)
             self.recorded = stack.enter_context(Recorded(self.run))
-            self.recipe, self.told = self._recipe()
+            self.recipe, self.told, self._knows = self._recipe()
             self._open = stack.pop_all()
 
     def __enter__(self) -> Resumption:
@@ -73,15 +77,14 @@ class Resumption:
         operator: Operator | None = None,
     ) -> Session:
         """What goes on when it is run; `operator` answers what nobody has answered before."""
-        since = self.since
         return Session(
             self.recipe,
             watcher,
             debugger,
             out=self.request.out,
-            revisions=self.recorded.edits(since),
+            revisions=self.recorded.edits(self._knows),
             listener=listener,
-            operator=self.recorded.answers(since, GivenAnswers(self.request.answers, operator)),
+            operator=self.recorded.answers(self.since, GivenAnswers(self.request.answers, operator)),
             rotation=self.request.rotation,
         )
 
@@ -90,8 +93,15 @@ class Resumption:
         """When it goes on, simulated s; -1 when it begins anew."""
         return self.recipe.start.state.time if self.recipe.start else -1.0
 
-    def _recipe(self) -> tuple[Recipe, str]:
-        """From the last checkpoint, else from the beginning; and which it is, as a sentence."""
+    def _recipe(self) -> tuple[Recipe, str, float]:
+        """What goes on, which it is, as a sentence, and up to when it knows what happened, simulated s."""
+        limit = self.request.limit
+        found = as_it_stands(self.recorded) if self.request.as_it_stands else self._from_checkpoint()
+        recipe, told, knows = found
+        return (recipe if limit is None else replace(recipe, limit=limit)), told, knows
+
+    def _from_checkpoint(self) -> tuple[Recipe, str, float]:
+        """From the last one, else from the beginning."""
         run, recorded = self.run, self.recorded
         found = recorded.last_checkpoint(run.end)
         if found is None:
@@ -112,8 +122,7 @@ class Resumption:
                 f"going on with {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
                 f"{_done(state.items_done)}"
             )
-        limit = self.request.limit
-        return (recipe if limit is None else replace(recipe, limit=limit)), told
+        return recipe, told, recipe.start.state.time if recipe.start else -1.0
 
 
 def _done(items: int) -> str:

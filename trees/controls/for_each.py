@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Literal, cast
 
 from ..flow import Ends, Flow, State, States, tidy
@@ -60,7 +61,7 @@ class ForEach(Decorator):
         self._index = self._skipped = 0
 
     def on_tick(self) -> NodeStatus:
-        if not self._items:
+        if self._index >= len(self._items):
             return NodeStatus.SUCCESS
         if self.body.state is not NodeStatus.RUNNING:
             self.item = self._items[self._index]
@@ -79,6 +80,11 @@ class ForEach(Decorator):
         if self._index < len(self._items):
             return NodeStatus.RUNNING
         return NodeStatus.SKIPPED if self._skipped == len(self._items) else NodeStatus.SUCCESS
+
+    def pass_over(self, elements: Collection[str]) -> None:
+        first = self._index + (self.body.state is NodeStatus.RUNNING)
+        left = [item for item in self._items[first:] if item not in elements]
+        self._items = [*self._items[:first], *left]
 
     @classmethod
     def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
