@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import resource
 import time
@@ -37,6 +38,8 @@ class Minute:
     """s of this process."""
     memory: float
     """Resident, MB."""
+    heap: float
+    """Of this, what is in use of C's heap, MB: the rest is code, and room that was given back to the heap."""
     items: int
     """Done so far."""
     came: int
@@ -86,7 +89,14 @@ class Diary:
             self._minute += MINUTE
             wall = time.perf_counter() - self._began
             minute = Minute(
-                now, round(wall, 1), round(cpu, 1), round(resident(), 2), items_done, items_total, self._part
+                now,
+                round(wall, 1),
+                round(cpu, 1),
+                round(resident(), 2),
+                round(in_use(), 2),
+                items_done,
+                items_total,
+                self._part,
             )
             self._write({"minute": asdict(minute)})
             if self._say:
@@ -133,6 +143,29 @@ def resident() -> float:
     return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE
 
 
+class _Mallinfo(ctypes.Structure):
+    """Of glibc's mallinfo2."""
+
+    _fields_ = [
+        (name, ctypes.c_size_t)
+        for name in (
+            *("arena", "ordblks", "smblks", "hblks", "hblkhd"),
+            *("usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"),
+        )
+    ]
+
+
+def in_use() -> float:
+    """MB of C's heap; 0 where no glibc tells it."""
+    try:
+        asked = ctypes.CDLL(None).mallinfo2
+    except AttributeError:
+        return 0.0
+    asked.restype = _Mallinfo
+    told = asked()
+    return (int(told.uordblks) + int(told.hblkhd)) / 1e6
+
+
 @dataclass(frozen=True, slots=True)
 class Soak:
     """What a diary holds."""
@@ -175,6 +208,8 @@ class Growth:
     """MB, by least squares over all minutes after it."""
     an_item: float
     """kB, likewise."""
+    heap_an_item: float
+    """kB of C's heap in use, likewise."""
 
     @property
     def share(self) -> float:
@@ -202,6 +237,7 @@ def growth(minutes: Iterable[Minute], settled: float = SETTLED) -> Growth | None
         float(memory.max()),
         _slope(hours, memory),
         1000 * _slope(items, memory),
+        1000 * _slope(items, np.array([minute.heap for minute in later])),
     )
 
 

@@ -131,7 +131,8 @@ def report(path: Path, parts: int) -> int:
         print(
             f"memory         {grown.first:.1f} MB after {SETTLED / 60:.0f} min, {grown.last:.1f} at the end: "
             f"{100 * grown.share:+.1f} %; at most {grown.most:.1f} MB; by least squares "
-            f"{grown.an_hour:+.2f} MB an hour, {grown.an_item:+.2f} kB an item"
+            f"{grown.an_hour:+.2f} MB an hour, {grown.an_item:+.2f} kB an item "
+            f"({grown.heap_an_item:+.2f} of the heap in use)"
         )
         if grown.share >= 0.05:
             missed.append("memory grows by 5 % or more after the first half hour")
