@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -87,6 +89,8 @@ class Session:
         part of the digest, `listener` every message, once it is written. `operator` answers who asks for
         help; without one, or without an answer, the run ends `paused`.
         """
+        # Whoever repeats a run that was killed wants to see what came before, and not to be killed himself.
+        asked_for = isinstance(request, RunRequest)
         if isinstance(request, RunRequest):
             out, rotation = request.out, request.rotation
             edits = FileEdits() if edits is None and request.watch else edits
@@ -112,7 +116,15 @@ class Session:
             stopwatch=self._stopwatch,
         )
         self.tree = build(self.mission, self.world, recipe.parameters)
-        self._injector = Injector(recipe.faults, self.hardware, self._object_place)
+        self._injector = Injector(
+            recipe.faults,
+            self.hardware,
+            self._object_place,
+            seed=recipe.seed,
+            program=lambda: self.tree,
+            kill=_kill if asked_for else None,
+        )
+        self.world.plan.finds_nothing = self._injector.no_plan
         self.tally = Tally()
         self._disagreed = 0
         self.adoption: Adoption | None = None
@@ -452,6 +464,11 @@ class Session:
             feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if self._fed else None,
             asked=asked,
         )
+
+
+def _kill() -> None:
+    """At once, as by power loss: nothing is flushed or closed."""
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def _at_hole(body: TrueBody, item: ItemScore) -> HoleItem:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from dataclasses import dataclass
 from typing import cast
 
@@ -14,6 +14,7 @@ from .blackboard import Blackboard, Write
 from .node import Node
 from .references import Constant
 from .runtime import Runtime
+from .skill import Skill
 from .status import NodeStatus
 from .transitions import Transition
 
@@ -196,6 +197,23 @@ class Tree:
         for node in self._nodes:
             if node.state is NodeStatus.RUNNING:
                 node.pass_over(elements)
+
+    def acting(self, path: str = "") -> str | None:
+        """Path of the first skill that runs, of those at or below the node at `path`; empty when none does.
+        None: the node itself does not run."""
+        if path and (path not in self._by_path or self._by_path[path].state is not NodeStatus.RUNNING):
+            return None
+        within = (node for node in self._nodes if not path or f"{node.path}/".startswith(f"{path}/"))
+        running = (node for node in within if node.state is NodeStatus.RUNNING and isinstance(node, Skill))
+        return next((node.path for node in running), "")
+
+    def stand_in(self, path: str, body: Callable[[], Generator[None, None, None]]) -> bool:
+        """Let that body go on in the place of a skill's own from its next tick on, as if the skill was halted
+        before; False: the node is no skill."""
+        if not isinstance(self._by_path.get(path), Skill):
+            return False
+        self._runtime.stand_ins[path] = body
+        return True
 
     def look(self) -> TickReport:
         """The nodes as they stand, with what was written, began and ended since the last tick."""

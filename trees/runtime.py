@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Protocol
 
@@ -42,6 +42,11 @@ class Runtime:
     end_hooks: list[Callable[[str], None]] = field(default_factory=list[Callable[[str], None]])
     """Called with a node's path when it has ended or was halted; its status and failure are set by then."""
     transitions: Transitions = field(default_factory=Transitions)
+    stand_ins: dict[str, Callable[[], Generator[None, None, None]]] = field(
+        default_factory=dict[str, "Callable[[], Generator[None, None, None]]"]
+    )
+    """Bodies that take the place of those of skills, by path, in the skill's next tick: faults of the program
+    that are planted. What the skill did ends as if it was halted."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,6 +89,8 @@ class Skill(Node, abstract=True):
         return f"It is stopped with tree.timeout after {cls.limit:g} s{beyond}{slow}."
 
     def on_tick(self) -> NodeStatus:
+        if self._runtime.stand_ins:
+            self._give_way()
         if self._steps is None:
             self._steps = self._body(cast("World", self.world))
         elif self.world.clock.now - self._began > self.time_limit() + 1e-9:
@@ -119,6 +121,13 @@ class Skill(Node, abstract=True):
                 refused += 1
         if refused:
             self.note("internal_error", f"{self.wiring.id} yields while it is halted: a finally cannot wait")
+
+    def _give_way(self) -> None:
+        """To a body that is to go on in the place of the skill's own, if there is one."""
+        body = self._runtime.stand_ins.pop(self.path, None)
+        if body is not None:
+            self.on_halt()
+            self._steps = body()
 
     def _timed_out(self) -> NodeStatus:
         """Stop the body as a halt does: what it holds of the robot is given back, and the arm brakes."""

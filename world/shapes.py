@@ -46,6 +46,19 @@ class ConvexMesh:
 Shape: TypeAlias = Box | Cylinder | Sphere | ConvexMesh
 
 
+def scaled(shape: Shape, factor: float) -> Shape:
+    """The shape, `factor` times as large along each of its axes."""
+    match shape:
+        case Box((x, y, z)):
+            return Box((x * factor, y * factor, z * factor))
+        case Cylinder(radius, height):
+            return Cylinder(radius * factor, height * factor)
+        case Sphere(radius):
+            return Sphere(radius * factor)
+        case ConvexMesh(vertices, source):
+            return ConvexMesh(tuple((x * factor, y * factor, z * factor) for x, y, z in vertices), source)
+
+
 def corners(shape: Shape) -> Array:
     """Points (n, 3) whose convex hull contains the shape (a circle by its circumscribed octagon), m."""
     match shape:

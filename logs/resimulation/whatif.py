@@ -7,8 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...world.errors import PicktreeError
-from ...world.faults.description import AtTime, FaultFile
-from ...world.simulation.faults import FaultState
+from ...world.simulation.faults import new_states
 from ..comparing.alignment import align
 from ..comparing.outcome import KILLED, RunOutcome
 from ..comparing.parting_text import parting_lines
@@ -102,18 +101,12 @@ def _started(recipe: Recipe, changed: Changed, changes: Changes) -> Recipe:
         return changed.recipe
     state = start.state
     if changes.faults is not None or changes.no_faults:
-        state = replace(state, faults=_fault_states(changed.recipe.faults, state.time))
+        before = (recipe.faults, state.faults)
+        faults = new_states(changed.recipe.faults, recipe.seed, state.time, before)
+        state = replace(state, faults=faults)
     names = tuple(name for name in changes.settings if "." not in name)
     start = replace(start, state=state, adopt=changed.other_tree, changed=names)
     return replace(changed.recipe, start=start)
-
-
-def _fault_states(faults: FaultFile | None, time: float) -> tuple[FaultState, ...]:
-    """Of faults that are new at that time: what should have happened before does not happen any more."""
-    return tuple(
-        FaultState(due=f.when.time, done=f.when.time <= time) if isinstance(f.when, AtTime) else FaultState()
-        for f in (faults.faults if faults else ())
-    )
 
 
 def _parting(run: Run, log: Path, begin: float | None) -> tuple[str, ...]:

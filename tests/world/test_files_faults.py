@@ -133,8 +133,8 @@ def test_the_cell_that_it_is_to_happen_in_must_have_what_it_names(tmp_path: Path
         "5:47: faults[1].joint: the robot of sort_small has no joint 'elbow' (known: "
         + ", ".join(f"panda_joint{n}" for n in range(1, 8))
         + ")",
-        "6:40: faults[2].kind: the catalogue of sort_small has no 'bottle' "
-        "(known: block, can, ball, plate, nut)",
+        "6:42: faults[2].kind: the catalogue of sort_small has no 'bottle' "
+        "(known: block, brick, can, ball, plate, nut)",
     ]
 
 

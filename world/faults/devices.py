@@ -113,6 +113,11 @@ class NoPlan:
     requests: int | None = None
 
 
+def counted(fault: object) -> bool:
+    """Whether it may be over after so many images or requests."""
+    return isinstance(fault, CameraDrop | NoPlan)
+
+
 CameraFault: TypeAlias = CameraDrop | CameraShift | CameraNoise | CameraMislabel
 Ailing: TypeAlias = (
     GripperJam | GripperWeak | JointWeak | Stall | WrenchBias | WrenchDead | CameraFault | NoPlan

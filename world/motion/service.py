@@ -89,6 +89,8 @@ class PlanService:
         self._judge = Judge(model) if verify else None
         self._disagreements: list[Disagreement] = []
         self.made = MadePlans(scene, width)
+        self.finds_nothing: Callable[[], bool] | None = None
+        """Asked for each request whether no way is found, whatever there is; None: never."""
         self._manner = Manner()
 
     @contextmanager
@@ -114,6 +116,8 @@ class PlanService:
         request = self._manner.of(request)
         seed = self._seed(request, node)
         answer: Plan | Failure
+        if self.finds_nothing is not None:
+            self.solver.finds_nothing = self.finds_nothing()
         with self._stopwatch.measure("planning"), self._meter.measure() as spent:
             try:
                 answer = self.solver.solve(request, seed)
@@ -172,6 +176,8 @@ class PlanService:
         legs = [self._manner.of(leg) for leg in legs]
         seeds = [self._seed(leg, node) for leg in legs]
         answer: Plan | Failure
+        if self.finds_nothing is not None:
+            self.solver.finds_nothing = self.finds_nothing()
         with self._stopwatch.measure("planning"), self._meter.measure() as spent:
             try:
                 answer = Chain(self.solver, rounded).solve(legs, seeds)

@@ -50,6 +50,8 @@ class Solver:
         self.model = model
         self.collision = Collision(model, margins, workspace=workspace)
         self.ik = InverseKinematics(model)
+        self.finds_nothing = False
+        """A request is answered as if no way was found: for faults that are planted."""
         self._scene = scene
         self._configuration = configuration
         self._width = width
@@ -106,7 +108,7 @@ class Solver:
         goals = Goals(self.model, self.ik, inspection, begun.way, begun.start, constraints, goal)
         try:
             found, reached = self._found(planner, goals, seed)
-            if found is None:
+            if found is None or self.finds_nothing:
                 raise self._not_found(begun, [target.q for target in reached])
         finally:
             self.ik.solves += constraints.projections
@@ -152,6 +154,8 @@ class Solver:
         start, way = begun.start, begun.way
         target = line.tcp_in_world if isinstance(line, Line) else self.model.tcp(start).shifted(line.by)
         found = straight(self.model, self.ik, way, start, target)
+        if self.finds_nothing:
+            found = LineFound(found.path[:1], 0.0, "reach", ended_at=target)
         if found.fraction < line.least_fraction:
             raise self._line_ended(found, line.least_fraction, target)
         trajectory = time_smooth(self.model, found.path, begun.request.scaling)

@@ -9,13 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..protocols import Clock, Intrinsics, RgbdImage
+from ..protocols import Clock, Intrinsics, NoImage, RgbdImage
 from ..scene.description import CameraDescription, SceneDescription
 from ..streams import Streams
 from ..values import Pose
+from .ailments import Ailments
 from .bodies import add_scenery
 from .client import Client
 from .engine import pb
+from .faulty_colours import shown
 from .noise import noisy_colour, noisy_depth
 
 LIGHT = (0.3, 0.2, 1.0)
@@ -98,13 +100,16 @@ class Scenery:
         still = [camera for camera in scene.cameras if camera.on == "world"]
         self._still = {c.name: _still(View(c), client.id) for c in still}
         self._client = client if len(still) < len(scene.cameras) else None
+        self._scene = scene
 
     def behind(self, view: View, optical: Pose) -> Picture:
         """What the camera, its true optical frame there, sees where nothing that moves is in the way."""
         picture = self._still.get(view.camera.name)
-        if picture is not None:
+        if picture is not None and optical == view.truly(Pose()):
             return picture
-        assert self._client is not None, "there is a camera that moves"
+        if self._client is None:  # one that hangs still was knocked
+            self._client = Client()
+            add_scenery(self._scene, self._client.id)
         return view.render(self._client.id, optical)
 
 
@@ -133,6 +138,7 @@ class PhysicsCamera:
         clock: Clock,
         tool: Callable[[], Pose],
         believed_tool: Callable[[], Pose],
+        ailments: Ailments,
     ) -> None:
         """`tool`: where the TCP truly is in the world; `believed_tool`: where it is by the encoders. Only a
         camera on the hand asks."""
@@ -144,22 +150,32 @@ class PhysicsCamera:
         self._clock = clock
         self._tool = tool
         self._believed_tool = believed_tool
+        self._ailments = ailments
         self._intrinsics = intrinsics(camera)
         self._view = View(camera)
 
     def capture(self) -> RgbdImage:
         camera, moving = self._description, self._description.on == "hand"
+        trouble = self._ailments.cameras.get(camera.name)
         optical = self._view.truly(self._tool() if moving else Pose())
+        if trouble is not None:
+            if self._ailments.dropped(camera.name):
+                self.captures += 1
+                raise NoImage(f"{camera.name} gave no image")
+            optical = optical @ trouble.moved
         seen = in_front(
             self._view.render(self._client.id, optical), self._scenery.behind(self._view, optical)
         )
         rng = self._streams.at(f"sensor/camera/{camera.name}", self.captures)
         self.captures += 1
         depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))
+        colour, times = seen.colour, 1.0
+        if trouble is not None:
+            colour, times = shown(colour, trouble.shown), trouble.noise
         return RgbdImage(
             camera=camera.name,
-            colour=noisy_colour(seen.colour, rng),
-            depth=noisy_depth(depth, camera, rng),
+            colour=noisy_colour(colour, rng, times),
+            depth=noisy_depth(depth, camera, rng, times),
             stamp=self._clock.now,
             intrinsics=self._intrinsics,
             camera_in_world=self._view.believed(self._believed_tool() if moving else Pose()),

@@ -80,6 +80,8 @@ class DynamicsChange:
     item: ObjectId
     friction: float | None = None
     mass: float | None = None
+    scale: float | None = None
+    """How many times as large as before it was made."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import PicktreeError
 from ..values import Array, GripperState, JointState, Wrench
+from .ailments import Ailments
 from .checkpoint import GripperCommand, RobotReading
 from .noise import BodyNoise
 from .pace import EVERYDAY, RESOLUTION
@@ -59,9 +60,10 @@ class Senses:
 class PhysicsArm:
     """`protocols.Arm`"""
 
-    def __init__(self, senses: Senses, body: RobotBody) -> None:
+    def __init__(self, senses: Senses, body: RobotBody, ailments: Ailments) -> None:
         self._senses = senses
         self._body = body
+        self._ailments = ailments
         self._shape = (len(body.description.joints),)
 
     @property
@@ -77,11 +79,15 @@ class PhysicsArm:
         return JointState(moving[:n], moving[n:], np.array(reading.effort[:n]))
 
     def follow(self, position: Array, velocity: Array) -> None:
+        if self._ailments.stalled:
+            return
         self._body.follow(
             finite(position, "arm position", self._shape), finite(velocity, "arm velocity", self._shape)
         )
 
     def apply_torque(self, torque: Array) -> None:
+        if self._ailments.stalled:
+            return
         self._body.apply_torque(finite(torque, "arm torque", self._shape))
 
 
@@ -119,11 +125,23 @@ class PhysicsGripper:
 class PhysicsWrench:
     """`protocols.WrenchSensor`"""
 
-    def __init__(self, senses: Senses) -> None:
+    def __init__(self, senses: Senses, ailments: Ailments) -> None:
         self._senses = senses
+        self._ailments = ailments
+
+    @property
+    def stamp(self) -> float:
+        """When it last gave a new reading, s."""
+        silence = self._ailments.silence
+        return self._senses.now if silence is None else silence.since
 
     def read(self) -> Wrench:
-        senses = self._senses
+        senses, ailments = self._senses, self._ailments
+        if ailments.silence is not None:
+            return ailments.silence.wrench
         a, b, c, d, e, f = senses.noise.wrench(senses.step, senses.now, senses.reading.turn)
         fx, fy, fz, tx, ty, tz = senses.reading.wrench
+        if ailments.biased:
+            more = ailments.off(senses.reading.turn)
+            a, b, c, d, e, f = (one + other for one, other in zip((a, b, c, d, e, f), more, strict=True))
         return Wrench((fx + a, fy + b, fz + c), (tx + d, ty + e, tz + f))

@@ -1,63 +1,75 @@
-"""Carrying out a fault file: at its time, or when a node starts, something is done to an item or the way."""
+"""Carrying out a fault file: at its time, or when a node starts, something is done to an item, a device or
+the program."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, cast
 
 from ..errors import PicktreeError
-from ..faults.description import AtTime, Bump, FaultFile, FaultSpec, Friction, Obstacle, Remove, Target
-from ..files.node_pattern import node_matches
+from ..faults.description import FaultFile, FaultSpec
+from ..faults.devices import (
+    Ailing,
+    CameraDrop,
+    CameraMislabel,
+    CameraNoise,
+    CameraShift,
+    GripperJam,
+    GripperWeak,
+    JointWeak,
+    NoPlan,
+    Stall,
+    WrenchBias,
+    WrenchDead,
+)  # fmt: skip
+from ..faults.items import Appear, Bump, Friction, Heavier, ItemFault, Larger, Obstacle, Remove, Slip
+from ..faults.program import Hang, Kill, Raise
 from ..journal import Happened, Plain
-from ..protocols import Clock
-from ..scene.description import Fixture
-from ..values import ObjectId, Pose, Vector3
-from .truth import TrueBody, TrueObstacle
+from ..values import ObjectId, Vector3
+from .fault_sentences import begins, details, ends, kind_of
+from .fault_states import FaultState, Occasions
+from .fault_targets import carry_out, choose, told_of
+from .faulty import Faulty
 
+__all__ = ["FaultState", "Faulty", "Injector", "Program", "new_states"]
 
-class Faulty(Protocol):
-    """What a backend lets faults do."""
-
-    @property
-    def clock(self) -> Clock: ...
-    def truth(self) -> tuple[TrueBody, ...]: ...
-    def true_tcp(self) -> Pose: ...
-    def remove(self, item: str) -> None: ...
-    def change_dynamics(
-        self, item: str, friction: float | None = None, mass: float | None = None
-    ) -> None: ...
-    def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None: ...
-    def obstacles(self) -> tuple[TrueObstacle, ...]: ...
-    def room_for(self, body: Fixture) -> bool: ...
-    def put_obstacle(self, body: Fixture) -> ObjectId: ...
-    def take_obstacle(self, name: ObjectId) -> None: ...
+_AILING: tuple[type, ...] = (
+    GripperJam, GripperWeak, JointWeak, Stall, WrenchBias, WrenchDead, CameraDrop, CameraShift, CameraNoise,
+    CameraMislabel, NoPlan,
+)  # fmt: skip
+_PLANTED = "planted by the fault file"
 
 
 @dataclass(frozen=True, slots=True)
-class FaultState:
-    """How far one fault has come."""
+class Outcome:
+    """What came of an occasion."""
 
-    starts: int = 0
-    """How often the node that it waits for has started."""
-    due: float | None = None
-    """Simulated time, s; None while it waits for a node."""
-    node: str = ""
-    """Path of the node whose start made it due."""
-    done: bool = False
+    message: str
+    data: dict[str, Plain]
     standing: str = ""
-    """Name of the obstacle that it has put into the way and has yet to take away."""
-    until: float = 0.0
-    """When it takes that away, s."""
+    """What is to be ended later; empty: nothing."""
     waits: bool = False
-    """It is due, but something is in its place."""
+    """It could not be yet; the message is told once."""
+
+
+class Program(Protocol):
+    """The tree that runs, as far as faults meddle with it."""
+
+    def acting(self, path: str = "") -> str | None:
+        """Path of the skill that runs at or below a node, empty when none does; None: it does not run."""
+        ...
+
+    def stand_in(self, path: str, body: Callable[[], Generator[None, None, None]]) -> bool:
+        """Let that body go on in the place of a skill's own from its next tick on; False: it is no skill."""
+        ...
 
 
 class Injector:
-    """Carries out faults once each, between two ticks.
+    """Carries out faults between two ticks.
 
-    `object_place` tells where the belief has the object of a node, by the node's path.
+    `object_place` tells where the belief has the object of a node, by the node's path; `program` gives the
+    tree that runs. `kill` ends the process; without it a run that is repeated goes on where it was killed.
     """
 
     def __init__(
@@ -65,118 +77,241 @@ class Injector:
         faults: FaultFile | None,
         hardware: Faulty,
         object_place: Callable[[str], Vector3 | None] = lambda _: None,
+        *,
+        seed: int = 0,
+        program: Callable[[], Program] | None = None,
+        kill: Callable[[], None] | None = None,
     ) -> None:
         self._faults: tuple[FaultSpec, ...] = faults.faults if faults else ()
-        for fault in self._faults:
-            if not isinstance(fault, Remove | Friction | Bump | Obstacle):
-                kind = type(fault).__name__
-                raise PicktreeError(f"{faults.source if faults else ''}: {kind} cannot be carried out yet")
         self._hardware = hardware
         self._object_place = object_place
-        self._states = [
-            FaultState(due=f.when.time if isinstance(f.when, AtTime) else None) for f in self._faults
-        ]
+        self._program = program
+        self._kill = kill
+        self._occasions = Occasions(seed)
+        self._states = list(new_states(faults, seed))
+        self._told: list[Happened] = []
+
+    @property
+    def no_plan(self) -> Callable[[], bool] | None:
+        """To be asked at each request whether the planner finds nothing; None: it always does its best."""
+        return self._hardware.ailments.no_plan if any(isinstance(f, NoPlan) for f in self._faults) else None
 
     def node_started(self, path: str) -> None:
         """Called by the tree whenever a node starts."""
-        for n, (fault, state) in enumerate(zip(self._faults, self._states, strict=True)):
-            when = fault.when
-            if isinstance(when, AtTime) or state.due is not None or not node_matches(when.pattern, path):
+        now = self._hardware.clock.now
+        for n, fault in enumerate(self._faults):
+            before = self._states[n]
+            state = self._occasions.node_started(n, fault.when, before, path, now)
+            if state is before:
                 continue
-            state = replace(state, starts=state.starts + 1)
-            if state.starts == when.start:
-                state = replace(state, due=self._hardware.clock.now + when.delay, node=path)
             self._states[n] = state
+            if isinstance(fault, Hang | Raise) and len(state.dues) > len(before.dues):
+                self._strike_at_once(n, fault, path, now)
 
     def tick(self) -> tuple[Happened, ...]:
         """Carry out what is due now. Called after each tick of the tree."""
         now = self._hardware.clock.now
-        happened: list[Happened] = []
-        for n, (fault, state) in enumerate(zip(self._faults, self._states, strict=True)):
-            if state.standing and now >= state.until - 1e-9:
-                happened.append(self._clear(state))
-                self._states[n] = replace(state, standing="")
-            elif not state.done and state.due is not None and now >= state.due - 1e-9:
-                if isinstance(fault, Obstacle):
-                    self._states[n], told = self._obstruct(fault, state, now)
-                    happened += told
-                else:
-                    self._states[n] = replace(state, done=True)
-                    happened.append(self._carry_out(fault, state.node))
+        happened, self._told = self._told, []
+        for n, fault in enumerate(self._faults):
+            state = self._states[n]
+            if state.standing and self._over(n, state, now):
+                happened += self._end(n, fault)
+            while dues := self._states[n].dues:
+                if dues[0].time > now + 1e-9:
+                    break
+                happened += self._strike(n, fault, now)
+                if self._states[n].waits:
+                    break
         return tuple(happened)
 
     def state(self) -> tuple[FaultState, ...]:
-        """For a checkpoint; what faults have done to items is in the hardware's own."""
-        return tuple(self._states)
+        """For a checkpoint; what faults have done to items for good is in the hardware's own."""
+        held = self._hardware.ailments.held
+        return tuple(replace(state, held=held(n)) for n, state in enumerate(self._states))
 
     def restore(self, states: Sequence[FaultState]) -> None:
-        """Raises PicktreeError when they are of another fault file."""
+        """Raises PicktreeError when they are of another fault file. What lasts goes on; who was killed when
+        they were saved is not killed by the same again."""
         if len(states) != len(self._faults):
             raise PicktreeError(f"the checkpoint knows {len(states)} faults, the file {len(self._faults)}")
         self._states = list(states)
+        for n, (fault, state) in enumerate(zip(self._faults, states, strict=True)):
+            if not state.standing:
+                continue
+            match fault:
+                case Slip(friction=friction):
+                    self._hardware.lubricate(state.standing, friction, again=True)
+                case Kill():
+                    self._states[n] = replace(state, standing="")
+                case _ if isinstance(fault, _AILING):
+                    self._hardware.afflict(n, cast(Ailing, fault), state.held)
+                case _:
+                    pass
 
-    def _obstruct(self, fault: Obstacle, state: FaultState, now: float) -> tuple[FaultState, list[Happened]]:
+    def _over(self, n: int, state: FaultState, now: float) -> bool:
+        if self._hardware.ailments.spent(n):
+            return True
+        return state.until is not None and now >= state.until - 1e-9
+
+    def _end(self, n: int, fault: FaultSpec) -> list[Happened]:
+        """What lasted is over."""
+        state = self._states[n]
+        name, self._states[n] = state.standing, replace(state, standing="")
+        data: dict[str, Plain] = {"fault": kind_of(fault)}
+        match fault:
+            case Obstacle():
+                self._hardware.take_obstacle(ObjectId(name))
+                message = f"{name} is taken away"
+                data["obstacle"] = name
+            case Slip():
+                self._hardware.lubricate(name, None)
+                message = f"{name} has its own friction again"
+                data["item"] = name
+            case Kill():
+                if self._kill is not None:
+                    self._kill()
+                return []
+            case _:
+                self._hardware.relieve(n)
+                message = ends(cast(Ailing, fault))
+        return [Happened("fault", message, state.node, data | {"gone": True})]
+
+    def _strike(self, n: int, fault: FaultSpec, now: float) -> list[Happened]:
+        """Carry out the first that is due."""
+        state = self._states[n]
+        if state.standing and not isinstance(fault, Obstacle):
+            self._end(n, fault)
+        outcome = self._outcome(n, fault, state)
+        told = Happened("fault", outcome.message, state.node, outcome.data)
+        if outcome.waits:
+            self._states[n] = replace(self._states[n], waits=True)
+            return [] if state.waits or not outcome.message else [told]
+        lasts = fault.stays if isinstance(fault, Obstacle) else getattr(fault, "lasts", None)
+        until = now if isinstance(fault, Kill) else None if lasts is None else now + lasts
+        after = self._occasions.taken(n, fault.when, self._states[n], now)
+        if outcome.standing:
+            after = replace(after, standing=outcome.standing, until=until)
+        self._states[n] = after
+        return [told]
+
+    def _outcome(self, n: int, fault: FaultSpec, state: FaultState) -> Outcome:
+        match fault:
+            case Obstacle():
+                return self._obstruct(fault, state)
+            case Appear():
+                return self._appear(fault)
+            case Slip():
+                return self._slip(fault)
+            case Hang() | Raise():
+                return self._meddle(fault, state)
+            case Kill():
+                return Outcome("the process is killed", {"fault": "kill"}, standing="kill")
+            case Remove() | Friction() | Bump() | Heavier() | Larger():
+                return self._befall(fault, state)
+            case _:
+                width = self._hardware.gripper.read().width
+                self._hardware.afflict(n, fault)
+                return Outcome(begins(fault, width), details(fault), standing=kind_of(fault))
+
+    def _befall(self, fault: ItemFault, state: FaultState) -> Outcome:
+        name = kind_of(fault)
+        body = choose(self._hardware, fault.target, state.node, self._object_place)
+        if body is None:
+            return Outcome(f"{name}: no item fits", {"fault": name, "item": None})
+        message, data = carry_out(fault, body, self._hardware), told_of(fault, body)
+        if message is None:
+            return Outcome(f"{body.id} waits for room to be larger", data | {"waits": True}, waits=True)
+        return Outcome(message, data)
+
+    def _obstruct(self, fault: Obstacle, state: FaultState) -> Outcome:
         """Put the obstacle where it belongs, or wait until nothing is there."""
         body = fault.body
         data: dict[str, Plain] = {"fault": "obstacle", "obstacle": body.id, "at": list(body.pose.position)}
+        if state.standing:  # what it put there before
+            return Outcome("", data, waits=True)
         if not self._hardware.room_for(body):
-            if state.waits:
-                return state, []
             message = f"{body.id} waits until nothing is in its place"
-            return replace(state, waits=True), [
-                Happened("fault", message, state.node, data | {"waits": True})
-            ]
+            return Outcome(message, data | {"waits": True}, waits=True)
         name = self._hardware.put_obstacle(body)
-        state = replace(state, done=True, waits=False)
-        if fault.stays is not None:
-            state = replace(state, standing=str(name), until=now + fault.stays)
-        message = f"{name} is put into the way"
-        return state, [Happened("fault", message, state.node, data | {"obstacle": name})]
+        standing = "" if fault.stays is None else str(name)
+        return Outcome(f"{name} is put into the way", data | {"obstacle": name}, standing=standing)
 
-    def _clear(self, state: FaultState) -> Happened:
-        self._hardware.take_obstacle(ObjectId(state.standing))
-        data: dict[str, Plain] = {"fault": "obstacle", "obstacle": state.standing, "gone": True}
-        return Happened("fault", f"{state.standing} is taken away", state.node, data)
+    def _appear(self, fault: Appear) -> Outcome:
+        what = f"a {fault.colour} {fault.kind}"
+        data: dict[str, Plain] = {"fault": "appear", "kind": fault.kind, "colour": fault.colour}
+        x, y = fault.place
+        try:
+            name = self._hardware.appear(fault.kind, fault.colour, fault.place, fault.yaw)
+        except PicktreeError as error:
+            return Outcome(f"{what} does not appear: {error}", data | {"item": None})
+        if name is None:
+            message = f"{what} waits until nothing is in its place"
+            return Outcome(message, data | {"waits": True}, waits=True)
+        return Outcome(f"{name}, {what}, appears at ({x:.3f}, {y:.3f})", data | {"item": name})
 
-    def _carry_out(self, fault: FaultSpec, node: str) -> Happened:
-        assert isinstance(fault, Remove | Friction | Bump)
-        name = type(fault).__name__.lower()
-        body = self._choose(fault.target, node)
-        if body is None:
-            return Happened("fault", f"{name}: no item fits", node, {"fault": name, "item": None})
-        data: dict[str, Plain] = {"fault": name, "item": body.id, "kind": body.kind, "colour": body.colour}
-        match fault:
-            case Remove():
-                self._hardware.remove(body.id)
-                message = f"{body.id} is snatched away"
-            case Friction(friction=friction, mass=mass):
-                self._hardware.change_dynamics(body.id, friction, mass)
-                data |= {"friction": friction, "mass": mass}
-                message = f"{body.id} has friction {friction:g} now"
-                message += f" and weighs {mass:g} kg" if mass is not None else ""
-            case Bump(velocity=velocity, spin=spin):
-                self._hardware.bump(body.id, velocity, spin)
-                data |= {"velocity": list(velocity), "spin": list(spin)}
-                message = f"{body.id} is bumped to {math.hypot(*velocity):.2f} m/s"
-        return Happened("fault", message, node, data)
+    def _slip(self, fault: Slip) -> Outcome:
+        data: dict[str, Plain] = {"fault": "slip", "friction": fault.friction, "lasts": fault.lasts}
+        item = self._hardware.in_hand()
+        if item is None:
+            return Outcome("slip: nothing is in the hand", data | {"item": None})
+        self._hardware.lubricate(item, fault.friction)
+        lasting = "" if fault.lasts is None else f" for {fault.lasts:g} s"
+        message = f"{item} slips: its friction is {fault.friction:g}{lasting}"
+        return Outcome(message, data | {"item": item}, standing=item)
 
-    def _choose(self, target: Target, node: str) -> TrueBody | None:
-        fitting = [
-            body
-            for number, body in enumerate(self._hardware.truth())
-            if body.present
-            and target.index in (None, number)
-            and target.kind in (None, body.kind)
-            and target.form in (None, body.form)
-            and target.colour in (None, body.colour)
-        ]
-        match target.nearest_to:
-            case "tool":
-                near = self._hardware.true_tcp().position
-            case "object":
-                near = self._object_place(node)
-            case None:
-                near = None
-        if near is None:
-            return fitting[0] if fitting else None
-        return min(fitting, key=lambda body: math.dist(body.pose.position, near), default=None)
+    def _meddle(self, fault: Hang | Raise, state: FaultState) -> Outcome:
+        """Take the place of the skill that runs."""
+        name = kind_of(fault)
+        tree = None if self._program is None else self._program()
+        path = None if tree is None else tree.acting(state.node)
+        if tree is None or path is None:
+            return Outcome(f"{name}: the node had ended before", {"fault": name, "skill": None})
+        if not path:
+            return Outcome("", {}, waits=True)
+        tree.stand_in(path, _body(fault))
+        return _meddled(fault, path)
+
+    def _strike_at_once(self, n: int, fault: Hang | Raise, path: str, now: float) -> None:
+        """A skill that starts, and may end in this very tick, never gets to do anything of its own."""
+        state = self._states[n]
+        if state.dues[0].time > now or self._program is None:
+            return
+        if self._program().stand_in(path, _body(fault)):
+            outcome = _meddled(fault, path)
+            self._told.append(Happened("fault", outcome.message, path, outcome.data))
+            self._states[n] = self._occasions.taken(n, fault.when, state, now)
+
+
+def new_states(
+    faults: FaultFile | None,
+    seed: int,
+    since: float | None = None,
+    before: tuple[FaultFile | None, Sequence[FaultState]] = (None, ()),
+) -> tuple[FaultState, ...]:
+    """Of faults that are new at the time `since`, s, or when the run begins: what should have happened before
+    does not happen any more. A fault that stood in the same place in the file `before` is none of those."""
+    occasions, known = Occasions(seed), dict(enumerate(before[0].faults if before[0] else ()))
+    return tuple(
+        before[1][n] if known.get(n) == fault else occasions.begun(n, fault.when, since)
+        for n, fault in enumerate(faults.faults if faults else ())
+    )
+
+
+def _meddled(fault: Hang | Raise, path: str) -> Outcome:
+    name = path.rsplit("/", 1)[-1]
+    does = "hangs" if isinstance(fault, Hang) else "raises an exception"
+    return Outcome(f"the code of {name} {does}", {"fault": kind_of(fault), "skill": path})
+
+
+def _body(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:
+    return _for_ever if isinstance(fault, Hang) else _raising
+
+
+def _for_ever() -> Generator[None, None, None]:
+    while True:
+        yield
+
+
+def _raising() -> Generator[None, None, None]:
+    yield from ()
+    raise RuntimeError(_PLANTED)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..scene.description import SceneDescription
+from ..shapes import scaled
 from ..values import ObjectId, Pose
 from .spawn import SpawnedItem, item_id
 from .truth import TrueBody
@@ -69,6 +70,13 @@ class Inventory:
         """An item was brought under the `next_id`."""
         self.here[item.id] = item
         self._known.append(item.id)
+
+    def enlarge(self, name: ObjectId, factor: float) -> SpawnedItem:
+        """The item is so many times as large from now on; a checkpoint has to say so elsewhere."""
+        item = self.here[name]
+        entry = replace(item.entry, shape=scaled(item.entry.shape, factor))
+        self.here[name] = replace(item, entry=entry)
+        return self.here[name]
 
     def depart(self, body: TrueBody) -> None:
         """The item left with a bin, as `body` says."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -11,15 +11,20 @@ import numpy as np
 import pinocchio as pin
 
 from ..errors import PicktreeError
+from ..faults.devices import Ailing, GripperJam, Stall, WrenchDead, counted
 from ..journal import Happened
 from ..no_feed import NoFeed
 from ..protocols import Camera, Feed, SensorStamps
 from ..robot.description import RobotDescription
 from ..robot.model import RobotModel, pose_of
 from ..scene.description import Fixture, SceneDescription
-from ..shapes import bottom
-from ..values import Array, JointState, ObjectId, Pose, Vector3, Wrench
+from ..shapes import Shape, bottom, scaled
+from ..streams import Streams
+from ..values import Array, JointState, ObjectId, Pose, Quaternion, Vector3, Wrench
+from .ailments import Ailments, jammed
+from .arrivals import TIGHT, arriving, grown, walls
 from .belt_drive import BeltDrive
+from .checkpoint import GripperCommand
 from .displaced import displaced
 from .feeder import Feeder, FeederState, has_feeder
 from .footprints import floor_height
@@ -32,7 +37,8 @@ from .kinematic_feet import Feet
 from .kinematic_gripper import GRAVITY, KinematicGripper
 from .kinematic_pushing import KinematicPushing
 from .kinematic_state import ItemState, KinematicState
-from .obstacles import Obstacles, Room
+from .kinematic_weak import WeakJoints
+from .obstacles import ROOM, Obstacles, Room
 from .seats import Boards
 from .spawn import SpawnedItem, spawn_items
 from .truth import TrueBody, TrueObstacle
@@ -52,9 +58,11 @@ HELD = "held"
 class KinematicArm:
     """`protocols.Arm`: follows exactly, or integrates the rigid-body dynamics under torques."""
 
-    def __init__(self, model: RobotModel, period: float) -> None:
+    def __init__(self, model: RobotModel, period: float, ailments: Ailments | None = None) -> None:
         self._model = model
         self._period = period
+        self._ailments = ailments or Ailments(())
+        self._weak = WeakJoints(model, period)
         self._torque: Array | None = None
         self.set(model.named("home"), np.zeros(model.n))
 
@@ -73,35 +81,62 @@ class KinematicArm:
         return self._torque is not None
 
     def follow(self, position: Array, velocity: Array) -> None:
+        if self._ailments.stalled:
+            return
         self._aim = (position.copy(), velocity.copy())
         self._torque = None
 
     def apply_torque(self, torque: Array) -> None:
+        if self._ailments.stalled:
+            return
         self._torque = torque.copy()
+
+    def stand(self) -> None:
+        """Stay here until told otherwise."""
+        self._aim = (self.position.copy(), np.zeros_like(self.velocity))
+        self._torque = None
 
     def step(self, wrench_at_tcp: Array) -> None:
         """One period under a wrench (6,) on the TCP."""
+        shares = self._ailments.torque_shares
+        if self._torque is None and shares:
+            self.position, self.velocity, effort = self._weak.follow(
+                self.position, self.velocity, *self._aim, shares
+            )
+            self._state = JointState(self.position, self.velocity, effort)
+            return
         if self._torque is None:
             self.position, self.velocity = self._aim
             self._state = JointState(self.position, self.velocity, self._model.gravity(self.position))
             return
-        acceleration = self._model.forward_dynamics(self.position, self.velocity, self._torque, wrench_at_tcp)
+        torque = self._weak.given(self._torque, shares) if shares else self._torque
+        acceleration = self._model.forward_dynamics(self.position, self.velocity, torque, wrench_at_tcp)
         velocity = self.velocity + acceleration * self._period
         position = self.position + velocity * self._period
         inside = np.minimum(np.maximum(position, self._model.lower), self._model.upper)
         self.velocity = np.where(inside == position, velocity, 0.0)
         self.position = inside
-        self._state = JointState(self.position, self.velocity, self._torque)
+        self._state = JointState(self.position, self.velocity, torque)
 
 
 class KinematicWrench:
     """`protocols.WrenchSensor`, without noise."""
 
-    def __init__(self) -> None:
+    def __init__(self, ailments: Ailments, turn: Callable[[], Quaternion]) -> None:
+        """`turn`: how the sensor is turned in the world."""
         self.reading = Wrench()
+        self._ailments = ailments
+        self._turn = turn
 
     def read(self) -> Wrench:
-        return self.reading
+        ailments, said = self._ailments, self.reading
+        if ailments.silence is not None:
+            return ailments.silence.wrench
+        if not ailments.biased:
+            return said
+        x, y, z, a, b, c = ailments.off(self._turn())
+        (fx, fy, fz), (tx, ty, tz) = said.force, said.torque
+        return Wrench((fx + x, fy + y, fz + z), (tx + a, ty + b, tz + c))
 
 
 class KinematicClock:
@@ -141,14 +176,23 @@ class KinematicHardware:
         floor = floor_height(scene.fixtures, robot.base_in_world.position[2])
         self._belts = KinematicBelts(scene, self.bodies, floor, period)
         self.clock = KinematicClock(period)
-        self.arm = KinematicArm(self.model, period)
-        self.gripper = KinematicGripper(robot.gripper, self.bodies)
-        self.wrench = KinematicWrench()
+        self.ailments = Ailments(c.name for c in scene.cameras)
+        self.arm = KinematicArm(self.model, period, self.ailments)
+        self.gripper = KinematicGripper(robot.gripper, self.bodies, self.ailments)
+        self.wrench = KinematicWrench(self.ailments, lambda: self.model.flange(self.arm.position).orientation)
+        streams = Streams(seed)
         stage = Stage(real, robot, period)
         self.cameras: Mapping[str, Camera] = MappingProxyType(
             {
                 c.name: KinematicCamera(
-                    c, stage, self.bodies, self.clock, self._posture, lambda: self._obstacles.here
+                    c,
+                    stage,
+                    self.bodies,
+                    self.clock,
+                    self._posture,
+                    lambda: self._obstacles.here,
+                    self.ailments,
+                    streams,
                 )
                 for c in scene.cameras
             }
@@ -175,6 +219,8 @@ class KinematicHardware:
         self._centre: tuple[Array, Array | None] | None = None
         """Where the hand's centre of mass was in the last period, and its velocity then."""
         self._touching = False
+        self._lent: dict[ObjectId, tuple[float, float]] = {}
+        """Friction of items, their own and the one that a fault has lent them for a while."""
         self._feet = Feet()
         self._pushing = KinematicPushing(robot.gripper, self.bodies)
         self._sense()
@@ -212,8 +258,8 @@ class KinematicHardware:
 
     @property
     def stamps(self) -> SensorStamps:
-        now = self.clock.now
-        return SensorStamps(now, now, now)
+        now, silence = self.clock.now, self.ailments.silence
+        return SensorStamps(now, now, now if silence is None else silence.since)
 
     def pace(self, rate: int | None = None) -> None:
         """Nothing changes: there is no solver that a finer step would help."""
@@ -270,9 +316,77 @@ class KinematicHardware:
 
     def room_for(self, body: Fixture) -> bool:
         """Whether no item and no part of the robot is where the body would stand."""
+        return self._free(body.shape, body.pose, "", ROOM)
+
+    def _free(
+        self, shape: Shape, pose: Pose, but: str, room: float, more: Iterable[tuple[Shape, Pose]] = ()
+    ) -> bool:
+        """Whether a body fits between the items, all but one, and the robot."""
         self._room = self._room or Room(self.model)
-        items = [(item.entry.shape, item.pose) for item in self.bodies.present]
-        return self._room.free(body.shape, body.pose, items, self.arm.position, self.gripper.width)
+        items = [(item.entry.shape, item.pose) for item in self.bodies.present if item.id != but]
+        return self._room.free(shape, pose, [*items, *more], self.arm.position, self.gripper.width, room)
+
+    def in_hand(self) -> ObjectId | None:
+        """The item that the fingers hold."""
+        return self.bodies.held
+
+    def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
+        """A fault: the item has that friction until it is given its own back, None. Without enough of it the
+        fingers let it go."""
+        name = ObjectId(item)
+        if name not in self.bodies:
+            self._lent.pop(name, None)
+            return
+        body = self.bodies[name]
+        own = self._lent.pop(name, (body.friction, 0.0))[0]
+        if friction is not None:
+            self._lent[name] = own, friction
+        self.bodies.put(replace(body, friction=own if friction is None else friction))
+
+    def enlarge(self, item: str, factor: float) -> bool:
+        """A fault: the item is so many times as large, its mass and its friction stay; False: there is no
+        room for it between the others and the robot, or it is held."""
+        body = self._known(item)
+        entry, pose = grown(body.entry, body.pose, factor)
+        if self.bodies.held == body.id or not self._free(entry.shape, pose, item, TIGHT):
+            return False
+        self.bodies.put(replace(body, entry=entry, pose=pose, scale=body.scale * factor))
+        self.bodies.settle()
+        return True
+
+    def appear(self, kind: str, colour: str, place: tuple[float, float], yaw: float) -> ObjectId | None:
+        """A fault: a further item lies there; None: something is there now. Raises PicktreeError where no
+        fixture is below."""
+        item = arriving(self._real, self._inventory.next_id(), kind, colour, place, yaw)
+        if not self._free(item.entry.shape, item.pose, "", TIGHT, walls(self.scene)):
+            return None
+        self._inventory.add(item)
+        self.bodies.put(body_of(item))
+        self.bodies.drop(item.id)
+        return item.id
+
+    def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
+        """A fault: a device begins to fail. `held`: it did when the checkpoint was taken, and that was what
+        the device was doing when it began."""
+        self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
+        if isinstance(fault, Stall) and held is None:
+            self.arm.stand()
+
+    def relieve(self, number: int) -> None:
+        """The end of such a fault."""
+        self.ailments.end(number)
+
+    def _doing(self, fault: Ailing) -> tuple[float, ...]:
+        """What the device is doing that a fault befalls, as `Ailments` keeps it."""
+        match fault:
+            case GripperJam():
+                told = GripperCommand(self.gripper.target, self.gripper.force)
+                return jammed(told, self.gripper.width, self.robot.gripper.max_force)
+            case WrenchDead():
+                said = self.wrench.read()
+                return (*said.force, *said.torque, self.stamps.wrench)
+            case _:
+                return (0.0,) if counted(fault) else ()
 
     def put_obstacle(self, body: Fixture) -> ObjectId:
         """A fault: something stands in the way from now on; its name."""
@@ -305,7 +419,7 @@ class KinematicHardware:
             gripper.gripped,
             gripper.item_in_tcp,
             bodies.held,
-            tuple(ItemState(b.id, b.pose, b.friction, b.entry.mass, b.present) for b in bodies.items),
+            tuple(self._item_state(body) for body in bodies.items),
             self._belts.states(),
             self._inventory.state(),
             self._feeder.state() if self._feeder is not None else None,
@@ -328,6 +442,9 @@ class KinematicHardware:
         self._obstacles.renew(self.scene.unknown if saved.obstacles is None else saved.obstacles)
         self._restand()
         self.bodies.replace_all((_restored(known[item.id], item) for item in saved.items), saved.held)
+        for name, (_, friction) in self._lent.items():
+            if name in self.bodies:
+                self.bodies.put(replace(self.bodies[name], friction=friction))
         self._belts.restore(saved.belts)
         if self._feeder is not None:
             self._feeder.restore(saved.feeder or FeederState())
@@ -335,6 +452,11 @@ class KinematicHardware:
         self._feet.forget()
         self._pushing.forget()
         self._sense(still=True)
+
+    def _item_state(self, body: Body) -> ItemState:
+        """With the friction that is its own, not one that a fault has lent it."""
+        own = self._lent.get(body.id, (body.friction, 0.0))[0]
+        return ItemState(body.id, body.pose, own, body.entry.mass, body.present, body.scale)
 
     def _known(self, item: str) -> Body:
         if self._inventory.has_left(item):
@@ -358,7 +480,7 @@ class KinematicHardware:
         placement = pin.updateFramePlacement(arm, data, self.model.tcp_frame)
         rotation, position = placement.rotation, placement.translation
         gripper, bodies = self.gripper, self.bodies
-        if not still and (bodies.held is not None or gripper.width != gripper.target):
+        if not still and (bodies.held is not None or gripper.moves):
             gripper.step(pose_of(placement), self.period)
         weight = self.model.hand_mass * GRAVITY
         lever = rotation @ self._hand_in_flange
@@ -388,7 +510,7 @@ class KinematicHardware:
                 reading[3] += float(arm_y) * upward
                 reading[4] -= float(arm_x) * upward
             across = self._walls(position)
-            if bodies.held is None and gripper.width == gripper.target:
+            if bodies.held is None and not gripper.moves:
                 reach = self.model.fingers.reach(gripper.width)
                 across = self._pushing.step(rotation, position, gripper.width, reach)
             if across != (0.0, 0.0):
@@ -468,4 +590,6 @@ class KinematicHardware:
 
 def _restored(item: SpawnedItem, saved: ItemState) -> Body:
     entry = replace(item.entry, mass=saved.mass)
-    return Body(item.id, entry, item.colour, saved.pose, saved.friction, saved.present)
+    if saved.scale != 1.0:
+        entry = replace(entry, shape=scaled(entry.shape, saved.scale))
+    return Body(item.id, entry, item.colour, saved.pose, saved.friction, saved.present, saved.scale)

@@ -26,6 +26,8 @@ class Body:
     friction: float
     present: bool = True
     """False after a fault has taken it away."""
+    scale: float = 1.0
+    """How many times as large as its kind it is, by a fault; `entry` has it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,15 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..protocols import Clock, RgbdImage
+from ..protocols import Clock, NoImage, RgbdImage
 from ..robot.description import RobotDescription
 from ..scene.description import CameraDescription, Fixture, SceneDescription
+from ..shapes import Shape
+from ..streams import Streams
 from ..values import Array, ObjectId, Pose
+from .ailments import Ailments
 from .bodies import add_item, add_obstacle
 from .camera import Picture, Scenery, View, in_front, intrinsics
 from .client import Client
 from .engine import pb
+from .faulty_colours import shown
 from .kinematic_bodies import Bodies, Body
+from .noise import noisy_colour, noisy_depth
 from .robot_body import RobotBody
 from .spawn import SpawnedItem
 
@@ -39,6 +44,7 @@ class Stage:
         self._period = period
         self._client = -1
         self._numbers: dict[ObjectId, int] = {}
+        self._shapes: dict[ObjectId, Shape] = {}
         self._obstacles: dict[Fixture, int] = {}
         self._scenery: Scenery | None = None
 
@@ -48,9 +54,10 @@ class Stage:
         posture: Posture,
         bodies: Iterable[Body],
         obstacles: Iterable[Fixture] = (),
+        moved: Pose | None = None,
     ) -> Picture:
         """What the camera sees of robot, items and obstacles, in front of what never moves; `bodies` and
-        `obstacles` are those that are there."""
+        `obstacles` are those that are there. `moved`: its optical frame in the frame as it was."""
         if self._scenery is None:
             self._scenery = self._open()
         joints = (*posture.position.tolist(), *self._body.fingers.positions(posture.width))
@@ -59,6 +66,8 @@ class Stage:
         self._stand(obstacles)
         view = View(camera)
         optical = view.truly(posture.tool)
+        if moved is not None:
+            optical = optical @ moved
         return in_front(view.render(self._client, optical), self._scenery.behind(view, optical))
 
     def _open(self) -> Scenery:
@@ -74,7 +83,10 @@ class Stage:
         for name in [name for name in self._numbers if name not in there]:
             pb.removeBody(self._numbers.pop(name), self._client)
         for name, body in there.items():
+            if name in self._numbers and self._shapes[name] != body.entry.shape:
+                pb.removeBody(self._numbers.pop(name), self._client)
             if name not in self._numbers:
+                self._shapes[name] = body.entry.shape
                 item = SpawnedItem(name, body.entry, body.colour, body.pose, dropped=False)
                 self._numbers[name] = add_item(item, body.pose, self._client)
             position, orientation = body.pose.position, body.pose.orientation
@@ -90,7 +102,7 @@ class Stage:
 
 
 class KinematicCamera:
-    """`protocols.Camera`, without noise."""
+    """`protocols.Camera`, without noise unless a fault makes some."""
 
     def __init__(
         self,
@@ -100,7 +112,12 @@ class KinematicCamera:
         clock: Clock,
         posture: Callable[[], Posture],
         obstacles: Callable[[], Iterable[Fixture]] = tuple,
+        ailments: Ailments | None = None,
+        streams: Streams | None = None,
     ) -> None:
+        """`ailments` and `streams`: what is wrong with the cameras, and for the noise that a fault makes."""
+        self._ailments = ailments or Ailments(())
+        self._streams = streams or Streams(0)
         self._camera = camera
         self._stage = stage
         self._bodies = bodies
@@ -109,12 +126,24 @@ class KinematicCamera:
         self._obstacles = obstacles
 
     def capture(self) -> RgbdImage:
+        name = self._camera.name
+        trouble = self._ailments.cameras.get(name)
+        if self._ailments.dropped(name):
+            raise NoImage(f"{name} gave no image")
         posture = self._posture()
-        picture = self._stage.render(self._camera, posture, self._bodies.present, self._obstacles())
+        moved = None if trouble is None else trouble.moved
+        picture = self._stage.render(self._camera, posture, self._bodies.present, self._obstacles(), moved)
+        depth, colour = np.where(np.isfinite(picture.depth), picture.depth, np.float32(0.0)), picture.colour
+        if trouble is not None:
+            colour = shown(colour, trouble.shown)
+        if trouble is not None and trouble.noise != 1.0:
+            rng = self._streams.at(f"sensor/camera/{name}", round(1000.0 * self._clock.now))
+            colour = noisy_colour(colour, rng, trouble.noise)
+            depth = noisy_depth(depth, self._camera, rng, trouble.noise)
         return RgbdImage(
-            camera=self._camera.name,
-            colour=picture.colour,
-            depth=np.where(np.isfinite(picture.depth), picture.depth, np.float32(0.0)),
+            camera=name,
+            colour=colour,
+            depth=depth,
             stamp=self._clock.now,
             intrinsics=intrinsics(self._camera),
             camera_in_world=View(self._camera).believed(posture.believed_tool),

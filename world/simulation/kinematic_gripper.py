@@ -5,6 +5,8 @@ from __future__ import annotations
 from ..robot.description import GripperDescription
 from ..shapes import extents
 from ..values import GripperState, ObjectId, Pose
+from .ailments import Ailments
+from .checkpoint import GripperCommand
 from .kinematic_bodies import Bodies, Body
 
 GRAVITY = 9.81
@@ -15,8 +17,11 @@ OVERLAP = 0.001
 class KinematicGripper:
     """`protocols.Gripper`. Holding needs friction: 2μF must carry the weight."""
 
-    def __init__(self, description: GripperDescription, bodies: Bodies) -> None:
+    def __init__(
+        self, description: GripperDescription, bodies: Bodies, ailments: Ailments | None = None
+    ) -> None:
         self._description = description
+        self._ailments = ailments or Ailments(())
         self._bodies = bodies
         pad = description.pads[0][0].size
         self._reach_x = pad[0] / 2
@@ -32,7 +37,22 @@ class KinematicGripper:
         """Width of what is held, m."""
 
     def read(self) -> GripperState:
-        return GripperState(self.width, self.speed, self.force if self.speed == 0.0 else 0.0)
+        return GripperState(self.width, self.speed, self._drive.force if self.speed == 0.0 else 0.0)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the fingers have a way to go."""
+        if not self._ailments.any:
+            return self.width != self.target
+        return self.width != self._drive.width
+
+    @property
+    def _drive(self) -> GripperCommand:
+        """What the drives do: what they are told, unless a fault has it otherwise."""
+        ailments = self._ailments
+        if ailments.jam is not None:
+            return GripperCommand(self.width, ailments.jam.force)
+        return GripperCommand(self.target, self.force * ailments.grip_share)
 
     def command(self, width: float, force: float, speed: float | None = None) -> None:
         self.most_speed = min(speed or self._description.speed, self._description.speed)
@@ -42,10 +62,11 @@ class KinematicGripper:
     def step(self, tcp: Pose, period: float) -> None:
         """One control period passes with the hand at `tcp` in the world."""
         bodies = self._bodies
-        held = bodies.held
+        held, drive = bodies.held, self._drive
+        opens = self._ailments.jam is None and self.target > self.gripped + 5e-4
         if held is not None:
             assert self.item_in_tcp is not None
-            if self.target > self.gripped + 5e-4 or not self._carries(bodies[held]):
+            if opens or not self._carries(bodies[held], drive.force):
                 bodies.carry(tcp @ self.item_in_tcp)
                 bodies.let_go()
             else:
@@ -54,7 +75,7 @@ class KinematicGripper:
                 return
         most = 2.0 * self.most_speed * period
         before = self.width
-        width = before + min(max(self.target - before, -most), most)
+        width = before + min(max(drive.width - before, -most), most)
         if width < before and (caught := self._caught(tcp, before, width)) is not None:
             item, pose, self.gripped = caught
             width = self.gripped
@@ -63,9 +84,9 @@ class KinematicGripper:
         self.width = width
         self.speed = (width - before) / period
 
-    def _carries(self, body: Body) -> bool:
+    def _carries(self, body: Body, force: float) -> bool:
         friction = body.friction * self._description.pad_contact.friction
-        return 2.0 * friction * self.force >= body.entry.mass * GRAVITY
+        return 2.0 * friction * force >= body.entry.mass * GRAVITY
 
     def _caught(self, tcp: Pose, before: float, width: float) -> tuple[ObjectId, Pose, float] | None:
         """The item that stops the fingers between two openings, centred, in the TCP frame; its width."""

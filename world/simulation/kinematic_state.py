@@ -24,6 +24,8 @@ class ItemState:
     friction: float
     mass: float
     present: bool
+    scale: float = 1.0
+    """How many times as large as its kind it is, by a fault."""
 
 
 @dataclass(frozen=True, slots=True)

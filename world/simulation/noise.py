@@ -120,17 +120,19 @@ class BodyNoise:
 
 
 def noisy_depth(
-    depth: NDArray[np.float32], camera: CameraDescription, rng: np.random.Generator
+    depth: NDArray[np.float32], camera: CameraDescription, rng: np.random.Generator, times: float = 1.0
 ) -> NDArray[np.float32]:
     """Depth (h, w) with noise that grows with its square, from a floor, and dropouts at edges; 0 stays 0.
+    `times`: how much more noise there is than the camera's own.
 
     The noise model is that of structured light and stereo: Khoshelham & Elberink (2012), eq. 10.
     """
     noisy = rng.standard_normal(depth.shape, dtype=np.float32)
-    share = np.float32(camera.depth_noise / 0.7**2)
+    share = np.float32(camera.depth_noise * times / 0.7**2)
+    floor = FLOOR * times
     # So near the square promises more than any sensor keeps.
-    near = np.nonzero((depth * depth * share < FLOOR) & (depth > 0)) if share > 0 else ()
-    least = noisy[near] * np.float32(FLOOR) if near else None
+    near = np.nonzero((depth * depth * share < floor) & (depth > 0)) if share > 0 else ()
+    least = noisy[near] * np.float32(floor) if near else None
     noisy *= depth
     noisy *= depth * share
     if near and least is not None:
@@ -154,7 +156,11 @@ def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
     return edge
 
 
-def noisy_colour(colour: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Colour (h, w, 3) with a little evenly distributed noise on each channel."""
+def noisy_colour(
+    colour: NDArray[np.uint8], rng: np.random.Generator, times: float = 1.0
+) -> NDArray[np.uint8]:
+    """Colour (h, w, 3) with a little evenly distributed noise on each channel, or `times` as much."""
     errors = rng.integers(-COLOUR_NOISE, COLOUR_NOISE + 1, colour.shape, dtype=np.int8)
+    if times != 1.0:
+        errors = np.round(errors * times).astype(np.int16)
     return np.clip(colour.astype(np.int16) + errors, 0, 255).astype(np.uint8)

@@ -67,14 +67,21 @@ class Room:
         self._links = robot_geometry(model)
 
     def free(
-        self, shape: Shape, pose: Pose, items: Iterable[tuple[Shape, Pose]], q: Array, width: float
+        self,
+        shape: Shape,
+        pose: Pose,
+        items: Iterable[tuple[Shape, Pose]],
+        q: Array,
+        width: float,
+        room: float = ROOM,
     ) -> bool:
-        """Whether a body fits there between items and the robot at q (n,) rad, opened by `width` m."""
+        """Whether a body fits there between items and the robot at q (n,) rad, opened by `width` m, with
+        `room` m to spare."""
         one, at = self._shapes.of(shape), _transform(pose)
         others = [(self._shapes.of(other), _transform(other_pose)) for other, other_pose in items]
         others += self._robot(q, width)
         request = coal.CollisionRequest()
-        request.security_margin = ROOM
+        request.security_margin = room
         return not any(
             coal.collide(one, at, other, there, request, coal.CollisionResult()) for other, there in others
         )

@@ -10,14 +10,18 @@ from types import MappingProxyType
 import numpy as np
 
 from ..errors import PicktreeError
+from ..faults.devices import Ailing, GripperJam, Stall, WrenchDead, counted
 from ..journal import Happened
 from ..no_feed import NoFeed
 from ..protocols import Camera, Clock, Feed, SensorStamps
 from ..robot.description import RobotDescription
 from ..robot.model import RobotModel
 from ..scene.description import Fixture, SceneDescription
+from ..shapes import Shape
 from ..streams import Streams
 from ..values import ObjectId, Pose, Vector3
+from .ailments import Ailments, jammed
+from .arrivals import TIGHT, arriving, grown, walls
 from .belt_drive import BeltDrive
 from .belts import Belts
 from .bodies import add_fixed, add_obstacle
@@ -30,7 +34,7 @@ from .displaced import displaced
 from .engine import pb
 from .feeder import Feeder, FeederState, has_feeder
 from .noise import BodyNoise
-from .obstacles import Obstacles, Room
+from .obstacles import ROOM, Obstacles, Room
 from .pace import EVERYDAY, RESOLUTION, SOLVER_ITERATIONS, checked, tune
 from .penetration import Penetrations
 from .physics_cell import PhysicsCell
@@ -91,13 +95,21 @@ class PhysicsHardware:
         self._standing: dict[ObjectId, int] = {}
         self._obstacles = Obstacles(self._stand, self._unstand)
         self._room: Room | None = None
-        self.arm = PhysicsArm(senses, self._body)
+        self.ailments = Ailments(c.name for c in scene.cameras)
+        self.arm = PhysicsArm(senses, self._body, self.ailments)
         self._model: RobotModel | None = None
         scenery = Scenery(self._real)
         self._cameras = MappingProxyType(
             {
                 c.name: PhysicsCamera(
-                    c, scenery, self._streams, client, senses, self._body.tcp, self._believed_tcp
+                    c,
+                    scenery,
+                    self._streams,
+                    client,
+                    senses,
+                    self._body.tcp,
+                    self._believed_tcp,
+                    self.ailments,
                 )
                 for c in scene.cameras
             }
@@ -106,7 +118,7 @@ class PhysicsHardware:
         limits = {e.kind: e.force_limit for e in scene.catalogue if e.force_limit is not None}
         self.crushing = Crushing(self._body, self._items, limits, client.id)
         """How hard the fingers have pressed fragile items, for tests and benchmarks."""
-        self.wrench = PhysicsWrench(senses)
+        self.wrench = PhysicsWrench(senses, self.ailments)
         self._feeder: Feeder | None = None
         if has_feeder(scene):
             self._feeder = Feeder(scene, PhysicsCell(robot, self._items, senses), seed, self._belts.drives)
@@ -144,7 +156,7 @@ class PhysicsHardware:
     @property
     def stamps(self) -> SensorStamps:
         now = self._senses.now
-        return SensorStamps(now, now, now)
+        return SensorStamps(now, now, self.wrench.stamp)
 
     def pace(self, rate: int | None = None) -> None:
         """Step and control so often a second from now on; by default as everyday. The contact solver gets
@@ -221,6 +233,8 @@ class PhysicsHardware:
         self._belts.restore(saved.belts)
         self._items.lull(saved.items)
         self._body.restore(saved.robot, saved.arm, saved.gripper)
+        if self.ailments.any:
+            self._ail()
         self._senses.reading = saved.robot
         self._senses.step = saved.step
         self._senses.time = saved.step * RESOLUTION // EVERYDAY if saved.time is None else saved.time
@@ -305,16 +319,87 @@ class PhysicsHardware:
         """A fault: the item is hit and moves with `velocity`, m/s, and `spin`, rad/s, in the world."""
         self._items.bump(item, velocity, spin)
 
+    def in_hand(self) -> ObjectId | None:
+        """The item that the fingers really hold: each of them touches it."""
+        found: set[int] | None = None
+        fingers = self._body.description.gripper.fingers
+        for link, name in self._body.links.items():
+            if name in fingers:
+                points = pb.getContactPoints(self._body.body, linkIndexA=link, physicsClientId=self._client)
+                touched = {point[2] for point in points}
+                found = touched if found is None else found & touched
+        names = sorted(filter(None, map(self._items.name, found or ())))
+        return ObjectId(names[0]) if names else None
+
+    def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
+        """A fault: the item has that friction until it is given its own back, None."""
+        self._items.lubricate(item, friction, again=again)
+
+    def enlarge(self, item: str, factor: float) -> bool:
+        """A fault: the item is so many times as large, its mass and its friction stay; False: there is no
+        room for it between the others and the robot."""
+        body = next(body for body in self._items.here() if body.id == item)
+        entry, pose = grown(self._items.inventory.here[body.id].entry, body.pose, factor)
+        others = ((other.shape, other.pose) for other in self._items.here() if other.id != item)
+        if not self._free(entry.shape, pose, others, TIGHT):
+            return False
+        self._items.enlarge(item, factor, pose)
+        return True
+
+    def appear(self, kind: str, colour: str, place: tuple[float, float], yaw: float) -> ObjectId | None:
+        """A fault: a further item lies there; None: something is there now. Raises PicktreeError where no
+        fixture is below."""
+        item = arriving(self._real, self._items.inventory.next_id(), kind, colour, place, yaw)
+        others = [(other.shape, other.pose) for other in self._items.here()]
+        if not self._free(item.entry.shape, item.pose, [*others, *walls(self.scene)], TIGHT):
+            return None
+        self._items.put(item)
+        return item.id
+
+    def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
+        """A fault: a device begins to fail. `held`: it did when the checkpoint was taken, and that was what
+        the device was doing when it began."""
+        self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
+        if isinstance(fault, Stall) and held is None:
+            n = len(self.robot.joints)
+            self._body.follow(self._senses.reading.position[:n], (0.0,) * n)
+        self._ail()
+
+    def relieve(self, number: int) -> None:
+        """The end of such a fault."""
+        self.ailments.end(number)
+        self._ail()
+
+    def _doing(self, fault: Ailing) -> tuple[float, ...]:
+        """What the device is doing that a fault befalls, as `Ailments` keeps it."""
+        match fault:
+            case GripperJam():
+                reading, n = self._senses.reading, len(self.robot.joints)
+                width = self._body.fingers.width(reading.position[n:])
+                return jammed(self._body.grip, width, self.robot.gripper.max_force)
+            case WrenchDead():
+                said = self.wrench.read()
+                return (*said.force, *said.torque, self.wrench.stamp)
+            case _:
+                return (0.0,) if counted(fault) else ()
+
+    def _ail(self) -> None:
+        ailments = self.ailments
+        self._body.weaken(ailments.torque_shares, ailments.jam, ailments.grip_share)
+
     def obstacles(self) -> tuple[TrueObstacle, ...]:
         """What stands there that the robot was not told of."""
         return self._obstacles.truth()
 
     def room_for(self, body: Fixture) -> bool:
         """Whether no item and no part of the robot is where the body would stand."""
+        return self._free(body.shape, body.pose, ((i.shape, i.pose) for i in self._items.here()), ROOM)
+
+    def _free(self, shape: Shape, pose: Pose, others: Iterable[tuple[Shape, Pose]], room: float) -> bool:
+        """Whether a body fits between others and the robot."""
         self._room = self._room or Room(RobotModel(self.robot))
-        items = [(item.shape, item.pose) for item in self._items.here()]
         position, n = self._senses.reading.position, len(self.robot.joints)
-        return self._room.free(body.shape, body.pose, items, np.array(position[:n]), sum(position[n:]))
+        return self._room.free(shape, pose, others, np.array(position[:n]), sum(position[n:]), room)
 
     def put_obstacle(self, body: Fixture) -> ObjectId:
         """A fault: something stands in the way from now on; its name."""

@@ -40,6 +40,8 @@ class PhysicsItems:
         self._gone: dict[ObjectId, BodyState] = {}
         self._numbers: dict[ObjectId, int] = {}
         self._bumps: dict[ObjectId, tuple[Vector3, Vector3]] = {}
+        self._slippery: dict[ObjectId, float] = {}
+        """Friction of those that have another than their own for a while."""
 
     @property
     def ledger(self) -> tuple[DynamicsChange, ...]:
@@ -64,9 +66,12 @@ class PhysicsItems:
     ) -> None:
         """As a checkpoint has them, in an empty simulation, all awake."""
         self.inventory.restore(inventory)
-        states = tuple(states)
+        states, ledger = tuple(states), tuple(ledger)
         if (ids := [s.id for s in states]) != (known := list(self.inventory.here)):
             raise PicktreeError(f"the checkpoint's items are {ids}, but the scene spawns {known}")
+        for change in ledger:
+            if change.scale is not None:
+                self.inventory.enlarge(change.item, change.scale)
         present = [s for s in states if s.present]
         self._build({s.id: Pose(s.position, s.orientation) for s in present}, fixed)
         for state in present:
@@ -75,6 +80,9 @@ class PhysicsItems:
         self._ledger = list(ledger)
         for change in self._ledger:
             self._apply(change)
+        self._slippery = {name: f for name, f in self._slippery.items() if name in self._numbers}
+        for name, friction in self._slippery.items():
+            set_friction(self._numbers[name], friction, self._client)
 
     def lull(self, states: Iterable[BodyState]) -> None:
         """Let those sleep that slept."""
@@ -168,6 +176,42 @@ class PhysicsItems:
         self._ledger.append(change)
         self.sleepers.wake_all()
 
+    def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
+        """A fault: the item has that friction until it is given its own back, None. `again`: it had it when
+        the checkpoint was taken."""
+        name = ObjectId(item)
+        number = self._numbers.get(name)
+        if friction is None:
+            self._slippery.pop(name, None)
+        elif number is not None:
+            self._slippery[name] = friction
+        if number is None:
+            return
+        set_friction(number, self._own_friction(name) if friction is None else friction, self._client)
+        if not again:
+            forget_contacts(number, self._client)
+            self.sleepers.wake_all()
+
+    def _own_friction(self, name: ObjectId) -> float:
+        changed = [c.friction for c in self._ledger if c.item == name and c.friction is not None]
+        return changed[-1] if changed else self.inventory.here[name].entry.friction
+
+    def enlarge(self, item: str, factor: float, pose: Pose) -> None:
+        """A fault: the item is so many times as large from now on, at `pose`; it moves on as it did."""
+        name = self._known(item)
+        before = self._state(name)
+        pb.removeBody(self._numbers[name], self._client)
+        self._numbers[name] = add_item(self.inventory.enlarge(name, factor), pose, self._client)
+        self._ledger.append(DynamicsChange(name, scale=factor))
+        for change in self._ledger:
+            if change.item == name:
+                self._apply(change)
+        if name in self._slippery:
+            set_friction(self._numbers[name], self._slippery[name], self._client)
+        pb.resetBaseVelocity(self._numbers[name], before.velocity, before.spin, self._client)
+        self.sleepers.add(name)
+        self.sleepers.wake_all()
+
     def bump(self, item: str, velocity: Vector3, spin: Vector3) -> None:
         """A fault: the item is hit and moves with `velocity`, m/s, and `spin`, rad/s, in the world."""
         finite(np.array(velocity, dtype=np.float64), f"{item}: velocity", (3,))
@@ -180,7 +224,7 @@ class PhysicsItems:
         number = self._numbers.get(change.item)
         if number is None:
             return
-        if change.friction is not None:
+        if change.friction is not None and change.item not in self._slippery:
             set_friction(number, change.friction, self._client)
         if change.mass is not None:
             shape = self.inventory.here[change.item].entry.shape

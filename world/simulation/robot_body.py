@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -47,6 +49,10 @@ class RobotBody:
         self._command = ArmCommand("follow", (), (), ())
         self._grip = GripperCommand(0.0, 0.0)
         self._torque_mode = False
+        self._shares: list[float] | None = None
+        """Of the torque that each joint of the arm has; None: all of it."""
+        self._jam: GripperCommand | None = None
+        self._grip_share = 1.0
 
     @property
     def command(self) -> ArmCommand:
@@ -148,7 +154,7 @@ class RobotBody:
             pb.POSITION_CONTROL,
             targetPositions=starts,
             targetVelocities=velocity,
-            forces=self._limits,
+            forces=self._limits if self._shares is None else self._least(),
             positionGains=self._gains,
             velocityGains=self._ones,
             physicsClientId=self._client,
@@ -158,8 +164,22 @@ class RobotBody:
         """Joint torques for the next steps; nothing else drives the arm then."""
         self._command = ArmCommand("torque", (), (), torque)
 
-    def drive_fingers(self, grip: GripperCommand) -> None:
-        self._grip = grip
+    def weaken(self, shares: Mapping[str, float], jam: GripperCommand | None, grip_share: float) -> None:
+        """Faults of the drives: shares of the torque that joints have, by name; what the fingers do instead
+        of what they are told; the share of their force that they have."""
+        self._shares = [shares.get(name, 1.0) for name in self.description.joints] if shares else None
+        self._jam, self._grip_share = jam, grip_share
+        self._command_again()
+
+    def _least(self) -> list[float]:
+        """Greatest torques of the joints as weak as they are, Nm."""
+        return [most * share for most, share in zip(self._limits, self._shares or self._ones, strict=True)]
+
+    def drive_fingers(self, told: GripperCommand) -> None:
+        self._grip = told
+        grip = told if self._jam is None else self._jam
+        if self._grip_share != 1.0:
+            grip = replace(grip, force=grip.force * self._grip_share)
         if self._linkage is not None:
             self._linkage.drive(grip)
             return
@@ -180,6 +200,9 @@ class RobotBody:
         """Steps last `period` s from now on. pybullet keeps the greatest force of a motor as the impulse of a
         step as long as the step was when it was told: so all motors are told again."""
         self.period = period
+        self._command_again()
+
+    def _command_again(self) -> None:
         command = self._command
         if command.mode == "follow" and not self._torque_mode and command.position:
             self._command = ArmCommand("follow", (), (), ())
@@ -205,9 +228,15 @@ class RobotBody:
             self.body,
             self._arm,
             pb.TORQUE_CONTROL,
-            forces=self._command.torque,
+            forces=self._given(self._command.torque),
             physicsClientId=self._client,
         )
+
+    def _given(self, torque: tuple[float, ...]) -> tuple[float, ...]:
+        """What weak joints give of a torque, Nm."""
+        if self._shares is None:
+            return torque
+        return tuple(min(max(t, -most), most) for t, most in zip(torque, self._least(), strict=True))
 
     def restore(self, reading: RobotReading, command: ArmCommand, grip: GripperCommand) -> None:
         self.place(reading.position, reading.velocity)
@@ -237,7 +266,7 @@ class RobotBody:
             x, y, z = self._gear.read(turn)
             wrench = (wrench[0] + x, wrench[1] + y, wrench[2] + z, *wrench[3:])
         if self._command.mode == "torque":
-            effort = (*self._command.torque, *effort[len(self._arm) :])
+            effort = (*self._given(self._command.torque), *effort[len(self._arm) :])
         return RobotReading(position, velocity, effort, wrench, turn)
 
     def tcp(self) -> Pose:
