@@ -8,23 +8,28 @@ from typing import TYPE_CHECKING, Literal
 from ..trees.declaration import Hand
 from ..trees.ports import In, port
 from ..trees.references import Binding, Constant
-from ..trees.skill import ARM, GRIPPER, Skill, Steps
-from ..world.causes import Failure, control, planning, safety
-from ..world.causes import world as world_causes
+from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
+from ..world.causes import Failure, control, grasp, place, safety
 from ..world.journal import Happened
-from ..world.manipulation.dropping import open_hand
-from ..world.manipulation.escape import escape
-from ..world.motion.requests import NamedGoal
+from ..world.manipulation.dropping import let_go, open_hand
+from ..world.manipulation.holding import EMPTY_WIDTH, Hold
+from ..world.manipulation.homeward import go_home, look_around
+from ..world.manipulation.leaving import Leaving
+from ..world.manipulation.setting_down import set_down
 
 if TYPE_CHECKING:
     from ..world.world import World
 
+LONGEST = 90.0
+"""Simulated time after which no other way is begun, s."""
+
 
 class SafeRetreat(Skill):
-    """Brake, acknowledge a latched safety stop, move clear of what is near, then go to a safe pose.
+    """Brake, acknowledge a latched safety stop, stop pressing, get clear, then go to a safe pose.
 
-    The way out is straight up, else back along the way that the arm came; never through an obstacle.
-    When there is no safe way the skill says so and stays where it is.
+    Out of what the arm is believed to be in it goes slowly where the depths shrink fastest, the whole arm
+    considered; what is touched, with any part of the arm, is given way to, and another direction tried. When
+    there is no safe way it says so, with what was tried, and stays where it is.
     """
 
     example = """
@@ -32,14 +37,20 @@ class SafeRetreat(Skill):
     """
 
     pose: In[str] = port("named pose of the robot to end in", default="home", names="pose")
-    hand: In[Literal["keep", "open"]] = port(
-        "a held object: keep it, or open the hand and drop it where it is", default="keep"
+    hand: In[Literal["keep", "open", "put_down"]] = port(
+        "a held object: keep it, open the hand and drop it where it is, or put it down on a free spot below "
+        "on the way",
+        default="keep",
     )
     speed: In[float] = port(
-        "share of the joints' speed limits: 1 for as fast as allowed", default=0.4, above=0, most=1
+        "share of the joints' speed limits: 1 for as fast as allowed; nothing goes faster than 0.25 m/s",
+        default=0.4,
+        above=0,
+        most=1,
     )
-    causes = (planning.ANY, control.ANY, safety.ANY, world_causes.DISTURBED)
+    causes = (safety.ANY, control.ANY, grasp.SLIPPED, place.OCCUPIED)
     uses = (ARM, GRIPPER)
+    limit = 240.0
     hand_after = "kept"
 
     @classmethod
@@ -55,18 +66,82 @@ class SafeRetreat(Skill):
 
     def run(self, world: World) -> Steps:
         yield from world.move.rest()
-        stop = world.control.monitor.stopped
-        if stop is not None:
-            world.control.monitor.acknowledge()
-            world.journal.note(Happened("safety_acknowledged", f"{stop.cause}: {stop.message}", self.path))
+        self._acknowledge(world)
+        self._not_held(world)
+        leaving = Leaving(world, self.path, world.clock.now + LONGEST)
+        left = yield from leaving.relax()
         if self.hand == "open":
             yield from open_hand(world, "let go by SafeRetreat")
-        slowly = world.handling.scaling(self.speed)
-        yield from escape(world, slowly, self.path)
-        try:
-            plan = yield from world.plan.to(NamedGoal(self.pose), scaling=slowly, node=self.path)
-        except Failure as failure:
-            raise Failure(
-                failure.cause, f"there is no safe way to {self.pose}: {failure.message}", **failure.evidence
-            ) from failure
-        yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=self.path)
+            world.control.wrist.carry(None)
+        if not (yield from self._out(world, leaving)):
+            raise self._no_way(world, leaving, left)
+        yield from leaving.up()
+        scaling = world.handling.scaling(self.speed)
+        refused: Failure | None = None
+        if self.hand == "put_down":
+            try:
+                yield from set_down(world, leaving, scaling, self.path)
+            except Failure as failure:
+                # It is kept then, and home is the better place to say so.
+                refused = failure
+                self._acknowledge(world)
+        if not (yield from go_home(world, leaving, self.pose, scaling, self.path)):
+            raise self._no_way(world, leaving, left)
+        yield from self._still_held(world)
+        if refused is not None:
+            raise refused
+
+    def _acknowledge(self, world: World) -> None:
+        stop = world.control.monitor.stopped
+        if stop is not None and world.control.monitor.acknowledge(self.path):
+            world.journal.note(Happened("safety_acknowledged", f"{stop.cause}: {stop.message}", self.path))
+
+    @staticmethod
+    def _not_held(world: World) -> None:
+        """Fingers that have met hold nothing, whatever is believed."""
+        if world.scene.held is not None and world.grip.width <= EMPTY_WIDTH:
+            let_go(world.scene, "the fingers have met: nothing is between them")
+            world.control.wrist.carry(None)
+
+    def _out(self, world: World, leaving: Leaving) -> Doing[bool]:
+        """Clear of what it is believed to be in; where no way leads out, it is looked whether it is there."""
+        if (yield from leaving.out()):
+            return True
+        yield from look_around(world)
+        leaving.anew()
+        return (yield from leaving.out())
+
+    def _still_held(self, world: World) -> Steps:
+        """Raise grasp.slipped when what was to be kept is not felt in the hand."""
+        held = world.scene.held
+        if held is None:
+            return
+        yield from world.control.settle()
+        hold = Hold(world.grip.width, world.control.load())
+        if hold.held:
+            return
+        let_go(world.scene, "no longer felt in the hand")
+        world.control.wrist.carry(None)
+        raise Failure(
+            grasp.SLIPPED,
+            f"{held.id} was to be kept and is gone: {hold}",
+            object=held.id,
+            width=hold.width,
+            load=hold.load,
+        )
+
+    def _no_way(self, world: World, leaving: Leaving, left: float) -> Failure:
+        """The failure that says what is in the way and what was tried; the arm is held where it is."""
+        contacts = world.plan.contacts()
+        named = [f"{c.a} at {c.b} ({-c.distance * 1000:.0f} mm deep)" for c in contacts if c.distance < 0.0]
+        last = leaving.tried[-1] if leaving.tried else "nothing could be tried"
+        what = f"{', '.join(named[:3])} in the way" if named else last
+        late = " in time" if leaving.late else ""
+        return Failure(
+            safety.NO_RETREAT,
+            f"there is no safe way to {self.pose}{late}; the arm stays where it is: {what}",
+            in_the_way=named,
+            depth=max((-c.distance for c in contacts), default=0.0),
+            tried=leaving.tried,
+            pressed=left,
+        )

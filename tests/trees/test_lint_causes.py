@@ -112,8 +112,8 @@ def test_what_comes_out_of_an_included_tree_is_said_where_it_is_used() -> None:
           - RetreatAndLook
     """
     assert lint(text) == [
-        "P310 6:9 Main/Sequence/RetreatAndLook: nothing handles planning.*, control.*, safety.*, "
-        f"world.disturbed from inside: it ends the mission {HINT}"
+        "P310 6:9 Main/Sequence/RetreatAndLook: nothing handles safety.*, control.*, grasp.slipped, "
+        f"place.occupied from inside: it ends the mission {HINT}"
     ]
 
 

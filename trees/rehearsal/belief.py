@@ -122,7 +122,10 @@ class Belief:
         """What the cause says of the world by itself."""
         if cause in (grasp_causes.MISSED, grasp_causes.SLIPPED):
             self.let_go()
-        if matches("safety.*", cause):
+        if cause is safety.NO_RETREAT:
+            # Whoever says so has acknowledged the stop; the arm stays where it is.
+            self._stopped = False
+        elif matches("safety.*", cause):
             self._stopped = True
 
     def _move(self, leaf: NodeDeclaration, *, of_itself: bool) -> None:

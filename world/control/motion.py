@@ -22,6 +22,8 @@ from .jogging import Jogging, JogResult, Lookout, Twists
 from .joint_controllers import Track, way_back
 from .lease import ForceGuard, Lease
 from .loop import ControlLoop
+from .soft import SoftTrack
+from .softly import Sensitivity, Softly, SoftMotion
 from .stiffness import FIRM, Stiffness
 from .touching import ZERO_TIME, Complied, Touching
 
@@ -103,6 +105,7 @@ class Motions:
         self._gate = gate
         self._jogging = Jogging(loop, model, lookout, tick)
         self._touching = Touching(loop, model, clock)
+        self._soft = SoftMotion(loop, model, clock)
         self._loop = loop
         self._model = model
         self._clock = clock
@@ -294,6 +297,56 @@ class Motions:
             yield from self._until_rest(lease)
             self._last = None
             return (yield from self._touching.comply(lease, course, limit, stiffness, zero, self._check))
+
+    def softly(
+        self,
+        trajectory: Trajectory,
+        least: Sensitivity,
+        *,
+        carried: Vector3 = (0.0, 0.0, 0.0),
+        node: str = "",
+        leaving: bool = False,
+    ) -> Doing[Softly]:
+        """Follow `trajectory` as a soft spring that feels contacts at any part of the arm, and gives way to
+        the first. `carried` (3,): what hangs on the tool, N in the world. The result says how it ended, at
+        rest; a contact is no failure.
+
+        `leaving`: the way leads out of what the arm is believed to be in, and whoever calls has looked at it;
+        else it passes the gate as in `along`. Failures: those of the gate, control.timeout, safety.*.
+        """
+        self._refuse_if_stopped()
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            gate = None if leaving else self._gate
+            if gate is not None:
+                yield from gate.passes(trajectory)
+                self._check(lease)
+            self._check_start(trajectory)
+
+            def watch(progress: float) -> Failure | None:
+                return None if gate is None else gate.blocked(trajectory, progress)
+
+            def began(track: SoftTrack) -> None:
+                self._last = track
+
+            return (
+                yield from self._soft.follow(lease, trajectory, carried, least, self._check, watch, began)
+            )
+
+    def pressed(self, carried: Vector3 = (0.0, 0.0, 0.0)) -> float:
+        """External torques on the arm at rest, wherever they act, but for what hangs on the tool, (3,) N in
+        the world: Euclidean norm over the joints, Nm."""
+        return self._soft.pressed(carried)
+
+    def give_way(
+        self, carried: Vector3 = (0.0, 0.0, 0.0), limit: float = 1.0, *, node: str = ""
+    ) -> Doing[float]:
+        """Stop pressing at whatever touches the arm, and drift a little where it pushes, for at most `limit`
+        s. Answers the external torque that is left, Nm. Failures: safety.*, control.timeout."""
+        self._refuse_if_stopped()
+        with self._loop.acquire(node) as lease:
+            yield from self._until_rest(lease)
+            return (yield from self._soft.give_way(lease, carried, limit, self._check))
 
     def jog(
         self,

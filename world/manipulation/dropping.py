@@ -37,13 +37,7 @@ def let_go(scene: PlanningScene, reason: str) -> None:
     if held is None:
         return
     x, y, z = held.pose.position
-    support, place = 0.0, "table"
-    for fixture in scene.fixtures.values():
-        if isinstance(fixture.shape, Box):
-            local = fixture.pose.inverse().apply(np.array([x, y, fixture.pose.position[2]]))
-            size = fixture.shape.size
-            if abs(float(local[0])) <= size[0] / 2 and abs(float(local[1])) <= size[1] / 2:
-                support = max(support, top(fixture.shape, fixture.pose))
+    support, place = board_at(scene, x, y) or 0.0, "table"
     for bin_ in scene.bins.values():
         local = bin_.pose.inverse().apply(np.array([x, y, z]))
         if abs(float(local[0])) <= bin_.size[0] / 2 and abs(float(local[1])) <= bin_.size[1] / 2:
@@ -53,3 +47,15 @@ def let_go(scene: PlanningScene, reason: str) -> None:
         replace(held, object_in_tcp=None, pose=fallen, place=place, confidence=UNSURE, sigma_position=0.02),
         reason,
     )
+
+
+def board_at(scene: PlanningScene, x: float, y: float) -> float | None:
+    """Height of the highest fixture's top at a point of the world, never below 0; None beside all of them."""
+    highest: float | None = None
+    for fixture in scene.fixtures.values():
+        if isinstance(fixture.shape, Box):
+            local = fixture.pose.inverse().apply(np.array([x, y, fixture.pose.position[2]]))
+            size = fixture.shape.size
+            if abs(float(local[0])) <= size[0] / 2 and abs(float(local[1])) <= size[1] / 2:
+                highest = max(highest or 0.0, top(fixture.shape, fixture.pose))
+    return highest

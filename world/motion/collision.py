@@ -48,6 +48,20 @@ class _Seen:
         return mine == (other.objects, other.allowed, other.clearance)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Separation:
+    """Two bodies that are near each other: their names, signed distance and margin, m, and the gradient (n,)
+    of the distance over the arm's joints, m/rad."""
+
+    key: tuple[int, str]
+    """The part of the robot, by its number, and the body: an obstacle of many blocks is one body."""
+    a: str
+    b: str
+    distance: float
+    margin: float
+    gradient: Array
+
+
 class Collision:
     """The robot in the believed scene. Call `update` before asking; `checks` counts what was asked.
 
@@ -67,6 +81,7 @@ class Collision:
         self._robot = _robot(model, margins or Margins())
         self._tcp_offset: Array = self._robot.tcp_in_joint.translation.copy()
         self._full_q = model.full_q(np.zeros(model.n), 0.0)
+        self._arm_v = [_v_index(model.full, joint) for joint in model.description.joints]
         self._arm_q = _run([_q_index(model.full, joint) for joint in model.description.joints])
         self._seen: _Seen | None = None
         self._still: tuple[Body, ...] = ()
@@ -175,6 +190,20 @@ class Collision:
         around, or with `itself` among the robot's own links. Not counted: nothing is planned with it."""
         return self._now.gaps.nearest(self._at(q), within, itself=itself)
 
+    def separations(self, q: Array, within: float) -> tuple[Separation, ...]:
+        """Every pair that may not touch and comes within `within` m of its margin or is closer, with the
+        gradient of its distance over the arm's joints. Counted as one check."""
+        self.checks += 1
+        least, pieces = self._now.least, self._now.pieces
+        found: list[Separation] = []
+        for near in self._now.gaps.near(self._at(q), within + float(least.max(initial=0.0))):
+            margin = float(least[near.first, near.second])
+            if near.distance < margin + within:
+                a, b = pieces[near.first], pieces[near.second]
+                key, gradient = (near.first, b.name), near.gradient[self._arm_v]
+                found.append(Separation(key, a.name, b.name, near.distance, margin, gradient))
+        return tuple(found)
+
     def penetrates(self, contact: Contact, tolerance: float) -> bool:
         """Whether a contact is deeper than `tolerance` m and than what is tolerated of its pair anyway."""
         allowed = min(
@@ -261,6 +290,10 @@ def _narrowed(room: Bounds) -> tuple[Vector3, Vector3]:
 
 def _q_index(model: pin.Model, joint: str) -> int:
     return model.joints[model.getJointId(joint)].idx_q
+
+
+def _v_index(model: pin.Model, joint: str) -> int:
+    return model.joints[model.getJointId(joint)].idx_v
 
 
 def _run(indices: list[int]) -> slice | list[int]:

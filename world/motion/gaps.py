@@ -1,8 +1,9 @@
-"""The nearest pair of bodies at a configuration, by coal's distances: bounding boxes say which to measure."""
+"""Distances between bodies at a configuration, by coal: bounding boxes say which to measure."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +11,16 @@ import pinocchio as pin
 from ..values import Array
 from .coal_shapes import measuring
 from .requests import Contact
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Near:
+    """Two bodies by their numbers, their signed distance, m, and its gradient over the joints, m/rad."""
+
+    first: int
+    second: int
+    distance: float
+    gradient: Array
 
 
 class Gaps:
@@ -48,6 +59,31 @@ class Gaps:
                 a, b = int(self._first[index]), int(self._second[index])
                 best = Contact(self._names[a], self._names[b], within, (x, y, z))
         return best
+
+    def near(self, full_q: Array, within: float) -> list[Near]:
+        """Every pair nearer than `within` m, with how its distance changes with the joints."""
+        model, data = self._model, self._data
+        pin.computeJointJacobians(model, data, full_q)
+        pin.updateGeometryPlacements(model, data, self._geometry, self._geometry_data, full_q)
+        objects = self._geometry.geometryObjects
+        found: list[Near] = []
+        for index in np.flatnonzero(self._apart() < within):
+            pair = self._geometry.collisionPairs[int(index)]
+            measured = pin.computeDistance(self._geometry, self._geometry_data, int(index))
+            distance = float(measured.min_distance)
+            if distance >= within:
+                continue
+            # coal's normal points from the first body to the second.
+            normal, gradient = np.asarray(measured.normal), np.zeros(model.nv)
+            points = measured.getNearestPoint1(), measured.getNearestPoint2()
+            for body, point, sign in zip((pair.first, pair.second), points, (-1.0, 1.0), strict=True):
+                joint = objects[body].parentJoint
+                if joint:
+                    six = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
+                    lever = np.asarray(point) - data.oMi[joint].translation
+                    gradient += sign * (normal @ six[:3] + np.cross(lever, normal) @ six[3:])
+            found.append(Near(pair.first, pair.second, distance, gradient))
+        return found
 
     def _apart(self) -> Array:
         """Distances of the bounding boxes of all pairs: what the bodies are apart at least, m."""

@@ -34,6 +34,7 @@ from .quality import Measuring, Quality, least_singular, length, together
 from .reach import Reached, reached
 from .requests import BUDGET, Contact, Goal, Line, Offset, Plan, Request, Scaling
 from .solver import Solver
+from .way_out import Outward
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -290,6 +291,12 @@ class PlanService:
         """What the arm at q (n,) (default: where it is) is closer to than its margins; not charged."""
         self.solver.look()
         return self.solver.collision.contacts(self._configuration() if q is None else q)
+
+    def outward(self) -> Outward:
+        """Ways out of what the arm is believed to be in or next to, from where it is. What is asked of it
+        within `checking` is owed to the thinking account."""
+        self.solver.look()
+        return Outward(self._model, self.solver.collision, self._configuration())
 
     def charge(self) -> Generator[None, None, None]:
         """Let the simulated time pass that computing has cost so far."""
