@@ -81,6 +81,7 @@ class Grasp(Skill):
     )
     causes = (
         perception.AMBIGUOUS,
+        perception.NO_IMAGE,
         grasp.NO_CANDIDATE,
         grasp.MISSED,
         grasp.SLIPPED,

@@ -33,7 +33,7 @@ class Observe(Skill):
     objects: Out[list[ObjectId]] = port(
         "ids of the items that do not lie where they belong, in the order to take them"
     )
-    causes = (perception.NOT_FOUND,)
+    causes = (perception.NOT_FOUND, perception.NO_IMAGE)
     uses = (CAMERA,)
 
     @classmethod

@@ -83,6 +83,7 @@ class Push(Skill):
         push.MISSED,
         push.NO_STROKE,
         perception.NOT_FOUND,
+        perception.NO_IMAGE,
         planning.ANY,
         control.ANY,
         safety.ANY,

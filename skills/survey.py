@@ -49,6 +49,7 @@ class Survey(Skill):
     )
     causes = (
         perception.NOT_FOUND,
+        perception.NO_IMAGE,
         planning.ANY,
         control.ANY,
         safety.ANY,

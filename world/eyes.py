@@ -5,18 +5,29 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from .causes import Failure, perception
-from .journal import ImageTaken, Journal
+from .journal import Happened, ImageTaken, Journal
 from .perception.association import ObservationSummary, update_belief
 from .perception.following import Sighting
 from .perception.pipeline import BinView, Perception
 from .perception.view import View
-from .protocols import Camera, Clock, RgbdImage
+from .protocols import Camera, Clock, NoImage, RgbdImage
 from .scene.planning_scene import BeliefObject, PlanningScene
 from .stopwatch import Stopwatch
 from .thinking import ThinkingAccount
 from .values import Array, Pose
+
+T = TypeVar("T")
+
+FRAMES = 4
+"""How many images a look waits for before it says that none comes: cameras drop one now and then."""
+FRAME = 0.1
+"""From one to the next, s."""
+OLDEST = 0.2
+"""Age of an image from which it does not show what is there now, s: a camera that hangs gives its last one
+again, and a hand at 0.25 m/s has moved by 5 cm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +97,7 @@ class Eyes:
 
     def shoot(self, camera: str) -> Generator[None, None, Shot]:
         """One picture through `camera`, charged as a look is; nothing is recognised, no belief changes."""
-        shot = self._shot(camera)
+        shot = yield from self._patiently(lambda: self._shot(camera))
         yield from self._charge()
         self._journal.note(ImageTaken(shot.image, ()))
         return shot
@@ -96,7 +107,7 @@ class Eyes:
     ) -> Generator[None, None, tuple[Sighting, ...]]:
         """Where a picture through `camera` shows objects that are believed to be in it. Charged as a look is;
         the belief does not change."""
-        shot = self._shot(camera)
+        shot = yield from self._patiently(lambda: self._shot(camera))
         with self._stopwatch.measure("perception"):
             found = self._perceive.follow(shot.image, shot.joints, shot.width, self._scene, objects)
         yield from self._charge()
@@ -107,9 +118,10 @@ class Eyes:
     def look(self, camera: str) -> Generator[None, None, ObservationSummary]:
         """Observe through `camera`; the belief changes when the thinking is over.
 
-        Raises Failure(perception.not_found) when there is no such camera.
+        Raises Failure: perception.not_found when there is no such camera, perception.no_image when none comes
+        within a few frames, or only old ones.
         """
-        glance = self.glance(camera)
+        glance = yield from self._patiently(lambda: self.glance(camera))
         yield from self._charge()
         return self.take_in(glance)
 
@@ -117,7 +129,8 @@ class Eyes:
         """A picture through `camera`, and what perception makes of it: nothing is charged, and the belief
         does not change before `take_in`, which the caller defers until the thinking is over.
 
-        Raises Failure(perception.not_found) when there is no such camera.
+        Raises Failure: perception.not_found when there is no such camera, perception.no_image when this frame
+        does not come, or is old.
         """
         stamp = self._clock.now
         shot = self._shot(camera)
@@ -144,9 +157,40 @@ class Eyes:
             raise Failure(
                 perception.NOT_FOUND, f"there is no camera {camera!r}", known=[str(c) for c in self._cameras]
             )
-        with self._stopwatch.measure("rendering"):
-            image = self._cameras[camera].capture()
+        try:
+            with self._stopwatch.measure("rendering"):
+                image = self._cameras[camera].capture()
+        except NoImage:
+            raise Failure(perception.NO_IMAGE, f"{camera} gives no image", camera=camera) from None
+        age = self._clock.now - image.stamp
+        if age > OLDEST:
+            message = f"{camera} gives no new image: the last one is {age:.2f} s old"
+            raise Failure(perception.NO_IMAGE, message, camera=camera, age=round(age, 3))
         return Shot(image, self._joints(), self._width())
+
+    def _patiently(self, take: Callable[[], T]) -> Generator[None, None, T]:
+        """What `take` comes to, which takes a picture: at the next frames, too, where none comes."""
+        begun, missed = self._clock.now, 0
+        while True:
+            try:
+                taken = take()
+            except Failure as failure:
+                if failure.cause is not perception.NO_IMAGE:
+                    raise
+                missed += 1
+                if missed == FRAMES:
+                    waited = self._clock.now - begun
+                    message = f"{failure.message} ({FRAMES} frames in {waited:.2f} s)"
+                    evidence = {**failure.evidence, "frames": FRAMES, "waited": round(waited, 3)}
+                    raise Failure(perception.NO_IMAGE, message, **evidence) from None
+                until = self._clock.now + FRAME
+                while self._clock.now < until - 1e-9:
+                    yield
+                continue
+            if missed:
+                words = f"{missed} of {missed + 1} frames did not come"
+                self._journal.note(Happened("frames_missed", words, data={"missed": missed}))
+            return taken
 
     def _charge(self) -> Generator[None, None, None]:
         self._thinking.spend(self.cost)

@@ -60,7 +60,8 @@ def _leaf(node: type[Node], spec: NodeSpec, walk: Walk, *, says_no: bool) -> Lea
     success, otherwise = node.hand_with(spec.ports)
     outputs = tuple(port.key for port in node.declaration.outputs if port.key in spec.ports)
     filler = walk.filler(spec) if "full" in (success, *otherwise) else 0
-    reasons = walk.fails(spec, walk.causes.of(node.causes_with(spec.ports)), walk.undeclared)
+    looks = walk.causes.of(node.declaration.causes) & walk.no_image
+    reasons = walk.fails(spec, walk.causes.of(node.causes_with(spec.ports)), walk.undeclared | looks)
     return Leaf(outputs, success, otherwise, filler, joined((reasons, NO_REPORT)) if says_no else reasons)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from ...world.causes import perception
 from ...world.causes import tree as tree_causes
 from ...world.causes import world as world_causes
 from ...world.facts import FACTS
@@ -64,6 +65,9 @@ class Reading:
         self._unknown_object = self.causes.of((world_causes.UNKNOWN_OBJECT,))
         self.undeclared = self._missing_input | self._unknown_object | self.causes.of((tree_causes.TIMEOUT,))
         """What a node may fail with although it does not declare it."""
+        self.no_image = self.causes.of((perception.NO_IMAGE,))
+        """What whoever looks may fail with. Where it declares nothing else of a look, nobody is told to
+        handle it: any device may fail."""
         self._here: Frame | None = None
         self._missing = 0
         self._shapes: dict[int, Shape] = {}
