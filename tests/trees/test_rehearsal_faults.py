@@ -82,8 +82,6 @@ def faults(case: str) -> list[str]:
          "(did you mean 'grasp.missed'?)"),
         ("Pick: {cause: place.full}", "P706 6:21: cases.it.leaves.Pick.cause: Pick does not fail with "
          "place.full (it declares grasp.missed, grasp.slipped, safety.*)"),
-        ("Pick: internal.error", "P706 6:13: cases.it.leaves.Pick.cause: Pick does not fail with "
-         "internal.error (it declares grasp.missed, grasp.slipped, safety.*)"),
         ("Look: perception.not_found", "P706 6:13: cases.it.leaves.Look.cause: Look does not fail with "
          "perception.not_found (it declares none)"),
         # Outputs.

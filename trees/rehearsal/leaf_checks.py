@@ -13,8 +13,8 @@ from .known import Known
 from .roles import Role
 from .world_checks import WorldChecks
 
-_ALWAYS = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT)
-"""What every node may fail with."""
+_ALWAYS = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
+"""What every node may fail with; with a fault of the program because some want it handled."""
 
 
 class LeafChecks:
@@ -79,7 +79,7 @@ class LeafChecks:
             impossible("status", f"{identity} is a skill, which fails for a cause", hint)
         allowed = (*declared, *_ALWAYS)
         for cause in causes:
-            if not any(matches(str(one), cause) for one in allowed) or cause == internal.ERROR:
+            if not any(matches(str(one), cause) for one in allowed):
                 names = ", ".join(map(str, declared)) or "none"
                 message = f"{identity} does not fail with {cause}"
                 self._known.fault(_at(answer, "cause"), message, f"it declares {names}", code="P706")
