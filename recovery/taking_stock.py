@@ -45,6 +45,9 @@ name: taking stock
 trees:
   Main:
     Fallback:
+      - Sequence:
+          - SafeRetreat: {hand: keep}         # what is put down below home is in view of the cameras
+          - Fallback: [{Condition: {if: not holding}}, {SafeRetreat: {hand: put_down}}]
       - SafeRetreat: {hand: put_down}
       - SafeRetreat: {hand: open}
 """

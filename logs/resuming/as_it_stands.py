@@ -57,7 +57,7 @@ def as_it_stands(recorded: Recorded) -> tuple[Recipe, str, float]:
                 _NEVER,
                 "there is no checkpoint: it knows nothing",
             )
-    stood = standing(recipe.backend, simulation)
+    stood = standing(recipe.backend, simulation, len(recipe.robot.joints))
     state = replace(
         known,
         time=time,

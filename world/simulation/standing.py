@@ -21,8 +21,9 @@ class Standing:
     """Of the arm's joints, rad."""
 
 
-def standing(backend: Backend, snapshot: Mapping[str, Any]) -> Standing:
-    """The arm is held where it was, its fingers go on with what they were told, nothing moves.
+def standing(backend: Backend, snapshot: Mapping[str, Any], joints: int) -> Standing:
+    """The arm of so many joints is held where it was, its fingers go on with what they were told, nothing
+    moves.
 
     Raises PicktreeError when this is no snapshot of such a backend.
     """
@@ -36,12 +37,10 @@ def standing(backend: Backend, snapshot: Mapping[str, Any]) -> Standing:
     from .checkpoint import ArmCommand, Checkpoint
 
     saved = Checkpoint.from_plain(snapshot)
-    n = len(saved.arm.position)
-    zeros = (0.0,) * n
-    position = saved.robot.position[:n]
+    position = saved.robot.position[:joints]
     still = replace(
         saved,
-        arm=ArmCommand("follow", position, zeros, zeros),
+        arm=ArmCommand("follow", position, (0.0,) * joints, ()),
         robot=replace(saved.robot, velocity=tuple(0.0 for _ in saved.robot.velocity)),
         items=tuple(replace(item, velocity=_STILL, spin=_STILL) for item in saved.items),
     )
