@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 UNSETTLED = 0.5
 """What was just let go falls and rolls: no picture is taken for so long, s."""
+MOVING = 0.001
+"""Fingers around something that move by more in a tick let it go, or lose it, m."""
 _ROUNDING = 1e-9
 
 
@@ -29,8 +31,8 @@ class WatchScene(Decorator):
 
     The belief learns of each picture when the camera's time of thinking is over; the child does not wait for
     it. What the arm or what it holds hides stays believed. So a motion notices what comes into its way, and
-    `Grasp` that its object was moved. For half a second after something was taken or let go no picture is
-    taken.
+    `Grasp` that its object was moved. While something is taken or let go, and for half a second after it, no
+    picture is taken.
     """
 
     by_turns = True
@@ -53,9 +55,10 @@ class WatchScene(Decorator):
     causes = (perception.NOT_FOUND, perception.NO_IMAGE)
     uses = (Resource.CAMERA,)
     shares = (Resource.CAMERA,)
-    remembers = ("_next", "_held", "_seen")
+    remembers = ("_next", "_held", "_width", "_seen")
     _next: float = 0.0
     _held: str = ""
+    _width: float = 0.0
     _seen: float = 0.0
     _pending: Glance | None = None
 
@@ -63,6 +66,8 @@ class WatchScene(Decorator):
         self._next = self._seen = self.world.clock.now
         self._held = _in_hand(self.world)
         self._pending = None
+        if isinstance(self.world, World):
+            self._width = self.world.grip.width
 
     def on_tick(self) -> NodeStatus:
         # In a rehearsal nothing is seen.
@@ -80,11 +85,12 @@ class WatchScene(Decorator):
 
     def _watch(self, world: World) -> None:
         now = world.clock.now
-        held = _in_hand(world)
-        if held != self._held:
-            # Where things were a moment ago says nothing of where they are.
-            self._held, self._pending = held, None
+        held, width = _in_hand(world), world.grip.width
+        if held != self._held or (held and abs(width - self._width) > MOVING):
+            # Where things were a moment ago says nothing of where they are: they may be falling by now.
+            self._pending = None
             self._next = max(self._next, now + UNSETTLED)
+        self._held, self._width = held, width
         pending = self._pending
         if pending is not None and now >= pending.stamp + world.eyes.cost - _ROUNDING:
             self._pending = None

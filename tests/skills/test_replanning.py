@@ -1,0 +1,230 @@
+"""What comes into the way of a moving arm, or moves its target, is seen, stopped for and planned around."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from picktree.world.causes import Failure, perception, planning
+from picktree.world.eyes import Eyes
+from picktree.world.manipulation.anew import MOST
+from picktree.world.motion.gate import Gate
+from picktree.world.perception.view import BinView
+from picktree.world.scene.description import Fixture
+from picktree.world.shapes import Box
+from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.values import ObjectId, Pose
+
+from .cell import Cell, items, mission
+
+LOOK = 'Observe: {camera: overhead, objects: "{items}"}'
+
+
+def looked(**counts: int) -> tuple[Cell, list[str]]:
+    """A cell whose items were seen, and their ids."""
+    cell = Cell(mission(LOOK), items(**counts))
+    cell.finish()
+    value = cell.tree.blackboard.save()["Main/items"]
+    assert isinstance(value, list)
+    return cell, [str(item) for item in value]
+
+
+def watched(body: str, every: str = "100 ms") -> str:
+    return f"WatchScene: {{every: {every}, do: {body}}}"
+
+
+def sorting(cell: Cell, item: str) -> str:
+    into = cell.world.scene.destination(item)
+    return f"{{Sequence: [{{Grasp: {{object: {item}}}}}, {{Place: {{object: {item}, into: {into}}}}}]}}"
+
+
+def kinematic(cell: Cell) -> KinematicHardware:
+    assert isinstance(cell.hardware, KinematicHardware)
+    return cell.hardware
+
+
+def tick_until(cell: Cell, leaf: str, more: int = 0) -> None:
+    while cell.leaf != leaf:
+        cell.tick()
+    for _ in range(more):
+        cell.tick()
+    assert cell.running
+
+
+def lift(cell: Cell) -> None:
+    """Tick until the first item is lifted a little."""
+    while cell.world.scene.held is None:
+        cell.tick()
+    for _ in range(3):
+        cell.tick()
+
+
+def move(cell: Cell, x: float, y: float) -> None:
+    """Somebody moves the first item by so much, m."""
+    bodies = kinematic(cell).bodies
+    body = bodies.items[0]
+    bodies.put(replace(body, pose=body.pose.shifted((x, y, 0.0))))
+
+
+def post_on_the_way(cell: Cell, item: str) -> Fixture:
+    """A post between the hand and the bin."""
+    tcp = np.array(cell.world.control.tcp.position[:2])
+    into = cell.world.scene.destination(item)
+    assert into is not None
+    there = np.array(cell.world.scene.bins[into].pose.position[:2])
+    x, y = tcp + 0.55 * (there - tcp)
+    return Fixture(ObjectId("post"), Box((0.05, 0.05, 0.4)), Pose((float(x), float(y), 0.2)), "white")
+
+
+def test_what_comes_into_the_way_of_what_is_carried_is_passed_by() -> None:
+    cell, (block,) = looked(block=1)
+    cell.start(mission(watched(sorting(cell, block))))
+    lift(cell)
+    post = post_on_the_way(cell, block)
+    hardware = kinematic(cell)
+    assert hardware.room_for(post)
+    hardware.put_obstacle(post)
+    while cell.running:
+        cell.tick()
+        assert hardware.room_for(post), "the arm is in it"
+    assert cell.tree.status.value == "SUCCESS"
+    (event, *_) = [e for e in cell.events if e.kind == "replanned"]
+    assert (event.node, event.data["cause"]) == ("Main/WatchScene/Sequence/Place", "planning.blocked")
+    assert "obstacle_1" in str(event.data["by"])
+    assert cell.score().sorted == 1
+
+
+def test_nobody_sees_it_when_nobody_looks() -> None:
+    cell, (block,) = looked(block=1)
+    cell.start(mission(sorting(cell, block).removeprefix("{").removesuffix("}")))
+    lift(cell)
+    post = post_on_the_way(cell, block)
+    hardware = kinematic(cell)
+    hardware.put_obstacle(post)
+    free: list[bool] = []
+    while cell.running:
+        cell.tick()
+        free.append(hardware.room_for(post))
+    assert not all(free)
+
+
+def test_a_target_that_moves_is_grasped_where_it_is_seen_then() -> None:
+    cell, (block,) = looked(block=1)
+    cell.start(mission(watched(sorting(cell, block))))
+    tick_until(cell, "Grasp", 4)
+    move(cell, 0.05, -0.04)
+    cell.finish()
+    assert (cell.tree.status.value, cell.score().sorted) == ("SUCCESS", 1)
+    (event,) = [e for e in cell.events if e.kind == "replanned"]
+    assert event.message == (
+        f"stopped and planned anew: {block} is seen 64 mm and 1° from where it was when the arm set out"
+    )
+    assert (event.data["cause"], event.data["object"]) == ("world.disturbed", block)
+
+
+def test_a_target_that_vanishes_is_told_at_once() -> None:
+    cell, (block,) = looked(block=1)
+    cell.start(mission(watched(sorting(cell, block))))
+    tick_until(cell, "Grasp", 4)
+    kinematic(cell).remove("item_00")
+    cell.finish()
+    failure = cell.tree.failure
+    assert failure is not None
+    assert (str(failure.cause), failure.message) == (
+        "world.unknown_object",
+        f"{block} is gone: its place was seen empty while the arm was on the way",
+    )
+    assert not cell.happened("pick")
+
+
+def test_what_is_put_where_it_would_be_let_go_sends_it_to_another_spot() -> None:
+    cell, (block,) = looked(block=1)
+    cell.start(mission(sorting(cell, block).removeprefix("{").removesuffix("}")))
+    tick_until(cell, "Place", 2)
+    into = str(cell.world.scene.destination(block))
+    heights = np.full((3, 3), 0.02)
+    heights[1, 1] = 0.11
+    cell.world.eyes.bins[into] = BinView(heights)
+    cell.world.eyes.looks += 1
+    cell.finish()
+    assert (cell.tree.status.value, cell.score().sorted) == ("SUCCESS", 1)
+    (event,) = [e for e in cell.events if e.kind == "replanned"]
+    assert event.message == (
+        f"stopped and planned anew: something was put into {into} meanwhile: its heap is 110 mm high"
+    )
+    (done,) = [e for e in cell.events if e.kind == "item_done"]
+    assert done.data["spot"] != "cell 1,1"
+
+
+def test_a_point_that_is_taken_meanwhile_is_occupied() -> None:
+    cell, (block, other) = looked(block=1, can=1)
+    cell.start(mission(f"Sequence: [{{Grasp: {{object: {block}, onward: false}}}}, "
+                       f"{{Place: {{object: {block}, at: [0.5, 0.0, 0.0]}}}}]"))  # fmt: skip
+    tick_until(cell, "Place", 8)
+    known = cell.world.scene.get(other)
+    cell.world.scene.put(replace(known, pose=replace(known.pose, position=(0.5, 0.0, 0.04))), "seen")
+    cell.finish()
+    failure = cell.tree.failure
+    assert failure is not None
+    assert (str(failure.cause), failure.message) == (
+        "place.occupied",
+        f"{other} stands where {block} should go",
+    )
+    assert cell.world.scene.held is not None
+
+
+def test_it_plans_anew_a_bounded_number_of_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell, _ = looked(block=1)
+
+    def blocked(*_: Any) -> Failure:
+        return Failure(planning.BLOCKED, "the way is not free: somebody is in it")
+
+    monkeypatch.setattr(Gate, "blocked", blocked)
+    cell.start(mission("GoTo: {pose: observe}"))
+    cell.finish()
+    failure = cell.tree.failure
+    assert failure is not None
+    assert str(failure.cause) == "planning.blocked"
+    assert len(cell.happened("replanned")) == MOST
+    assert cell.world.control.at_rest
+
+
+@pytest.mark.parametrize(("lasts", "cause"), [(0.5, None), (1.5, "perception.no_image")])
+def test_without_pictures_it_goes_on_for_a_while_only(
+    monkeypatch: pytest.MonkeyPatch, lasts: float, cause: str | None
+) -> None:
+    cell, _ = looked(block=1)
+    glance = Eyes.glance
+    dark_until = cell.world.clock.now + lasts
+
+    def dark(self: Eyes, camera: str) -> Any:
+        if cell.world.clock.now < dark_until:
+            raise Failure(perception.NO_IMAGE, "overhead gives no image")
+        return glance(self, camera)
+
+    monkeypatch.setattr(Eyes, "glance", dark)
+    body = "{Delay: {delay_msec: 1.5 s, do: AlwaysSuccess}}"
+    cell.start(mission(f"WatchScene: {{every: 250 ms, blind: 1 s, do: {body}}}"))
+    cell.finish()
+    failure = cell.tree.failure
+    assert (None if failure is None else str(failure.cause)) == cause
+
+
+def test_pictures_of_a_moving_arm_do_no_harm_to_the_belief() -> None:
+    """Over a whole sort: nothing that is not there, nothing lost, nothing stopped for."""
+    cell = Cell(mission(LOOK), items(block=1, plate=1))
+    cell.finish()
+    value = cell.tree.blackboard.save()["Main/items"]
+    assert isinstance(value, list)
+    known = {str(o.id) for o in cell.world.scene.objects}
+    looks = cell.world.eyes.looks
+    for item in value:
+        cell.start(mission(watched(sorting(cell, str(item)))))
+        cell.finish()
+        assert cell.tree.status.value == "SUCCESS"
+    assert {str(o.id) for o in cell.world.scene.objects} == known
+    assert cell.world.eyes.looks > looks + 20
+    assert cell.happened("replanned") == []
