@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..logs.episodes import counting
+from ..logs.episodes.counting import ENDS, CureCount, PlantedCount
 from .rows import Phase
-from .statistics import Rate
+from .statistics import Rate, rate
 
 PHASES: tuple[Phase, ...] = ("observe", "think", "move", "grasp", "place", "recover", "other")
 _PLACES = 5
@@ -94,6 +96,10 @@ class Breakdown:
     forms: tuple[Share, ...]
     colours: tuple[Share, ...]
     places: tuple[Place, ...]
+    cures: tuple[counting.CauseCount, ...] = ()
+    """What was seen, tried and cured, what cost the most time first; see `logs.episodes.episode`."""
+    planted: tuple[PlantedCount, ...] = ()
+    """Planted faults with what failed first after them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +188,7 @@ def _lines(found: BatchSummary) -> Iterator[str]:
             so_far += c.failures
             share = f"{100 * so_far / total:.0f} %"
             yield f"{c.cause:<{width}}  {c.failures:8}{share:>8}{c.cured:8}{c.jobs:8}{c.seconds_lost:8.0f}"
+    yield from _cures(together)
     if together.forms:
         yield ""
         yield f"items sorted  by form: {_shares(together.forms)}"
@@ -195,6 +202,34 @@ def _lines(found: BatchSummary) -> Iterator[str]:
             look = f"; {w.look_at}" if w.look_at else ""
             where = w.folder or shlex.join(["picktree", "resim", f"{found.folder}@{w.job}"])
             yield f"  seed {w.seed}, {w.label}: {w.status}{missed}{look} ({where})"
+
+
+def _cures(together: Breakdown) -> Iterator[str]:
+    """What was done about each cause, and how planted faults were seen."""
+    if together.cures:
+        width = max(len(c.cause) for c in together.cures)
+        yield ""
+        yield f"{'cause':<{width}}  {'cured of those seen':<32} tries  s lost  by"
+        for c in together.cures:
+            total, tries = c.total, c.total.tries_a_cure
+            said = "" if tries is None else f"{tries:.1f}"
+            cured = str(rate(total.cured, total.seen))
+            yield f"{c.cause:<{width}}  {cured:<32} {said:>5}{total.seconds:8.0f}  {_by(c)}"
+    for n, fault in enumerate(dict.fromkeys(p.fault for p in together.planted)):
+        if not n:
+            yield ""
+        same = sorted((p for p in together.planted if p.fault == fault), key=lambda p: -p.count)
+        parts = [f"{p.count} {p.cause} ({ENDS[p.end]})" if p.cause else f"{p.count} nothing" for p in same]
+        title = "planted" if not n else ""
+        yield f"{title:<8}{sum(p.count for p in same)} {fault}, first seen as: {', '.join(parts)}"
+
+
+def _by(found: counting.CauseCount) -> str:
+    """`RetreatAndLook 9 of 10, trying again 2 of 2`: of those for which it was tried last."""
+    tried = [f"{c.cure} {c.cured} of {c.seen}" for c in found.by_cure if c.cure]
+    if found.total.unhandled:
+        tried.append(f"nobody {found.total.unhandled}")
+    return ", ".join(tried)
 
 
 def _shares(shares: tuple[Share, ...]) -> str:
@@ -240,8 +275,24 @@ def _breakdown_json(found: Breakdown) -> dict[str, Any]:
         ],
         "forms": [{"label": s.label, "rate": _rate_json(s.rate)} for s in found.forms],
         "colours": [{"label": s.label, "rate": _rate_json(s.rate)} for s in found.colours],
+        "cures": [
+            {
+                "cause": c.cause,
+                "rate": _rate_json(rate(c.total.cured, c.total.seen)),
+                "tries_a_cure": c.total.tries_a_cure,
+                **_counts_json(c.total),
+                "by": [{"cure": each.cure, **_counts_json(each)} for each in c.by_cure],
+            }
+            for c in found.cures
+        ],
+        "planted": [asdict(p) for p in found.planted],
         "places": [{"x": p.x, "y": p.y, "rate": _rate_json(p.rate)} for p in found.places],
     }
+
+
+def _counts_json(found: CureCount) -> dict[str, Any]:
+    counts = asdict(found)
+    return {name: counts[name] for name in counts if name not in ("cause", "cure")}
 
 
 def _rate_json(found: Rate) -> dict[str, Any]:

@@ -13,7 +13,18 @@ from ..logs.session import Session
 from ..logs.visits import Visit
 from ..world.simulation.scorer import score
 from ..world.values import ObjectId, Vector3
-from .rows import FailureRow, ItemRow, JobRow, JobRows, Phase, PickRow, PlanRow, TimingRow
+from .rows import (
+    EpisodeRow,
+    FailureRow,
+    ItemRow,
+    JobRow,
+    JobRows,
+    Phase,
+    PickRow,
+    PlanRow,
+    PlantedRow,
+    TimingRow,
+)
 
 _PHASES: dict[str, Phase] = {
     "Observe": "observe",
@@ -65,6 +76,25 @@ def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
                     f.seconds_lost,
                 )
                 for f in explanation.failures
+            ),
+            episodes=tuple(
+                EpisodeRow(
+                    e.time,
+                    e.cause,
+                    e.node,
+                    e.item,
+                    e.end,
+                    e.cure,
+                    ", ".join(e.tried),
+                    e.by,
+                    e.tries,
+                    e.seconds,
+                )
+                for e in explanation.recovery.episodes
+            ),
+            planted=tuple(
+                PlantedRow(p.time, p.fault, p.message, p.item, p.cause, p.after, p.end or "")
+                for p in explanation.recovery.planted
             ),
             plans=tuple(
                 PlanRow(at.time, p.request, p.planner, p.outcome, p.checks, p.thinking, p.duration)

@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
+from ..logs.episodes.episode import End
 from ..logs.result import RunStatus
 from ..world.errors import PicktreeError
 
@@ -55,6 +56,36 @@ class FailureRow:
     fate: str
     handled_by: str
     seconds_lost: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeRow:
+    """One cause that was seen, and what came of it; see `logs.episodes.episode`."""
+
+    time: float
+    cause: str
+    node: str
+    item: str
+    ended: End
+    handler: str
+    """What was tried last; empty where nothing was."""
+    tried: str
+    by: str
+    tries: int
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedRow:
+    """One fault that was planted, and what failed first after it."""
+
+    time: float
+    fault: str
+    message: str
+    item: str
+    cause: str
+    after: float | None
+    ended: End | Literal[""]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +154,8 @@ class JobRows:
     items: tuple[ItemRow, ...] = ()
     picks: tuple[PickRow, ...] = ()
     failures: tuple[FailureRow, ...] = ()
+    episodes: tuple[EpisodeRow, ...] = ()
+    planted: tuple[PlantedRow, ...] = ()
     plans: tuple[PlanRow, ...] = ()
     timings: tuple[TimingRow, ...] = ()
     versions: dict[str, str] = field(default_factory=dict[str, str])

@@ -13,7 +13,18 @@ from ..world.errors import PicktreeError
 from .answers import Read, Table, answered, reading
 from .job import Job
 from .plan import Variant
-from .rows import CrashRow, FailureRow, ItemRow, JobRow, JobRows, PickRow, PlanRow, TimingRow
+from .rows import (
+    CrashRow,
+    EpisodeRow,
+    FailureRow,
+    ItemRow,
+    JobRow,
+    JobRows,
+    PickRow,
+    PlanRow,
+    PlantedRow,
+    TimingRow,
+)
 from .tables import VERSION, schema
 
 NAME = "results.sqlite"
@@ -21,6 +32,8 @@ _CHILDREN = {
     "items": ItemRow,
     "picks": PickRow,
     "failures": FailureRow,
+    "episodes": EpisodeRow,
+    "planted": PlantedRow,
     "plans": PlanRow,
     "timings": TimingRow,
 }

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from ..logs.episodes.counting import CureCount, PlantedCount, added_cures, added_planted, by_cause
 from .findings import BatchSummary, Breakdown, CauseCount, Place, Recipe, Share, Spread, Worst
 from .statistics import Rate, rate
 from .store import Store
@@ -74,6 +75,14 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
             "SELECT variant, cause, failures, cured, jobs, coalesce(seconds_lost, 0) FROM causes_by_recipe",
         )
     ]
+    seen = _rows(
+        store,
+        "SELECT variant, cause, handler, seen, cured, given_up, unhandled, open, tries, tries_cured, seconds "
+        "FROM cures_by_recipe",
+    )
+    cures = [(variant, CureCount(*row)) for variant, *row in seen]
+    faults = _rows(store, "SELECT variant, fault, cause, ended, faults FROM planted_seen")
+    planted = [(variant, PlantedCount(*row)) for variant, *row in faults]
     counted = "count(*), sum(verdict = 'sorted') FROM items JOIN jobs USING (job) GROUP BY variant"
     forms = _rows(store, f"SELECT variant, form, {counted}, form ORDER BY form")
     colours = _rows(store, f"SELECT variant, colour, {counted}, colour ORDER BY colour")
@@ -87,6 +96,8 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
             tuple(Share(name, r) for (name,), r in _added(forms, wanted)),
             tuple(Share(name, r) for (name,), r in _added(colours, wanted)),
             tuple(Place(round(i * CELL, 9), round(j * CELL, 9), r) for (i, j), r in _added(places, wanted)),
+            by_cause(added_cures(cure for variant, cure in cures if wanted(variant))),
+            added_planted(fault for variant, fault in planted if wanted(variant)),
         )
 
     each = tuple(of(lambda variant, label=label: variant == label, label) for label in labels)

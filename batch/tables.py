@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ..logs.export.columns import Column, Kind
 from .views import VIEWS
 
-VERSION = 2
+VERSION = 3
 """Of tables and views, in `PRAGMA user_version`."""
 _SQL: dict[Kind, str] = {"int": "INTEGER", "float": "REAL", "bool": "INTEGER", "text": "TEXT"}
 
@@ -135,6 +135,39 @@ TABLES = (
             _number("seconds_lost", "s", "simulated time until its fate was decided", optional=True),
         ),
         index=("job", "cause"),
+    ),
+    TableOf(
+        "episodes",
+        "a cause that was seen, what was tried against it, and what came of it",
+        (
+            _JOB,
+            _number("time", "s", "simulated, of its first failure"),
+            _text("cause", "as grasp.slipped"),
+            _text("node", "path of the node that failed first"),
+            _text("item", "that it was about, as the robot calls it"),
+            _text("ended", "cured, given_up, unhandled, open"),
+            _text("handler", "what was tried last; empty: nothing"),
+            _text("tried", "all that was tried, one after the other"),
+            _text("by", "path of the node that took it up last; empty: nobody"),
+            _count("tries", "runs after the failure that were to succeed"),
+            _number("seconds", "s", "simulated time lost"),
+        ),
+        index=("job", "cause"),
+    ),
+    TableOf(
+        "planted",
+        "a fault that was planted in the simulation, and what failed first after it",
+        (
+            _JOB,
+            _number("time", "s", "simulated"),
+            _text("fault", "its kind, as slip"),
+            _text("message", "in a sentence"),
+            _text("item", "name in the simulation; empty: it is about none"),
+            _text("cause", "of the first failure after it; empty: nothing failed"),
+            _number("after", "s", "from the fault to that failure", optional=True),
+            _text("ended", "what became of that failure, as in episodes; empty: nothing failed"),
+        ),
+        index=("job",),
     ),
     TableOf(
         "plans",

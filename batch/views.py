@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 CELL = 0.05
 """Side of a cell of the table, m."""
+_Z = 1.959963984540054
+"""Of a standard normal variable, 95 % lie within plus and minus this."""
 _FAR = 1000
 """Cells that no place lies beyond: a cast cuts towards zero, and every SQLite has it."""
 
@@ -77,6 +79,52 @@ VIEWS = (
     SELECT variant, cause, count(*) AS failures, sum(fate = 'cured') AS cured,
            count(DISTINCT job) AS jobs, sum(seconds_lost) AS seconds_lost
     FROM failures JOIN jobs USING (job) GROUP BY variant, cause ORDER BY min(number), count(*) DESC""",
+    ),
+    View(
+        "cures",
+        "for each cause of a job, what was tried last against it, and with which success?",
+        """
+    SELECT job, cause, handler, count(*) AS seen, sum(ended = 'cured') AS cured,
+           sum(ended = 'given_up') AS given_up, sum(ended = 'unhandled') AS unhandled,
+           sum(ended = 'open') AS open, sum(tries) AS tries,
+           sum(CASE ended WHEN 'cured' THEN tries ELSE 0 END) AS tries_cured, sum(seconds) AS seconds
+    FROM episodes GROUP BY job, cause, handler""",
+    ),
+    View(
+        "cures_by_recipe",
+        "against which causes does each recipe know a cure?",
+        """
+    SELECT variant, cause, handler, sum(seen) AS seen, sum(cured) AS cured, sum(given_up) AS given_up,
+           sum(unhandled) AS unhandled, sum(open) AS open, sum(tries) AS tries,
+           sum(tries_cured) AS tries_cured, sum(seconds) AS seconds
+    FROM cures JOIN jobs USING (job) GROUP BY variant, cause, handler
+    ORDER BY min(number), cause, sum(cured) DESC, sum(seen) DESC, handler""",
+    ),
+    View(
+        "cures_by_cause",
+        "how many troubles of each cause are cured, with Wilson's 95 % interval, and what do they cost?",
+        f"""
+    WITH counts AS (
+        SELECT cause, sum(seen) AS seen, sum(cured) AS cured, sum(unhandled) AS unhandled,
+               sum(tries_cured) * 1.0 / nullif(sum(cured), 0) AS tries_a_cure, sum(seconds) AS seconds,
+               count(DISTINCT job) AS jobs
+        FROM cures GROUP BY cause
+    ), shares AS (
+        SELECT *, cured * 1.0 / seen AS share, {_Z} * {_Z} / seen AS zz FROM counts
+    )
+    SELECT cause, seen, cured, unhandled, share,
+           max((share + zz / 2 - {_Z} * sqrt((share * (1 - share) + zz / 4) / seen)) / (1 + zz), 0.0) AS low,
+           min((share + zz / 2 + {_Z} * sqrt((share * (1 - share) + zz / 4) / seen)) / (1 + zz), 1.0) AS high,
+           tries_a_cure, seconds, jobs
+    FROM shares ORDER BY seconds DESC, seen DESC, cause""",
+    ),
+    View(
+        "planted_seen",
+        "as what is each kind of planted fault seen first, and is that cured?",
+        """
+    SELECT variant, fault, cause, ended, count(*) AS faults, count(DISTINCT job) AS jobs, avg(after) AS after
+    FROM planted JOIN jobs USING (job) GROUP BY variant, fault, cause, ended
+    ORDER BY min(number), fault, count(*) DESC, cause, ended""",
     ),
     View(
         "failures_by_seed",

@@ -101,17 +101,27 @@ class Counts:
     """Counts episodes as they end."""
 
     def __init__(self, cures: Iterable[CureCount] = (), planted: Iterable[PlantedCount] = ()) -> None:
-        self._cures = {(each.cause, each.cure): each for each in cures}
-        self._planted = {(each.fault, each.cause, each.end): each for each in planted}
+        self._cures: dict[tuple[str, str], CureCount] = {}
+        self._planted: dict[tuple[str, str, str], PlantedCount] = {}
+        for cure in cures:
+            self.add_cures(cure)
+        for fault in planted:
+            self.add_faults(fault)
 
     def add(self, episode: Episode) -> None:
-        key = (episode.cause, episode.cure)
-        self._cures[key] = self._cures.get(key, CureCount(*key)).with_(_one(episode))
+        self.add_cures(_one(episode))
+
+    def add_cures(self, some: CureCount) -> None:
+        key = (some.cause, some.cure)
+        self._cures[key] = self._cures.get(key, CureCount(*key)).with_(some)
 
     def add_planted(self, fault: Planted) -> None:
-        key = (fault.fault, fault.cause, fault.end or "")
+        self.add_faults(PlantedCount(fault.fault, fault.cause, fault.end or "", 1))
+
+    def add_faults(self, some: PlantedCount) -> None:
+        key = (some.fault, some.cause, some.end)
         before = self._planted.get(key, PlantedCount(*key))
-        self._planted[key] = replace(before, count=before.count + 1)
+        self._planted[key] = replace(before, count=before.count + some.count)
 
     @property
     def cures(self) -> tuple[CureCount, ...]:
@@ -137,6 +147,16 @@ def counted(episodes: Iterable[Episode]) -> tuple[CureCount, ...]:
     for episode in episodes:
         counts.add(episode)
     return counts.cures
+
+
+def added_cures(cures: Iterable[CureCount]) -> tuple[CureCount, ...]:
+    """Of several runs together."""
+    return Counts(cures).cures
+
+
+def added_planted(planted: Iterable[PlantedCount]) -> tuple[PlantedCount, ...]:
+    """Of several runs together."""
+    return Counts((), planted).planted
 
 
 def cause_lines(cures: Iterable[CureCount]) -> Iterator[str]:

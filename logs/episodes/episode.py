@@ -12,7 +12,8 @@ An *episode* is one trouble of a run: a cause that came up, and what was done ab
   where the branch was just run again; the next branch of a `Fallback`.
 - *Tries.* Runs after the failure that were to succeed: 1 when the first of them did.
 - *Cured* when the node that took it up then succeeds. *Given up* when that node fails and nobody further up
-  takes it up, or when the item is set aside meanwhile. *Unhandled* when nobody tried anything. *Open* when
+  takes it up, or when what was tried sets the item aside; a branch of a `Fallback` with a `SetAside` in it
+  gives the item up, though it may only count this time. *Unhandled* when nobody tried anything. *Open* when
   the log ends before.
 - *Time lost.* Simulated time from the beginning of the run of the branch that failed to the beginning of the
   next one; of the last failure, to the end of the node. Over all tries that is from the beginning of the run
@@ -39,8 +40,8 @@ class Episode:
     """Path of the node that failed first."""
     item: str
     """That it was about; empty when that is not known."""
-    time: float
-    """Simulated s of the first failure."""
+    times: tuple[float, ...]
+    """Simulated s of its failures."""
     end: End
     ended: float
     """Simulated s at which that was decided, or at which the log ends."""
@@ -53,6 +54,11 @@ class Episode:
     tries: int
     seconds: float
     """Simulated s that it cost."""
+
+    @property
+    def time(self) -> float:
+        """Simulated s of the first failure."""
+        return self.times[0]
 
     @property
     def cure(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -53,7 +53,8 @@ class Trouble:
     cause: str
     node: str
     item: str
-    time: float
+    times: list[float]
+    """Of its failures, s."""
     took: float
     """What the node took that failed, s; 0 where another trouble bears it."""
     by: str = ""
@@ -127,6 +128,8 @@ class Following:
         self._ids: Mapping[str, str] = {}
         self._parents: Mapping[str, str] = {}
         self._names = Names(())
+        self._giving_up: frozenset[str] = frozenset()
+        """Branches that may set an item aside."""
         self._time = 0.0
 
     def state(self) -> FollowingState:
@@ -141,6 +144,8 @@ class Following:
         self._ids = {node.path: node.id for node in known}
         self._parents = {node.path: node.parent or "" for node in known}
         self._names = Names(known)
+        giving_up = [node.path for node in known if node.id == _SET_ASIDE]
+        self._giving_up = frozenset(path for each in giving_up for path in self._upwards(each))
         for path in [path for path in self._open if path not in self._ids]:
             gone = self._open.pop(path)
             self._settle([*gone.taken, *gone.arrived], None)
@@ -181,6 +186,7 @@ class Following:
         """One that goes on by itself."""
         made = Following(on_end, on_planted, self.state())
         made._ids, made._parents, made._names, made._time = self._ids, self._parents, self._names, self._time
+        made._giving_up = self._giving_up
         return made
 
     # Nodes begin and end.
@@ -204,6 +210,7 @@ class Following:
             self._take_up(node, AGAIN, AGAIN)
         elif kind == "choosing" and child != node.failed:
             self._take_up(node, _last(child), self._names.of(child))
+            node.aside = child in self._giving_up
         elif kind == "":
             self._settle(node.arrived, node)
         if kind == "choosing" or child == node.failed or not node.failed:
@@ -233,14 +240,17 @@ class Following:
         """A node has failed: with something new, or with what has come up from below."""
         known = [*node.taken, *node.arrived]
         own = change.origin in ("", node.path)
-        if not own and (change.cause in node.settled or self._with(change.cause, known) is not None):
+        if not own and change.cause in node.settled:
+            return
+        same = [self._troubles[n] for n in known if n in self._troubles]
+        if any(t.cause == change.cause and (not own or t.node == node.path) for t in same):
             return
         around = list(self._around(node.path))
         item = next((n.subject for n in (node, *around) if n.subject), "")
         within = any(other.dealing for other in around)
         began = node.start if own else self._time
         took = 0.0 if within else self._time - began
-        trouble = Trouble(change.cause, change.origin or node.path, item, self._time, took)
+        trouble = Trouble(change.cause, change.origin or node.path, item, [self._time], took)
         trouble.planted, self._waiting = self._waiting, []
         self._number += 1
         self._troubles[self._number] = trouble
@@ -285,7 +295,7 @@ class Following:
             subject = next((n.subject for n in (node, *self._around(node.path)) if n.subject), "")
             failed = str(event.data.get("failed", ""))
             joined = self._with(cause, node.taken)
-            self._troubles[self._number] = Trouble(cause, failed, subject, self._time, 0.0)
+            self._troubles[self._number] = Trouble(cause, failed, subject, [self._time], 0.0)
             failing = self._number if joined is None else self._join(self._number, joined)
             node.arrived.append(failing)
         node.failing, node.dealing = failing, True
@@ -296,8 +306,7 @@ class Following:
     def _take_up(self, node: Underway, handler: str, cure: str) -> None:
         """The node tries something against what has come up; a Fallback against all that came up so far."""
         choosing = self._kind(node) == "choosing"
-        if choosing or node.arrived:
-            node.aside = False
+        node.aside = node.aside and not node.arrived
         for number in dict.fromkeys((*node.taken, *node.arrived) if choosing else node.arrived):
             trouble = self._troubles.get(number)
             if trouble is None:
@@ -331,8 +340,7 @@ class Following:
     def _set_aside(self, node: Underway) -> None:
         """Whoever deals with a trouble by this has given the item up."""
         for around in self._around(node.path):
-            answering = self._kind(around) == "choosing" or around.dealing
-            if answering and any(number in self._troubles for number in around.taken):
+            if around.dealing and any(number in self._troubles for number in around.taken):
                 around.aside = True
                 return
 
@@ -341,6 +349,7 @@ class Following:
         if number == other:
             return other
         joined, into = self._troubles.pop(number), self._troubles[other]
+        into.times = sorted({*into.times, *joined.times})
         into.tried += joined.tried
         into.tries += joined.tries
         into.seconds += joined.seconds
@@ -380,12 +389,12 @@ class Following:
         ended = self._time if time is None else time
         self._on_end(
             Episode(
-                t.cause, t.node, t.item, t.time, end, ended, t.by, t.handler, tuple(t.tried), t.tries,
+                t.cause, t.node, t.item, tuple(t.times), end, ended, t.by, t.handler, tuple(t.tried), t.tries,
                 round(t.seconds, 6),
             )
         )  # fmt: skip
         for f in t.planted:
-            after = round(t.time - f.time, 6)
+            after = round(min(at for at in t.times if at >= f.time - 1e-9) - f.time, 6)
             self._on_planted(Planted(f.time, f.fault, f.message, f.item, t.cause, after, end))
 
     # Looking around.
@@ -396,11 +405,15 @@ class Following:
 
     def _around(self, path: str) -> Iterable[Underway]:
         """The nodes around one that are under way, the nearest first."""
-        above = self._parents.get(path, "")
-        while above:
+        for above in self._upwards(self._parents.get(path, "")):
             if above in self._open:
                 yield self._open[above]
-            above = self._parents.get(above, "")
+
+    def _upwards(self, path: str) -> Iterator[str]:
+        """The path, and those of all nodes around."""
+        while path:
+            yield path
+            path = self._parents.get(path, "")
 
     def _with(self, cause: str, numbers: Iterable[int]) -> int | None:
         """The last of these troubles that is of this cause."""

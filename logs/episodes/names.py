@@ -20,6 +20,7 @@ _AROUND = frozenset(
     }
 )
 """Nodes that are called as what is below them."""
+_CHOOSING = frozenset({"Fallback", "ReactiveFallback"})
 
 
 class Shaped(Protocol):
@@ -51,7 +52,11 @@ class Names:
             return [_last(path)]
         if node.id in _AROUND and node.children:
             return [part for child in node.children for part in self._parts(child)]
-        return [node.id if _last(path).partition("#")[0] == node.id else _last(path)]
+        if node.id in _CHOOSING and node.children:
+            either = [" + ".join(self._parts(child)) for child in node.children]
+            return [" or ".join(either[:_MOST])]
+        own = _last(path).partition("#")[0]
+        return [node.id if own == node.id else f"{node.id} ({own})"]
 
 
 def _last(path: str) -> str:

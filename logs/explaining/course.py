@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from ..episodes.names import Names
 from ..records import Event
 from ..run_log import At
 from ..visits import HALTED, Visit
@@ -38,11 +39,12 @@ class Course:
 class Courses:
     """Follows failures upwards through the visits of a run."""
 
-    def __init__(self, family: Family, events: Sequence[At[Event]], end: float) -> None:
-        """`end`: time of the log's last tick, s."""
+    def __init__(self, family: Family, events: Sequence[At[Event]], end: float, names: Names) -> None:
+        """`end`: time of the log's last tick, s; `names` says what a cure is called."""
         self._family = family
         self._recoveries = [at for at in events if at.record.kind == "recovery"]
         self._end = end
+        self._names = names
 
     def of(self, source: Visit) -> Course:
         chain: list[Link] = []
@@ -120,7 +122,8 @@ class Courses:
         label = str(noted.record.data.get("handler", ""))
         if cure is None:
             return Handling(parent.path, label, noted.time, attempt, "RUNNING", self._end - noted.time)
-        return Handling(parent.path, label, cure.start, attempt, cure.outcome, cure.duration)
+        ran = self._names.of(cure.path)
+        return Handling(parent.path, label, cure.start, attempt, cure.outcome, cure.duration, ran)
 
     def _given_up(self, parent: Visit, failed: Visit) -> list[Handling]:
         """What the parent still ran after the failure with which it then failed."""
@@ -134,7 +137,8 @@ class Courses:
         if last is None:
             return []
         label = GIVE_UP if noted is None else str(noted.record.data.get("handler", ""))
-        return [Handling(parent.path, label, last.start, attempt, last.outcome, last.duration)]
+        ran = self._names.of(last.path)
+        return [Handling(parent.path, label, last.start, attempt, last.outcome, last.duration, ran)]
 
 
 def time_lost(failures: Iterable[FailureStory]) -> float:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from ..episodes.episode import Episode
+from ..episodes.of_log import Episodes, episodes_of
 from ..records import Event
 from ..run_log import At
 from .case import Case
@@ -35,17 +37,23 @@ def explain(run: Run, *, faults: bool = True, items: bool = True) -> Explanation
     case = Case(run, family, failures)
     planted = case.events("fault") if faults else []
     causes = root_causes_of(case, outcome, planted)
+    recovery = episodes_of(run)
     return Explanation(
         outcome=outcome,
-        failures=tuple(_told(case, failure, causes, planted) for failure in failures),
+        failures=tuple(_told(case, failure, causes, planted, recovery) for failure in failures),
         root_causes=causes,
         items=items_of(case) if items else (),
         look_at=moments(causes, failures, outcome),
+        recovery=recovery if faults else replace(recovery, planted=()),
     )
 
 
 def _told(
-    case: Case, failure: FailureStory, causes: Sequence[RootCause], planted: Sequence[At[Event]]
+    case: Case,
+    failure: FailureStory,
+    causes: Sequence[RootCause],
+    planted: Sequence[At[Event]],
+    recovery: Episodes,
 ) -> FailureStory:
     """The failure with what only the whole run tells."""
     names = case.believed.get(case.pairs.get(failure.item, ""), ())
@@ -59,4 +67,16 @@ def _told(
         observed=observed(case, failure, planted),
         made_good_at=done[0] if done and failure.fate in ("passed_over", "branched") else None,
         root_cause=next((n for n, cause in enumerate(causes) if failure.number in cause.failures), None),
+        episode=_episode(failure, recovery.episodes),
     )
+
+
+def _episode(failure: FailureStory, episodes: Sequence[Episode]) -> int | None:
+    """The episode that a failure belongs to: of the same cause, and with one of its failures then."""
+    found = [
+        n
+        for n, episode in enumerate(episodes)
+        if episode.cause == failure.cause and any(abs(at - failure.time) < 1e-6 for at in episode.times)
+    ]
+    same = [n for n in found if episodes[n].node == failure.node]
+    return (same or found or [None])[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from ..episodes.of_log import Episodes
 from ..records import Values
 
 Fate: TypeAlias = Literal["cured", "passed_over", "branched", "ended", "open"]
@@ -44,6 +45,8 @@ class Handling:
     """How the handler's own branch ended: SUCCESS, FAILURE, SKIPPED, HALTED, RUNNING."""
     seconds: float
     """Simulated s that it took."""
+    ran: str = ""
+    """What the handler ran, as a reader knows it: a sub-tree, or the nodes of a list."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +115,8 @@ class FailureStory:
     """When the item was placed after all, as the robot believed, though this failure was passed over; s."""
     root_cause: int | None = None
     """Place of its root cause among those of the run."""
+    episode: int | None = None
+    """Place of its episode among those of the run."""
 
     @property
     def cured(self) -> bool:
@@ -200,3 +205,5 @@ class Explanation:
     """Those that ended the run first, then by what they cost."""
     items: tuple[ItemStory, ...]
     look_at: tuple[LookAt, ...]
+    recovery: Episodes
+    """Which causes were seen, what was tried against each and what came of it; see `episodes.episode`."""

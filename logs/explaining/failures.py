@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...world.causes import Cause, all_causes
+from ..episodes.names import Names
 from ..visits import Visit
 from .choices import choices_before
 from .course import Courses
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
 
 def failures_of(run: Run, family: Family) -> tuple[FailureStory, ...]:
     """Every failure with a cause, in the order of their times. A false condition is none."""
-    courses = Courses(family, run.events, run.ticks.times[-1] if run.ticks.times else 0.0)
+    end = run.ticks.times[-1] if run.ticks.times else 0.0
+    names = Names(node for at in run.trees for node in at.record.nodes)
+    courses = Courses(family, run.events, end, names)
     causes = {cause.name: cause for cause in all_causes()}
     found: list[FailureStory] = []
     before: list[Visit] = []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 from ...world.files.rendering import Paint, plain
 from ...world.journal import Plain
+from ..episodes.counting import CauseCount
 from ..json_records import encode
 from .explanation import Explanation
 from .text import Page
@@ -32,7 +33,7 @@ def to_text(
 
 
 def to_json_text(run: Run, found: Explanation) -> str:
-    """One object, with a line's end: outcome, failures, root_causes, items, look_at."""
+    """One object, with a line's end: outcome, failures, recovery, root_causes, items, look_at."""
     info = run.info
     outcome = {
         **_plain(found.outcome),
@@ -47,6 +48,13 @@ def to_json_text(run: Run, found: Explanation) -> str:
     whole = {
         "outcome": outcome,
         "failures": failures,
+        "recovery": {
+            "causes": [_cause(each) for each in found.recovery.causes],
+            "episodes": [
+                {**_plain(each), "time": each.time, "cure": each.cure} for each in found.recovery.episodes
+            ],
+            "planted": [_plain(each) for each in found.recovery.planted],
+        },
         "root_causes": [_plain(cause) for cause in found.root_causes],
         "items": [_plain(item) for item in found.items],
         "look_at": [_plain(look) for look in found.look_at],
@@ -83,6 +91,12 @@ def _names(run: Run) -> dict[str, str]:
 
     paths = [node.path for at in run.trees for node in at.record.nodes]
     return dict(short_names(paths))
+
+
+def _cause(found: CauseCount) -> dict[str, Plain]:
+    """All episodes of one cause, with what was tried in `by`."""
+    parts: list[Plain] = [_plain(each) for each in found.by_cure]
+    return {**_plain(found.total), "by": parts}
 
 
 def _plain(value: object) -> dict[str, Plain]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from ...world.files.rendering import Paint, plain
 from .explanation import Explanation, ItemStory, RootCause
 from .text_failures import Stories
+from .text_recovery import recovery_lines
 from .wording import counted, listed, seconds, wrapped
 
 CAUSES = 8
@@ -43,7 +44,8 @@ class Page:
         ]
         for part in (
             self._causes(everything),
-            Stories(found.failures, self._names, self._paint).lines(everything),
+            Stories(found.failures, self._names, self._paint, found.recovery.episodes).lines(everything),
+            recovery_lines(found.recovery, self._paint),
             self._items(everything),
             self._look(),
         ):

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ...world.files.rendering import Paint
 from ...world.manipulation.stages import RANKED
+from ..episodes.episode import Episode
 from .explanation import Choice, FailureStory, Handling
 from .wording import counted, listed, seconds, wrapped
 
@@ -27,8 +28,15 @@ _FATES = {
 class Stories:
     """Tells the failures of a run; `names` gives short names of nodes by their paths."""
 
-    def __init__(self, failures: Sequence[FailureStory], names: Mapping[str, str], paint: Paint) -> None:
+    def __init__(
+        self,
+        failures: Sequence[FailureStory],
+        names: Mapping[str, str],
+        paint: Paint,
+        episodes: Sequence[Episode] = (),
+    ) -> None:
         self._failures, self._names, self._paint = failures, names, paint
+        self._episodes = episodes
 
     def lines(self, everything: bool) -> Iterator[str]:
         """Grouped when they are many, unless `everything` is asked for."""
@@ -84,7 +92,7 @@ class Stories:
         by = self._names.get(story.fate_by, story.fate_by)
         match story.fate:
             case "cured":
-                told = f"Cured: {by} went on after {story.seconds_lost or 0.0:.1f} s."
+                told = f"Cured{self._cure(story)}: {by} went on after {story.seconds_lost or 0.0:.1f} s."
             case "passed_over":
                 told = f"Passed over by {by} at {seconds(story.fate_at or 0.0)}"
                 after = story.made_good_at
@@ -99,14 +107,25 @@ class Stories:
                 told = "The log ends before it was decided."
         return " ".join([*parts, told])
 
+    def _cure(self, story: FailureStory) -> str:
+        """` by LookAgain after 2 tries`; nothing where that is not known."""
+        if story.episode is None:
+            return ""
+        episode = self._episodes[story.episode]
+        if episode.end != "cured" or not episode.cure:
+            return ""
+        return f" by {episode.cure} after {counted(episode.tries, 'try', 'tries')}"
+
     def _handling(self, handling: Handling) -> str:
         node = self._names.get(handling.node, handling.node)
         took = f"{handling.ended} after {handling.seconds:.1f} s"
         if handling.handler == "again":
             return f"{node} ran it again."
         if handling.handler == "give_up":
-            return f"{node} gave up (its give_up: {took})."
-        return f"{node} tried {handling.handler} ({took})."
+            return f"{node} gave up ({handling.ran or 'its give_up'}: {took})."
+        ran = handling.ran or handling.handler
+        against = f" for {handling.handler}" if handling.handler != ran else ""
+        return f"{node} tried {ran}{against} ({took})."
 
 
 def _alike(failures: Sequence[FailureStory]) -> list[list[FailureStory]]:

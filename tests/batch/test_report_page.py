@@ -13,7 +13,7 @@ from picktree.batch.job import Job
 from picktree.batch.plan import Plan
 from picktree.batch.plan_record import write_plan
 from picktree.batch.report.report import write_report
-from picktree.batch.rows import FailureRow, JobRows, PickRow, TimingRow
+from picktree.batch.rows import EpisodeRow, FailureRow, JobRows, PickRow, PlantedRow, TimingRow
 from picktree.batch.store import NAME, Store
 
 from ..logs.browser import NEEDED, Chromium
@@ -22,6 +22,13 @@ from .test_store import ITEMS, MISSED, SLIP, SUCCESS
 pytestmark = NEEDED
 
 LABELS = ("Grasp.force=1.5 N", "Grasp.force=30 N")
+EPISODES = (
+    EpisodeRow(
+        4.0, "grasp.slipped", "Main/Grasp", "can_1", "cured", "LookAgain", "LookAgain", "Main", 1, 2.5
+    ),
+    EpisodeRow(5.0, "world.lost", "Main/Observe", "can_2", "unhandled", "", "", "", 0, 10.0),
+)
+PLANTED = PlantedRow(3.5, "slip", "it slips", "item_0", "grasp.slipped", 0.5, "cured")
 LOST = FailureRow(5.0, "Main/Observe", "world.lost", "it is gone", "can_2", "passed_over", "", None)
 
 
@@ -59,6 +66,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
                     items=ITEMS if bad else sorted_items,
                     picks=(PickRow(1.0, "can_1", not bad, "Main/Grasp"),),
                     failures=(SLIP, SLIP, LOST) if bad else (),
+                    episodes=EPISODES if bad else (),
+                    planted=(PLANTED,) if bad else (),
                     timings=(TimingRow("grasp", 6.0), TimingRow("place", 3.0)),
                     versions={"numpy": "2.0"},
                 ),
@@ -89,6 +98,13 @@ def test_it_says_what_came_of_the_batch_without_a_word_or_a_request(report: Path
         pareto = texts(page, "#causes svg text")
         assert [t for t in pareto if "." in t] == ["grasp.slipped", "world.lost"]
         assert [t for t in pareto if t.endswith(" %")] == ["67 %", "100 %"]
+        cures = page.locator("#cures table").first.locator("tbody tr")
+        assert [cures.nth(n).locator("td").all_inner_texts() for n in range(cures.count())] == [
+            ["world.lost", "4", "0.0 % (0.0 … 49.0 %)", "–", "40", "nobody, 4 times"],
+            ["grasp.slipped", "4", "100.0 % (51.0 … 100.0 %)", "1.0", "10", "LookAgain 4 of 4"],
+        ]
+        planted = page.locator("#cures table.planted tbody td").all_inner_texts()
+        assert planted == ["slip", "4", "4 grasp.slipped, cured"]
         assert texts(page, "#phases figure span")[:2] == ["observe", "think"]
         assert (told.problems, told.requests) == ([], [])
 
@@ -99,7 +115,7 @@ def test_what_is_below_the_choice_is_of_the_chosen_recipe(report: Path, chromium
         assert texts(page, "#choice label") == ["all recipes", *LABELS]
         assert texts(page, missed) == ["4"]  # beside it every item was sorted
         page.get_by_role("radio", name=LABELS[1]).check()
-        assert texts(page, "#causes") == ["Nothing failed."]
+        assert texts(page, "#causes") == texts(page, "#cures") == ["Nothing failed."]
         assert texts(page, missed) == []
         page.get_by_role("radio", name=LABELS[0]).check()
         assert page.locator("#causes svg").count() >= 1

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.rows import JobRows, PickRow, TimingRow
+from picktree.batch.rows import EpisodeRow, JobRows, PickRow, PlantedRow, TimingRow
+from picktree.batch.statistics import rate
 from picktree.batch.store import Store
+from picktree.batch.summary import summarise
 
 from .test_store import ITEMS, MISSED, SLIP, SUCCESS, store
 
@@ -18,18 +20,44 @@ def picks(*held: tuple[str, bool]) -> tuple[PickRow, ...]:
     return tuple(PickRow(float(n), name, good, "Main/Grasp") for n, (name, good) in enumerate(held))
 
 
+CURED = EpisodeRow(
+    4.0, "grasp.slipped", "Main/Grasp", "can_1", "cured", "LookAgain", "LookAgain", "Main", 1, 2.5
+)
+IN_VAIN = replace(
+    CURED, ended="given_up", handler="SetAside", tried="LookAgain, SetAside", tries=2, seconds=6.0
+)
+ALONE = EpisodeRow(5.0, "planning.no_path", "Main/GoTo", "", "unhandled", "", "", "", 0, 0.5)
+SLIPS = PlantedRow(3.9, "slip", "it slips", "item_0", "grasp.slipped", 0.1, "cured")
+UNSEEN = replace(SLIPS, cause="", after=None, ended="")
+
+
 @pytest.fixture
 def results(tmp_path: Path) -> Iterator[Store]:
     """Two recipes with two seeds: A fails on seed 1, B is slow on seed 0; B's seed 1 waits."""
     with store(tmp_path / "b", {}, values=("A", "B"), seeds=2) as made:
         slow = replace(SUCCESS, sim_seconds=30.0)
-        for number, row, took, failures in (
-            (0, SUCCESS, picks(("can_1", True), ("can_2", True)), ()),
-            (1, MISSED, picks(("can_1", False), ("can_2", False), ("can_1", True)), (SLIP, SLIP)),
-            (2, slow, picks(("can_1", False), ("can_1", True)), (SLIP,)),
+        for number, row, took, failures, episodes, planted in (
+            (0, SUCCESS, picks(("can_1", True), ("can_2", True)), (), (), (UNSEEN,)),
+            (
+                1,
+                MISSED,
+                picks(("can_1", False), ("can_2", False), ("can_1", True)),
+                (SLIP, SLIP),
+                (CURED, replace(CURED, tries=3), IN_VAIN),
+                (SLIPS,),
+            ),
+            (2, slow, picks(("can_1", False), ("can_1", True)), (SLIP,), (CURED, ALONE), ()),
         ):
             timings = (TimingRow("grasp", 6.0), TimingRow("think", 2.0))
-            rows = JobRows(row, items=ITEMS, picks=took, failures=failures, timings=timings)
+            rows = JobRows(
+                row,
+                items=ITEMS,
+                picks=took,
+                failures=failures,
+                episodes=episodes,
+                planted=planted,
+                timings=timings,
+            )
             assert made.record(f"{number:016x}", rows)
         yield made
 
@@ -57,6 +85,39 @@ def results(tmp_path: Path) -> Iterator[Store]:
             "SELECT variant, failures, jobs FROM causes_by_recipe",
             (("Grasp.force=A", 2, 1), ("Grasp.force=B", 1, 1)),
         ),
+        (
+            "SELECT job, cause, handler, seen, cured, given_up, unhandled, open, tries, tries_cured, seconds "
+            "FROM cures ORDER BY job, cause, handler",
+            (
+                (f"{1:016x}", "grasp.slipped", "LookAgain", 2, 2, 0, 0, 0, 4, 4, 5.0),
+                (f"{1:016x}", "grasp.slipped", "SetAside", 1, 0, 1, 0, 0, 2, 0, 6.0),
+                (f"{2:016x}", "grasp.slipped", "LookAgain", 1, 1, 0, 0, 0, 1, 1, 2.5),
+                (f"{2:016x}", "planning.no_path", "", 1, 0, 0, 1, 0, 0, 0, 0.5),
+            ),
+        ),
+        (
+            "SELECT variant, cause, handler, seen, cured FROM cures_by_recipe",
+            (
+                ("Grasp.force=A", "grasp.slipped", "LookAgain", 2, 2),
+                ("Grasp.force=A", "grasp.slipped", "SetAside", 1, 0),
+                ("Grasp.force=B", "grasp.slipped", "LookAgain", 1, 1),
+                ("Grasp.force=B", "planning.no_path", "", 1, 0),
+            ),
+        ),
+        (
+            "SELECT cause, seen, cured, unhandled, share, tries_a_cure, seconds, jobs FROM cures_by_cause",
+            (
+                ("grasp.slipped", 4, 3, 0, 0.75, 5 / 3, 13.5, 2),
+                ("planning.no_path", 1, 0, 1, 0.0, None, 0.5, 1),
+            ),
+        ),
+        (
+            "SELECT variant, fault, cause, ended, faults, after FROM planted_seen",
+            (
+                ("Grasp.force=A", "slip", "", "", 1, None),
+                ("Grasp.force=A", "slip", "grasp.slipped", "cured", 1, 0.1),
+            ),
+        ),
         ("SELECT * FROM failures_by_seed", ((1, 1, 0, 2, 1), (0, 2, 2, 1, 0))),
         ("SELECT * FROM sorted_by_form", (("cylinder", 6, 3),)),
         ("SELECT * FROM sorted_by_colour", (("red", 6, 3),)),
@@ -71,6 +132,37 @@ def results(tmp_path: Path) -> Iterator[Store]:
 )
 def test_a_view_answers(results: Store, sql: str, rows: tuple[tuple[object, ...], ...]) -> None:
     assert results.query(sql).rows == rows
+
+
+def test_the_interval_of_a_cure_is_wilsons(results: Store) -> None:
+    found: list[tuple[float, ...]] = []
+    for row in results.query("SELECT cured, seen, low, high FROM cures_by_cause").rows:
+        cured, seen, low, high = (float(str(value)) for value in row)
+        interval = rate(int(cured), int(seen)).interval
+        found.append((low - interval.low, high - interval.high))
+    assert len(found) == 2
+    assert found == [pytest.approx((0.0, 0.0), abs=1e-12)] * 2
+
+
+def test_the_summary_says_what_was_tried_and_with_which_success(results: Store) -> None:
+    summary = summarise(results)
+    text = summary.to_text()
+    assert (
+        "cause             cured of those seen              tries  s lost  by\n"
+        "grasp.slipped     3 of 4 (75.0 %, 30.1 … 95.4 %)     1.7      14  "
+        "LookAgain 3 of 3, SetAside 0 of 1\n"
+        "planning.no_path  0 of 1 (0.0 %, 0.0 … 79.3 %)                 0  nobody 1\n"
+        "\n"
+        "planted 2 slip, first seen as: 1 nothing, 1 grasp.slipped (cured)\n"
+    ) in text
+    cures = summary.to_json()["by_recipe"]["Grasp.force=A"]["cures"]
+    assert [(each["cause"], each["rate"]["successes"], each["seen"]) for each in cures] == [
+        ("grasp.slipped", 2, 3)
+    ]
+    assert [(each["cure"], each["cured"], each["seen"]) for each in cures[0]["by"]] == [
+        ("LookAgain", 2, 2),
+        ("SetAside", 0, 1),
+    ]
 
 
 def test_places_on_both_sides_of_zero_have_cells_of_one_size(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def test_text(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
 def test_json(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert answer(["explain", str(folder), "--json"]) == 0
     found = json.loads(capfd.readouterr().out)
-    assert list(found) == ["outcome", "failures", "root_causes", "items", "look_at"]
+    assert list(found) == ["outcome", "failures", "recovery", "root_causes", "items", "look_at"]
     assert {"status": "failure", "mission": "one pick", "items_sorted": 1, "items_total": 4}.items() <= found[
         "outcome"
     ].items()
@@ -166,6 +166,12 @@ Failures (1: 1 ended the mission)
              planted: item_01 is snatched away (3.0 s before)
              With it failed ForEach/Sequence, ForEach, Main/Sequence and Main. It reached the
              root, and the mission ended with it at 7.50 s.
+
+Recovery (1 episode: 1 not handled; 3.5 s lost)
+  cause         seen  cured  tries   s lost  by
+  grasp.missed     1      0             3.5  nobody
+Faults that were planted, and what failed first after them
+     4.50 s  item_01 is snatched away: grasp.missed 3.0 s later, not handled
 
 Items (4, as the robot believed)
   red_ball_1    left  0.15 s seen for the first time, at x 0.51, y -0.15 m (truly at x 0.51,

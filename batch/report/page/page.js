@@ -214,6 +214,40 @@ function places(width) {
   });
 }
 
+// What was seen, tried and cured; below it what failed first after planted faults.
+function cures() {
+  const head = ["cause", "seen", "cured", "tries", "s lost", "by, cured of those tried"];
+  const rows = chosen.cures.map((row) => {
+    const by = row.by.map((each) =>
+      each.cure ? `${each.cure} ${each.cured} of ${each.seen}` : `nobody, ${each.seen} times`.replace(/, 1 times$/, ", once"));
+    const numbers = [
+      row.seen, share(row.rate), row.tries_a_cure === null ? "–" : row.tries_a_cure.toFixed(1), row.seconds.toFixed(0),
+    ];
+    return element("tr", {}, element("td", {}, row.cause),
+      ...numbers.map((text, n) => element("td", { class: "number", "data-head": head[n + 1] }, String(text))),
+      element("td", { class: "by", "data-head": head[5] }, ...by.map((text) => element("div", {}, text))));
+  });
+  const header = head.map((text, n) => element("th", n && n < 5 ? { class: "number" } : {}, text));
+  const table = element("table", {}, element("thead", {}, element("tr", {}, ...header)), element("tbody", {}, ...rows));
+  return element("div", {}, ...(rows.length ? [table] : []), ...planted());
+}
+
+function planted() {
+  const kinds = [...new Set(chosen.planted.map((row) => row.fault))];
+  if (!kinds.length) return [];
+  const said = { cured: "cured", given_up: "given up", unhandled: "not handled", open: "open at the end" };
+  const rows = kinds.map((kind) => {
+    const same = chosen.planted.filter((row) => row.fault === kind);
+    const seen = same.map((row) => `${row.count} ${row.cause ? `${row.cause}, ${said[row.end]}` : "nothing failed"}`);
+    return element("tr", {}, element("td", {}, kind),
+      element("td", { class: "number", "data-head": "planted" }, String(same.reduce((all, row) => all + row.count, 0))),
+      element("td", { class: "by", "data-head": "what failed first after it" }, ...seen.map((text) => element("div", {}, text))));
+  });
+  const header = ["planted fault", "times", "what failed first after it"].map((text, n) =>
+    element("th", n === 1 ? { class: "number" } : {}, text));
+  return [element("table", { class: "planted" }, element("thead", {}, element("tr", {}, ...header)), element("tbody", {}, ...rows))];
+}
+
 function worst() {
   if (!data.worst.length) return element("p", { class: "empty" }, "Every job that was run reached its goal.");
   return element("ol", { class: "worst" }, ...data.worst.map((job) => {
@@ -237,12 +271,13 @@ const FIGURES = {
   success: [() => byRate(data.recipes.map((r) => ({ label: r.label, rate: r.success }))), shares],
   rates: [() => data.rates, (rows, width) => rates(width)],
   phases: [() => data.recipes.filter((r) => Object.keys(r.seconds_a_pick).length), (rows, width) => phases(width)],
+  cures: [() => [...chosen.cures, ...chosen.planted], () => cures()],
   causes: [() => chosen.causes, (rows, width) => causes(width)],
   forms: [() => byRate(chosen.forms), shares],
   colours: [() => byRate(chosen.colours), shares],
   places: [() => chosen.places, (rows, width) => places(width)],
 };
-const NOTHING = { causes: "Nothing failed." };
+const NOTHING = { causes: "Nothing failed.", cures: "Nothing failed." };
 
 function draw() {
   for (const [id, [rowsOf, figure]] of Object.entries(FIGURES)) {

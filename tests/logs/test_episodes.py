@@ -1,0 +1,331 @@
+"""Which causes were seen, what was tried against each, what came of it: tick by tick, of made-up trees."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+
+import pytest
+from pydantic import TypeAdapter
+
+from picktree.logs.episodes.counting import cause_lines, counted
+from picktree.logs.episodes.episode import Episode, Planted
+from picktree.logs.episodes.following import Following, FollowingState
+from picktree.logs.records import Transition, Tree
+from picktree.world.journal import Happened
+
+from .scripted_log import begins, ends, tree
+
+Script = Mapping[float, Sequence[Transition | Happened]]
+
+
+def fails(path: str, cause: str, *above: str) -> list[Transition]:
+    """A node fails, and those above fail with it."""
+    return [ends(path, "FAILURE", cause), *(ends(each, "FAILURE", cause, path) for each in above)]
+
+
+def tries(node: str, cause: str, handler: str, failed: str = "") -> Happened:
+    return Happened("recovery", "", node, {"cause": cause, "handler": handler, "failed": failed})
+
+
+def follow(nodes: Tree, script: Script, end: float = 100.0) -> tuple[list[Episode], list[Planted]]:
+    episodes: list[Episode] = []
+    planted: list[Planted] = []
+    following = Following(episodes.append, planted.append)
+    following.follow(nodes.nodes)
+    _take(following, script)
+    following.finish(end)
+    return episodes, planted
+
+
+def _take(following: Following, script: Script) -> None:
+    for time, said in sorted(script.items()):
+        changes = [each for each in said if isinstance(each, Transition)]
+        following.take(time, changes, [each for each in said if isinstance(each, Happened)])
+
+
+def told(episodes: Sequence[Episode]) -> list[tuple[str, str, str, int, float]]:
+    return [(e.cause, e.end, " > ".join(e.tried), e.tries, e.seconds) for e in episodes]
+
+
+GRASP, LOOK = "Main/Recover/Grasp", "Main/Recover/LookAgain"
+RECOVER = tree("Main", "Main/Recover", GRASP, LOOK, f"{LOOK}/Observe")
+SLIPPED = {
+    0.0: [begins("Main"), begins("Main/Recover"), begins(GRASP, "ball_1")],
+    2.0: [*fails(GRASP, "grasp.slipped"), tries("Main/Recover", "grasp.slipped", "grasp.*")],
+    2.1: [begins(LOOK), begins(f"{LOOK}/Observe")],
+    3.0: [ends(f"{LOOK}/Observe"), ends(LOOK)],
+    3.1: [begins(GRASP, "ball_1")],
+}
+
+
+def test_a_cure_helps_at_the_second_try() -> None:
+    again = {
+        5.0: [*fails(GRASP, "grasp.slipped"), tries("Main/Recover", "grasp.slipped", "grasp.*")],
+        5.1: [begins(LOOK), ends(LOOK)],
+        6.0: [begins(GRASP, "ball_1")],
+        8.0: [ends(GRASP), ends("Main/Recover"), ends("Main")],
+    }
+    (episode,), _ = follow(RECOVER, SLIPPED | again)
+    assert episode == Episode(
+        cause="grasp.slipped",
+        node=GRASP,
+        item="ball_1",
+        times=(2.0, 5.0),
+        end="cured",
+        ended=8.0,
+        by="Main/Recover",
+        handler="grasp.*",
+        tried=("LookAgain", "LookAgain"),
+        tries=2,
+        seconds=6.0,  # from the beginning of the first run to that of the last
+    )
+    assert list(cause_lines(counted([episode]))) == [
+        "grasp.slipped  1 seen, 1 cured by LookAgain after 2 tries, 6.0 s lost"
+    ]
+
+
+def test_each_cause_bears_its_own_runs() -> None:
+    other = {
+        5.0: [*fails(GRASP, "planning.no_path"), tries("Main/Recover", "planning.no_path", "otherwise")],
+        5.1: [begins(LOOK), ends(LOOK)],
+        6.0: [begins(GRASP, "ball_1")],
+        8.0: [ends(GRASP), ends("Main/Recover"), ends("Main")],
+    }
+    episodes, _ = follow(RECOVER, SLIPPED | other)
+    assert told(episodes) == [
+        ("grasp.slipped", "cured", "LookAgain", 1, 3.1),
+        ("planning.no_path", "cured", "LookAgain", 1, 2.9),
+    ]
+
+
+def test_given_up_when_the_tries_are_used_up() -> None:
+    """What is run before failing for good costs, too, and is no try."""
+    last = {
+        4.0: [*fails(GRASP, "grasp.slipped"), begins(LOOK)],  # as its give_up
+        5.0: [
+            ends(LOOK),
+            ends("Main/Recover", "FAILURE", "grasp.slipped", GRASP),
+            ends("Main", "FAILURE", "grasp.slipped", GRASP),
+        ],
+    }
+    episodes, _ = follow(RECOVER, SLIPPED | last)
+    assert told(episodes) == [("grasp.slipped", "given_up", "LookAgain", 1, 5.0)]
+    assert list(cause_lines(counted(episodes))) == [
+        "grasp.slipped  1 seen, none cured (tried: LookAgain), 5.0 s lost"
+    ]
+
+
+def test_a_cure_that_fails_is_seen_too_and_costs_nothing_of_its_own() -> None:
+    failed = {
+        2.0: [*fails(GRASP, "grasp.slipped"), tries("Main/Recover", "grasp.slipped", "grasp.*")],
+        2.1: [begins(LOOK), begins(f"{LOOK}/Observe")],
+        3.0: [
+            *fails(f"{LOOK}/Observe", "perception.no_image", LOOK),
+            ends("Main/Recover", "FAILURE", "grasp.slipped", GRASP),
+            ends("Main", "FAILURE", "grasp.slipped", GRASP),
+        ],
+    }
+    episodes, _ = follow(RECOVER, {0.0: SLIPPED[0.0]} | failed)
+    assert sorted(told(episodes)) == [
+        ("grasp.slipped", "given_up", "LookAgain", 1, 3.0),
+        ("perception.no_image", "unhandled", "", 0, 0.0),
+    ]
+
+
+def test_open_when_the_log_ends_before() -> None:
+    episodes, _ = follow(RECOVER, {time: SLIPPED[time] for time in (0.0, 2.0, 2.1)}, end=2.5)
+    assert told(episodes) == [("grasp.slipped", "open", "LookAgain", 1, 2.5)]
+
+
+def test_nobody_handles_it() -> None:
+    loop = tree("Main", "Main/ForEach", "Main/ForEach/Grasp")
+    grasp = "Main/ForEach/Grasp"
+    script = {
+        0.0: [begins("Main"), begins("Main/ForEach"), begins(grasp, "a")],
+        1.5: fails(grasp, "grasp.missed"),
+        1.6: [begins(grasp, "b")],
+        3.0: [ends(grasp), ends("Main/ForEach"), ends("Main")],
+    }
+    (episode,), _ = follow(loop, script)
+    assert told([episode]) == [("grasp.missed", "unhandled", "", 0, 1.5)]
+    assert (episode.item, episode.by, episode.ended) == ("a", "", 1.5)
+    assert list(cause_lines(counted([episode]))) == ["grasp.missed  1 seen, nobody handled it, 1.5 s lost"]
+
+
+OUTER = "Main/Recover"
+INNER = f"{OUTER}/Retry"
+NESTED = tree(
+    "Main", OUTER, f"{INNER}:RetryUntilSuccessful", f"{INNER}/Place", f"{OUTER}/SafeRetreat"
+)  # fmt: skip
+
+
+def test_a_trouble_that_goes_through_several_hands_is_seen_once() -> None:
+    place = f"{INNER}/Place"
+    script = {
+        0.0: [begins("Main"), begins(OUTER), begins(INNER), begins(place)],
+        1.0: fails(place, "place.full"),
+        1.1: [begins(place)],
+        2.0: [*fails(place, "place.full", INNER), tries(OUTER, "place.full", "place.*")],
+        2.1: [begins(f"{OUTER}/SafeRetreat")],
+        4.0: [ends(f"{OUTER}/SafeRetreat")],
+        4.1: [begins(INNER), begins(place)],
+        6.0: [ends(place), ends(INNER), ends(OUTER), ends("Main")],
+    }
+    (episode,), _ = follow(NESTED, script)
+    assert told([episode]) == [("place.full", "cured", "trying again > SafeRetreat", 2, 4.1)]
+    assert (episode.by, episode.handler) == (OUTER, "place.*")
+
+
+def test_times_of_nested_episodes_add_up() -> None:
+    """One that was cured within a run that failed later on bears its part of the time."""
+    place = f"{INNER}/Place"
+    script = {
+        0.0: [begins("Main"), begins(OUTER), begins(INNER), begins(place)],
+        1.0: fails(place, "place.occupied"),
+        1.5: [begins(place)],
+        3.0: [*fails(place, "place.full", INNER), tries(OUTER, "place.full", "place.*")],
+        3.1: [begins(f"{OUTER}/SafeRetreat")],
+        4.0: [ends(f"{OUTER}/SafeRetreat")],
+        4.1: [begins(INNER), begins(place)],
+        5.0: [*fails(place, "place.occupied")],
+        5.1: [begins(place)],
+        6.0: [ends(place), ends(INNER), ends(OUTER), ends("Main")],
+    }
+    episodes, _ = follow(NESTED, script)
+    assert told(episodes) == [
+        ("place.occupied", "cured", "trying again", 1, 1.0),
+        ("place.occupied", "cured", "trying again", 1, 1.5),
+        ("place.full", "cured", "SafeRetreat", 1, 2.6),
+    ]
+    assert sum(e.seconds for e in episodes) == pytest.approx(4.1 + 1.0)
+
+
+FALLBACK = tree(
+    "Main", "Main/Fallback", "Main/Fallback/Grasp", "Main/Fallback/PushFree", "Main/Fallback/SetAside"
+)
+
+
+@pytest.mark.parametrize(
+    ("last", "expected"),
+    [
+        ("PushFree", ("grasp.no_candidate", "cured", "PushFree", 1, 1.0)),
+        ("SetAside", ("grasp.no_candidate", "given_up", "PushFree > SetAside", 2, 2.0)),
+    ],
+)
+def test_the_next_branch_of_a_fallback_cures_but_not_by_giving_the_item_up(
+    last: str, expected: tuple[str, str, str, int, float]
+) -> None:
+    path = "Main/Fallback"
+    script: dict[float, Sequence[Transition | Happened]] = {
+        0.0: [begins("Main"), begins(path), begins(f"{path}/Grasp")],
+        1.0: [*fails(f"{path}/Grasp", "grasp.no_candidate"), begins(f"{path}/PushFree")],
+    }
+    if last == "SetAside":
+        script[2.0] = [ends(f"{path}/PushFree", "FAILURE"), begins(f"{path}/SetAside")]
+    script[3.0] = [ends(f"{path}/{last}"), ends(path), ends("Main")]
+    episodes, _ = follow(FALLBACK, script)
+    assert told(episodes) == [expected]
+
+
+def test_a_branch_with_nothing_to_do_is_no_try() -> None:
+    path = "Main/Fallback"
+    script = {
+        0.0: [begins("Main"), begins(path), begins(f"{path}/Grasp")],
+        1.0: [
+            *fails(f"{path}/Grasp", "grasp.missed"),
+            begins(f"{path}/PushFree"),
+            ends(f"{path}/PushFree", "SKIPPED"),
+            ends(path, "FAILURE", "grasp.missed", f"{path}/Grasp"),
+            ends("Main", "FAILURE", "grasp.missed", f"{path}/Grasp"),
+        ],
+    }
+    episodes, _ = follow(FALLBACK, script)
+    assert [(e.end, e.tries) for e in episodes] == [("unhandled", 0)]
+
+
+def test_a_condition_that_is_answered_counts_as_attempts() -> None:
+    nodes = tree("Main", "Main/Recover", "Main/Recover/Condition", LOOK)
+    condition = "Main/Recover/Condition"
+    script = {
+        0.0: [begins("Main"), begins("Main/Recover"), begins(condition), ends(condition, "FAILURE")],
+        0.01: [tries("Main/Recover", "tree.attempts", "otherwise", condition)],
+        0.1: [begins(LOOK)],
+        1.0: [ends(LOOK)],
+        1.1: [begins(condition), ends(condition), ends("Main/Recover"), ends("Main")],
+    }
+    episodes, _ = follow(nodes, script)
+    assert told(episodes) == [("tree.attempts", "cured", "LookAgain", 1, 1.1)]
+
+
+def test_what_is_halted_goes_up_to_whoever_stopped_it() -> None:
+    nodes = tree(
+        "Main", "Main/RecoveryNode", "Main/RecoveryNode/Timeout", "Main/RecoveryNode/Timeout/Recover",
+        "Main/RecoveryNode/Timeout/Recover/Grasp", "Main/RecoveryNode/Timeout/Recover/SafeRetreat",
+        "Main/RecoveryNode/Observe",
+    )  # fmt: skip
+    outer, limit = "Main/RecoveryNode", "Main/RecoveryNode/Timeout"
+    inner = f"{limit}/Recover"
+    script = {
+        0.0: [begins(p) for p in ("Main", outer, limit, inner, f"{inner}/Grasp")],
+        1.0: [*fails(f"{inner}/Grasp", "grasp.missed"), tries(inner, "grasp.missed", "grasp.*")],
+        1.1: [begins(f"{inner}/SafeRetreat")],
+        2.0: [
+            ends(f"{inner}/SafeRetreat", "IDLE"),
+            ends(inner, "IDLE"),
+            *fails(limit, "tree.timeout"),
+            tries(outer, "tree.timeout", "recovery"),
+        ],
+        2.1: [begins(f"{outer}/Observe")],
+        3.0: [ends(f"{outer}/Observe")],
+        3.1: [begins(p) for p in (limit, inner, f"{inner}/Grasp")],
+        4.0: [ends(p) for p in (f"{inner}/Grasp", inner, limit, outer, "Main")],
+    }
+    episodes, _ = follow(nodes, script)
+    assert sorted(told(episodes)) == [
+        ("grasp.missed", "cured", "SafeRetreat", 1, 2.0),
+        ("tree.timeout", "cured", "Observe", 1, 1.1),
+    ]
+
+
+def test_planted_faults_stand_beside_what_failed_first_after_them() -> None:
+    slip = Happened("fault", "it slips", "", {"fault": "slip", "item": "item_00"})
+    jam = Happened("fault", "the gripper jams", "", {"fault": "gripper_jam"})
+    waits = Happened("fault", "it waits", "", {"fault": "obstacle", "waits": True})
+    done = {8.0: [ends(GRASP), ends("Main/Recover"), ends("Main")]}
+    episodes, planted = follow(RECOVER, SLIPPED | {1.0: [slip, waits], 7.0: [jam]} | done)
+    assert [e.end for e in episodes] == ["cured"]
+    assert planted == [
+        Planted(1.0, "slip", "it slips", "item_00", "grasp.slipped", 1.0, "cured"),
+        Planted(7.0, "gripper_jam", "the gripper jams", "", "", None, None),
+    ]
+
+
+def test_following_goes_on_from_any_moment() -> None:
+    """What is undecided at a checkpoint survives it, as JSON."""
+    rest = {8.0: [ends(GRASP), ends("Main/Recover"), ends("Main")]}
+    script = SLIPPED | {1.0: [Happened("fault", "it slips", "", {"fault": "slip"})]} | rest
+    whole = follow(RECOVER, script)
+    states = TypeAdapter(FollowingState)
+    for cut in sorted(script):
+        episodes: list[Episode] = []
+        planted: list[Planted] = []
+        before = Following(episodes.append, planted.append)
+        before.follow(RECOVER.nodes)
+        _take(before, {time: said for time, said in script.items() if time <= cut})
+        state = states.validate_python(json.loads(states.dump_json(before.state())))
+        after = Following(episodes.append, planted.append, state)
+        after.follow(RECOVER.nodes)
+        _take(after, {time: said for time, said in script.items() if time > cut})
+        after.finish(100.0)
+        assert (episodes, planted) == whole
+
+
+def test_a_state_is_a_copy() -> None:
+    following = Following(lambda _: None)
+    following.follow(RECOVER.nodes)
+    _take(following, {0.0: SLIPPED[0.0]})
+    state = following.state()
+    _take(following, {2.0: SLIPPED[2.0]})
+    assert not state.troubles
+    assert all(not node.arrived and not node.taken for node in state.nodes)
