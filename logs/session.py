@@ -251,9 +251,11 @@ class Session:
         return events
 
     def true_state(self) -> dict[str, Any]:
-        """The simulation with its faults as it is now, as plain values; to ask disturbs nothing."""
+        """The simulation with its faults as it is now, as plain values, and what the wrist's sensor says when
+        it feels nothing, which stays with the sensor. To ask disturbs nothing."""
         faults: list[Any] = _FAULTS.dump_python(self._injector.state(), mode="json")
-        return {**self.hardware.snapshot().to_plain(), "faults": faults}
+        bias = list(self.world.control.wrist.learnt)
+        return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
 
     @property
     def _fed(self) -> bool:

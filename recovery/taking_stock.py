@@ -17,14 +17,13 @@ from ..trees.registry import Registry
 from ..trees.status import NodeStatus
 from ..world.causes import Failure
 from ..world.journal import Happened, Plain
-from ..world.manipulation.holding import LEAST_LOAD, Hold
+from ..world.manipulation.holding import Hold
 from ..world.scene.destinations import is_at
 from ..world.scene.planning_scene import BeliefObject
 from ..world.shapes import Box
 from ..world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
-    from ..trees.runner import Tree
     from ..world.world import World
 
 PROBE: Final = 0.004
@@ -37,19 +36,20 @@ SPAN: Final = 0.10
 """Of what is in the hand, along the pads and downwards: nobody knows what it is, m."""
 LATELY: Final = 10.0
 """What was seen within this time was seen when it was looked, s."""
+TRIES: Final = 2
+"""How often the hand is emptied: the second time where it is."""
 UNKNOWN: Final = ObjectId("in_hand")
-_RETREAT: Final = """\
-picktree: 1
-kind: mission
-name: taking stock
-trees:
-  Main:
-    Fallback:
-      - Sequence:
-          - SafeRetreat: {hand: keep}         # what is put down below home is in view of the cameras
-          - Fallback: [{Condition: {if: not holding}}, {SafeRetreat: {hand: put_down}}]
-      - SafeRetreat: {hand: put_down}
-      - SafeRetreat: {hand: open}
+LOWERED: Final = 0.15
+"""How far down what weighs next to nothing is let, m: until it touches."""
+TOUCH, SLOWLY = 5.0, 0.05
+"""Force that says that it does, N, and the speed, m/s."""
+_HEAD: Final = "picktree: 1\nkind: mission\nname: taking stock\ntrees:\n  Main:\n    "
+_HOME: Final = f"{_HEAD}SafeRetreat\n"
+_LET_GO: Final = f"{_HEAD}SafeRetreat: {{hand: open}}\n"
+_PUT_DOWN: Final = f"""\
+{_HEAD}Sequence:
+      - SafeRetreat: {{hand: keep}}          # what is put down below home is in view of the cameras
+      - SafeRetreat: {{hand: put_down}}
 """
 
 
@@ -71,34 +71,38 @@ def take_stock(world: World) -> Generator[None, None, Stock]:
     yield from world.move.rest()
     yield from world.control.settle()
     before = {o.id: o for o in world.to_do()}
-    held = yield from _feel(world)
-    retreat = _retreat(world)
-    while retreat.status in (NodeStatus.IDLE, NodeStatus.RUNNING):
-        retreat.step()
-        if retreat.status is NodeStatus.RUNNING:
-            yield
-    if retreat.failure is not None:
-        _note(world, f"the arm does not get home: {retreat.failure.message}", {"failed": "retreat"})
-    if held and world.scene.find(UNKNOWN) is not None:
-        # The cameras tell what it is, under the name that it had.
-        world.scene.remove(UNKNOWN, "it is looked what it was")
+    held = False
+    for attempt in range(TRIES):
+        hold = yield from _feel(world)
+        if hold is None:
+            break
+        held = True
+        carried = hold.loaded and attempt == 0
+        if not carried:
+            yield from _lower(world)
+        yield from _carry_out(_PUT_DOWN if carried else _LET_GO, world)
+        if world.scene.find(UNKNOWN) is not None:
+            # The cameras tell what it is, under the name that it had.
+            world.scene.remove(UNKNOWN, "it is looked what it was")
+    if not held:
+        yield from _carry_out(_HOME, world)
     yield from _look(world)
     return _told(world, before, held)
 
 
-def _feel(world: World) -> Generator[None, None, bool]:
-    """Whether something is in the hand: then it is believed there, as something unknown."""
+def _feel(world: World) -> Generator[None, None, Hold | None]:
+    """What is in the hand, which is then believed there as something unknown; None: nothing."""
+    yield from world.control.settle()
     grip = world.grip.state
     hold = Hold(grip.width, world.control.load())
     if hold.empty:
-        return False
+        return None
     # Nobody knows what the fingers were told last. Less force than now might drop what they hold.
     least = max(grip.width - PROBE, 0.0)
     reached = yield from world.grip.move(least, max(abs(grip.force), GENTLY))
     if reached < grip.width - YIELDS * (grip.width - least):
-        return False
-    loaded = (hold.load or 0.0) >= LEAST_LOAD
-    said = "is in the hand" if loaded else "is between the fingers, and weighs next to nothing"
+        return None
+    said = "is in the hand" if hold.loaded else "is between the fingers, and weighs next to nothing"
     _note(world, f"something {said}: {hold}", {"width": hold.width, "load": hold.load, "held": True})
     shape = Box((SPAN, max(grip.width, 0.005), SPAN))
     tcp = world.control.tcp
@@ -107,13 +111,27 @@ def _feel(world: World) -> Generator[None, None, bool]:
     )
     world.scene.put(believed, "felt in the hand")
     world.scene.attach(UNKNOWN, Pose())
-    return True
+    return hold
 
 
-def _retreat(world: World) -> Tree:
+def _lower(world: World) -> Generator[None, None, None]:
+    """Down until it touches: it may stand on something already."""
+    try:
+        yield from world.move.guarded((0.0, 0.0, -1.0), LOWERED, TOUCH, SLOWLY)
+    except Failure as failure:
+        _note(world, f"it is not let down any further: {failure.message}", {"failed": str(failure.cause)})
+
+
+def _carry_out(text: str, world: World) -> Generator[None, None, None]:
     """A tree of its own, so that the mission's is not touched."""
-    mission = parse_mission(_RETREAT, Path("taking_stock.yaml"), Registry())
-    return build(mission, world, {})
+    tree = build(parse_mission(text, Path("taking_stock.yaml"), Registry()), world, {})
+    tree.step()
+    while tree.status is NodeStatus.RUNNING:
+        yield
+        tree.step()
+    if tree.failure is not None:
+        message = f"the arm does not get home: {tree.failure.message}"
+        _note(world, message, {"failed": str(tree.failure.cause)})
 
 
 def _look(world: World) -> Generator[None, None, None]:

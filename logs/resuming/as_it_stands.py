@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 from pydantic import TypeAdapter, ValidationError
@@ -39,7 +39,8 @@ def as_it_stands(recorded: Recorded) -> tuple[Recipe, str, float]:
     Raises PicktreeError for a log that does not tell how things stood.
     """
     run = recorded.run
-    time, simulation, faults = _last_state(run)
+    last = _last_state(run)
+    time = last.time
     found = recorded.last_checkpoint(time)
     if found is not None:
         name, known = found
@@ -57,13 +58,13 @@ def as_it_stands(recorded: Recorded) -> tuple[Recipe, str, float]:
                 _NEVER,
                 "there is no checkpoint: it knows nothing",
             )
-    stood = standing(recipe.backend, simulation, len(recipe.robot.joints))
+    stood = standing(recipe.backend, last.simulation, len(recipe.robot.joints))
     state = replace(
         known,
         time=time,
         simulation=stood.plain,
-        faults=faults,
-        control={**known.control, "hold": list(stood.position), "readings": [], "stamps": [], "standing": 0},
+        faults=last.faults,
+        control=_control(known.control, stood.position, last.bias),
         thinking_owed=0.0,
         way=None,
         tally=_tally(run, known, knows, time),
@@ -77,8 +78,20 @@ def as_it_stands(recorded: Recorded) -> tuple[Recipe, str, float]:
     return replace(recipe, start=Start(state, continues)), told, knows
 
 
-def _last_state(run: Run) -> tuple[float, dict[str, Any], tuple[FaultState, ...]]:
-    """When the simulation's own state was told last, s; that state; how far the faults had come."""
+@dataclass(frozen=True, slots=True)
+class _Last:
+    """What the log tells last of how things stood."""
+
+    time: float
+    """Simulated s."""
+    simulation: dict[str, Any]
+    faults: tuple[FaultState, ...]
+    """How far they had come."""
+    bias: tuple[float, ...]
+    """Of the wrist's sensor, (6,); empty when it was not learnt yet."""
+
+
+def _last_state(run: Run) -> _Last:
     topic, end = topics.STATE.name, run.end
     for start in (end - 2 * WHOLE_EVERY, None):
         messages = list(run.log.messages([topic], start))
@@ -92,13 +105,22 @@ def _last_state(run: Run) -> tuple[float, dict[str, Any], tuple[FaultState, ...]
             state = folded(told[whole:])
             assert state is not None
             faults = _FAULTS.validate_python(state.pop("faults", ()))
+            bias = tuple(float(value) for value in state.pop("wrist_bias", ()))
         except (ValueError, KeyError, ValidationError) as error:
             raise PicktreeError(f"{run.path}: {topic}: unreadable state: {error}") from None
-        return messages[-1].time / 1e9, state, faults
+        return _Last(messages[-1].time / 1e9, state, faults, bias)
     raise PicktreeError(
         f"{run.path}: the log does not tell how things stood in the end, as those of older versions do not; "
         "without --as-it-stands the run goes on from its last checkpoint"
     )
+
+
+def _control(
+    known: Mapping[str, Any], position: tuple[float, ...], bias: tuple[float, ...]
+) -> dict[str, Any]:
+    """The control loop, holding the arm there; the bias stays with the sensor."""
+    now = {"hold": list(position), "readings": [], "stamps": [], "standing": 0}
+    return {**known, **now, **({"bias": list(bias)} if bias else {})}
 
 
 def _beginning(recipe: Recipe) -> RunState:
