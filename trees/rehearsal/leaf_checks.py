@@ -10,7 +10,7 @@ from ..skill import Skill
 from ..types import convert
 from .case import Answer, Case
 from .known import Known
-from .roles import Role
+from .roles import Role, may_fail_with
 from .world_checks import WorldChecks
 
 _ALWAYS = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
@@ -77,7 +77,7 @@ class LeafChecks:
             names = ", ".join(map(str, declared))
             hint = f"one of {names}" if names else "it declares none: it cannot fail"
             impossible("status", f"{identity} is a skill, which fails for a cause", hint)
-        allowed = (*declared, *_ALWAYS)
+        allowed = (*may_fail_with(role), *_ALWAYS)
         for cause in causes:
             if not any(matches(str(one), cause) for one in allowed):
                 names = ", ".join(map(str, declared)) or "none"

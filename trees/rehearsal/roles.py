@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...world.causes import Cause, Family
+from ...world.causes import Cause, Family, perception
 from ...world.files.node_pattern import node_matches
 from ..controls import NODES
 from ..declaration import Resource
@@ -38,6 +38,13 @@ def is_played(node: type[Node]) -> bool:
     """Whether a stand-in takes the node's place: a leaf that is not of the language itself, unless it does
     nothing but change the belief."""
     return node.played and node not in _OWN and not node.declaration.slots
+
+
+def may_fail_with(role: Role) -> tuple[Cause | Family, ...]:
+    """What a leaf declares as it is wired; one that looks may be without an image however it is wired."""
+    node = role.spec.node
+    looks = node is not None and perception.NO_IMAGE in node.causes
+    return (*role.causes, perception.NO_IMAGE) if looks else role.causes
 
 
 def follows_from_belief(port: PortDeclaration, uses: tuple[Resource, ...]) -> bool:
