@@ -1,0 +1,43 @@
+"""What a soak's diary tells."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+Program = Callable[[str], ModuleType]
+
+
+def test_growth_is_told_from_half_an_hour_on(program: Program) -> None:
+    soaking = program("_soaking")
+    minutes = [
+        soaking.Minute(60.0 * n, 60.0 * n, 30.0 * n, 300.0 + min(n, 30) + 0.1 * n, 80.0, 10 * n, 10 * n, 1)
+        for n in range(1, 121)
+    ]
+    grown = soaking.growth(minutes)
+    assert (grown.first, grown.last) == (pytest.approx(333.0), pytest.approx(342.0))
+    assert grown.share == pytest.approx(9 / 333)
+    assert grown.an_hour == pytest.approx(6.0)  # 0.1 MB a minute
+    assert grown.an_item == pytest.approx(10.0)  # kB, ten items a minute
+    assert grown.heap_an_item == pytest.approx(0.0)
+    assert soaking.growth(minutes[:29]) is None
+    later = [soaking.Minute(**{**asdict(minute), "part": 2}) for minute in minutes[100:]]
+    assert soaking.growth([*minutes[:100], *later]) is None  # a new process is too young
+
+
+def test_a_diary_that_was_cut_off_tells_what_it_knew(program: Program, tmp_path: Path) -> None:
+    soaking = program("_soaking")
+    minute = soaking.Minute(60.0, 50.0, 40.0, 300.0, 80.0, 12, 20, 1)
+    ticks = soaking.quarter(900.0, [0.001] * 95 + [0.1] * 5, 1)
+    rows = [{"folder": "runs/a", "part": 1}, {"minute": asdict(minute)}, {"quarter": asdict(ticks)}]
+    path = tmp_path / "diary.jsonl"
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    told = soaking.Soak.read(path)
+    assert (told.minutes, told.quarters, told.folders) == ((minute,), (ticks,), ("runs/a",))
+    assert (told.result, told.crash) == (None, "")
+    assert (ticks.median, ticks.mean, ticks.ticks) == (1.0, pytest.approx(5.95), 100)
