@@ -157,6 +157,11 @@ class Perception:
         robot = self._robot.paint(believed, joints, width, in_hand)
         if moving:
             robot |= self._robot.nearby(believed, depth, joints, width, in_hand)
+        else:
+            # A camera that hangs elsewhere than believed sees a rim of the robot beside the model.
+            high = np.where(~robot & (height > self._table_z + HIGH), depth, 0.0)
+            if high.any():
+                robot |= self._robot.nearby(believed, high, joints, width, in_hand) & (high > 0)
         robot = with_what_hangs_on(robot, height, depth > 0, self._table_z + HIGH)
         walls = np.isfinite(backdrop.guard) & ((depth == 0) | (depth > backdrop.guard - SURFACE))
         if moving:

@@ -25,7 +25,7 @@ DIRECTIONS = 96
 HANGS = 16
 """What hangs on the robot in the picture belongs to it so far from the model, pixels."""
 MOUNTING = 0.015
-"""How far off a hand may seem to a camera that is mounted on it, m."""
+"""How far off the hand may seem to a camera, by an error of its mounting, m."""
 REACHES = 0.4
 """What is further from the TCP than this is not near the hand, m."""
 SOLID = 0.98
@@ -95,7 +95,8 @@ class RobotMask:
         self, sight: Sight, depth: Array, joints: Array, width: float, held: tuple[Shape, Pose] | None
     ) -> NDArray[np.bool_]:
         """(h, w): pixels that show something within `MOUNTING` of the hand or what it holds. A camera on the
-        hand sees the fingers from so near that an error of its mounting shifts them far beyond `paint`."""
+        hand sees the fingers from so near that an error of its mounting shifts them far beyond `paint`, and
+        so does one overhead where the arm is high."""
         rows, columns = np.nonzero(depth > 0)
         pixels = np.stack([columns, rows], axis=1).astype(np.float64)
         points = sight.origin + sight.directions(pixels) * depth[rows, columns][:, None]
