@@ -160,6 +160,7 @@ class Lab:
         felt = Felt()
         for pair, force in self._forces(item).items():
             felt.before[pair] = force
+        pressed = max(felt.before.values(), default=0.0)
         step, mine = hardware.step, item
 
         def stepped() -> None:
@@ -190,7 +191,7 @@ class Lab:
             "home": home,
             "kept": kept,
             "seconds": round(world.clock.now - begun, 2),
-            "before": round(max(felt.before.values(), default=0.0), 1),
+            "before": round(pressed, 1),
             "force": round(felt.force, 1),
             "peak": round(felt.peak, 1),
             "where": felt.where,

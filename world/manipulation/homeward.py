@@ -24,27 +24,24 @@ AT_POSE = 2e-3
 
 def go_home(world: World, leaving: Leaving, pose: str, scaling: Scaling, node: str) -> Doing[bool]:
     """Bring the arm to a named pose. False: there is no safe way; `leaving` knows what was tried."""
-    looked = False
+    looked = yield from look_around(world)
     for attempt in range(ROUNDS):
         if leaving.late:
             return False
-        if leaving.touched and not looked:
-            looked = True
-            yield from look_around(world)
+        if attempt:
+            looked = yield from look_around(world)
         try:
             key = node if attempt == 0 else f"{node} again {attempt}"
             plan = yield from world.plan.to(NamedGoal(pose), scaling=scaling, node=key)
-            trajectory = slowed(world.robot, plan.trajectory, WARY if leaving.touched else REDUCED)
+            wary = leaving.touched or not looked
+            trajectory = slowed(world.robot, plan.trajectory, WARY if wary else REDUCED)
             result = yield from leaving.follow(trajectory, ON_THE_WAY)
         except Failure as failure:
             if not failure.cause.name.startswith("planning."):
                 raise
             leaving.tried.append(f"to {pose}: {failure.message}")
-            if failure.cause is planning.GOAL_IN_COLLISION and looked:
+            if failure.cause is planning.GOAL_IN_COLLISION:
                 return False
-            if not looked:
-                looked = True
-                yield from look_around(world)
             yield from leaving.out()
             yield from leaving.up(DETOUR, always=True)
             continue
@@ -60,17 +57,20 @@ def go_home(world: World, leaving: Leaving, pose: str, scaling: Scaling, node: s
     return False
 
 
-def look_around(world: World) -> Doing[None]:
+def look_around(world: World) -> Doing[bool]:
     """See what stands there now, through every camera that does not move with the hand; one that gives no
-    image is no reason to stay."""
+    image is no reason to stay. Answers whether anything was seen."""
+    seen = False
     for camera in world.description.cameras:
         if camera.on == "hand":
             continue
         try:
             yield from world.eyes.look(camera.name)
+            seen = True
         except Failure as failure:
             if not failure.cause.name.startswith("perception."):
                 raise
+    return seen
 
 
 def _exactly(world: World, pose: str, scaling: Scaling, node: str) -> Doing[None]:

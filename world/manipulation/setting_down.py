@@ -12,7 +12,8 @@ from ..journal import Happened
 from ..motion.requests import PoseGoal, Scaling
 from ..scene.planning_scene import BeliefObject
 from .dropping import board_at
-from .leaving import ON_THE_WAY, REDUCED, Doing, Leaving
+from .homeward import look_around
+from .leaving import ON_THE_WAY, REDUCED, WARY, Doing, Leaving
 from .reaching import DOWN
 from .spots import blocked, put_down_poses
 
@@ -38,6 +39,7 @@ def set_down(world: World, leaving: Leaving, scaling: Scaling, node: str) -> Doi
     held = world.scene.held
     if held is None:
         return
+    seen = yield from look_around(world)
     why = "no spot near it is free"
     tries = 0
     for spot in _free_spots(world, held):
@@ -51,7 +53,7 @@ def set_down(world: World, leaving: Leaving, scaling: Scaling, node: str) -> Doi
         )
         try:
             plan = yield from world.plan.to(PoseGoal(over), scaling=scaling, node=node)
-            way = slowed(world.robot, plan.trajectory, REDUCED)
+            way = slowed(world.robot, plan.trajectory, REDUCED if seen else WARY)
             result = yield from leaving.follow(way, ON_THE_WAY)
         except Failure as failure:
             if not failure.cause.name.startswith("planning."):

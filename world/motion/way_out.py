@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
@@ -25,9 +26,13 @@ BAND = 0.02
 """What is so far beyond its margin is looked at in a step, m."""
 KEPT = 0.0005
 """Beyond its margin a pair counts as out, m."""
+SHARES = (1.0, 0.4, 0.15)
+"""Of a step, in this order, for as long as it would bring something closer."""
+LEAST = 2e-4
+"""A step of less is none, rad."""
 SLACK = 0.0005
 """By how much what is too close already may come closer on the way, m: it happens in steps."""
-STEPS = 80
+STEPS = 120
 DAMPING = 1e-3
 
 
@@ -48,7 +53,7 @@ class WayOut:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Inequalities:
+class Inequalities:
     """G x ≥ h over a step x (n,) of the joints."""
 
     g: Array
@@ -82,21 +87,20 @@ class Outward:
         for _ in range(STEPS):
             if (until_free and not _violated(near) and self._free(q)) or length >= reach - 1e-6:
                 break
-            step = self._step(q, near, direction)
-            if step is None:
-                ended_by = _between(near)
-                break
-            behind = np.clip(q + step, self._lower, self._upper)
-            way = model.tcp(q).distance(model.tcp(behind))
-            if float(np.abs(behind - q).max()) < 2e-4:
-                ended_by = f"stuck: {_between(near)}" if near else "a joint is at its limit"
-                break
-            near = self._collision.separations(behind, BAND)
-            worse = _worse(near, allowed)
-            if worse is not None:
+            behind, ended_by = q, _between(near)
+            for step in self._steps(q, near, direction):
+                tried = np.clip(q + step, self._lower, self._upper)
+                if float(np.abs(tried - q).max()) < LEAST:
+                    continue
+                after = self._collision.separations(tried, BAND)
+                worse = _worse(after, allowed)
+                if worse is None:
+                    behind, near, ended_by = tried, after, ""
+                    break
                 ended_by = f"{worse.a} would come closer to {worse.b}"
-                near = self._collision.separations(q, BAND)
+            if ended_by:
                 break
+            way = model.tcp(q).distance(model.tcp(behind))
             for key, closest in _closest(near).items():
                 allowed[key] = max(allowed.get(key, closest), closest)
             q = behind
@@ -136,6 +140,20 @@ class Outward:
     def _free(self, q: Array) -> bool:
         return self._collision.free(q)
 
+    def _steps(self, q: Array, near: tuple[Separation, ...], direction: Direction) -> Iterator[Array]:
+        """Steps to try, in this order: the wanted one, smaller ones, and for `out` along the gradient of all
+        depths and of the deepest alone."""
+        steps = [self._step(q, near, direction)]
+        if direction == "out":
+            violated = sorted(_violated(near), key=lambda s: s.distance - s.margin)
+            steps += [_shrinking(violated), _shrinking(violated[:1])]
+        for step in steps:
+            if step is None or not step.any():
+                continue
+            size = min(1.0, STEP / self._moves(q, step), TURN / float(np.abs(step).max()))
+            for share in SHARES:
+                yield step * (size * share)
+
     def _step(self, q: Array, near: tuple[Separation, ...], direction: Direction) -> Array | None:
         wanted = self._wanted(q, direction)
         rows, least = [np.eye(len(q)), -np.eye(len(q))], [self._lower - q, q - self._upper]
@@ -146,23 +164,8 @@ class Outward:
                 least.append(np.array([-room]))
             else:
                 least.append(np.array([min(-room, STEP) if direction == "out" else 0.0]))
-        bounds = _Inequalities(np.concatenate(rows), np.concatenate(least))
-        step = _least_distance(bounds, wanted)
-        if step is None and direction == "out":
-            step = self._shrinking(near)
-        if step is None or not step.any():
-            return step
-        return step * min(1.0, STEP / self._moves(q, step), TURN / float(np.abs(step).max()))
-
-    @staticmethod
-    def _shrinking(near: tuple[Separation, ...]) -> Array | None:
-        """Where not all depths can shrink at once: along the gradient of their sum."""
-        violated = _violated(near)
-        if not violated:
-            return None
-        total: Array = np.sum([s.gradient for s in violated], axis=0)
-        size = float(np.linalg.norm(total))
-        return total * (TURN / size) if size > 1e-6 else None
+        bounds = Inequalities(np.concatenate(rows), np.concatenate(least))
+        return least_distance(bounds, wanted)
 
     def _wanted(self, q: Array, direction: Direction) -> Array:
         """Change (n,) of the joints for a step in that direction, the tool keeping its orientation where that
@@ -206,7 +209,7 @@ class Outward:
         return max(float(np.linalg.norm(six[:3])) + 0.1 * float(np.linalg.norm(six[3:])), 1e-9)
 
 
-def _least_distance(bounds: _Inequalities, wanted: Array) -> Array | None:
+def least_distance(bounds: Inequalities, wanted: Array) -> Array | None:
     """The x nearest to `wanted` (n,) with G x ≥ h; None when there is none."""
     h = bounds.h - bounds.g @ wanted
     if float(h.max(initial=0.0)) <= 1e-12:
@@ -221,6 +224,15 @@ def _least_distance(bounds: _Inequalities, wanted: Array) -> Array | None:
         return None
     x = -residual[:-1] / residual[-1] * scale
     return wanted + x
+
+
+def _shrinking(pairs: Sequence[Separation]) -> Array | None:
+    """Along the gradient of the sum of these distances, where they cannot all grow at once."""
+    if not pairs:
+        return None
+    total: Array = np.sum([s.gradient for s in pairs], axis=0)
+    size = float(np.linalg.norm(total))
+    return total * (TURN / size) if size > 1e-6 else None
 
 
 def _violated(near: tuple[Separation, ...]) -> list[Separation]:
