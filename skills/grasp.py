@@ -223,7 +223,7 @@ class Grasp(Skill):
             known = carried is not None and carried.ready <= world.clock.now
             if carried and known and isinstance(carried.answer, Failure):
                 return carried.answer
-            return None if target is None else target()
+            return world.grip.late() or (None if target is None else target())
 
         yield from world.control.settle()
         world.control.zero()

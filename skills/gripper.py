@@ -23,7 +23,7 @@ class OpenGripper(Skill):
     width: In[float] = port(
         "opening between the fingers; 0 for as wide as they go", unit="m", default=0.0, least=0
     )
-    causes = (control.TIMEOUT,)
+    causes = (control.GRIPPER,)
     uses = (GRIPPER,)
     hand_after = "empty"
 
@@ -40,7 +40,7 @@ class CloseGripper(Skill):
 
     force: In[float] = port("grip force of each finger", unit="N", default=30.0, above=0)
     width: Out[float] = port("opening at which the fingers stopped", unit="m")
-    causes = (control.TIMEOUT,)
+    causes = (control.GRIPPER,)
     uses = (GRIPPER,)
 
     def run(self, world: World) -> Steps:

@@ -85,7 +85,7 @@ def stand(grip: Grip, force: float) -> bool:
 def close(world: World, pressure: Pressure, node: str) -> Generator[None, None, Closed]:
     """Close the fingers, the arm being at rest; they go on closing with `pressure.closing` afterwards.
 
-    Raises what `Motions.comply` does.
+    Raises what `Motions.comply` does, and control.gripper where the fingers do not do what they are told.
     """
     control, grip = world.control, world.grip
     q = control.state.position
@@ -97,7 +97,7 @@ def close(world: World, pressure: Pressure, node: str) -> Generator[None, None, 
     speed = pressure.speed or world.robot.description.gripper.speed
     until = seen + grip.width / (2 * speed) + SPARE
     grip.start(0.0, pressure.closing, pressure.speed)
-    begin = np.array(control.tcp.position)
+    begin, begun = np.array(control.tcp.position), grip.width
     gave = False
     while world.clock.now < until:
         yield
@@ -114,6 +114,7 @@ def close(world: World, pressure: Pressure, node: str) -> Generator[None, None, 
             break
     way = float(axis @ (np.array(control.tcp.position) - begin)) if gave else 0.0
     left = control.wrist.over(0.02, control.state.position)[:3] - zero[:3]
+    yield from grip.sound(begun)
     closed = Closed(grip.width, way, float(axis @ left))
     if gave:
         world.journal.note(

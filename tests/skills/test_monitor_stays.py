@@ -1,0 +1,117 @@
+"""Nothing that a mission can say moves the arm while a stop is latched, or takes the monitor away."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from picktree.trees.loader import parse_mission
+from picktree.trees.registry import Registry
+from picktree.world.errors import PicktreeError
+
+from .cell import Cell, items, mission
+
+ROOT = Path(__file__).resolve().parents[2]
+TRIES = {
+    "a node that forces success": "ForceSuccess: {GoTo: {pose: observe}}",
+    "one after the other": (
+        "Fallback: [{GoTo: {pose: observe}}, {Jog: {velocity: [0, 0, 0.1], duration: 1 s}}]"
+    ),
+    "again and again": "RetryUntilSuccessful: {num_attempts: 5, do: {GoTo: {pose: observe}}}",
+    "recovery without a retreat": (
+        "Recover: {attempts: 3, do: {GoTo: {pose: observe}}, when: {safety.*: AlwaysSuccess}}"
+    ),
+    "two at once": "Parallel: {success_count: 1, do: [AlwaysSuccess, {GoTo: {pose: observe}}]}",
+    "a look, then a grasp": (
+        'Sequence: [{Observe: {camera: overhead, objects: "{items}"}}, '
+        'ForEach: {in: "{items}", out: "{item}", do: {ForceSuccess: {Grasp: {object: "{item}"}}}}]'
+    ),
+    "what comes after": 'GoTo: {pose: observe, _onFailure: "tried := true", _post: "x := 1"}',
+}
+
+
+@pytest.mark.parametrize("body", TRIES.values(), ids=TRIES.keys())
+def test_no_mission_moves_a_stopped_arm(body: str) -> None:
+    cell = Cell(mission(body), items(block=1))
+    for _ in range(4):
+        cell.wait()
+    control = cell.world.control
+    control.monitor.unattended("somebody", "Track", 1.0)
+    before = control.state.position.copy()
+    stop = control.monitor.stopped
+    cell.finish()
+    assert np.abs(control.state.position - before).max() < 1e-6
+    assert control.monitor.stopped is stop
+    assert control.monitor.stops == 1
+    cell.start(mission("SafeRetreat"))
+    assert cell.finish().value == "SUCCESS"
+    assert control.monitor.stopped is None
+
+
+def test_no_node_has_a_port_for_it_and_a_mission_no_key() -> None:
+    words = re.compile(r"monitor|safety|acknowledge|watchdog|torque_limit|payload|ignore")
+    ports = {f"{node.id}.{port.key}" for node in Registry().declarations() for port in node.ports}
+    assert {name for name in ports if words.search(name)} == set[str]()
+    text = "picktree: 1\nkind: mission\n{}\ntrees:\n  Main: {{GoTo: {{pose: home}}}}\n"
+    for key in ("limits: {force: 500 N}", "monitor: off", "safety: false"):
+        with pytest.raises(PicktreeError, match="a mission has no key"):
+            parse_mission(text.format(key), Path("mission.yaml"), Registry())
+
+
+def test_only_a_retreat_acknowledges() -> None:
+    """What the package itself says; a plug-in is code of its author."""
+    said = [
+        str(path.relative_to(ROOT))
+        for room in ("skills", "recovery", "trees", "world", "logs")
+        for path in (ROOT / room).rglob("*.py")
+        if re.search(
+            r"monitor\.acknowledge\(|control\.monitor = |_latch\.acknowledge\(", path.read_text("utf-8")
+        )
+    ]
+    assert sorted(said) == [
+        "recovery/safe_retreat.py",
+        "world/control/monitor.py",
+        "world/manipulation/leaving.py",
+    ]
+
+
+def test_a_skill_that_raises_ends_as_a_fault_of_the_program_with_the_arm_braked(tmp_path: Path) -> None:
+    (tmp_path / "raising.py").write_text(RAISING)
+    text = "picktree: 1\nkind: mission\nplugins: [raising.py]\ntrees:\n  Main: {ForceSuccess: Raising}\n"
+    path = tmp_path / "mission.yaml"
+    path.write_text(text)
+    cell = Cell(parse_mission(text, path, Registry()), items(block=1))
+    while cell.happened("internal_error") == []:
+        cell.tick()
+    moved = cell.world.control.tcp.position[2]
+    assert cell.rest() < 1.0
+    assert cell.world.control.tcp.position[2] - moved < 0.06
+    assert cell.world.control.controller == "Hold"
+
+
+RAISING = '''
+from picktree.trees.skill import ARM, Skill, Steps
+from picktree.world.causes import control
+from picktree.world.control.twist import Twist
+
+
+class Raising(Skill):
+    """Begins to move, and raises."""
+
+    causes = (control.ANY,)
+    uses = (ARM,)
+    example = "Raising"
+
+    def run(self, world) -> Steps:
+        moving = world.move.jog(Twist((0.0, 0.0, 0.3)), node=self.path, duration=5.0)
+        for _ in range(12):
+            next(moving)
+            yield
+        raise ValueError("a fault")
+
+
+NODES = (Raising,)
+'''
