@@ -1,0 +1,46 @@
+"""docs/recovery.md: what it names exists, and its missions are without a fault."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from textwrap import indent
+
+import pytest
+
+from picktree.trees.loader import examine
+from picktree.trees.registry import Registry
+from picktree.world.causes import all_causes, matches
+from picktree.world.files.document import parse_document
+
+PAGE = (Path(__file__).parents[2] / "docs" / "recovery.md").read_text("utf-8")
+SNIPPETS = re.findall(r"```yaml\n(.*?)```", PAGE, re.S)
+INCLUDE = "include: [library/recovery, library/sorting, library/feeding]"
+SORT_ALL = "  SortAll: {ports: {rounds: {type: int}}, Repeat: {num_cycles: '{rounds}', do: SafeRetreat}}\n"
+
+
+@pytest.mark.parametrize("snippet", SNIPPETS)
+def test_what_it_shows_is_without_a_fault(snippet: str) -> None:
+    ports = "    ports: {item: {type: object}}\n" if "{item}" in snippet else ""
+    text = f"picktree: 1\nkind: mission\n{INCLUDE}\ntrees:\n"
+    text += (SORT_ALL if "SortAll" in snippet else "") + "  Main:\n" + ports + indent(snippet, "    ")
+    found = examine(parse_document(text, Path("m.yaml"), "mission"), Registry())
+    assert [str(f) for f in found.faults if f.severity == "error"] == []
+
+
+def test_the_nodes_and_trees_that_it_names_exist() -> None:
+    text = f"picktree: 1\nkind: mission\n{INCLUDE}\ntrees: {{Main: AlwaysSuccess}}\n"
+    registry = Registry()
+    mission = examine(parse_document(text, Path("m.yaml"), "mission"), registry).mission
+    assert mission is not None
+    known = {*mission.trees, *registry.ids()}
+    named = set(re.findall(r"`([A-Z][a-z]+(?:[A-Z][a-z]*)*)`", PAGE))
+    assert len(named) > 30
+    assert named - known == set()
+
+
+def test_the_causes_that_it_names_exist() -> None:
+    families = sorted({cause.name.split(".")[0] for cause in all_causes()})
+    named = set(re.findall(rf"`((?:{'|'.join(families)})\.(?:\w+|\*))`", PAGE))
+    assert len(named) > 15
+    assert {one for one in named if not any(matches(one, cause) for cause in all_causes())} == set()
