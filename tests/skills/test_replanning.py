@@ -228,3 +228,15 @@ def test_pictures_of_a_moving_arm_do_no_harm_to_the_belief() -> None:
     assert {str(o.id) for o in cell.world.scene.objects} == known
     assert cell.world.eyes.looks > looks + 20
     assert cell.happened("replanned") == []
+
+
+def test_a_camera_that_hangs_elsewhere_sees_no_obstacle_in_the_robot_itself() -> None:
+    scene = items(block=1)
+    (overhead,) = scene.cameras
+    off = replace(scene, cameras=(replace(overhead, error=replace(overhead.error, position=(0.008,) * 3)),))
+    cell = Cell(mission(LOOK), off)
+    cell.finish()
+    (block,) = cell.world.scene.objects
+    (body,) = cell.hardware.truth()
+    assert block.role == "item"
+    assert 0.008 < block.pose.distance(body.pose) < 0.016
