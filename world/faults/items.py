@@ -55,7 +55,8 @@ class Bump:
 
 @dataclass(frozen=True, slots=True)
 class Slip:
-    """What the fingers hold has another friction for so many seconds, or for good; then its own again."""
+    """What the fingers hold, or hold next, has another friction for so many seconds, or for good; then its
+    own again."""
 
     when: When
     friction: float = 0.0

@@ -78,7 +78,9 @@ class Occasions:
         state = replace(state, chances=state.chances + 1)
         if not happens:
             return state if when.each else replace(state, done=True)
-        return _with(state, (*state.dues, Due(now + when.delay, path)))
+        # What waits for room, or for something in the hand, waits once.
+        before = () if state.waits else state.dues
+        return _with(state, (*before, Due(now + when.delay, path)))
 
     def taken(self, number: int, when: When, state: FaultState, now: float) -> FaultState:
         """What was due has happened, or there was nothing for it to happen to."""

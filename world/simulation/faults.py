@@ -252,8 +252,8 @@ class Injector:
     def _slip(self, fault: Slip) -> Outcome:
         data: dict[str, Plain] = {"fault": "slip", "friction": fault.friction, "lasts": fault.lasts}
         item = self._hardware.in_hand()
-        if item is None:
-            return Outcome("slip: nothing is in the hand", data | {"item": None})
+        if item is None:  # it waits for something to be held
+            return Outcome("", data, waits=True)
         self._hardware.lubricate(item, fault.friction)
         lasting = "" if fault.lasts is None else f" for {fault.lasts:g} s"
         message = f"{item} slips: its friction is {fault.friction:g}{lasting}"
