@@ -6,8 +6,8 @@ done meanwhile is told from what is seen.
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from dataclasses import dataclass
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -34,8 +34,6 @@ GENTLY: Final = 5.0
 """Force a finger with which they try, N, unless they press more firmly already."""
 SPAN: Final = 0.10
 """Of what is in the hand, along the pads and downwards: nobody knows what it is, m."""
-LATELY: Final = 10.0
-"""What was seen within this time was seen when it was looked, s."""
 TRIES: Final = 2
 """How often the hand is emptied: the second time where it is."""
 UNKNOWN: Final = ObjectId("in_hand")
@@ -68,9 +66,14 @@ class Stock:
 def take_stock(world: World) -> Generator[None, None, Stock]:
     """Each yield is one tick. It never fails: what it cannot do it says, and leaves to the mission."""
     _note(world, "the run goes on as things stand: it looks first, with the belief of before", {})
-    yield from world.move.rest()
+    try:
+        yield from world.move.rest()
+    except Failure as failure:
+        _note(world, f"the arm does not come to rest: {failure.message}", {"failed": str(failure.cause)})
     yield from world.control.settle()
-    before = {o.id: o for o in world.to_do()}
+    known = {o.id: o for o in world.scene.objects if o.role == "item"}
+    to_do = [o.id for o in world.to_do()]
+    attempts = world.attempts.state()
     held = False
     for attempt in range(TRIES):
         hold = yield from _feel(world)
@@ -87,7 +90,9 @@ def take_stock(world: World) -> Generator[None, None, Stock]:
     if not held:
         yield from _carry_out(_HOME, world)
     yield from _look(world)
-    return _told(world, before, held)
+    _recognise(world, known)
+    world.attempts.restore(attempts)
+    return _told(world, to_do, held)
 
 
 def _feel(world: World) -> Generator[None, None, Hold | None]:
@@ -137,36 +142,38 @@ def _carry_out(text: str, world: World) -> Generator[None, None, None]:
 def _look(world: World) -> Generator[None, None, None]:
     for camera in world.description.cameras:
         try:
-            summary = yield from world.eyes.look(camera.name)
+            yield from world.eyes.look(camera.name)
         except Failure as failure:
             _note(world, f"{camera.name} shows nothing: {failure.message}", {"camera": camera.name})
-            continue
-        for name in summary.removed:
-            world.attempts.forget(name)
 
 
-def _told(world: World, before: dict[ObjectId, BeliefObject], held: bool) -> Stock:
+def _recognise(world: World, known: Mapping[ObjectId, BeliefObject]) -> None:
+    """What is no longer where it was known to be, and is seen elsewhere for the first time, is the same: of
+    its kind and colour the nearest. While it was in the hand nobody saw it anywhere."""
+    new = [o for o in world.scene.objects if o.role == "item" and o.id not in known]
+    lost = [o for o in known.values() if world.scene.find(o.id) is None]
+    pairs = [
+        (old.pose.distance(now.pose), old, now)
+        for old in lost
+        for now in new
+        if (old.kind, old.colour) == (now.kind, now.colour)
+    ]
+    for _, old, now in sorted(pairs, key=lambda pair: (pair[0], pair[1].id, pair[2].id)):
+        if world.scene.find(old.id) is None and world.scene.find(now.id) is not None:
+            world.scene.remove(now.id, f"it is {old.id}")
+            world.scene.put(replace(now, id=old.id), "known from before, and seen elsewhere")
+
+
+def _told(world: World, to_do: Sequence[ObjectId], held: bool) -> Stock:
     """Count what was done meanwhile, and say what nobody can know."""
     done: list[ObjectId] = []
     gone: list[ObjectId] = []
-    for name in before:
+    for name in to_do:
         now = world.scene.find(name)
         if now is None:
             gone.append(name)
         elif (to := world.scene.destination(name)) is not None and is_at(now.place, to):
             done.append(name)
-    news = [
-        o
-        for o in world.scene.objects
-        if o.id not in before and o.role == "item" and o.last_seen >= world.clock.now - LATELY
-    ]
-    # What left its place and is seen anew where it belongs is one and the same, as far as anybody can tell.
-    arrived = [o for o in news if (to := world.scene.destination(o.id)) is not None and is_at(o.place, to)]
-    for belief in arrived:
-        same = next((name for name in gone if _alike(before[name], belief)), None)
-        if same is not None:
-            gone.remove(same)
-            done.append(same)
     world.journal.items_done += len(done)
     parts = [f"{', '.join(done)} is done"] if done else ["nothing more is done"]
     if gone:
@@ -178,10 +185,6 @@ def _told(world: World, before: dict[ObjectId, BeliefObject], held: bool) -> Sto
     }
     _note(world, f"looked: {'; '.join(parts)}; {len(world.to_do())} to be done", data)
     return Stock(tuple(done), tuple(gone), held)
-
-
-def _alike(one: BeliefObject, other: BeliefObject) -> bool:
-    return (one.kind, one.colour) == (other.kind, other.colour)
 
 
 def _note(world: World, message: str, data: dict[str, Plain]) -> None:
