@@ -39,7 +39,7 @@ FELT = 20.0
 """Force above which something is touched rather than carried, N."""
 CARRIED_TIME = 0.05
 """At rest before what the hand carries is known, s."""
-EFFORTS_EVERY = 0.025
+EFFORTS_EVERY = 0.05
 """Time between two looks at whether the joints' efforts are explained, s: one costs as much as a control step
 does by itself."""
 WATCHDOG = 0.2
@@ -313,24 +313,32 @@ class ControlLoop:
         elapsed = now - self._looked
         if elapsed >= EFFORTS_EVERY - 1e-9:
             self._looked = now
-            if self.hardware.feels_effort and not monitor.blind:
+            if self.hardware.feels_effort:
                 stopped = self._check_efforts(state, elapsed) or stopped
         return stopped
 
     def _check_efforts(self, state: JointState, elapsed: float) -> bool:
         acceleration = (state.velocity - self._velocity) / self.period
+        if self.monitor.blind:
+            # A retreat goes slowly: what accelerates the hand is little beside the limit.
+            left = self._without_wrist(state, acceleration)
+            return self.monitor.check_efforts(self.monitor.explained(left, elapsed))
         left = self._efforts.unexplained(state, acceleration, self.wrist.latest)
         explained = self.monitor.explained(left, elapsed)
         if not explained and self._doubtful(state, acceleration, left):
             self._doubts_wrist = explained = True
         return self.monitor.check_efforts(explained)
 
+    def _without_wrist(self, state: JointState, acceleration: Array) -> Array:
+        """What is left of the efforts (n,) where nothing but what the hand carries acts on it, Nm."""
+        payload, turn = self.wrist.payload, self.model.tcp(state.position).rotation()
+        carried = np.zeros(6) if payload is None else payload.wrench(turn, self.wrist.sensor_in_tool)
+        return self._efforts.without_wrist(state, acceleration, carried)
+
     def _doubtful(self, state: JointState, acceleration: Array, left: Array) -> bool:
         """Whether the efforts are explained better if the wrist felt nothing but what the hand carries: then
         it is the wrist that is wrong."""
-        payload, turn = self.wrist.payload, self.model.tcp(state.position).rotation()
-        carried = np.zeros(6) if payload is None else payload.wrench(turn, self.wrist.sensor_in_tool)
-        otherwise = self._efforts.without_wrist(state, acceleration, carried)
+        otherwise = self._without_wrist(state, acceleration)
         limit = self.model.torque_limit
         return float(np.linalg.norm(otherwise / limit)) < EXPLAINED * float(np.linalg.norm(left / limit))
 

@@ -223,11 +223,20 @@ class SafetyMonitor:
     def check_sensors(self, now: float, stamps: SensorStamps, repeats_since: float | None = None) -> bool:
         """Whether each sensor has spoken lately; True when a stop was latched. `repeats_since`: from when on
         the wrist sensor, which is known to be noisy, says the same numbers bit by bit."""
+        repeating = repeats_since is not None and now - repeats_since > WRENCH_SILENT
+        if (
+            now - stamps.joints <= JOINTS_SILENT
+            and now - stamps.wrench <= WRENCH_SILENT
+            and now - stamps.gripper <= GRIPPER_SILENT
+            and not repeating
+            and not self._latch.busy
+        ):
+            return False
         for (sensor, words, longest), stamp in zip(
             _SENSORS, (stamps.joints, stamps.gripper, stamps.wrench), strict=True
         ):
             name, what, since = f"{STALE}/{sensor}", "given no new reading", stamp
-            if sensor == "wrench" and repeats_since is not None and repeats_since < stamp:
+            if sensor == "wrench" and repeating and repeats_since is not None and repeats_since < stamp:
                 what, since = "repeated itself bit by bit", repeats_since
             if now - since > longest:
                 message = f"{words} {what} since {since:.2f} s"
@@ -262,10 +271,14 @@ class SafetyMonitor:
         s after the last time."""
         share = elapsed / (UNEXPLAINED_TIME + elapsed)
         self._unexplained += share * (unexplained / self._torque_limit - self._unexplained)
-        return float(np.abs(self._unexplained).max()) <= UNEXPLAINED
+        left = self._unexplained
+        # No single one is greater than all of them together, which is quickly told.
+        return float(left @ left) <= UNEXPLAINED**2 or float(np.abs(left).max()) <= UNEXPLAINED
 
     def check_efforts(self, explained: bool) -> bool:
         """What to make of it when they are not; True when a stop was latched."""
+        if explained and not self._latch.busy:
+            return False
         name = f"{OVERLOADED}/unexplained"
         k = int(np.abs(self._unexplained).argmax())
         level = abs(float(self._unexplained[k]))
