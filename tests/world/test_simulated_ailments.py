@@ -16,6 +16,7 @@ from picktree.world.simulation.faults import Injector
 from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.simulation.kinematic_state import KinematicState
 from picktree.world.simulation.physics import PhysicsHardware
+from picktree.world.values import Pose
 
 from .simulated_cell import cell, panda
 
@@ -232,3 +233,17 @@ def test_what_slips_has_its_own_friction_again_after_a_resumed_run_as_well() -> 
     assert again.checkpoint() == saved
     again.lubricate("item_00", None)
     assert again.bodies[again.truth()[0].id].friction == 0.6
+
+
+def test_fingers_that_open_all_the_way_let_go_of_what_is_as_wide_as_that() -> None:
+    hardware = KinematicHardware(cell(), panda(), 1)
+    item, gripper = hardware.truth()[0].id, hardware.gripper
+    gripper.gripped = gripper.width = 0.0798
+    gripper.item_in_tcp = Pose()
+    hardware.bodies.take(item, hardware.true_tcp())
+    gripper.command(0.0, 40.0)
+    hardware.step()
+    assert hardware.in_hand() == item
+    gripper.command(0.08, 20.0)
+    hardware.step()
+    assert hardware.in_hand() is None

@@ -37,7 +37,8 @@ class KinematicGripper:
         """Width of what is held, m."""
 
     def read(self) -> GripperState:
-        return GripperState(self.width, self.speed, self._drive.force if self.speed == 0.0 else 0.0)
+        force = self._drive.force if self._ailments.any else self.force
+        return GripperState(self.width, self.speed, force if self.speed == 0.0 else 0.0)
 
     @property
     def moves(self) -> bool:
@@ -63,7 +64,9 @@ class KinematicGripper:
         """One control period passes with the hand at `tcp` in the world."""
         bodies = self._bodies
         held, drive = bodies.held, self._drive
-        opens = self._ailments.jam is None and self.target > self.gripped + 5e-4
+        # What is as wide as they open at all is let go by fingers that open all the way.
+        wide = min(self.gripped + 5e-4, self._description.max_width - 1e-9)
+        opens = self._ailments.jam is None and self.target > wide
         if held is not None:
             assert self.item_in_tcp is not None
             if opens or not self._carries(bodies[held], drive.force):
