@@ -39,6 +39,7 @@ class SetAside(Node):
 
     kind = "action"
     played = False
+    gives_up = True
     object: In[ObjectId] = port("the item to give up, which is not in the hand")
     after: In[int] = port("which time it is given up indeed; before that it is counted", default=1, least=1)
     causes = (place.MISSED,)

@@ -64,6 +64,8 @@ class Node(Behaviour):
     """
     by_turns: ClassVar[bool] = False
     """Whether it runs one child at a time and leaves it alone until it ends, for the linter."""
+    gives_up: ClassVar[bool] = False
+    """Whether its success takes an item out of what is to be done without having it done, for the linter."""
     steady: ClassVar[bool] = False
     """Whether it takes no time, touches nothing but the blackboard, and answers alike, its children too, as
     long as keys and facts do not change; for the linter."""

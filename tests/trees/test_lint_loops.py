@@ -155,3 +155,28 @@ def test_what_is_tried_again_although_nothing_changes() -> None:
 def test_what_may_turn_out_otherwise_the_next_time(node: str) -> None:
     before = "SetBlackboard: {value: 0, output_key: '{n}'}\n      - Log: {message: a, value: '{n}'}\n      - "
     assert [f for f in loops(before + node) if f.startswith("P323")] == []
+
+
+PASSING = """
+include: [library/sorting]
+trees:
+  Main:
+    Repeat:
+      while: items_left and not stopped
+%s      do:
+        - Observe: {camera: overhead, objects: "{items}"}
+        - ForEach: {in: "{items}", out: "{item}", on_failure: %s, do: {%s: {item: "{item}"}}}
+"""
+
+
+def test_a_loop_that_an_item_keeps_going() -> None:
+    def found(bound: str, on_failure: str, tree: str) -> list[str]:
+        return lint(PASSING % (bound, on_failure, tree), "P325")
+
+    assert found("", "continue", "PickAndPlace") == [
+        "P325 5:14 Main/Repeat: ForEach passes over what fails, and 'items_left and not stopped' still holds: "
+        "an item that cannot be had keeps the loop going for ever (a number of cycles, or SetAside)"
+    ]
+    assert found("      num_cycles: 5\n", "continue", "PickAndPlace") == []
+    assert found("", "fail", "PickAndPlace") == []
+    assert found("", "continue", "SortTirelessly") == []

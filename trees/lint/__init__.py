@@ -10,7 +10,7 @@ from ..surroundings import Surroundings
 from .causes import needless_handlers, unhandled
 from .hand import left_in_hand
 from .keys import never_read, read_before_written
-from .loops import endless, vain_attempts
+from .loops import endless, unbounded_recovery, vain_attempts
 from .needless import needless_defaults, without_effect
 from .ports import breakpoints, unused_files, unused_ports, unused_trees
 from .reaching import unreachable
@@ -24,6 +24,7 @@ RULES: tuple[Callable[[Survey], Iterable[Fault]], ...] = (
     needless_handlers,
     unreachable,
     endless,
+    unbounded_recovery,
     vain_attempts,
     without_effect,
     needless_defaults,

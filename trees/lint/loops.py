@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from ...world.files.document import Fault
 from ...world.files.expressions import Expression
-from ..controls import KeepRunningUntilFailure, Repeat, RetryUntilSuccessful
+from ..controls import ForEach, KeepRunningUntilFailure, Repeat, RetryUntilSuccessful
 from ..mission import NodeSpec
 from .change import changes_of, depends_on, is_steady
 from .context import Context, contexts
@@ -69,6 +69,46 @@ def _repeat(survey: Survey, spec: NodeSpec, context: Context) -> Iterator[Fault]
     if not changes_of((part,), survey.mission.trees).decides(condition):
         message = f"nothing in {part.name} changes '{condition}': once begun, the loop goes on for ever"
         yield survey.fault(spec, message, "a number of cycles besides", code="P322", at="while")
+
+
+def unbounded_recovery(survey: Survey) -> Iterator[Fault]:
+    """P325: a loop goes on while items are left, and passes over what fails with them."""
+    for spec, context in contexts(survey):
+        if context.stopped or "_while" in spec.preconditions or not _judged(survey, spec):
+            continue
+        if spec.node is None or not issubclass(spec.node, Repeat):
+            continue
+        condition = survey.walk.literal(spec, "while")
+        if survey.walk.number(spec, "num_cycles") != -1 or not isinstance(condition, Expression):
+            continue
+        below = tuple(_everything(spec.children[0], survey))
+        passing = next((s for s in below if _passes_over(survey, s)), None)
+        if passing is None or not _OF_ITEMS & condition.names:
+            continue
+        if not any(s.node is not None and s.node.gives_up for s in below):
+            message = f"{passing.name} passes over what fails, and '{condition}' still holds: an item that "
+            message += "cannot be had keeps the loop going for ever"
+            yield survey.fault(spec, message, "a number of cycles, or SetAside", code="P325", at="while")
+
+
+_OF_ITEMS = frozenset(("items_left", "items_to_do"))
+
+
+def _passes_over(survey: Survey, spec: NodeSpec) -> bool:
+    continues = spec.node is not None and issubclass(spec.node, ForEach)
+    return continues and survey.walk.literal(spec, "on_failure") == "continue"
+
+
+def _everything(spec: NodeSpec, survey: Survey) -> Iterator[NodeSpec]:
+    """The node and all below it, in sub-trees too."""
+    seen: set[str] = set()
+    todo = [spec]
+    while todo:
+        for each in todo.pop().iterate():
+            yield each
+            if each.node is None and each.id not in seen:
+                seen.add(each.id)
+                todo.append(survey.mission.trees[each.id].root)
 
 
 def vain_attempts(survey: Survey) -> Iterator[Fault]:
