@@ -229,6 +229,9 @@ def _by(found: counting.CauseCount) -> str:
     tried = [f"{c.cure} {c.cured} of {c.seen}" for c in found.by_cure if c.cure]
     if found.total.unhandled:
         tried.append(f"nobody {found.total.unhandled}")
+    untried = sum(c.given_up for c in found.by_cure if not c.cure)
+    if untried:
+        tried.append(f"given up untried {untried}")
     return ", ".join(tried)
 
 

@@ -90,7 +90,8 @@ class CauseCount:
         total = self.total
         if not total.cured:
             tried = ", ".join(each.cure for each in self.by_cure if each.cure)
-            return f"none cured (tried: {tried})" if tried else ""
+            untried = "given up untried" if total.given_up else ""
+            return f"none cured (tried: {tried})" if tried else untried
         by = [each for each in self.by_cure if each.cured]
         names = [each.cure if len(by) == 1 else f"{each.cure} ({each.cured})" for each in by]
         tries = total.tries_a_cure or 0.0

@@ -4,17 +4,18 @@ An *episode* is one trouble of a run: a cause that came up, and what was done ab
 
 - *Seen.* It begins when a node fails by itself with a cause. A false condition is no failure; but one that a
   `Recover` answers counts as `tree.attempts`. While it is being dealt with, the same cause at the same node
-  belongs to the same episode; another cause is another one.
+  belongs to the same episode, and so it does within the next branch of a `Fallback`; another cause is
+  another one.
 - *Tried.* A `Recover`, a `RecoveryNode`, a `RetryUntilSuccessful` or a `Fallback` above it takes it up: it
   runs a cure, or the branch again, or its next branch. When that node fails in the end and one further up
   takes the failure up, the episode goes on there; so a trouble that goes through several hands is seen once.
-- *By what.* What was run last against this cause: the sub-tree or the nodes of the handler; `trying again`
+- *By what.* What was run last against this cause: the sub-tree or the nodes of the handler; `Grasp again`
   where the branch was just run again; the next branch of a `Fallback`.
 - *Tries.* Runs after the failure that were to succeed: 1 when the first of them did.
 - *Cured* when the node that took it up then succeeds. *Given up* when that node fails and nobody further up
   takes it up, or when what was tried sets the item aside; a branch of a `Fallback` with a `SetAside` in it
-  gives the item up, though it may only count this time. *Unhandled* when nobody tried anything. *Open* when
-  the log ends before.
+  gives the item up, though it may only count this time, and is no try. *Unhandled* when nobody tried
+  anything. *Open* when the log ends before.
 - *Time lost.* Simulated time from the beginning of the run of the branch that failed to the beginning of the
   next one; of the last failure, to the end of the node. Over all tries that is from the beginning of the run
   that failed first to the beginning of the one that succeeded. Where a branch fails with several causes in

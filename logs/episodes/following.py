@@ -207,10 +207,11 @@ class Following:
             if node.called and child != node.failed:
                 self._name_the_cure(node, child)
         elif kind == "retrying" and child == node.failed:
-            self._take_up(node, AGAIN, AGAIN)
+            self._take_up(node, AGAIN, f"{self._names.of(child)} {AGAIN}")
         elif kind == "choosing" and child != node.failed:
-            self._take_up(node, _last(child), self._names.of(child))
-            node.aside = child in self._giving_up
+            gives_up = child in self._giving_up
+            self._take_up(node, _last(child), "" if gives_up else self._names.of(child))
+            node.aside = gives_up
         elif kind == "":
             self._settle(node.arrived, node)
         if kind == "choosing" or child == node.failed or not node.failed:
@@ -246,6 +247,11 @@ class Following:
         if any(t.cause == change.cause and (not own or t.node == node.path) for t in same):
             return
         around = list(self._around(node.path))
+        again = self._answered(change.cause, around)
+        if again is not None:
+            self._troubles[again].times.append(self._time)
+            node.arrived.append(again)
+            return
         item = next((n.subject for n in (node, *around) if n.subject), "")
         within = any(other.dealing for other in around)
         began = node.start if own else self._time
@@ -255,6 +261,14 @@ class Following:
         self._number += 1
         self._troubles[self._number] = trouble
         node.arrived.append(self._number)
+
+    def _answered(self, cause: str, around: Iterable[Underway]) -> int | None:
+        """The trouble of this cause that a Fallback around is just going another way for."""
+        for node in around:
+            same = self._with(cause, node.taken) if self._kind(node) == "choosing" else None
+            if same is not None:
+                return same
+        return None
 
     def _close(self, node: Underway, *, cause: str = "", halted: bool = False) -> None:
         """A node has failed or was halted: what it leaves undecided goes up."""
@@ -304,7 +318,8 @@ class Following:
         node.called = label
 
     def _take_up(self, node: Underway, handler: str, cure: str) -> None:
-        """The node tries something against what has come up; a Fallback against all that came up so far."""
+        """The node tries something against what has come up; a Fallback against all that came up so far.
+        Without a cure it gives up."""
         choosing = self._kind(node) == "choosing"
         node.aside = node.aside and not node.arrived
         for number in dict.fromkeys((*node.taken, *node.arrived) if choosing else node.arrived):
@@ -313,7 +328,9 @@ class Following:
                 continue
             if number not in node.taken:
                 node.taken.append(number)
-            if choosing or number == node.failing or not trouble.tried:
+            if not cure:
+                trouble.by = node.path
+            elif choosing or number == node.failing or not trouble.tried:
                 trouble.by, trouble.handler = node.path, handler
                 trouble.tried.append(cure)
                 trouble.tries += 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
-AGAIN = "trying again"
+AGAIN = "again"
 _MOST = 3
 """Nodes that are named of a handler that is a list."""
 _AROUND = frozenset(

@@ -49,7 +49,9 @@ def _by(found: CauseCount) -> str:
     if cured:
         return ", ".join(each.cure if len(cured) == 1 else f"{each.cure} ({each.cured})" for each in cured)
     tried = [each.cure for each in found.by_cure if each.cure]
-    return f"tried in vain: {', '.join(tried)}" if tried else "nobody"
+    if tried:
+        return f"tried in vain: {', '.join(tried)}"
+    return "given up untried" if found.total.given_up else "nobody"
 
 
 def _then(fault: Planted) -> str:

@@ -5,13 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 
+from ..episodes.counting import CauseCount
 from ..run import Run
 from .packing import Packable, Section
 
 
 def pack_failures(run: Run) -> Section:
-    """All of `run.explanation`, field by field."""
-    return Section("failures", plain(run.explanation))
+    """All of `run.explanation`, field by field, with the causes of its episodes in `causes`."""
+    explanation = run.explanation
+    named = {field.name: plain(getattr(explanation, field.name)) for field in fields(explanation)}
+    causes = explanation.recovery.causes
+    return Section("failures", {**named, "causes": [_counted(each) for each in causes]})
+
+
+def _counted(found: CauseCount) -> dict[str, Packable]:
+    """How often a cause was seen and cured, what that cost, and in words by what."""
+    total = found.total
+    return {
+        "cause": found.cause,
+        "seen": total.seen,
+        "cured": total.cured,
+        "seconds": total.seconds,
+        "told": found.to_text(),
+    }
 
 
 def plain(value: object) -> Packable:

@@ -173,7 +173,7 @@ def test_a_trouble_that_goes_through_several_hands_is_seen_once() -> None:
         6.0: [ends(place), ends(INNER), ends(OUTER), ends("Main")],
     }
     (episode,), _ = follow(NESTED, script)
-    assert told([episode]) == [("place.full", "cured", "trying again > SafeRetreat", 2, 4.1)]
+    assert told([episode]) == [("place.full", "cured", "Place again > SafeRetreat", 2, 4.1)]
     assert (episode.by, episode.handler) == (OUTER, "place.*")
 
 
@@ -194,8 +194,8 @@ def test_times_of_nested_episodes_add_up() -> None:
     }
     episodes, _ = follow(NESTED, script)
     assert told(episodes) == [
-        ("place.occupied", "cured", "trying again", 1, 1.0),
-        ("place.occupied", "cured", "trying again", 1, 1.5),
+        ("place.occupied", "cured", "Place again", 1, 1.0),
+        ("place.occupied", "cured", "Place again", 1, 1.5),
         ("place.full", "cured", "SafeRetreat", 1, 2.6),
     ]
     assert sum(e.seconds for e in episodes) == pytest.approx(4.1 + 1.0)
@@ -210,7 +210,7 @@ FALLBACK = tree(
     ("last", "expected"),
     [
         ("PushFree", ("grasp.no_candidate", "cured", "PushFree", 1, 1.0)),
-        ("SetAside", ("grasp.no_candidate", "given_up", "PushFree > SetAside", 2, 2.0)),
+        ("SetAside", ("grasp.no_candidate", "given_up", "PushFree", 1, 2.0)),
     ],
 )
 def test_the_next_branch_of_a_fallback_cures_but_not_by_giving_the_item_up(
@@ -329,3 +329,21 @@ def test_a_state_is_a_copy() -> None:
     _take(following, {2.0: SLIPPED[2.0]})
     assert not state.troubles
     assert all(not node.arrived and not node.taken for node in state.nodes)
+
+
+def test_the_same_cause_within_the_next_branch_of_a_fallback_is_the_same_trouble() -> None:
+    path, retry = "Main/Fallback", "Main/Fallback/RetryUntilSuccessful"
+    nodes = tree("Main", path, f"{path}/Observe", retry, f"{retry}/Again:Observe")
+    again = f"{retry}/Again"
+    script = {
+        0.0: [begins("Main"), begins(path), begins(f"{path}/Observe")],
+        1.0: [*fails(f"{path}/Observe", "perception.no_image"), begins(retry), begins(again)],
+        2.0: fails(again, "perception.no_image"),
+        2.1: [begins(again)],
+        3.0: [ends(again), ends(retry), ends(path), ends("Main")],
+    }
+    (episode,), _ = follow(nodes, script)
+    assert told([episode]) == [
+        ("perception.no_image", "cured", "Observe (Again) > Observe (Again) again", 2, 2.1)
+    ]
+    assert episode.times == (1.0, 2.0)

@@ -80,6 +80,16 @@ def settled(page: Any) -> None:
     page.wait_for_timeout(30)
 
 
+def test_above_the_failures_stands_what_was_tried_and_what_was_planted(page: Any) -> None:
+    causes = page.locator("#panel-failures .causes li")
+    assert causes.locator("code").all_inner_texts() == ["grasp.missed", "world.unknown_object"]
+    assert causes.locator(".fate").all_inner_texts() == ["0 of 1 cured"] * 2
+    assert "none cured (tried: SafeRetreat + Observe)" in causes.first.inner_text()
+    planted = page.locator("#panel-failures .moments").first.inner_text()
+    assert "is snatched away: grasp.missed" in planted
+    assert planted.endswith("given up")
+
+
 def test_the_list_of_failures_leads_to_each_of_them(page: Any, failures: tuple[FailureStory, ...]) -> None:
     stories = page.locator(".story")
     assert stories.count() == len(failures) >= 2

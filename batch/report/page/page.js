@@ -218,8 +218,12 @@ function places(width) {
 function cures() {
   const head = ["cause", "seen", "cured", "tries", "s lost", "by, cured of those tried"];
   const rows = chosen.cures.map((row) => {
-    const by = row.by.map((each) =>
-      each.cure ? `${each.cure} ${each.cured} of ${each.seen}` : `nobody, ${each.seen} times`.replace(/, 1 times$/, ", once"));
+    const times = (count) => (count === 1 ? "once" : `${count} times`);
+    const by = row.by.flatMap((each) => {
+      if (each.cure) return [`${each.cure} ${each.cured} of ${each.seen}`];
+      const alone = each.unhandled ? [`nobody, ${times(each.unhandled)}`] : [];
+      return each.given_up ? [...alone, `given up untried, ${times(each.given_up)}`] : alone;
+    });
     const numbers = [
       row.seen, share(row.rate), row.tries_a_cure === null ? "–" : row.tries_a_cure.toFixed(1), row.seconds.toFixed(0),
     ];

@@ -3,6 +3,7 @@
 import "./failures.css";
 
 import { made } from "./made.js";
+import { endOf, recovery } from "./recovery.js";
 import { bring, onShown } from "./scrolling.js";
 import { FATE_WORDS, pairs, seconds, valueText } from "./words.js";
 
@@ -32,6 +33,7 @@ export class Failures {
     return made("div", { class: "failures-top" },
       made("p", { class: `failures-outcome ${kind}` }, outcome.sentence),
       ...(roots.length ? [made("h3", {}, roots.length > 1 ? "Root causes" : "Root cause"), made("ul", { class: "roots" }, ...roots.map((root) => this.root(root)))] : []),
+      ...recovery(this.section, this.player),
       ...(moments.length ? [made("h3", {}, "Look at"), made("ul", { class: "moments" }, ...moments.slice(0, 6).map((moment) => this.moment(moment)))] : []),
       made("h3", {}, this.section.failures.length ? "All failures" : "No failures"),
     );
@@ -93,11 +95,13 @@ export class Failures {
       yield made("p", {}, "It follows from ", made("button", { class: "link", onclick: () => player.selectFailure(other) }, `failure ${other + 1}`), ".");
     }
     yield made("h4", {}, "What became of it");
-    const handled = story.handled_by.map((one) => made("li", {}, at(one.time), ` ${one.handler} in `, node(one.node), `, attempt ${one.attempt}: ${one.ended}`, one.seconds ? ` after ${one.seconds.toFixed(2)} s` : ""));
+    const handled = story.handled_by.map((one) => made("li", {}, at(one.time), ` ${one.ran && one.ran !== one.handler ? `${one.ran} for ` : ""}${one.handler} in `, node(one.node), `, attempt ${one.attempt}: ${one.ended}`, one.seconds ? ` after ${one.seconds.toFixed(2)} s` : ""));
     if (handled.length) yield made("ul", {}, ...handled);
     const when = story.fate_at === null ? [] : [" at ", at(story.fate_at)];
     const by = story.fate_by ? [" by ", node(story.fate_by)] : [];
     yield made("p", {}, `It ${FATE_PHRASES[story.fate] ?? story.fate}`, ...when, ...by, ".");
+    const end = endOf(this.section.recovery.episodes[story.episode]);
+    if (end) yield made("p", {}, `Its episode: ${end}.`);
     if (story.chain.length) {
       yield made("h4", {}, "How far it came");
       yield made("ol", { class: "chain" }, ...story.chain.map((link) => made("li", {}, node(link.path), ` ${link.outcome}`)));
