@@ -51,6 +51,7 @@ class SafeRetreat(Skill):
     causes = (safety.ANY, control.ANY, grasp.SLIPPED, place.OCCUPIED)
     uses = (ARM, GRIPPER)
     limit = 240.0
+    sees_to_stops = True
     hand_after = "kept"
 
     @classmethod
@@ -70,12 +71,15 @@ class SafeRetreat(Skill):
         self._not_held(world)
         leaving = Leaving(world, self.path, world.clock.now + LONGEST)
         left = yield from leaving.relax()
-        if self.hand == "open":
-            yield from open_hand(world, "let go by SafeRetreat")
-            world.control.wrist.carry(None)
+        to_open = self.hand == "open"
+        if to_open and self._room_to_open(world):
+            yield from self._open(world)
+            to_open = False
         if not (yield from self._out(world, leaving)):
             raise self._no_way(world, leaving, left)
         yield from leaving.up()
+        if to_open:
+            yield from self._open(world)
         scaling = world.handling.scaling(self.speed)
         refused: Failure | None = None
         if self.hand == "put_down":
@@ -103,11 +107,27 @@ class SafeRetreat(Skill):
             let_go(world.scene, "the fingers have met: nothing is between them")
             world.control.wrist.carry(None)
 
+    @staticmethod
+    def _room_to_open(world: World) -> bool:
+        """Whether the fingers can open without pressing at what is believed beside them."""
+        held = world.scene.held
+        ignored = () if held is None else (str(held.id),)
+        wide = world.robot.description.gripper.max_width
+        return not world.queries.hand_contacts(world.control.tcp, wide, ignore=ignored)
+
+    @staticmethod
+    def _open(world: World) -> Steps:
+        yield from open_hand(world, "let go by SafeRetreat")
+        world.control.wrist.carry(None)
+
     def _out(self, world: World, leaving: Leaving) -> Doing[bool]:
         """Clear of what it is believed to be in; where no way leads out, it is looked whether it is there."""
         if (yield from leaving.out()):
             return True
+        believed = world.plan.contacts()
         yield from look_around(world)
+        if world.plan.contacts() == believed:
+            return False
         leaving.anew()
         return (yield from leaving.out())
 

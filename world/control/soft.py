@@ -32,6 +32,8 @@ GIVING_TIME = 0.35
 """For so long it gives way, s."""
 SETTLING = 0.15
 """After its start, in which what is felt counts as what it feels without a contact, s."""
+PRESSING = 1.5
+"""Force at the wrist beyond what is carried above which something presses at it, N."""
 CALM, CALM_SPEED = 1.0, 0.02
 """External torque below which nothing presses, Nm, and speed of a joint below which it stands, rad/s."""
 CALM_TIME = 0.1
@@ -117,6 +119,12 @@ class SoftTrack(Track):
         super().brake()
         return self
 
+    def _eased(self, force: Array) -> bool:
+        """Whether the wrist felt a contact that is less by now."""
+        carried = self._carried[:3]
+        before = float(np.linalg.norm(self._force - carried))
+        return before > PRESSING and float(np.linalg.norm(force - carried)) < before
+
     def _behind(self) -> Array:
         """Where on its path it goes back to."""
         here, s = self._sample_at(self.progress), self.progress
@@ -148,6 +156,9 @@ class SoftTrack(Track):
             share = self._period / (SETTLING / 3 + self._period)
             self._force = self._force + share * (force - self._force)
             return False
+        # What pressed where it began, and presses less now, is let go of: that is no contact.
+        if self._eased(force):
+            self._force = force
         torque = float(np.linalg.norm(external - self._usual))
         size = float(np.linalg.norm(force - self._force))
         self.torque, self.force = max(self.torque, torque), max(self.force, size)

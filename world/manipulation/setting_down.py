@@ -18,7 +18,7 @@ from .reaching import DOWN
 from .spots import blocked, put_down_poses
 
 if TYPE_CHECKING:
-    from ..values import Vector3
+    from ..values import Pose, Vector3
     from ..world import World
 
 RINGS = (0.0, 0.05, 0.10, 0.16, 0.24)
@@ -29,6 +29,8 @@ TRIES = 4
 """Free spots to which a way is looked for."""
 ROOM = 0.05
 """Around the middle of a spot the fixture is level for so far, m."""
+BESIDE = 0.01
+"""Room that the hand has beside it on a spot, m."""
 SPARE = 0.02
 """The object is lowered by so much more than its support should be away, m."""
 
@@ -50,6 +52,7 @@ def set_down(world: World, leaving: Leaving, scaling: Scaling, node: str) -> Doi
         over = tuple(
             pose.shifted((0.0, 0.0, world.handling.approach))
             for pose in put_down_poses(spot, held.shape, held.object_in_tcp)
+            if _room(world, held, pose)
         )
         try:
             plan = yield from world.plan.to(PoseGoal(over), scaling=scaling, node=node)
@@ -105,8 +108,15 @@ def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:
                 continue
             spot = (*at, height)
             poses = put_down_poses(spot, held.shape, held.object_in_tcp)
-            if blocked(world.queries, held, poses[0]) is None:
+            if blocked(world.queries, held, poses[0]) is None and any(_room(world, held, p) for p in poses):
                 yield spot
+
+
+def _room(world: World, held: BeliefObject, tcp_in_world: Pose) -> bool:
+    """Whether the hand has room there, too, with the fingers as far open as they let go."""
+    opened = min(world.grip.width + world.handling.release, world.robot.description.gripper.max_width)
+    boards = tuple(world.scene.fixtures)
+    return not world.queries.hand_contacts(tcp_in_world, opened, (str(held.id), *boards), margin=BESIDE)
 
 
 def _level(world: World, at: tuple[float, float]) -> float | None:
