@@ -83,9 +83,10 @@ def to_page(lines: Sequence[Line], command: str, seeds: Sequence[int]) -> str:
         "",
         *(f"- *{name}*: {meaning}." for name, meaning in COLUMNS.items()),
         "",
-        "A run that the fault *kill* has killed is taken up by `picktree run --resume` where there is "
-        "recovery, and counted as it ended; without recovery it is lost. The true forces of contacts are "
-        "not in a log: what is told here is what the wrist felt, off by the bias where the sensor is biased.",
+        "A run that the fault *kill* has killed (by itself: a batch lets no fault kill it) is taken up by "
+        "`picktree run --resume` where there is recovery, and counted as it ended; without recovery it is "
+        "lost. The true forces of contacts are not in a log: what is told here is what the wrist felt, off "
+        "by the bias where the sensor is biased.",
         "",
         "## First failures after the fault, with recovery",
         "",

@@ -5,9 +5,10 @@
     python benchmarks/fault_campaign.py --report               # the table of what is there
     python benchmarks/fault_campaign.py --report --markdown docs/fault-campaign.md
 
-The plan is run as a batch (`picktree batch report` makes a page of it, too). A run that a fault has killed is
-taken up by `picktree run --resume` where there is recovery. Then each log is measured, and the table made:
-docs/fault-campaign.md says what its columns count. Exit code 0: all targets are met.
+The plan is run as a batch (`picktree batch report` makes a page of it, too). A batch lets no fault kill its
+jobs: those of `kill` are run once more by themselves, killed, and taken up by `picktree run --resume` where
+there is recovery. Then each log is measured, and the table made: docs/fault-campaign.md says what its columns
+count. Exit code 0: all targets are met.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
@@ -46,6 +49,8 @@ MB_A_RUN = 1.5
 """Of log."""
 PLAINLY = "sort_plainly"
 """Stem of the mission without recovery."""
+TOLD = "told.json"
+"""What came of a run that was killed by itself."""
 ITEMS = 4
 """Of the scene."""
 
@@ -56,6 +61,7 @@ class Row:
 
     job: str
     mission: Path
+    scene: str
     faults: Path | None
     seed: int
     status: str
@@ -71,8 +77,9 @@ class Row:
         return self.faults.stem if self.faults else "none"
 
     @property
-    def killed(self) -> bool:
-        return self.status == "crashed" and self.fault.startswith("kill") and "SIGKILL" in self.message
+    def kills(self) -> bool:
+        """Whether its fault is one that ends the process."""
+        return self.fault.startswith("kill")
 
 
 def main() -> int:
@@ -160,8 +167,8 @@ def run(given: argparse.Namespace, folder: Path) -> None:
     if not whole:
         raise PicktreeError("it was stopped; the same command goes on")
     for row in read(folder):
-        if row.killed and row.mission.stem != PLAINLY:
-            take_up(row, folder)
+        if row.kills:
+            kill(row, folder)
 
 
 def asked(given: argparse.Namespace) -> Plan:
@@ -198,29 +205,54 @@ def read(folder: Path) -> list[Row]:
     """All jobs of the batch in the order of its plan."""
     with Store(folder / NAME) as store:
         found = store.query(
-            "SELECT job, mission, faults, seed, status, message, items_total, items_sorted, items_misplaced, "
-            "sim_seconds, folder FROM jobs ORDER BY number"
+            "SELECT job, mission, scene, faults, seed, status, message, items_total, items_sorted, "
+            "items_misplaced, sim_seconds, folder FROM jobs ORDER BY number"
         )
     return [
-        Row(str(job), Path(str(mission)), Path(str(faults)) if faults else None, *rest)  # type: ignore[arg-type]
-        for job, mission, faults, *rest in found.rows
+        Row(
+            str(job),
+            Path(str(mission)),
+            str(scene),
+            Path(str(faults)) if faults else None,
+            *rest,  # type: ignore[arg-type]
+        )
+        for job, mission, scene, faults, *rest in found.rows
     ]
 
 
-def take_up(row: Row, folder: Path) -> None:
-    """Go on with a killed run as its user would; what comes of it is put beside the batch."""
-    place = folder / "resumed" / row.job
-    if (place / "result.json").exists() or not row.folder:
+def kill(row: Row, folder: Path) -> None:
+    """Run it by itself, so that its fault kills it; then go on with it as its user would, where there is
+    recovery. What came of it stays in the campaign's folder."""
+    place = _place(row, folder)
+    if (place / TOLD).exists():
         return
-    place.mkdir(parents=True, exist_ok=True)
-    resume = ["run", "--resume", str(folder / row.folder), "--json", "--out", str(place)]
-    said = subprocess.run([sys.executable, "-m", "picktree", *resume], capture_output=True, text=True)
-    (place / "said.txt").write_text(said.stderr, encoding="utf-8")
-    if said.returncode in (0, 1):
-        beside = place / "result.part"
-        beside.write_text(said.stdout, encoding="utf-8")
-        beside.replace(place / "result.json")
-    print(f"seed {row.seed}, killed and taken up: exit code {said.returncode}", file=sys.stderr, flush=True)
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    before = _picktree(
+        *("run", str(row.mission), "--scene", row.scene, "--faults", str(row.faults)),
+        *("--seed", str(row.seed), "--out", str(place / "before")),
+    )
+    told: dict[str, object] = {"ended": before.returncode, "result": None}
+    log = next((place / "before").glob("*/"), None)
+    if before.returncode == -signal.SIGKILL and log is not None and row.mission.stem != PLAINLY:
+        after = _picktree("run", "--resume", str(log), "--json", "--out", str(place / "after"))
+        told |= {"resumed": after.returncode, "said": after.stderr}
+        if after.returncode in (0, 1):
+            told["result"] = after.stdout
+    beside = place / "told.part"
+    beside.write_text(json.dumps(told), encoding="utf-8")
+    beside.replace(place / TOLD)
+    print(
+        f"seed {row.seed}: {row.mission.stem}, killed by itself: {told['ended']}", file=sys.stderr, flush=True
+    )
+
+
+def _place(row: Row, folder: Path) -> Path:
+    return folder.absolute() / "killed" / row.job
+
+
+def _picktree(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "picktree", *words], capture_output=True, text=True)
 
 
 def measure(rows: Sequence[Row], folder: Path) -> list[Measure]:
@@ -247,20 +279,36 @@ def _measure(row: Row, folder: Path, cell: Cell) -> Measure:
         row.seed,
         row.status,
         row.message,
-        killed=row.killed,
         total=row.total,
         sorted=row.sorted,
         misplaced=row.misplaced,
         seconds=row.seconds,
         folder=row.folder,
     )
-    if row.folder:
-        with Run(folder / row.folder) as log:
-            told = measured(told, log, cell)
-    result = folder / "resumed" / row.job / "result.json"
-    if not result.exists():
+    if row.kills and (_place(row, folder) / TOLD).exists():
+        return _measure_killed(told, _place(row, folder), cell)
+    if not row.folder:
         return told
-    ended = RunResult.from_json_text(result.read_text(encoding="utf-8"), result)
+    with Run(folder / row.folder) as log:
+        return measured(told, log, cell)
+
+
+def _measure_killed(told: Measure, place: Path, cell: Cell) -> Measure:
+    """Of a run that was killed by itself, and of the one that went on with it."""
+    said = json.loads((place / TOLD).read_text(encoding="utf-8"))
+    folder = next((place / "before").glob("*/"), None)
+    told = replace(
+        told, status="crashed", message=f"killed, exit code {said['ended']}", total=None, sorted=None
+    )
+    told = replace(told, killed=said["ended"] == -signal.SIGKILL, misplaced=None, seconds=None, folder="")
+    if folder is None:
+        return told
+    root = place.parent.parent
+    with Run(folder) as log:
+        told = replace(measured(told, log, cell), folder=str(folder.relative_to(root)))
+    if said["result"] is None:
+        return told
+    ended = RunResult.from_json_text(said["result"], place / TOLD)
     told = replace(
         told,
         status=ended.status,
@@ -271,7 +319,7 @@ def _measure(row: Row, folder: Path, cell: Cell) -> Measure:
         misplaced=ended.items.misplaced,
         seconds=ended.sim_seconds,
         failures=(),
-        folder=str(ended.folder.relative_to(folder.absolute())),
+        folder=str(ended.folder.relative_to(root)),
     )
     with Run(ended.folder) as log:
         return measured(told, log, cell)

@@ -105,6 +105,9 @@ def made_up(tmp_path: Path, program: Program) -> Path:
                     )
                 )  # fmt: skip
         store.record("calm", _row("success", 4))
+    place = tmp_path / "killed" / "job6"
+    place.mkdir(parents=True)
+    (place / "told.json").write_text('{"ended": -9, "result": null}')
     return tmp_path
 
 
@@ -129,7 +132,7 @@ def test_the_table_of_a_made_up_batch(made_up: Path, program: Program) -> None:
     )
 
 
-def test_a_killed_run_that_was_taken_up_counts_as_it_ended(made_up: Path, program: Program) -> None:
+def test_a_killed_run_that_nobody_took_up_is_lost_and_no_crash(made_up: Path, program: Program) -> None:
     campaign = program("fault_campaign")
     measures = campaign.measure(campaign.read(made_up), made_up)
     killed = next(one for one in measures if one.fault == "kill")
