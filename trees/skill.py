@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Generator
 from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 
-from ..world.causes import FailureReport, internal, tree
+from ..world.causes import Failure, FailureReport, internal, tree
 from .declaration import Resource
 from .flow.plainly import leaf
 from .node import Node
@@ -47,6 +47,9 @@ class Skill(Node, abstract=True):
     takes_over: ClassVar[bool] = False
     """Whether it knows what to do with an arm that is still on the way when it starts, as `Grasp` leaves it
     for `Place`. Before any other that uses robot or camera the arm is brought to rest."""
+    sees_to_stops: ClassVar[bool] = False
+    """Whether it goes on when the safety monitor latches a stop, as `SafeRetreat` must. Any other that uses
+    the arm fails with the stop's cause, also while it does not move."""
     limit: ClassVar[float] = 120.0
     """Simulated time after which it is stopped with tree.timeout, s: many times what it ever takes, so that
     one that would never end does. See `time_limit`."""
@@ -57,6 +60,7 @@ class Skill(Node, abstract=True):
         super().__init__(wiring, runtime)
         self._steps: Steps | None = None
         self._began = 0.0
+        self._known_stop: FailureReport | None = None
 
     @abstractmethod
     def run(self, world: World) -> Steps:
@@ -70,6 +74,7 @@ class Skill(Node, abstract=True):
     def on_start(self) -> None:
         self._steps = None
         self._began = self.world.clock.now
+        self._known_stop = self._stop()
 
     def time_limit(self) -> float:
         """Simulated time that this activation has, s: `limit`, the longer the slower a `speed` below a
@@ -95,11 +100,23 @@ class Skill(Node, abstract=True):
             self._steps = self._body(cast("World", self.world))
         elif self.world.clock.now - self._began > self.time_limit() + 1e-9:
             return self._timed_out()
+        stop = self._stop()
+        fresh, self._known_stop = stop is not None and stop is not self._known_stop, stop
         try:
-            next(self._steps)
+            if fresh and stop is not None:
+                self._steps.throw(Failure(stop.cause, stop.message, **stop.evidence))
+            else:
+                next(self._steps)
         except StopIteration:
             return self._finished()
         return NodeStatus.RUNNING
+
+    def _stop(self) -> FailureReport | None:
+        """The stop that is latched, where that is this skill's affair; a rehearsal has none."""
+        control = getattr(self.world, "control", None)
+        if control is None or ARM not in self.uses or self.sees_to_stops:
+            return None
+        return cast("World", self.world).control.monitor.stopped
 
     def _body(self, world: World) -> Steps:
         if self.uses and not self.takes_over and world.move.ongoing is not None:

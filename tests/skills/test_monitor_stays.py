@@ -11,6 +11,7 @@ import pytest
 from picktree.trees.loader import parse_mission
 from picktree.trees.registry import Registry
 from picktree.world.errors import PicktreeError
+from picktree.world.protocols import SensorStamps
 
 from .cell import Cell, items, mission
 
@@ -90,6 +91,19 @@ def test_a_skill_that_raises_ends_as_a_fault_of_the_program_with_the_arm_braked(
     assert cell.rest() < 1.0
     assert cell.world.control.tcp.position[2] - moved < 0.06
     assert cell.world.control.controller == "Hold"
+
+
+def test_a_stop_fails_also_a_skill_that_does_not_move() -> None:
+    cell = Cell(mission("GoTo: {pose: observe}"), items(block=1))
+    cell.tick()
+    cell.world.control.monitor.check_sensors(1.0, SensorStamps(1.0, 1.0, 0.5))
+    cell.tick()
+    report = cell.tree.failure
+    assert report is not None
+    assert (str(report.cause), report.message) == (
+        "safety.stale_sensor",
+        "the wrist sensor has given no new reading since 0.50 s",
+    )
 
 
 RAISING = '''
