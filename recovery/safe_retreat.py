@@ -52,7 +52,6 @@ class SafeRetreat(Skill):
     uses = (ARM, GRIPPER)
     limit = 240.0
     sees_to_stops = True
-    sees_to_stops = True
     hand_after = "kept"
 
     @classmethod
