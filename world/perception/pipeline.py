@@ -161,7 +161,7 @@ class Perception:
             # A camera that hangs elsewhere than believed sees a rim of the robot beside the model.
             high = np.where(~robot & (height > self._table_z + HIGH), depth, 0.0)
             if high.any():
-                robot |= self._robot.nearby(believed, high, joints, width, in_hand) & (high > 0)
+                robot |= self._robot.nearby(believed, high, joints, width, in_hand, math.inf) & (high > 0)
         robot = with_what_hangs_on(robot, height, depth > 0, self._table_z + HIGH)
         walls = np.isfinite(backdrop.guard) & ((depth == 0) | (depth > backdrop.guard - SURFACE))
         if moving:

@@ -92,16 +92,23 @@ class RobotMask:
         return _grown(mask, GROWN)
 
     def nearby(
-        self, sight: Sight, depth: Array, joints: Array, width: float, held: tuple[Shape, Pose] | None
+        self,
+        sight: Sight,
+        depth: Array,
+        joints: Array,
+        width: float,
+        held: tuple[Shape, Pose] | None,
+        reach: float = REACHES,
     ) -> NDArray[np.bool_]:
-        """(h, w): pixels that show something within `MOUNTING` of the hand or what it holds. A camera on the
+        """(h, w): pixels that show something within `MOUNTING` of the robot or what it holds, `reach` m from
+        the TCP at most. A camera on the
         hand sees the fingers from so near that an error of its mounting shifts them far beyond `paint`, and
         so does one overhead where the arm is high."""
         rows, columns = np.nonzero(depth > 0)
         pixels = np.stack([columns, rows], axis=1).astype(np.float64)
         points = sight.origin + sight.directions(pixels) * depth[rows, columns][:, None]
         tcp, poses = self._robot.tcp(joints), self._robot.link_poses(joints, width)
-        near = np.flatnonzero(((points - np.array(tcp.position)) ** 2).sum(axis=1) < REACHES**2)
+        near = np.flatnonzero(((points - np.array(tcp.position)) ** 2).sum(axis=1) < reach**2)
         of_robot = np.zeros(len(points), dtype=np.bool_)
         for link, hull in self._hulls:
             middle = poses[link].apply(hull.middle)
