@@ -73,8 +73,14 @@ class SafeRetreat(Skill):
         left = yield from leaving.relax()
         to_open = self.hand == "open"
         if to_open and self._room_to_open(world):
-            yield from self._open(world)
-            to_open = False
+            try:
+                yield from self._open(world)
+                to_open = False
+            except Failure as failure:
+                if failure.cause is not control.GRIPPER:
+                    raise
+                # Something beside them that nobody knows of: further away they may have room.
+                leaving.tried.append(failure.message)
         if not (yield from self._out(world, leaving)):
             raise self._no_way(world, leaving, left)
         yield from leaving.up()
@@ -87,7 +93,7 @@ class SafeRetreat(Skill):
                 yield from set_down(world, leaving, scaling, self.path)
             except Failure as failure:
                 # It is kept then, and home is the better place to say so.
-                refused = failure
+                refused = self._not_put_down(world, failure)
                 self._acknowledge(world)
         if not (yield from go_home(world, leaving, self.pose, scaling, self.path)):
             raise self._no_way(world, leaving, left)
@@ -120,13 +126,21 @@ class SafeRetreat(Skill):
         yield from open_hand(world, "let go by SafeRetreat")
         world.control.wrist.carry(None)
 
+    @staticmethod
+    def _not_put_down(world: World, failure: Failure) -> Failure:
+        held = world.scene.held
+        if held is None or failure.cause is place.OCCUPIED:
+            return failure
+        message = f"{held.id} cannot be put down: {failure.message}; it is still in the hand"
+        return Failure(place.OCCUPIED, message, object=held.id, because=failure.cause.name)
+
     def _out(self, world: World, leaving: Leaving) -> Doing[bool]:
         """Clear of what it is believed to be in; where no way leads out, it is looked whether it is there."""
         if (yield from leaving.out()):
             return True
         believed = world.plan.contacts()
         yield from look_around(world)
-        if world.plan.contacts() == believed:
+        if world.plan.contacts() == believed and not leaving.touched:
             return False
         leaving.anew()
         return (yield from leaving.out())

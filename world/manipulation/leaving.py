@@ -31,6 +31,8 @@ WARY = 0.10
 """On free ways after something was felt that nobody knows of, m/s."""
 FEELING = Sensitivity(torque=1.2, force=3.0)
 """What counts as a contact on a way out."""
+FIRMLY = Sensitivity(torque=3.0, force=8.0)
+"""Likewise, once every way was touched on: what is jammed rubs on its way out."""
 ON_THE_WAY = Sensitivity(torque=2.5, force=6.0)
 """On free ways, which are faster."""
 PRESSED = 1.5
@@ -65,6 +67,7 @@ class Leaving:
         self._node = node
         self._deadline = deadline
         self._spent: set[str] = set()
+        self._feeling = FEELING
         self._stops = 0
         self.tried: list[str] = []
         """Each way that did not get there, in words."""
@@ -107,8 +110,11 @@ class Leaving:
         return left
 
     def anew(self) -> None:
-        """The belief is another one: directions may be tried again."""
+        """The belief is another one: directions may be tried again, and, where something was touched, a
+        little more firmly."""
         self._spent.clear()
+        if self.touched:
+            self._feeling = FIRMLY
 
     def out(self) -> Doing[bool]:
         """Out of what the arm is believed to be in or too close to, and away from what has pressed at it.
@@ -208,7 +214,7 @@ class Leaving:
             self._spent.add(way.direction)
             self.tried.append(f"{way.direction}: the joints cannot follow it")
             return False
-        result = yield from self.follow(slowed(world.robot, timed, CAREFUL), FEELING, leaving=True)
+        result = yield from self.follow(slowed(world.robot, timed, CAREFUL), self._feeling, leaving=True)
         if result.completed:
             return True
         self._felt(result)
