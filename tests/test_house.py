@@ -9,6 +9,7 @@ import pkgutil
 import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tomllib
@@ -148,7 +149,7 @@ def test_picktree_commands_of_the_readme_run_in_their_order(block: str, tmp_path
         ran = subprocess.run(
             [sys.executable, "-m", "picktree", *fewer], cwd=tmp_path, capture_output=True, text=True
         )
-        answers = (0, 1) if "--faults" in words else (0,)  # what is planted may well cost the goal
+        answers = (0, 1, -signal.SIGKILL) if "--faults" in words else (0,)  # what is planted may well cost it
         assert ran.returncode in answers, f"{shlex.join(words)}\n{ran.stdout}\n{ran.stderr}"
         if "-o" in words:
             assert (tmp_path / words[words.index("-o") + 1]).stat().st_size > 1000
