@@ -12,14 +12,17 @@ from picktree.world.causes import Failure
 from picktree.world.control.efforts import Efforts
 from picktree.world.control.joint_controllers import Track
 from picktree.world.control.monitor import SafetyMonitor, most_load
+from picktree.world.control.payload import Payload
 from picktree.world.journal import Happened, Journal
 from picktree.world.protocols import SensorStamps
 from picktree.world.robot.load import load_robot
 from picktree.world.robot.model import RobotModel
 from picktree.world.scene.description import Limits
+from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.values import Array, JointState, Wrench
 
-from .control_cell import HOME, MODEL, TICK, Cell, swing
+from .control_cell import HOME, MODEL, TICK, Backend, Cell, swing
 
 PERIOD = 1 / 240
 CALM = (0.0, 0.0, 0.0)
@@ -198,8 +201,8 @@ def test_the_joints_believe_a_push_and_not_a_bias() -> None:
     claimed = np.concatenate([push, np.zeros(3)])
     touched, _ = efforts(ASIDE, push)
     free, _ = efforts(ASIDE, np.zeros(3))
-    assert judge.believes(touched, claimed)
-    assert not judge.believes(free, claimed)
+    assert judge.believes(touched, claimed, np.zeros(6))
+    assert not judge.believes(free, claimed, np.zeros(6))
 
 
 def test_a_motion_that_nobody_looks_after_is_braked_and_latched() -> None:
@@ -244,8 +247,8 @@ class Wrist:
         return self._last
 
 
-def noisy_cell() -> tuple[Cell, Wrist]:
-    cell = Cell()
+def noisy_cell(backend: Backend = KinematicHardware) -> tuple[Cell, Wrist]:
+    cell = Cell(backend=backend)
     wrist = Wrist(cell)
     cell.loop.wrist._sensor = wrist  # pyright: ignore[reportPrivateUsage]
     for _ in range(10):
@@ -282,3 +285,25 @@ def test_a_bias_that_has_jumped_is_learnt_anew_where_no_joint_carries_it() -> No
     assert np.abs(cell.loop.wrist.force).max() < 1.0
     events = [e for e in cell.journal.take() if isinstance(e, Happened) and e.kind == "wrist_bias"]
     assert [e.message[:34] for e in events] == ["the wrist felt 20.1 N that no join"]
+
+
+def test_what_is_read_without_a_bias_that_was_learnt_anew_is_the_weight_of_the_hand() -> None:
+    cell, wrist = noisy_cell()
+    wrist.off = np.array([0.0, 18.0, -9.0])
+    for _ in range(10):
+        cell.loop.step_tick(TICK)
+    assert cell.loop.zero()
+    read = cell.loop.wrist.unbiased(MODEL.tcp(HOME).rotation())
+    assert read.force == pytest.approx((0.0, 0.0, -MODEL.hand_mass * 9.81), abs=1.0)
+    assert cell.loop.wrist.latest.force[1] == pytest.approx(18.0, abs=1.0)
+
+
+def test_a_bias_that_jumps_under_a_load_is_told_from_the_load() -> None:
+    cell, wrist = noisy_cell(PhysicsHardware)
+    cell.loop.wrist.carry(Payload(0.1, 0.01))
+    wrist.off = np.array([0.0, 0.0, -26.0])
+    for _ in range(10):
+        cell.loop.step_tick(TICK)
+    assert cell.loop.monitor.stopped is None
+    (event,) = [e for e in cell.journal.take() if isinstance(e, Happened) and e.kind == "wrist_bias"]
+    assert "its bias has jumped" in event.message

@@ -39,15 +39,16 @@ class Efforts:
         besides, world axes about the sensor. The hand's own acceleration is left out."""
         return self._beyond(state, acceleration, self._hand(state.position) + carried)
 
-    def believes(self, state: JointState, claimed: Array) -> bool:
-        """Whether the joints, at rest, carry what the wrist claims to feel beyond the hand: (6,), world axes
-        about the sensor. A sensor whose bias has jumped claims what no joint carries."""
+    def believes(self, state: JointState, claimed: Array, carried: Array) -> bool:
+        """Whether the joints, at rest, bear what the wrist claims to feel beyond the hand and what that is
+        known to carry: both (6,), world axes about the sensor. A sensor whose bias has jumped claims what no
+        joint bears."""
         still = np.zeros_like(state.position)
         rest = JointState(state.position, still, state.effort)
-        carried = self._beyond(rest, still, self._hand(state.position)) / self._limit
+        borne = self._beyond(rest, still, self._hand(state.position) + carried) / self._limit
         expected = -self._jacobian().T @ claimed / self._limit
         size = float(expected @ expected)
-        return size <= 0.0 or float(carried @ expected) > EXPLAINED * size
+        return size <= 0.0 or float(borne @ expected) > EXPLAINED * size
 
     def _beyond(self, state: JointState, acceleration: Array, on_wrist: Array) -> Array:
         needed = pin.rnea(self._arm, self._data, state.position, state.velocity, acceleration)

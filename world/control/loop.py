@@ -23,7 +23,7 @@ from .impedance import CartesianImpedance, Comply
 from .joint_controllers import Brake, Hold
 from .lease import ForceGuard, Lease
 from .monitor import MonitorState, SafetyMonitor
-from .wrist import GRAVITY, LARGEST_STEP, Wrist
+from .wrist import GRAVITY, LARGEST_STEP, QUIET, Wrist
 
 REST_SPEED = 0.02
 """Below this, over all joints, the arm counts as standing, rad/s."""
@@ -202,8 +202,8 @@ class ControlLoop:
         """Learn the wrist sensor's bias, the arm being at rest with an empty hand that nothing touches, and
         tare: the hand carries nothing. False when what is felt cannot be a bias (see `Wrist.zero`): then the
         known one goes on."""
-        learnt = self._standing * self.period >= REST_TIME - 1e-9 and self._learn_bias()
         self.wrist.carry(None)
+        learnt = self._standing * self.period >= REST_TIME - 1e-9 and self._learn_bias()
         if self.wrist.zeroed:
             self.wrist.untare()
         else:
@@ -214,7 +214,7 @@ class ControlLoop:
         """As `Wrist.zero`. What the wrist says against what the joints carry is its bias, however large."""
         before = self.wrist.force
         state, anew = self._state, self.wrist.zeroed
-        learnt = self.wrist.zero(WINDOW, state.position, lambda felt: self._efforts.believes(state, felt))
+        learnt = self.wrist.zero(WINDOW, state.position, self._borne)
         by = math.dist(before, self.wrist.force)
         if learnt and anew and by > LARGEST_STEP:
             self.monitor.forget_efforts()
@@ -223,6 +223,11 @@ class ControlLoop:
             )
             self.monitor.note(Happened("wrist_bias", words, data={"force": by}))
         return learnt
+
+    def _borne(self, claimed: Array) -> bool:
+        """Whether the joints, at rest, bear a wrench (6,) that the wrist claims to feel beyond what the hand
+        carries."""
+        return self._efforts.believes(self._state, claimed, self._known_load())
 
     def load(self, window: float = WINDOW) -> float:
         """Weight on the hand relative to the tare, N, mean over the last `window` s."""
@@ -298,7 +303,7 @@ class ControlLoop:
         if not self.wrist.zeroed:
             # A run begins with an empty hand in the open.
             self.wrist.zero(WINDOW, self._state.position)
-        elif (self.monitor.pressed or self._doubts_wrist) and self.wrist.payload is None:
+        elif self.monitor.pressed or self._doubts_wrist:
             self._doubts_wrist = not self._learn_bias()
 
     def _look_around(self, state: JointState) -> bool:
@@ -309,7 +314,7 @@ class ControlLoop:
         stopped = monitor.check_tool(tool.position)
         stopped = monitor.check_sensors(now, self.hardware.stamps, wrist.repeats_since) or stopped
         if self._standing * self.period >= REST_TIME:
-            stopped = monitor.check_load(-wrist.force[2] / GRAVITY) or stopped
+            stopped = self._check_load() or stopped
         elapsed = now - self._looked
         if elapsed >= EFFORTS_EVERY - 1e-9:
             self._looked = now
@@ -317,13 +322,22 @@ class ControlLoop:
                 stopped = self._check_efforts(state, elapsed) or stopped
         return stopped
 
+    def _check_load(self) -> bool:
+        """At rest; whether a stop was latched. A sensor whose bias has just jumped is heard out first."""
+        mass = -self.wrist.force[2] / GRAVITY
+        doubtful = self.monitor.overburdened(mass) and self.hardware.feels_effort
+        if doubtful and (self.wrist.unrest(WINDOW) > QUIET or self._learn_bias()):
+            return False
+        return self.monitor.check_load(mass)
+
     def _check_efforts(self, state: JointState, elapsed: float) -> bool:
         acceleration = (state.velocity - self._velocity) / self.period
         if self.monitor.blind:
             # A retreat goes slowly: what accelerates the hand is little beside the limit.
             left = self._without_wrist(state, acceleration)
             return self.monitor.check_efforts(self.monitor.explained(left, elapsed))
-        left = self._efforts.unexplained(state, acceleration, self.wrist.latest)
+        turn = self.model.tcp(state.position).rotation()
+        left = self._efforts.unexplained(state, acceleration, self.wrist.unbiased(turn))
         explained = self.monitor.explained(left, elapsed)
         if not explained and self._doubtful(state, acceleration, left):
             self._doubts_wrist = explained = True
@@ -331,9 +345,12 @@ class ControlLoop:
 
     def _without_wrist(self, state: JointState, acceleration: Array) -> Array:
         """What is left of the efforts (n,) where nothing but what the hand carries acts on it, Nm."""
-        payload, turn = self.wrist.payload, self.model.tcp(state.position).rotation()
-        carried = np.zeros(6) if payload is None else payload.wrench(turn, self.wrist.sensor_in_tool)
-        return self._efforts.without_wrist(state, acceleration, carried)
+        return self._efforts.without_wrist(state, acceleration, self._known_load())
+
+    def _known_load(self) -> Array:
+        """(6,) what the hand is known to carry does to the wrist at rest, world axes."""
+        payload, turn = self.wrist.payload, self.model.tcp(self._state.position).rotation()
+        return np.zeros(6) if payload is None else payload.wrench(turn, self.wrist.sensor_in_tool)
 
     def _doubtful(self, state: JointState, acceleration: Array, left: Array) -> bool:
         """Whether the efforts are explained better if the wrist felt nothing but what the hand carries: then

@@ -249,10 +249,14 @@ class SafetyMonitor:
             self._allowed[1] = self._speed
         return self._latch.take_fresh()
 
+    def overburdened(self, mass: float) -> bool:
+        """Whether the hand would carry more than it may with so many kg."""
+        return mass > self.most_load + LOAD_TOLERANCE
+
     def check_load(self, mass: float) -> bool:
         """What the hand carries, kg, as it was weighed; True when a stop was latched."""
         name = safety.PAYLOAD.name
-        if mass > self.most_load + LOAD_TOLERANCE:
+        if self.overburdened(mass):
             self._latch.violated(
                 name,
                 safety.PAYLOAD,

@@ -63,6 +63,15 @@ class Wrist:
         """The sensor's last reading as it is, the weight of the hand and the bias included."""
         return self._readings[-1][1] if self._readings else Wrench()
 
+    def unbiased(self, turn: Array) -> Wrench:
+        """The last reading without the bias, the weight of the hand included; `turn` (3, 3) of the TCP in the
+        world."""
+        reading = self.latest
+        if self._bias is None:
+            return reading
+        by = np.concatenate([turn @ self._bias[:3], turn @ self._bias[3:]])
+        return _wrench(np.array((*reading.force, *reading.torque)) - by)
+
     @property
     def bias(self) -> Wrench:
         """What the sensor is believed to add, in the axes of the TCP frame, N and Nm."""
@@ -134,10 +143,7 @@ class Wrist:
     def contact(self, window: float, q: Array) -> Wrench:
         """Mean wrench of what touches the hand or what it carries: without tool, bias and payload, at rest.
         The tare has no part in it."""
-        mean = self.over(window, q)
-        if self.payload is not None:
-            mean = mean - self.payload.wrench(self._model.tcp(q).rotation(), self._sensor_in_tool)
-        return _wrench(mean)
+        return _wrench(self.over(window, q) - self._carried(self._model.tcp(q).rotation()))
 
     def load(self, window: float) -> float:
         """Weight that hangs on the hand since the tare, N, mean over the last `window` s."""
@@ -160,26 +166,28 @@ class Wrist:
         return self._changed if self.noisy else None
 
     def zero(self, window: float, q: Array, real: Callable[[Array], bool] | None = None) -> bool:
-        """Learn the sensor's bias from the last `window` s at rest, with an empty hand that nothing touches.
+        """Learn the sensor's bias from the last `window` s at rest, with a hand that nothing touches; what it
+        carries is what `carry` said.
 
         False, and nothing is learnt, when what is felt is no bias: too large, too different from the one
         known, or not at rest. So what pushes at the hand is never taken for the sensor's fault altogether.
         `real` is asked about what is too large or too different: whether a wrench (6,), world axes about the
-        sensor, really acts on the hand. Where it does not, the sensor's bias has jumped, and is learnt.
+        sensor, really acts on the hand besides. Where it does not, the sensor's bias has jumped, and is
+        learnt. With a load nothing but a jump is: what its weight is known to be is not that sure.
         """
         recent = self._last(window)
         self.noisy = len(recent) > 2 and len({w.force for w in recent}) == len(recent)
-        felt = self.over(window, q)
         known = np.zeros(6) if self._bias is None else self._bias
         tool = self._model.tcp(q)
         turn = tool.rotation()
+        felt = self.over(window, q) - self._carried(turn)
         step = np.concatenate([turn.T @ felt[:3], turn.T @ felt[3:]])
         bias = known + step
         sudden = self._bias is not None and float(np.linalg.norm(step[:3])) > LARGEST_STEP
         if self.unrest(window) > QUIET:
             return False
         odd = sudden or float(np.linalg.norm(bias[:3])) > LARGEST_BIAS
-        if odd and (real is None or real(felt)):
+        if (odd and (real is None or real(felt))) or (self.payload is not None and not sudden):
             return False
         self._bias = bias
         self.turned(tool)
@@ -243,6 +251,10 @@ class Wrist:
         x, y, z = reading.force
         bx, by, bz = self._bias_in_world
         return (x - bx, y - by, z + self._weight - bz)
+
+    def _carried(self, turn: Array) -> Array:
+        """(6,) what the hand is known to carry does to the wrist at rest."""
+        return np.zeros(6) if self.payload is None else self.payload.wrench(turn, self._sensor_in_tool)
 
     def _last(self, window: float) -> list[Wrench]:
         """Readings of the last `window` s."""
