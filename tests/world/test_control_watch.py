@@ -301,9 +301,11 @@ def test_what_is_read_without_a_bias_that_was_learnt_anew_is_the_weight_of_the_h
 def test_a_bias_that_jumps_under_a_load_is_told_from_the_load() -> None:
     cell, wrist = noisy_cell(PhysicsHardware)
     cell.loop.wrist.carry(Payload(0.1, 0.01))
+    load = cell.loop.load()
     wrist.off = np.array([0.0, 0.0, -26.0])
     for _ in range(10):
         cell.loop.step_tick(TICK)
     assert cell.loop.monitor.stopped is None
     (event,) = [e for e in cell.journal.take() if isinstance(e, Happened) and e.kind == "wrist_bias"]
     assert "its bias has jumped" in event.message
+    assert cell.loop.load() == pytest.approx(load, abs=1.5)

@@ -191,8 +191,9 @@ class Wrist:
             return False
         self._bias = bias
         self.turned(tool)
-        # What counts as nothing stays what it was.
-        self._tare = self._tare - felt
+        if not odd:
+            # The drift was in what was tared, too: what counts as nothing stays what it was.
+            self._tare = self._tare - felt
         self.force = self._external(self.latest)
         return True
 
