@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +14,13 @@ from picktree.world.control.efforts import Efforts
 from picktree.world.control.joint_controllers import Track
 from picktree.world.control.monitor import SafetyMonitor, most_load
 from picktree.world.control.payload import Payload
+from picktree.world.faults.load import parse_faults
 from picktree.world.journal import Happened, Journal
 from picktree.world.protocols import SensorStamps
 from picktree.world.robot.load import load_robot
 from picktree.world.robot.model import RobotModel
 from picktree.world.scene.description import Limits
+from picktree.world.simulation.faults import Injector
 from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.values import Array, JointState, Wrench
@@ -309,3 +312,17 @@ def test_a_bias_that_jumps_under_a_load_is_told_from_the_load() -> None:
     (event,) = [e for e in cell.journal.take() if isinstance(e, Happened) and e.kind == "wrist_bias"]
     assert "its bias has jumped" in event.message
     assert cell.loop.load() == pytest.approx(load, abs=1.5)
+
+
+def test_drives_that_stand_still_all_at_once_are_no_contact() -> None:
+    cell = Cell(backend=PhysicsHardware)
+    for _ in range(10):
+        cell.loop.step_tick(TICK)
+    entry = "picktree: 1\nkind: faults\nfaults:\n  - {fault: stall, when: {at: 0}, lasts: 2 s}\n"
+    assert isinstance(cell.hardware, PhysicsHardware)
+    injector = Injector(parse_faults(entry, Path("faults.yaml")), cell.hardware, seed=1)
+    moving = cell.move.along(swing(HOME, ASIDE, 1.0), node="Main/GoTo", guard=15.0)
+    cell.ticks(moving, 10)
+    injector.tick()
+    with pytest.raises(Failure, match=r"^control.tracking: "):
+        cell.run(moving)

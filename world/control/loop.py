@@ -16,7 +16,7 @@ from ..journal import Happened
 from ..protocols import Hardware
 from ..robot.model import RobotModel
 from ..stopwatch import Stopwatch
-from ..values import Array, JointState, Pose, Wrench
+from ..values import Array, JointState, Pose, Vector3, Wrench
 from .commands import Controller, JointCommand
 from .efforts import EXPLAINED, Efforts
 from .impedance import CartesianImpedance, Comply
@@ -274,13 +274,14 @@ class ControlLoop:
         self._standing = self._standing + 1 if still else 0
         if self._standing == round(REST_TIME / self.period):
             self._come_to_rest()
+        touched = self._guard is not None and self._guard.touched(self._contact(state, force))
         self._reference = self._setpoint.position if self._servo else None
         stopped = self.monitor.check(state, self._reference, force, self.period)
         self._periods += 1
         if self._periods % TOOL_CHECK == 0:
             stopped = self._look_around(state) or stopped
         self._velocity = v
-        if (self._guard is not None and self._guard.touched(force)) or (stopped and self._off_its_way):
+        if touched or (stopped and self._off_its_way):
             self._stop_at_once()
         elif stopped:
             self._brake_motion()
@@ -297,6 +298,25 @@ class ControlLoop:
         before = perf_counter()
         self.hardware.step()
         self._stepping += perf_counter() - before
+
+    def _contact(self, state: JointState, force: Vector3) -> Vector3:
+        """What may touch the hand, of the force that the wrist feels, N: where that is more than the guard
+        lets pass, without what hand and load exert because they are accelerated. Drives that stand still all
+        at once are no contact."""
+        if (
+            self._guard is None
+            or self._guard.size(force) <= self._guard.limit
+            or not self.hardware.feels_effort
+        ):
+            return force
+        payload = self.wrist.payload
+        mass = self.model.hand_mass + (0.0 if payload is None else payload.mass)
+        jacobian = self.model.jacobian(state.position)
+        arm = self.model.flange(state.position).rotation() @ np.array(self.model.hand_com)
+        arm += np.array(self.model.flange(state.position).position) - np.array(self.tcp.position)
+        linear, angular = np.split(jacobian @ ((state.velocity - self._velocity) / self.period), 2)
+        x, y, z = (np.array(force) + mass * (linear + np.cross(angular, arm))).tolist()
+        return (x, y, z)
 
     def _come_to_rest(self) -> None:
         """The arm rests since just now."""
