@@ -40,7 +40,7 @@ class WatchScene(Decorator):
     example = """
     WatchScene:
       every: 250 ms
-      do: {PickAndPlace: {item: "{item}"}}
+      do: {Grasp: {object: "{item}"}}
     """
 
     camera: In[str] = port("the camera to look through", default="overhead", names="camera")

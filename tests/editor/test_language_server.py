@@ -119,7 +119,11 @@ def test_what_we_ship_is_looked_at_by_its_own_line_that_names_a_schema(server: L
         ("- GoTo: {speed: 1.5}", 23, "Value is above the maximum of 1."),
         ("- Grasp: {force: 20 N}", 9, 'Missing property "object".'),
         ("- Grasp", 9, "no node of this name can stand without ports or children"),
-        ("- SafeRetreat: {hand: opn}", 29, 'Value is not accepted. Valid values: "keep", "open".'),
+        (
+            "- SafeRetreat: {hand: opn}",
+            29,
+            'Value is not accepted. Valid values: "keep", "open", "put_down".',
+        ),
         ("- Observe: {objects: items}", 28, 'an output needs a key to write to, as "{key}"'),
         ("- Timeout: {msce: 5 s, msec: 5 s, do: GoTo}", 19, "Timeout has no such port"),
         ("- Timeout: {msec: 5 s}", 9, 'Missing property "do".'),
@@ -180,7 +184,7 @@ def test_ports_and_the_only_child_are_offered_in_a_decorator(mission: Editor) ->
 @pytest.mark.parametrize(
     ("node", "values"),
     [
-        ("SafeRetreat: {hand: |}", {"keep", "open"}),
+        ("SafeRetreat: {hand: |}", {"keep", "open", "put_down"}),
         ("GoTo: {pose: |}", {"home", "observe", "rest"}),
         ("Grasp: {force: |}", {"70"}),
         ("Grasp: {object: |}", {'"{item}"'}),
@@ -206,7 +210,7 @@ def test_hover_over_a_node(mission: Editor) -> None:
         "#### Observe\n\n"
         "Look through a camera; list the items that are to be taken somewhere.\n\n"
         "What the hand holds comes first: nothing else can be grasped before. Then the nearest to the robot."
-        "\n\nFails with `perception.not_found`.\n\nUses camera."
+        "\n\nFails with `perception.not_found`, `perception.no_image`.\n\nUses camera."
     )
 
 

@@ -94,7 +94,9 @@ def test_a_fault_in_the_code_of_a_node(tmp_path: Path) -> None:
 
 
 def test_a_program_that_died_while_it_ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "mission.yaml").write_text(HEAD + "trees:\n  Main:\n    GoTo: {pose: rest}\n", encoding="utf-8")
+    (tmp_path / "mission.yaml").write_text(
+        HEAD + "trees:\n  Main:\n    GoTo: {pose: rest}\n", encoding="utf-8"
+    )
     session = Session(RunRequest(mission=tmp_path / "mission.yaml", backend="kinematic", out=tmp_path))
 
     def die(period: float) -> None:
@@ -110,9 +112,7 @@ def test_a_program_that_died_while_it_ran(tmp_path: Path, monkeypatch: pytest.Mo
         found = log.explanation
     assert found.outcome.status == "crashed"
     assert found.outcome.sentence.startswith("the run was ended at ")
-    assert found.outcome.sentence.endswith(
-        "by an error of the program (RuntimeError) while GoTo was running"
-    )
+    assert found.outcome.sentence.endswith("by an error of the program (RuntimeError) while GoTo was running")
     assert [cause.cause for cause in found.root_causes] == ["run.crashed"]
 
 

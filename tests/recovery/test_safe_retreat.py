@@ -137,7 +137,7 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(monkeypatch: py
     from dataclasses import replace
 
     from picktree.world.control.motion import Motions
-    from picktree.world.control.softly import Softly
+    from picktree.world.control.softness import Softly
 
     made = cell()
     assert do(made, "GoTo: {pose: rest}") == ("SUCCESS", "")

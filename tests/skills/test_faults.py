@@ -85,7 +85,8 @@ def test_an_item_snatched_away_between_observation_and_grasp(backend: Backend, t
 def test_a_slippery_heavy_item_in_physics(tmp_path: Path) -> None:
     result = run_with(SLIPPERY, tmp_path, "physics", rounds="1")
     assert (result.status, result.message) == ("incomplete", "")
-    assert (result.items.sorted, result.items.misplaced, result.items.left) == (3, 0, 1)
+    # Where it is left it may be dented: slipping away it meets the fingers with all its weight.
+    assert (result.items.sorted, result.items.misplaced + result.items.left) == (3, 1)
     assert set(result.failures) == {"grasp.slipped"}
     assert set(result.recoveries) == {"grasp.slipped"}
     assert failed_nodes(result) == {(GRASP, "grasp.slipped")}

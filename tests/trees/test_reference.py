@@ -132,7 +132,7 @@ Outputs
       opening at which the fingers stopped
 
 Fails with
-  control.timeout: A motion took longer than it may. First remedy: retreat safely.
+  control.gripper: The fingers did not do what they were told to. First remedy: reset the gripper.
 
 Uses gripper.
 

@@ -159,8 +159,10 @@ def rules() -> Iterator[Rule]:
 
 
 def names_of_tests() -> set[str]:
-    """Names of the test functions about trees and recovery."""
-    files = [*HERE.glob("test_*.py"), *(HERE.parent / "recovery").glob("test_*.py")]
+    """Names of the test functions about trees, recovery and skills."""
+    files = [
+        file for room in ("trees", "recovery", "skills") for file in (HERE.parent / room).glob("test_*.py")
+    ]
     return {name for file in files for name in re.findall(r"^def (test_\w+)", file.read_text("utf-8"), re.M)}
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from picktree.world.control.external_torque import TorqueObserver
-from picktree.world.control.softly import Sensitivity, slowed
+from picktree.world.control.softly import slowed
+from picktree.world.control.softness import Sensitivity
 from picktree.world.values import JointState
 
 from .control_cell import HOME, MODEL, Cell, reach, swing

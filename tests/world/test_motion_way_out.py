@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from picktree.world.motion.collision import Collision
-from picktree.world.motion.way_out import DIRECTIONS, Inequalities, Outward, least_distance
+from picktree.world.motion.directions import DIRECTIONS
+from picktree.world.motion.way_out import Inequalities, Outward, least_distance
 from picktree.world.scene.planning_scene import PlanningScene
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose

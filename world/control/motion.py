@@ -23,7 +23,8 @@ from .joint_controllers import Track, way_back
 from .lease import ForceGuard, Lease
 from .loop import ControlLoop
 from .soft import SoftTrack
-from .softly import Sensitivity, Softly, SoftMotion
+from .softly import SoftMotion, slowed
+from .softness import Sensitivity, Softly
 from .stiffness import FIRM, Stiffness
 from .touching import ZERO_TIME, Complied, Touching
 
@@ -386,6 +387,10 @@ class Motions:
     def settle(self) -> Doing[None]:
         """Yield until vibrations have decayed; gives up waiting after a second."""
         return self._loop.settle()
+
+    def slowed(self, trajectory: Trajectory, speed: float) -> Trajectory:
+        """The same way, slower where need be: no part of the arm goes faster than `speed` m/s."""
+        return slowed(self._model, trajectory, speed)
 
     def way_back(self) -> Trajectory | None:
         """The last followed trajectory, as far as it was followed, back to its start; None when the arm

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -20,41 +19,13 @@ from .joint_controllers import Hold
 from .lease import Lease
 from .loop import ControlLoop
 from .soft import GIVING_TIME, GivingWay, SoftTrack
+from .softness import Sensitivity, Softly
 
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
 
 SLACK = 2.0
 """A soft motion takes so much longer than its trajectory at most, s."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sensitivity:
-    """What counts as a contact, beyond what is felt without one."""
-
-    torque: float
-    """External torques of all joints, Euclidean norm, Nm: felt wherever on the arm it acts."""
-    force: float
-    """At the wrist, N."""
-
-
-@dataclass(frozen=True, slots=True)
-class Softly:
-    """How a soft motion ended, at rest."""
-
-    completed: bool
-    progress: float
-    """Of the trajectory, s."""
-    touched: bool
-    """Something was in the way: the arm gave way to it, and stands."""
-    torque: float
-    """The greatest external torque that was met, Nm."""
-    force: float
-    """The greatest force at the wrist that was met, N."""
-    push: Vector3 = (0.0, 0.0, 0.0)
-    """How what was touched pushed at the hand, N in the world; nothing where it touched another part."""
-    noticed: Failure | None = None
-    """Why it was stopped, where `watch` said so."""
 
 
 class SoftMotion:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..causes import Failure, planning
-from ..control.softly import slowed
 from ..motion.requests import NamedGoal, Scaling
 from .leaving import ON_THE_WAY, REDUCED, WARY, Doing, Leaving
 
@@ -34,7 +33,7 @@ def go_home(world: World, leaving: Leaving, pose: str, scaling: Scaling, node: s
             key = node if attempt == 0 else f"{node} again {attempt}"
             plan = yield from world.plan.to(NamedGoal(pose), scaling=scaling, node=key)
             wary = leaving.touched or not looked
-            trajectory = slowed(world.robot, plan.trajectory, WARY if wary else REDUCED)
+            trajectory = world.move.slowed(plan.trajectory, WARY if wary else REDUCED)
             result = yield from leaving.follow(trajectory, ON_THE_WAY)
         except Failure as failure:
             if not failure.cause.name.startswith("planning."):

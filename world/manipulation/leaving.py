@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 import numpy as np
 
 from ..causes import Failure
-from ..control.softly import Sensitivity, Softly, slowed
+from ..control.softness import Sensitivity, Softly
 from ..journal import Happened
+from ..motion.directions import DIRECTIONS, Direction
 from ..motion.requests import Contact, Scaling
-from ..motion.timing import time_corners, time_smooth
-from ..motion.way_out import DIRECTIONS, Direction, WayOut
 from ..values import Array, Vector3
 from .pressing import GRAVITY
 
 if TYPE_CHECKING:
+    from ..motion.way_out import WayOut
     from ..trajectory import Trajectory
     from ..world import World
 
@@ -206,6 +206,11 @@ class Leaving:
 
     def _go(self, way: WayOut) -> Doing[bool]:
         """Slowly along a way; False where something was felt on it."""
+        from ..motion.timing import (  # slow to load, and few retreats have to get out
+            time_corners,
+            time_smooth,
+        )
+
         world = self._world
         timed = time_smooth(world.robot, way.path, GENTLE) or time_corners(
             world.robot, way.path, GENTLE, 0.005
@@ -214,7 +219,7 @@ class Leaving:
             self._spent.add(way.direction)
             self.tried.append(f"{way.direction}: the joints cannot follow it")
             return False
-        result = yield from self.follow(slowed(world.robot, timed, CAREFUL), self._feeling, leaving=True)
+        result = yield from self.follow(world.move.slowed(timed, CAREFUL), self._feeling, leaving=True)
         if result.completed:
             return True
         self._felt(result)

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ..causes import Failure, place
-from ..control.softly import slowed
 from ..journal import Happened
 from ..motion.requests import PoseGoal, Scaling
 from ..scene.planning_scene import BeliefObject
@@ -56,7 +55,7 @@ def set_down(world: World, leaving: Leaving, scaling: Scaling, node: str) -> Doi
         )
         try:
             plan = yield from world.plan.to(PoseGoal(over), scaling=scaling, node=node)
-            way = slowed(world.robot, plan.trajectory, REDUCED if seen else WARY)
+            way = world.move.slowed(plan.trajectory, REDUCED if seen else WARY)
             result = yield from leaving.follow(way, ON_THE_WAY)
         except Failure as failure:
             if not failure.cause.name.startswith("planning."):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from scipy.optimize import nnls
@@ -12,11 +11,7 @@ from scipy.optimize import nnls
 from ..robot.model import RobotModel
 from ..values import Array
 from .collision import Collision, Separation
-
-Direction: TypeAlias = Literal["out", "back", "up", "inwards", "left", "right", "outwards", "down"]
-"""`out`: where the depths shrink fastest; `back`: against the tool; `inwards`, `outwards`: towards the axis
-of the base and away from it; `left`, `right`: about that axis."""
-DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
+from .directions import Direction
 
 STEP = 0.005
 """Way of whatever moves most in a step, m."""
