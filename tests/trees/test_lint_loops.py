@@ -174,8 +174,8 @@ def test_a_loop_that_an_item_keeps_going() -> None:
         return lint(PASSING % (bound, on_failure, tree), "P325")
 
     assert found("", "continue", "PickAndPlace") == [
-        "P325 5:14 Main/Repeat: ForEach passes over what fails, and 'items_left and not stopped' still holds: "
-        "an item that cannot be had keeps the loop going for ever (a number of cycles, or SetAside)"
+        "P325 5:14 Main/Repeat: ForEach passes over what fails, and 'items_left and not stopped' still "
+        "holds: an item that cannot be had keeps the loop going for ever (a number of cycles, or SetAside)"
     ]
     assert found("      num_cycles: 5\n", "continue", "PickAndPlace") == []
     assert found("", "fail", "PickAndPlace") == []
