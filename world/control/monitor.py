@@ -29,8 +29,8 @@ OVERLOAD = 0.95
 """Share of its torque limit from which a joint is overloaded. Plans take at most 0.7 of it; measured over
 sorts, insertions and pushes: 0.83 for some milliseconds."""
 OVERLOAD_TIME = 0.5
-"""So long a joint may be overloaded, s. Peaks heat no motor, and a joint that brakes from full speed gives all
-that it has for up to 0.48 s."""
+"""So long a joint may be overloaded, s. Peaks heat no motor, and a joint that brakes from full speed gives
+all that it has for up to 0.48 s."""
 UNEXPLAINED = 0.15
 """Share of its torque limit by which a joint's effort may differ from what is explained. Measured over sorts,
 insertions and pushes: up to 0.06."""
