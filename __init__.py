@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from .world.arithmetic import pin
+
+pin()  # before any library that computes is loaded
+
 if TYPE_CHECKING:
     from .logs.session import run
 

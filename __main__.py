@@ -5,10 +5,13 @@ from __future__ import annotations
 import sys
 from io import TextIOWrapper
 
-from .cli.app import answer
+from .world.arithmetic import restart
 
 
 def main() -> None:
+    restart()
+    from .cli.app import answer
+
     stdout: object = sys.stdout
     if isinstance(stdout, TextIOWrapper):
         stdout.reconfigure(errors="backslashreplace")  # a terminal that knows no '…' still shows the rest

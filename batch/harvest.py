@@ -102,7 +102,11 @@ def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
                 for p in (at.record,)
             ),
             timings=_timings(run, explanation.failures),
-            versions={**run.info.versions, "revision": run.info.revision},
+            versions={
+                **run.info.versions,
+                **run.info.arithmetic.words(),
+                "revision": run.info.revision,
+            },
         )
 
 

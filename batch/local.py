@@ -5,15 +5,15 @@ from __future__ import annotations
 import multiprocessing
 import os
 import time
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from .executor import Event, Failed, Order, Stopped
 from .processes import how_it_ended
-from .worker import READY, THREADS, serve
+from .worker import READY, serve
 
 _GRACE = 5.0
 """Wall s that a worker has for ending a job before it is killed."""
@@ -118,22 +118,6 @@ def _started() -> _Worker:
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=serve, args=(theirs,), name="picktree-worker")
-    with _one_thread_each():
-        process.start()
+    process.start()
     theirs.close()
     return _Worker(process, ours)
-
-
-@contextmanager
-def _one_thread_each() -> Generator[None]:
-    """What is started meanwhile uses one core: the libraries read it when they are loaded."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

@@ -15,8 +15,6 @@ from .executor import Event, Order
 from .output import silence
 from .processes import die_with_parent, take_in_orphans
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
-"""What tells the numerical libraries how many threads they may start."""
 READY = "ready"
 """What a worker says once it has loaded all that it needs."""
 

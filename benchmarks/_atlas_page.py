@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 from _fault_measures import Measure
 from _fault_table import sortable
-
 from picktree.world.faults.description import Expect
 
 if TYPE_CHECKING:

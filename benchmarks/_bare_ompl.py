@@ -5,18 +5,18 @@ Nothing of picktree's planner is used: a callable that asks pinocchio, OMPL's mo
 
 from __future__ import annotations
 
-import numpy as np
-import pinocchio as pin
-from ompl import base as ob
-from ompl import geometric as og
-from ompl import util as ou
-
 from picktree.world.motion.bodies import loose_bodies, still_bodies
 from picktree.world.motion.coal_shapes import CoalShapes
 from picktree.world.motion.collision import robot_geometry
 from picktree.world.robot.model import RobotModel, se3
 from picktree.world.scene.planning_scene import PlanningScene
 from picktree.world.values import Array
+
+import numpy as np
+import pinocchio as pin
+from ompl import base as ob
+from ompl import geometric as og
+from ompl import util as ou
 
 RANGE = 0.5
 """Greatest extension of a tree, rad."""

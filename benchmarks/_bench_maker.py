@@ -13,9 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import yaml
-
 from picktree.world.motion.collision import Collision
 from picktree.world.motion.margins import Margins
 from picktree.world.robot.model import RobotModel
@@ -23,6 +20,9 @@ from picktree.world.scene.description import Fixture
 from picktree.world.scene.planning_scene import PlanningScene
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
 from picktree.world.values import Array, ObjectId, Pose
+
+import numpy as np
+import yaml
 
 ROOT = Path(__file__).resolve().parent.parent
 PLACES = (ROOT.parent / "shared/data", ROOT / "../shared/data")

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import math
 import multiprocessing
-import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from picktree.world.arithmetic import restart
+
+restart()
+
 ROOT = Path(__file__).resolve().parent.parent
 Row = dict[str, Any]
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Seeded(Protocol):
@@ -51,8 +53,6 @@ def campaign(
         f"CPU minutes on {workers} workers; results in {results}",
         flush=True,
     )
-    for variable in THREADS:
-        os.environ[variable] = "1"
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, context, max_tasks_per_child=1 if fresh else None) as pool:
         for future in as_completed([pool.submit(one, job) for job in missing]):

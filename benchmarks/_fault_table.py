@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from _fault_measures import Measure
-
 from picktree.batch.statistics import Rate, rate
 from picktree.world.causes import cause_named, matches
 from picktree.world.faults.description import Expect

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-import pinocchio as pin
 from _motion_robots import random_scene, shipped
 from _motion_tables import Column, Part, Table, cpu, median, share
-
 from picktree.world.motion.collision import Collision
 from picktree.world.motion.judge import Judge, Tightest
 from picktree.world.robot.model import RobotModel
 from picktree.world.values import Array
+
+import numpy as np
+import pinocchio as pin
 
 BLOCK = 200
 """Configurations in one scene."""

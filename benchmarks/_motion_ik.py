@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
-import pinocchio as pin
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
-
 from picktree.world.motion.ik import InverseKinematics
 from picktree.world.robot.model import RobotModel
 from picktree.world.values import Array, Pose
+
+import numpy as np
+import pinocchio as pin
 
 POSITION = 1e-4
 """m"""

@@ -6,11 +6,8 @@ import math
 import time
 from collections import Counter
 
-import numpy as np
-import pinocchio as pin
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
-
 from picktree.world.motion.collision import Collision
 from picktree.world.motion.ik import InverseKinematics
 from picktree.world.motion.lines import straight, straight_from_any
@@ -18,6 +15,9 @@ from picktree.world.motion.way import Way
 from picktree.world.robot.model import RobotModel
 from picktree.world.scene.planning_scene import PlanningScene
 from picktree.world.values import Array, Pose
+
+import numpy as np
+import pinocchio as pin
 
 LENGTH = 0.2
 """m"""

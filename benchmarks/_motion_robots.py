@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
-
 import picktree.world
 from picktree.world.robot.load import load_robot
 from picktree.world.robot.model import RobotModel
@@ -14,6 +12,8 @@ from picktree.world.scene.description import Bin, Fixture
 from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from picktree.world.values import ObjectId, Pose, Vector3
+
+import numpy as np
 
 HELD = 0.6
 """Share of the scenes in which something is in the hand."""

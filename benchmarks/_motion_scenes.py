@@ -8,10 +8,9 @@ from collections.abc import Generator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import picktree.world
 from _bare_ompl import BarePlanner
 from _motion_tables import Column, Part, Table, Value, median, p95, share
-
-import picktree.world
 from picktree.logs.trial.stage import build
 from picktree.world.causes import Failure
 from picktree.world.manipulation.grasps import grasp_candidates

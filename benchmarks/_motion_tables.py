@@ -7,8 +7,9 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
 from _campaign import wilson
+
+import numpy as np
 
 Value = str | int | float | None
 

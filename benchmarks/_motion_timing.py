@@ -10,18 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-import numpy as np
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
-from toppra.algorithm import TOPPRA
-from toppra.constraint import (
-    Constraint,
-    DiscretizationType,
-    JointAccelerationConstraint,
-    JointVelocityConstraint,
-)
-from toppra.interpolator import AbstractGeometricPath
-
 from picktree.world.causes import Failure
 from picktree.world.motion.chain import Chain
 from picktree.world.motion.curves import Curve, cornered, splined
@@ -34,6 +24,16 @@ from picktree.world.robot.model import RobotModel
 from picktree.world.scene.planning_scene import PlanningScene
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Pose
+
+import numpy as np
+from toppra.algorithm import TOPPRA
+from toppra.constraint import (
+    Constraint,
+    DiscretizationType,
+    JointAccelerationConstraint,
+    JointVelocityConstraint,
+)
+from toppra.interpolator import AbstractGeometricPath
 
 T = TypeVar("T")
 PERIOD = 0.01

@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from mcap.reader import make_reader
-
 from picktree.logs import ended_file
 from picktree.logs.ended_file import RawFile
 from picktree.logs.mcap_chunks import DAMAGE
 from picktree.logs.mcap_file import McapFile
 from picktree.logs.run_log import RunLog
 from picktree.world.errors import PicktreeError
+
+from mcap.reader import make_reader
 
 SECOND = 1_000_000_000
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
-import os
 import resource
 import subprocess
 import sys
@@ -26,7 +25,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from _campaign import ROOT, THREADS, rate
+from _campaign import ROOT, rate
 
 COST = {"sort_small": 2.5, "three_bins": 7.0}
 """CPU seconds of a run with physics, for the forecast."""
@@ -90,7 +89,6 @@ def main() -> int:
     sample = seeds[:: max(1, chosen.runs // chosen.sample)][: chosen.sample]
     halves = (sample[: len(sample) // 2], sample[len(sample) // 2 :])
     settings.out.mkdir(parents=True, exist_ok=True)
-    os.environ.update(dict.fromkeys(THREADS, "1"))
     start = phase(settings, "start-up", lambda: start_up())
     alone: list[Alone] = []
     ones: list[Together] = []

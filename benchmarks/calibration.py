@@ -22,8 +22,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from _campaign import ROOT, Row, campaign, rate
+
+import numpy as np
 
 if TYPE_CHECKING:
     from picktree.world.values import Pose

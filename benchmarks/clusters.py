@@ -23,7 +23,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from _campaign import ROOT
-
 from picktree.batch.batch import Batch, Ended
 from picktree.batch.cluster.executor import RayExecutor
 from picktree.batch.executor import Executor

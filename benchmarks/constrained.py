@@ -25,6 +25,7 @@ from picktree.world.motion.judge import Judge
 from picktree.world.motion.requests import PoseGoal, Request, Upright
 from picktree.world.motion.solver import Solver
 from picktree.world.values import Array, Pose, Vector3
+
 from tests.world.motion_cell import HOME, MODEL, down, shelf_scene, table_scene
 
 WIDTH = 0.08

@@ -20,12 +20,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
 
-import numpy as np
-import pinocchio as pin
-
 from picktree.world.control.courses import Course, Felt
 from picktree.world.control.stiffness import Stiffness
 from picktree.world.world import World
+
+import numpy as np
+import pinocchio as pin
 
 T = TypeVar("T")
 ROOT = Path(__file__).resolve().parent.parent

@@ -28,7 +28,6 @@ from itertools import accumulate
 from pathlib import Path
 
 from _tape import Opened, open_moment, opens_in_stock_reader, taped
-
 from picktree.logs.result import RunResult
 from picktree.logs.run_log import RunLog
 from picktree.logs.session import RunRequest, Session

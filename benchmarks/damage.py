@@ -18,7 +18,6 @@ from collections import Counter
 from pathlib import Path
 
 from _damage import KINDS, Whole, commanded, opened
-
 from picktree.logs.session import RunRequest, Session
 
 MISSION = Path(__file__).resolve().parent.parent / "examples" / "one_pick.yaml"

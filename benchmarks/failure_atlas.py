@@ -16,7 +16,6 @@ from pathlib import Path
 from _atlas_page import Entry, command, section, telling, worst
 from _campaign import ROOT
 from fault_campaign import Row, measure, read
-
 from picktree.batch.store import NAME
 from picktree.logs.run import Run
 from picktree.logs.snapshot import snapshot

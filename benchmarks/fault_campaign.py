@@ -29,7 +29,6 @@ from _campaign import ROOT
 from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
-
 from picktree.batch.batch import Batch
 from picktree.batch.load import load_plan
 from picktree.batch.local import LocalExecutor

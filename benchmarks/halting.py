@@ -61,11 +61,11 @@ def _cell() -> ModuleType:
 
 def one(job: Job) -> Row:
     """One seed's run with its halts, each with what came of it, or the error that it died of."""
-    import numpy as np
-
     from picktree.trees.loader import load_mission
     from picktree.trees.registry import Registry
     from picktree.world.scene.load import load_scene
+
+    import numpy as np
 
     cell = _cell()
     mission = load_mission(Path(job.mission), Registry())

@@ -15,23 +15,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from pathlib import Path
 
-from _campaign import THREADS
-
-for _variable in THREADS:
-    os.environ.setdefault(_variable, "1")
-
-import _motion_collision  # noqa: E402
-import _motion_ik  # noqa: E402
-import _motion_lines  # noqa: E402
-import _motion_maker  # noqa: E402
-import _motion_scenes  # noqa: E402
-import _motion_timing  # noqa: E402
-from _motion_tables import Part, Table  # noqa: E402
+import _motion_collision
+import _motion_ik
+import _motion_lines
+import _motion_maker
+import _motion_scenes
+import _motion_timing
+from _motion_tables import Part, Table
 
 PARTS: tuple[Part, ...] = (
     _motion_collision.PART,

@@ -19,11 +19,9 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from _bare_ompl import BarePlanner
 from _bench_maker import ARCHIVE, SCENES, WANTED, Problem, admitted, archive, beyond_limits, problems
 from _campaign import wilson
-
 from picktree.world.causes import Failure
 from picktree.world.motion.judge import Judge
 from picktree.world.motion.margins import Margins
@@ -31,6 +29,8 @@ from picktree.world.motion.requests import JointGoal, Request
 from picktree.world.motion.solver import Solver
 from picktree.world.robot.load import load_robot
 from picktree.world.robot.model import RobotModel
+
+import numpy as np
 
 COST = 0.5
 """CPU seconds of one problem with its judge, its reference and making the checkers, about."""

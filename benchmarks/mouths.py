@@ -15,9 +15,7 @@ import sys
 import time
 from dataclasses import dataclass, replace
 
-import numpy as np
 from _campaign import rate
-
 from picktree.world.perception.mouths import find_mouth
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import CameraDescription, SceneDescription
@@ -30,6 +28,8 @@ from picktree.world.simulation.client import Client
 from picktree.world.simulation.displaced import displaced
 from picktree.world.simulation.noise import noisy_colour, noisy_depth
 from picktree.world.values import Pose
+
+import numpy as np
 
 COST = 1.1
 """CPU seconds a seed, for the forecast."""

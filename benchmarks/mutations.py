@@ -25,7 +25,6 @@ from typing import Any, cast
 
 from _campaign import ROOT, Row, campaign
 from _mutants import mutant
-
 from picktree.cli.kinds import CHECKS
 from picktree.trees.loader import examine, load_mission
 from picktree.trees.mission import Mission

@@ -25,8 +25,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from _campaign import ROOT, Row, campaign, rate
+
+import numpy as np
 
 if TYPE_CHECKING:
     from picktree.logs.session import Session

@@ -13,9 +13,6 @@ import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
-import numpy as np
-from scipy.optimize import linear_sum_assignment
-
 from picktree.world.perception.pipeline import Perception
 from picktree.world.perception.view import Detection, View
 from picktree.world.robot.load import load_robot
@@ -26,6 +23,9 @@ from picktree.world.shapes import Box, Cylinder, Sphere
 from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.simulation.truth import TrueBody
 from picktree.world.values import Array, Pose
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 FOUND = 0.03
 """A detection of an item's colour this near to it is taken for it, m."""

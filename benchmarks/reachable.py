@@ -45,7 +45,6 @@ def one(job: Job) -> Row:
 
 def _run(job: Job) -> Row:
     from _reach import within_reach
-
     from picktree.logs.session import RunRequest, Session
     from picktree.world.simulation.scorer import score
 

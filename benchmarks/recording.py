@@ -14,8 +14,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from picktree.logs.recorder import Recorder
 from picktree.logs.records import Control, NodeStatus, NodeTime, RunInfo, Tick, Timing, Transition, Write
 from picktree.logs.robot_meshes import link_meshes
@@ -29,6 +27,8 @@ from picktree.world.scene.load import load_scene
 from picktree.world.scene.planning_scene import BeliefObject
 from picktree.world.shapes import Box
 from picktree.world.values import GripperState, JointState, ObjectId, Pose, Wrench
+
+import numpy as np
 
 TICK = 0.05
 NODES = 60

@@ -18,9 +18,7 @@ import argparse
 import os
 from pathlib import Path
 
-import numpy as np
 from _campaign import ROOT, rate
-
 from picktree.batch.batch import Batch
 from picktree.batch.comparison import Comparison, compare_recipes
 from picktree.batch.comparison_text import text_of
@@ -29,6 +27,8 @@ from picktree.batch.outcomes import Outcome, Recipe, read_recipe
 from picktree.batch.plan import Plan
 from picktree.batch.store import NAME
 from picktree.cli.batch_progress import progress
+
+import numpy as np
 
 MISSION = ROOT / "examples" / "sort_by_colour.yaml"
 NOISY = """\

@@ -14,7 +14,6 @@ import time
 from pathlib import Path
 
 from authoring import text_of
-
 from picktree.trees.loader import parse_mission
 from picktree.trees.rehearsal.checks import examine_cases
 from picktree.trees.rehearsal.rehearse import rehearse

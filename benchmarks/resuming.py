@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from _campaign import ROOT, Row, campaign, rate
-
 from picktree.logs.run_log import RunLog
 from picktree.world.errors import PicktreeError
 

@@ -31,8 +31,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from _campaign import ROOT, Row, campaign, rate
+
+import numpy as np
 
 if TYPE_CHECKING:
     from picktree.world.values import Array, Pose

@@ -24,8 +24,9 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING
 
-import numpy as np
 from _campaign import ROOT, Row, campaign, rate
+
+import numpy as np
 
 if TYPE_CHECKING:
     from picktree.world.values import Array, Vector3

@@ -20,9 +20,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 from _campaign import ROOT
 from _soaking import SETTLED, Diary, Soak, growth
+
+import numpy as np
 
 if TYPE_CHECKING:
     from picktree.logs.result import RunResult

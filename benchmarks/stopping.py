@@ -15,8 +15,6 @@ import math
 from collections.abc import Generator
 from typing import TypeVar
 
-import numpy as np
-
 from picktree.logs.assembly import assemble
 from picktree.world.causes import Failure
 from picktree.world.control.impedance import Comply
@@ -29,6 +27,8 @@ from picktree.world.scene.load import load_scene
 from picktree.world.simulation.backends import build_hardware
 from picktree.world.values import Array
 from picktree.world.world import World
+
+import numpy as np
 
 T = TypeVar("T")
 WAYS = ("halted", "off its way", "contact", "jog halted")

@@ -16,11 +16,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
-import coal
-import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
-
 from picktree.world.motion.bodies import Body, bodies_of
 from picktree.world.motion.collision import Collision
 from picktree.world.perception.association import update_belief
@@ -35,6 +30,11 @@ from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box, Cylinder, Sphere
 from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.values import ObjectId, Pose
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 

@@ -6,16 +6,13 @@ None of it is part of a run. It stands in the log for the question why a run com
 from __future__ import annotations
 
 import hashlib
-import os
 import platform
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Final, cast
-
-import numpy as np
+from typing import Final
 
 LIBRARIES: Final = (
     "picktree",
@@ -37,7 +34,6 @@ SOURCES: Final = "sources.txt"
 _ROOT: Final = Path(__file__).resolve().parent.parent
 _ROOMS: Final = ("world", "trees", "skills", "recovery")
 _SIMD: Final = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "neon", "sve")
-_THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def versions(libraries: Iterable[str] = LIBRARIES) -> dict[str, str]:
@@ -46,17 +42,13 @@ def versions(libraries: Iterable[str] = LIBRARIES) -> dict[str, str]:
 
 @cache
 def machine() -> Mapping[str, str]:
-    """What can change the last bit of a floating-point number."""
+    """The computer and its system."""
     model, flags = _processor()
-    threads = {name: os.environ[name] for name in _THREADS if os.environ.get(name)}
     return {
         "processor": model,
         "vector instructions": flags,
         "architecture": platform.machine(),
         "system": platform.platform(),
-        "python": f"{platform.python_implementation()} {platform.python_version()}",
-        "blas": _blas(),
-        **threads,
     }
 
 
@@ -117,9 +109,3 @@ def _processor() -> tuple[str, str]:
     flags = (words.get("flags") or words.get("Features") or "").split()
     model = words.get("model name") or platform.processor() or platform.machine()
     return model, " ".join(sorted(flag for flag in flags if flag.startswith(_SIMD)))
-
-
-def _blas() -> str:
-    config = cast("dict[str, Any]", np.show_config(mode="dicts") or {})
-    blas = cast("dict[str, str]", config.get("Build Dependencies", {}).get("blas", {}))
-    return f"{blas.get('name', 'unknown')} {blas.get('version', '')}".strip()

@@ -14,6 +14,7 @@ from ..world.scene.holes import Hole
 from ..world.shapes import Shape
 from ..world.simulation.seats import Seat
 from ..world.values import Pose, Vector3
+from .arithmetic_record import Arithmetic
 
 FORMAT = 2
 """Of the log as a whole. Raised when an older reader could no longer make sense of it."""
@@ -94,7 +95,9 @@ class RunInfo:
     own_scene: bool = True
     """The scene is the one that the mission names, not another that was given."""
     machine: Mapping[str, str] = field(default_factory=_no_words)
-    """On what it ran, as far as that can change what is computed; empty in older logs."""
+    """The computer that it ran on; empty in older logs."""
+    arithmetic: Arithmetic = field(default_factory=Arithmetic)
+    """Libraries and kernels that it was computed with; empty in older logs."""
     files: Mapping[str, str] = field(default_factory=_no_words)
     """By name of the attachment: SHA-256 in hex and path of the file that it was made from."""
     continues: Continues | None = None

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..world.errors import PicktreeError
 from ..world.protocols import Intrinsics
 from . import messages, topics
+from .arithmetic_record import Arithmetic
 from .digest import Digest
 from .images import decode_colour, decode_depth
 from .joined_reading import JoinedReading
@@ -160,6 +161,7 @@ class RunLog:
                 limit=float(words["limit"]) if "limit" in words else None,
                 own_scene=words.get("own_scene", "true") == "true",
                 machine=self.metadata.get("picktree.machine", {}),
+                arithmetic=Arithmetic.from_words(self.metadata.get("picktree.arithmetic", {})),
                 files=self.metadata.get("picktree.files", {}),
                 continues=Continues.from_words(continues) if continues else None,
             )

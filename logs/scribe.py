@@ -16,6 +16,7 @@ from ..world.journal import Entry, Happened
 from ..world.simulation.backends import Simulation
 from ..world.values import Array, Pose
 from . import circumstances, records
+from .arithmetic_probe import arithmetic
 from .checkpoints import RunState
 from .mission_record import mission_files, plugin_versions
 from .recipe_record import fingerprints, recipe_files
@@ -75,6 +76,7 @@ class Scribe:
             limit=recipe.limit,
             own_scene=recipe.own_scene,
             machine=circumstances.machine(),
+            arithmetic=arithmetic(),
             files=fingerprints(recipe, files),
             continues=start.continues if start else None,
         )

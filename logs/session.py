@@ -19,6 +19,7 @@ from ..trees.mission import MAIN, Mission
 from ..trees.runner import TickReport
 from ..trees.status import NodeStatus
 from ..trees.surroundings import surroundings
+from ..world import arithmetic
 from ..world.causes import Failure
 from ..world.errors import PicktreeError
 from ..world.journal import Happened, Plain
@@ -64,7 +65,7 @@ _BRAKING = 40
 class Session:
     """One run: everything that it needs is checked and built here, before anything moves.
 
-    Raises PicktreeError (FileError with all faults) for bad input.
+    Raises PicktreeError (FileError with all faults) for bad input, and on a processor below x86-64-v3.
     """
 
     def __init__(
@@ -89,6 +90,7 @@ class Session:
         part of the digest, `listener` every message, once it is written. `operator` answers who asks for
         help; without one, or without an answer, the run ends `paused`.
         """
+        arithmetic.check()
         # Whoever repeats a run that was killed wants to see what came before, and not to be killed himself.
         asked_for = isinstance(request, RunRequest)
         if isinstance(request, RunRequest):

@@ -27,6 +27,7 @@ def to_json(diff: RunDiff) -> dict[str, Any]:
         "b": _outcome(diff.b),
         "settings": [asdict(change) for change in diff.set_up.settings],
         "files": [asdict(change) for change in diff.set_up.files],
+        "arithmetic": diff.set_up.arithmetic,
         "nodes": {
             "only_a": [node.path for node in nodes.only_a],
             "only_b": [node.path for node in nodes.only_b],

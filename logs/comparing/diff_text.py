@@ -85,6 +85,8 @@ def _verdict(diff: RunDiff) -> Iterator[str]:
         yield from parting_lines(diff.alignment.parting)
     if diff.first is not None and diff.verdict != "cut":
         yield from first_value_lines(diff.first)
+    if diff.set_up.arithmetic and diff.verdict != "cut":
+        yield diff.set_up.arithmetic
 
 
 def _set_up(diff: RunDiff) -> Iterator[str]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from ..arithmetic_record import departure
 from ..records import RunInfo
 from ..run import Run
 
@@ -40,6 +41,8 @@ class SetUp:
     settings: tuple[ValueChange, ...]
     """Those that differ: mission, scene, robot, seed, versions and so on."""
     files: tuple[FileChange, ...]
+    arithmetic: str = ""
+    """A sentence when the two were computed with other arithmetic, or it was not recorded; else empty."""
 
 
 def compare_set_up(a: Run, b: Run) -> SetUp:
@@ -49,7 +52,7 @@ def compare_set_up(a: Run, b: Run) -> SetUp:
         for name in dict.fromkeys((*ours, *theirs))
         if ours.get(name) != theirs.get(name)
     )
-    return SetUp(settings, tuple(_files(a, b)))
+    return SetUp(settings, tuple(_files(a, b)), departure(a.info.arithmetic, b.info.arithmetic, "in B"))
 
 
 def value_changes(a: Mapping[str, object], b: Mapping[str, object]) -> tuple[ValueChange, ...]:

@@ -9,7 +9,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from ...trees.runner import NodeInfo, TickReport
 from ...world.errors import PicktreeError
 from ...world.files.document import FileError
 from ...world.files.rendering import fault_lines
+from ..arithmetic_probe import arithmetic
 from ..result import RunResult
 from ..run import Run
 from ..session import Session
@@ -58,6 +59,8 @@ class Answer:
     """What was changed."""
     warnings: str = ""
     """Of the checker, about another mission."""
+    arithmetic: Mapping[str, str] = field(default_factory=dict[str, str])
+    """The arithmetic of the process, as `Arithmetic.words`."""
 
 
 ORDER = TypeAdapter(Order)
@@ -116,6 +119,7 @@ def carry_out(order: Order, say: Callable[[Answer], None]) -> Answer:
             result=result.to_json_text(),
             told=changed.told,
             warnings=fault_lines(changed.warnings) if changed.warnings else "",
+            arithmetic=arithmetic().words(),
         )
 
 

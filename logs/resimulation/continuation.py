@@ -61,6 +61,8 @@ class Continuation:
     """Of the new run."""
     parting: tuple[str, ...]
     """Where the two take different ways, as lines; A is the record."""
+    arithmetic: str
+    """A sentence when the record was computed with other arithmetic, else empty."""
     warnings: tuple[Fault, ...]
     """Of the checker, about another mission."""
     new_log: Path
@@ -111,6 +113,7 @@ class Continuation:
             "recorded": _outcome_json(self.recorded),
             "now": _outcome_json(self.now),
             "parting": list(self.parting),
+            "arithmetic": self.arithmetic,
             "new_log": str(self.new_log),
         }
 
@@ -154,6 +157,8 @@ class Continuation:
                 line.replace(" s:", " s (A: recorded, B: what if):", 1) if line in self.parting[:1] else line
             )
         yield from difference_lines(difference)
+        if self.arithmetic:
+            yield f"{'likely why' if not self.changes else 'besides':<10}  {self.arithmetic}"
 
 
 def _outcome_json(outcome: RunOutcome) -> dict[str, Any]:

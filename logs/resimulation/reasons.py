@@ -11,6 +11,7 @@ from pathlib import Path
 from ...world.errors import PicktreeError
 from ...world.scene.load import load_scene
 from .. import circumstances
+from ..arithmetic_record import Arithmetic, departure
 from ..recipe_record import ROBOT_MESHES
 from ..run import Run
 
@@ -32,15 +33,21 @@ class Reason:
         return f"{self.what}: {self.recorded or 'none'} then, {self.now or 'none'} now"
 
 
-def reasons(run: Run) -> tuple[Reason, ...]:
-    """The likeliest first. Empty when everything that the log tells is as it was."""
+def reasons(run: Run, now: Arithmetic) -> tuple[Reason, ...]:
+    """Return what differs, the likeliest first; empty when everything in the log is as it was.
+
+    `now` is the arithmetic of the process that has run it again.
+    """
+    recorded = run.info.arithmetic
+    departed = departure(recorded, now)
     return (
         *_altered(run),
         *_sources(run),
+        *([Reason(departed, "", "")] if departed else []),
         *_compared(run.info.versions, circumstances.versions(run.info.versions)),
         *_modules(run),
         *_meshes(run),
-        *_compared(run.info.machine, circumstances.machine()),
+        *(() if recorded else _compared(run.info.machine, circumstances.machine())),
     )
 
 

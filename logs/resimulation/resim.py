@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import IO, cast
 
 from ...world.errors import PicktreeError
+from ..arithmetic_record import Arithmetic
 from ..comparing.alignment import align
 from ..comparing.outcome import outcome_of
 from ..comparing.parting_text import parting_lines
@@ -69,7 +70,11 @@ def resimulate(
             exact=answer.exact,
             difference=answer.difference,
             trees=answer.trees,
-            reasons=reasons(run) if answer.difference or answer.trees else (),
+            reasons=(
+                reasons(run, Arithmetic.from_words(answer.arithmetic))
+                if answer.difference or answer.trees
+                else ()
+            ),
             notes=notes(run),
             parting=(),
             outcomes=None,

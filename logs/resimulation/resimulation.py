@@ -122,9 +122,9 @@ class Resimulation:
         for n, reason in enumerate(self.reasons):
             yield f"{first if n == 0 else '':<10}  {reason}"
         if not self.reasons and not self.changes:
-            yield "likely why  nothing that the log tells of is otherwise: not picktree, its libraries,"
-            yield "            the machine. What is left is a clock, the order of a set or a global generator"
-            yield "            in a plug-in, or a fault of picktree"
+            yield "likely why  nothing in the log is otherwise: not picktree, its libraries, the arithmetic."
+            yield "            What is left is a clock, the order of a set or a global generator in a"
+            yield "            plug-in, or a fault of picktree"
 
 
 def difference_lines(apart: Difference) -> Iterator[str]:

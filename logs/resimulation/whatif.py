@@ -8,6 +8,8 @@ from pathlib import Path
 
 from ...world.errors import PicktreeError
 from ...world.simulation.faults import new_states
+from ..arithmetic_probe import arithmetic
+from ..arithmetic_record import departure
 from ..comparing.alignment import align
 from ..comparing.outcome import KILLED, RunOutcome
 from ..comparing.parting_text import parting_lines
@@ -89,6 +91,7 @@ def what_if(
             now=_now(result, session.tally),
             status=result.status,
             parting=_parting(run, result.log, begin),
+            arithmetic=departure(run.info.arithmetic, arithmetic()),
             warnings=changed.warnings,
             new_log=result.log,
         )

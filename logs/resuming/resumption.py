@@ -10,6 +10,8 @@ from typing import Final
 
 from ...trees.debugger import Debugger
 from ...world.errors import PicktreeError
+from ..arithmetic_probe import arithmetic
+from ..arithmetic_record import departure
 from ..operators import GivenAnswers, Operator
 from ..recipe import Recipe
 from ..recorder import Listener
@@ -122,6 +124,9 @@ class Resumption:
                 f"going on with {run.path} from {name.removesuffix('.json')}: {state.time:.2f} s, "
                 f"{_done(state.items_done)}"
             )
+        departed = departure(run.info.arithmetic, arithmetic())
+        if departed:
+            told = f"{told}\n{departed}"
         return recipe, told, recipe.start.state.time if recipe.start else -1.0
 
 

@@ -51,6 +51,7 @@ FOUND = Continuation(
     now=replace(OUTCOME, status="success", items_sorted=4, items_done=4, end=14.5, recoveries=1),
     status="success",
     parting=("they part at 9.55 s: Grasp ends otherwise", "  A  Main/Grasp", "  B  Main/Grasp"),
+    arithmetic="",
     warnings=(Fault(Mark("other.yaml", 3, 1), "", "mind this", code="P310", severity="warning"),),
     new_log=Path("/out/one/log.mcap"),
 )

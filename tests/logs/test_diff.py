@@ -101,6 +101,7 @@ they part at 0.20 s: Grasp ends otherwise, fails with another cause, takes anoth
 first value that differs: tick 3, 0.15 s, /events message
   A  held
   B  not held
+arithmetic not recorded: the log is of an older version
 
 what they were started with
   mission.yaml: changed, 1 lines of A, 1 of B

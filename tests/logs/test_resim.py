@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from picktree.logs import circumstances
+from picktree.logs.arithmetic_record import Arithmetic
 from picktree.logs.resimulation.changes import Changes
 from picktree.logs.resimulation.child import Answer, Order, carry_out
 from picktree.logs.resimulation.comparison import Difference
@@ -205,15 +207,17 @@ def test_a_record_whose_mission_was_altered_is_found_out(
         "hullo",
     )
     with Run(greeting.log) as run:
-        assert [str(reason) for reason in reasons(run)] == ["mission.yaml in the log is not what was run"]
+        now = run.info.arithmetic
+        assert [str(reason) for reason in reasons(run, now)] == [
+            "mission.yaml in the log is not what was run"
+        ]
 
 
 def test_what_is_not_as_it_was_is_a_reason(greeting: RunResult, monkeypatch: pytest.MonkeyPatch) -> None:
     with Run(greeting.log) as run:
-        assert reasons(run) == ()
-        machine = {**circumstances.machine(), "processor": "abacus"}
+        now = run.info.arithmetic
+        assert reasons(run, now) == ()
         sources = {**circumstances.sources(), "world/control/loop.py": "0" * 12}
-        monkeypatch.setattr(circumstances, "machine", lambda: machine)
         monkeypatch.setattr(circumstances, "sources", lambda: sources)
         versions = {**run.info.versions, "pybullet": "9"}
 
@@ -221,10 +225,28 @@ def test_what_is_not_as_it_was_is_a_reason(greeting: RunResult, monkeypatch: pyt
             return {library: versions[library] for library in libraries}
 
         monkeypatch.setattr(circumstances, "versions", versions_now)
-        told = [str(reason) for reason in reasons(run)]
-    assert told[0] == "picktree itself was changed in world/control/loop.py"
-    assert told[1:-1] == [f"pybullet: {run.info.versions['pybullet']} then, 9 now"]
-    assert told[-1] == f"processor: {run.info.machine['processor']} then, abacus now"
+        elsewhere = replace(now, versions={**now.versions, "glibc": "2.41"})
+        told = [str(reason) for reason in reasons(run, elsewhere)]
+    glibc = now.versions["glibc"]
+    assert told == [
+        "picktree itself was changed in world/control/loop.py",
+        f"recorded with other arithmetic (glibc {glibc}, here 2.41): the runs may part",
+        f"pybullet: {run.info.versions['pybullet']} then, 9 now",
+    ]
+
+
+def test_an_older_log_has_no_arithmetic_and_names_the_machine(
+    greeting: RunResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(circumstances, "machine", lambda: {"processor": "abacus"})
+    with Run(greeting.log) as run:
+        now = run.info.arithmetic
+        run.info = replace(run.info, arithmetic=Arithmetic(), machine={"processor": "slide rule"})
+        told = [str(reason) for reason in reasons(run, now)]
+    assert told == [
+        "arithmetic not recorded: the log is of an older version",
+        "processor: slide rule then, abacus now",
+    ]
 
 
 def test_a_file_that_was_edited_since_is_noted(tmp_path: Path) -> None:

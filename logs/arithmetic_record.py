@@ -1,0 +1,73 @@
+"""Record of the arithmetic that a run was computed with: libraries, their kernels, and a probe computation.
+
+Processes whose records agree give the same run for the same seed, as far as a probe can show it. It
+is metadata of the log, outside of the digest. `arithmetic_probe` makes the one of this process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+_KERNELS: Final = "kernels of "
+_PROBE: Final = "probe of "
+
+
+def _no_words() -> dict[str, str]:
+    return {}
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """What decides about the last bit of a floating-point number; empty where it was not recorded."""
+
+    versions: Mapping[str, str] = field(default_factory=_no_words)
+    """Version of each library that computes, of glibc and of Python."""
+    kernels: Mapping[str, str] = field(default_factory=_no_words)
+    """Kernels in use by library."""
+    probe: Mapping[str, str] = field(default_factory=_no_words)
+    """Fingerprint of a small computation with each library."""
+
+    def __bool__(self) -> bool:
+        return bool(self.versions)
+
+    def words(self) -> dict[str, str]:
+        """The record as a flat table, for metadata and tables of results."""
+        return {
+            **self.versions,
+            **{_KERNELS + name: kernels for name, kernels in self.kernels.items()},
+            **{_PROBE + name: digest for name, digest in self.probe.items()},
+        }
+
+    @classmethod
+    def from_words(cls, words: Mapping[str, str]) -> Arithmetic:
+        """The inverse of `words`."""
+        kernels = {k.removeprefix(_KERNELS): v for k, v in words.items() if k.startswith(_KERNELS)}
+        probe = {k.removeprefix(_PROBE): v for k, v in words.items() if k.startswith(_PROBE)}
+        versions = {k: v for k, v in words.items() if not k.startswith((_KERNELS, _PROBE))}
+        return cls(versions, kernels, probe)
+
+
+def departure(recorded: Arithmetic, now: Arithmetic, where: str = "here") -> str:
+    """Return a sentence that names what differs between two arithmetics, empty when nothing does.
+
+    `where` says where the second one computes. Other kernels count only where the probe differs, too.
+    """
+    if not recorded or not now:
+        return "arithmetic not recorded: the log is of an older version"
+    differing = _pairs(recorded.versions, now.versions, where)
+    probes = [name for name, digest in recorded.probe.items() if now.probe.get(name) != digest]
+    if probes:
+        differing += _pairs(recorded.kernels, now.kernels, where)
+        if not differing:
+            differing = [f"other results of {' and '.join(probes)} {where}"]
+    return f"recorded with other arithmetic ({'; '.join(differing)}): the runs may part" if differing else ""
+
+
+def _pairs(recorded: Mapping[str, str], now: Mapping[str, str], where: str) -> list[str]:
+    return [
+        f"{name} {value}, {where} {now.get(name, 'none')}"
+        for name, value in recorded.items()
+        if now.get(name) != value
+    ]

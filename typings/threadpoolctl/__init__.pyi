@@ -1,0 +1,3 @@
+from typing import Any
+
+def threadpool_info() -> list[dict[str, Any]]: ...
