@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
+from ..logs.arithmetic_record import departure
 from .differences import Difference, paired_difference, unpaired_difference
 from .outcomes import Outcome, Recipe, read_recipe
 from .statistics import (
@@ -87,6 +88,8 @@ class Comparison:
     """Seeds that both have."""
     alone: int
     """Seeds that only one of them has."""
+    arithmetic: str = ""
+    """A sentence when jobs were computed with other arithmetic than others, or it was not recorded."""
 
     @property
     def differ(self) -> bool:
@@ -135,7 +138,20 @@ def compare_recipes(a: Recipe, b: Recipe, *, unpaired: bool = False) -> Comparis
         tuple(_changed(x, y, a, b) for x, y in pairs if x.success != y.success),
         len(shared),
         len(set(a.outcomes) ^ set(b.outcomes)),
+        _departure(a, b),
     )
+
+
+def _departure(a: Recipe, b: Recipe) -> str:
+    """Of the jobs of B from those of A, or of some jobs of one from the others of it."""
+    sides = ((a, b, "in B"), (a, a, "in other jobs of A"), (b, b, "in other jobs of B"))
+    said = (
+        departure(one, other, where)
+        for first, second, where in sides
+        for one in first.arithmetics
+        for other in second.arithmetics
+    )
+    return next(filter(None, said), "")
 
 
 def _criteria(

@@ -41,6 +41,8 @@ def _lines(found: Comparison, program: str) -> Iterator[str]:
     else:
         of = f"{found.success_a.total} and {found.success_b.total} jobs, {found.shared} seeds in both"
         yield f"not paired: {of}; they are compared as independent runs"
+    if found.arithmetic:
+        yield found.arithmetic
     yield ""
     yield _row("of a job", "A", "B", "B − A, 95 % interval", "p", "Holm")
     for criterion in found.criteria:
@@ -105,6 +107,7 @@ def _json(found: Comparison) -> dict[str, Any]:
         "a": found.label_a,
         "b": found.label_b,
         "paired": table is not None,
+        "arithmetic": found.arithmetic,
         "jobs": {"a": found.success_a.total, "b": found.success_b.total},
         "shared": found.shared,
         "alone": found.alone,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..logs.arithmetic_record import Arithmetic
 from ..world.errors import PicktreeError
 from .naming import choose_label, split
 from .store import NAME, Store
@@ -56,6 +57,8 @@ class Recipe:
     """With the batch's folder, as it is named on the command line."""
     folder: Path
     outcomes: Mapping[int, Outcome]
+    arithmetics: tuple[Arithmetic, ...] = ()
+    """Of the processes that computed its jobs, without repetition."""
 
 
 def read_recipe(where: str) -> Recipe:
@@ -72,6 +75,7 @@ def read_recipe(where: str) -> Recipe:
             "sim_seconds, folder FROM jobs WHERE status <> 'waiting' ORDER BY number"
         ).rows
         failures: Any = store.query("SELECT job, cause, count(*) FROM failures GROUP BY job, cause").rows
+        versions: Any = store.query("SELECT job, library, version FROM versions").rows
     causes: dict[str, Counter[str]] = {}
     for job, cause, count in failures:
         causes.setdefault(job, Counter())[cause] = count
@@ -83,4 +87,22 @@ def read_recipe(where: str) -> Recipe:
     if not found:
         raise PicktreeError(f"{where}: none of its jobs was run: there is nothing to compare")
     name = folder.absolute().name
-    return Recipe(name if len(labels) == 1 else f"{name}@{label}", folder, found)
+    return Recipe(
+        name if len(labels) == 1 else f"{name}@{label}",
+        folder,
+        found,
+        _arithmetics(versions, {outcome.job for outcome in found.values()}),
+    )
+
+
+def _arithmetics(versions: Iterable[tuple[str, str, str]], jobs: Container[str]) -> tuple[Arithmetic, ...]:
+    words: dict[str, dict[str, str]] = {}
+    for job, library, version in versions:
+        if job in jobs:
+            words.setdefault(job, {})[library] = version
+    found: list[Arithmetic] = []
+    for table in words.values():
+        arithmetic = Arithmetic.from_words(table)
+        if arithmetic not in found:
+            found.append(arithmetic)
+    return tuple(found)

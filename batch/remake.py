@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..logs.arithmetic_record import PREFIXES, Arithmetic, departure
 from ..logs.session import LOG
 from ..world.errors import PicktreeError
 from .executor import Event, Executor, Failed, Finished, Order
@@ -175,5 +176,8 @@ def _moved(run: Path, target: Path) -> Path:
 
 
 def _otherwise(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    changed = [name for name in sorted({*then, *now}) if then.get(name, "") != now.get(name, "")]
-    return [f"{name}: recorded {then.get(name) or 'none'}, now {now.get(name) or 'none'}" for name in changed]
+    departed = departure(Arithmetic.from_words(then), Arithmetic.from_words(now))
+    libraries = sorted(name for name in {*then, *now} if not name.startswith(PREFIXES))
+    changed = [name for name in libraries if then.get(name, "") != now.get(name, "")]
+    said = [f"{name}: recorded {then.get(name) or 'none'}, now {now.get(name) or 'none'}" for name in changed]
+    return [departed, *said] if departed else said

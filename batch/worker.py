@@ -75,6 +75,7 @@ def load() -> None:
     """Everything that a job would load in its own time, and what is the same for all of them."""
     for module in _MODULES:
         import_module(module)
+    from ..logs.arithmetic_probe import arithmetic
     from ..logs.circumstances import revision, sources
     from ..logs.recipe_record import installed_meshes
     from ..logs.robot_meshes import link_meshes
@@ -86,5 +87,6 @@ def load() -> None:
     installed_meshes(robot)
     revision()
     sources()
+    arithmetic()
     gc.collect()
     gc.freeze()  # what is shared with the jobs' processes stays shared

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-_KERNELS: Final = "kernels of "
-_PROBE: Final = "probe of "
+PREFIXES: Final = ("version of ", "kernels of ", "probe of ")
+"""Of the entries of a flat table, in the order of the fields."""
 
 
 def _no_words() -> dict[str, str]:
@@ -35,18 +35,15 @@ class Arithmetic:
     def words(self) -> dict[str, str]:
         """The record as a flat table, for metadata and tables of results."""
         return {
-            **self.versions,
-            **{_KERNELS + name: kernels for name, kernels in self.kernels.items()},
-            **{_PROBE + name: digest for name, digest in self.probe.items()},
+            prefix + name: value
+            for prefix, part in zip(PREFIXES, (self.versions, self.kernels, self.probe), strict=True)
+            for name, value in part.items()
         }
 
     @classmethod
     def from_words(cls, words: Mapping[str, str]) -> Arithmetic:
-        """The inverse of `words`."""
-        kernels = {k.removeprefix(_KERNELS): v for k, v in words.items() if k.startswith(_KERNELS)}
-        probe = {k.removeprefix(_PROBE): v for k, v in words.items() if k.startswith(_PROBE)}
-        versions = {k: v for k, v in words.items() if not k.startswith((_KERNELS, _PROBE))}
-        return cls(versions, kernels, probe)
+        """The inverse of `words`; other entries of the table are left out."""
+        return cls(*({k.removeprefix(p): v for k, v in words.items() if k.startswith(p)} for p in PREFIXES))
 
 
 def departure(recorded: Arithmetic, now: Arithmetic, where: str = "here") -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -37,8 +38,9 @@ def installed() -> Installed:
         for file in sorted((_ROOT / folder).glob("*.py"))
     }
     python = "{}.{}".format(*sys.version_info)
+    glibc = os.confstr("CS_GNU_LIBC_VERSION") or ""
     return Installed(
-        {"python": python, **versions(), **plugins},
+        {"python": python, "glibc": glibc.removeprefix("glibc "), **versions(), **plugins},
         {**sources(), **besides},
     )
 

@@ -64,7 +64,8 @@ def _data(folder: Path, store: Store, output: Path, runs: int) -> dict[str, Any]
     done = summary.total - summary.waiting
     reached = rate(sum(r.success.successes for r in summary.recipes), done)
     versions: Any = store.query(
-        "SELECT library, group_concat(DISTINCT version) FROM versions GROUP BY library ORDER BY library"
+        "SELECT library, group_concat(DISTINCT version) FROM versions WHERE library NOT LIKE '% of %' "
+        "GROUP BY library ORDER BY library"
     ).rows
     return {
         **summary.to_json(),

@@ -12,8 +12,9 @@ import pytest
 
 from picktree.batch.comparison import Comparison, compare, compare_recipes
 from picktree.batch.comparison_text import json_text_of, text_of
-from picktree.batch.outcomes import Outcome, Recipe
-from picktree.batch.rows import JobRow
+from picktree.batch.outcomes import Outcome, Recipe, read_recipe
+from picktree.batch.rows import JobRow, JobRows
+from picktree.logs.arithmetic_record import Arithmetic
 from picktree.world.errors import PicktreeError
 
 from .test_store import MISSED, SUCCESS, store
@@ -152,3 +153,25 @@ def test_a_recipe_of_which_nothing_was_run_is_not_compared(tmp_path: Path) -> No
     with store(tmp_path / "b", {0: SUCCESS}, values=("15", "30")), pytest.raises(PicktreeError) as refused:
         compare(f"{tmp_path}/b@15", f"{tmp_path}/b@30")
     assert str(refused.value) == (f"{tmp_path}/b@30: none of its jobs was run: there is nothing to compare")
+
+
+def test_jobs_of_other_arithmetic_are_told_of() -> None:
+    here = Arithmetic({"glibc": "2.36"}, {}, {"glibc": "01"})
+    there = Arithmetic({"glibc": "2.41"}, {}, {"glibc": "02"})
+    sample = np.random.default_rng(1)
+    a = replace(recipe("A", range(5), sample), arithmetics=(here,))
+    b = replace(recipe("B", range(5), sample), arithmetics=(there,))
+    said = "recorded with other arithmetic (glibc 2.36, in B 2.41): the runs may part"
+    assert text_of(compare_recipes(a, b)).splitlines()[3] == said
+    assert json.loads(json_text_of(compare_recipes(a, b)))["arithmetic"] == said
+    assert compare_recipes(a, replace(b, arithmetics=(here,))).arithmetic == ""
+    mixed = compare_recipes(replace(a, arithmetics=(here, there)), replace(b, arithmetics=(here,)))
+    assert mixed.arithmetic == said.replace("2.36, in B 2.41", "2.41, in B 2.36")
+
+
+def test_the_arithmetic_of_jobs_comes_from_their_rows(tmp_path: Path) -> None:
+    there = Arithmetic({"glibc": "2.41"}, {"numpy": "X86_V3"}, {"glibc": "02"})
+    with store(tmp_path / "b", {}) as made:
+        for job in list(made.jobs())[:2]:
+            made.record(job.id, JobRows(SUCCESS, versions={"numpy": "2.0", **there.words()}))
+    assert read_recipe(f"{tmp_path}/b").arithmetics == (there,)
