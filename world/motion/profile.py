@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from toppra.constraint import LinearConstraint
-from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 from ..values import Array
+from .lazy_pyplot import lazy_pyplot
+
+with lazy_pyplot():
+    from toppra.constraint import LinearConstraint
+    from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 ROUNDED = 0.9999
 """Share of the squared speed that a step keeps, so that rounding leaves it controllable."""
