@@ -106,7 +106,6 @@ def test_a_stop_fails_also_a_skill_that_does_not_move() -> None:
     )
 
 
-
 def waiting(node: str, folder: Path) -> Cell:
     """A cell in which a skill of a plug-in has begun to wait."""
     (folder / "waiting.py").write_text(WAITING)

@@ -183,7 +183,9 @@ def test_what_escapes_from_the_fingers_twice_is_lost() -> None:
     block = named(cell, "block")
     failure = Patchy(cell, 0.005, 0.0).push(f"object: {block}, to: [0.45, 0.05]")
     first, second = strokes_of(failure)
-    assert all(re.fullmatch(r"side 3 1\d\d deg \d\d mm: contact lost after 2\d mm", s) for s in (first, second))
+    assert all(
+        re.fullmatch(r"side 3 1\d\d deg \d\d mm: contact lost after 2\d mm", s) for s in (first, second)
+    )
     assert (str(failure.cause), failure.message) == (
         "push.lost_contact",
         f"{block} does not stay at the fingers: {second}",
