@@ -39,9 +39,8 @@ def believed(
     name: str = "red_block_1",
     confidence: float = 0.9,
 ) -> BeliefObject:
-    return BeliefObject(
-        ObjectId(name), "item", "block", "box", BLOCK, "red", Pose(at), sigma, 0.01, confidence, 0.0, place=place
-    )  # fmt: skip
+    known = ("item", "block", "box", BLOCK, "red", Pose(at), sigma, 0.01, confidence, 0.0)
+    return BeliefObject(ObjectId(name), *known, place=place)
 
 
 def detected(
