@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -196,3 +197,27 @@ def test_the_approach_is_broken_off_when_there_is_no_way_on(monkeypatch: pytest.
         "no way to the place: motion 1 of 3 (straight by (0.000, 0.000, -0.500)): "
     )
     assert cell.happened("pick") == [f"pick: {block}: held"]
+
+
+@pytest.mark.parametrize(("off", "onwards"), [(0.003, True), (0.02, False)])
+def test_a_transfer_is_made_only_from_where_the_arm_stands(
+    off: float, onwards: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that was planned from elsewhere is left, and the object lifted straight up instead."""
+    cell, (block,) = looked(block=1)
+
+    def from_elsewhere(*what: Any) -> tuple[Request, ...]:
+        first, *others = onward(*what)
+        assert first.start is not None
+        return (replace(first, start=first.start + off * np.eye(7)[5]), *others)
+
+    monkeypatch.setattr("picktree.skills.grasp.onward", from_elsewhere)
+    x, y, _ = cell.world.scene.get(block).pose.position
+    cell.start(mission(f"Grasp: {{object: {block}}}"))
+    cell.finish()
+    assert (cell.tree.status.value, cell.tree.failure) == ("SUCCESS", None)
+    cell.rest()
+    (body,) = cell.hardware.truth()
+    carried = math.dist(body.pose.position[:2], (x, y))
+    assert (carried > 0.05) is onwards
+    assert cell.world.control.monitor.stops == 0

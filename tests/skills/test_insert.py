@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,8 @@ import pytest
 from picktree.world.causes import FailureReport
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.load import load_scene
-from picktree.world.values import ObjectId
+from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, mission
 
@@ -127,3 +129,51 @@ def test_in_physics_a_square_peg_finds_its_hole_by_feeling() -> None:
     score = cell.score()
     assert (score.sorted, score.items[0].reason) == (1, "")
     assert max(cell.hardware.penetrations.greatest.values()) < 0.15e-3  # type: ignore[union-attr]
+
+
+def turn_in_hand(cell: Cell, degrees: float) -> None:
+    """Turn the post about the vertical between the fingers: they open for its corners."""
+    hardware = cell.hardware
+    assert isinstance(hardware, KinematicHardware)
+    gripper, turn = hardware.gripper, math.radians(degrees)
+    assert gripper.item_in_tcp is not None
+    gripper.item_in_tcp = gripper.item_in_tcp @ Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, turn))
+    wider = 0.03 * (math.cos(turn) + math.sin(turn) - 1.0)
+    gripper.width = gripper.gripped = gripper.gripped + wider
+
+
+@pytest.mark.parametrize(
+    ("degrees", "cause", "message"),
+    [
+        (
+            4.5, "grasp.slipped",
+            "{item} has turned in the hand at board/square_32: the fingers stood {before:.1f} mm apart, "
+            "now {after:.1f} mm",
+        ),
+        (
+            1.5, "insert.not_found",
+            "{item} is not in board/square_32: the surface was felt, but no mouth within 0.0 mm",
+        ),
+    ],
+)  # fmt: skip
+def test_a_peg_that_turned_in_the_hand_is_no_hole_that_was_not_found(
+    degrees: float, cause: str, message: str
+) -> None:
+    """It is turned while it is felt with, beside its hole."""
+    cell = Cell(mission(inserting(", search: none, attempts: 1")), pegs(post_30=1))
+    board = cell.world.scene.fixtures["board"]
+    away = replace(board, pose=board.pose.shifted((0.03, 0.0, 0.0)))
+    cell.world.scene.fixtures = {**cell.world.scene.fixtures, "board": away}
+    while cell.world.control.controller != "CartesianImpedance":
+        cell.tick()
+        assert cell.running
+    for _ in range(4):
+        cell.tick()
+    before = 1000 * cell.world.grip.width
+    turn_in_hand(cell, degrees)
+    after = 1000 * cell.world.grip.width
+    report = failed(cell)
+    held = cell.world.scene.held
+    assert held is not None
+    told = message.format(item=held.id, before=before, after=after)
+    assert (report.cause.name, report.message) == (cause, told)

@@ -106,6 +106,91 @@ def test_a_stop_fails_also_a_skill_that_does_not_move() -> None:
     )
 
 
+def waiting(node: str, folder: Path) -> Cell:
+    """A cell in which a skill of a plug-in has begun to wait."""
+    (folder / "waiting.py").write_text(WAITING)
+    text = f"picktree: 1\nkind: mission\nplugins: [waiting.py]\ntrees:\n  Main: {node}\n"
+    path = folder / "mission.yaml"
+    path.write_text(text)
+    cell = Cell(parse_mission(text, path, Registry()), items(block=1))
+    cell.tick()
+    assert cell.running
+    return cell
+
+
+def test_a_stop_fails_a_skill_that_has_the_arm_and_only_waits(tmp_path: Path) -> None:
+    cell = waiting("WaitsWithTheArm", tmp_path)
+    cell.world.control.monitor.check_tool((2.0, 0.0, 0.5))
+    cell.tick()
+    report = cell.tree.failure
+    assert report is not None
+    assert (str(report.cause), report.message) == (
+        "safety.workspace",
+        "the tool is 1100 mm outside the workspace, at (2.000, 0.000, 0.500)",
+    )
+    assert report.evidence == {"position": [2.0, 0.0, 0.5]}
+
+
+def test_a_stop_leaves_alone_what_does_not_have_the_arm_or_sees_to_stops(tmp_path: Path) -> None:
+    for node in ("Waits", "SeesToStops"):
+        cell = waiting(node, tmp_path)
+        cell.world.control.monitor.check_tool((2.0, 0.0, 0.5))
+        for _ in range(3):
+            cell.tick()
+            assert cell.running, node
+
+
+def test_a_stop_from_before_does_not_fail_what_only_waits(tmp_path: Path) -> None:
+    """Whether it may move is for its motions to find out."""
+    cell = waiting("Waits", tmp_path)
+    cell.world.control.monitor.check_tool((2.0, 0.0, 0.5))
+    text = (tmp_path / "mission.yaml").read_text().replace("Waits", "WaitsWithTheArm")
+    cell.start(parse_mission(text, tmp_path / "mission.yaml", Registry()))
+    for _ in range(3):
+        cell.tick()
+        assert cell.running
+    monitor = cell.world.control.monitor
+    monitor.acknowledge("somebody")
+    cell.tick()
+    monitor.check_tool((3.0, 0.0, 0.5))
+    cell.tick()
+    assert cell.tree.failure is not None
+    assert cell.tree.failure.message.startswith("the tool is 2100 mm outside the workspace")
+
+
+WAITING = '''
+from picktree.trees.skill import ARM, Skill, Steps
+from picktree.world.causes import safety
+
+
+class Waits(Skill):
+    """Waits."""
+
+    causes = (safety.ANY,)
+    example = "Waits"
+
+    def run(self, world) -> Steps:
+        while True:
+            yield
+
+
+class WaitsWithTheArm(Waits):
+    """Waits, and nobody else may move the arm."""
+
+    uses = (ARM,)
+    example = "WaitsWithTheArm"
+
+
+class SeesToStops(WaitsWithTheArm):
+    """Waits, whatever happens."""
+
+    sees_to_stops = True
+    example = "SeesToStops"
+
+
+NODES = (Waits, WaitsWithTheArm, SeesToStops)
+'''
+
 RAISING = '''
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.world.causes import control

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
 
+from picktree.world.causes import FailureReport
 from picktree.world.files.marks import FileError
 from picktree.world.manipulation.planar import planar, wrapped
 from picktree.world.manipulation.singulating import has_room
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.load import load_scene
 from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.simulation.kinematic_bodies import Body
 from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, items, mission
@@ -113,6 +116,100 @@ def test_what_has_room_is_not_pushed() -> None:
     before = [body.pose for body in cell.hardware.truth()]
     assert push(cell, "singulate: true") == ""
     assert [body.pose for body in cell.hardware.truth()] == before
+
+
+class Patchy:
+    """A table on which the only item slides as usual for `way` m from where each stroke began, and then with
+    another friction."""
+
+    def __init__(self, cell: Cell, way: float, friction: float) -> None:
+        assert isinstance(cell.hardware, KinematicHardware)
+        self.hardware, self.cell = cell.hardware, cell
+        self._way, self._friction = way, friction
+        (self._body,) = self.hardware.bodies.items
+        self._put = self.hardware.bodies.put
+        self.hardware.bodies.put = self._slides  # type: ignore[method-assign]
+
+    def _slides(self, body: Body) -> None:
+        off = math.dist(body.pose.position[:2], self._body.pose.position[:2])
+        self._put(body if off < self._way else replace(body, friction=self._friction))
+
+    def push(self, ports: str) -> FailureReport:
+        """What the push fails with. A stroke begins when the hand was high above the table."""
+        self.cell.start(mission(f"Push: {{{ports}}}"))
+        self.cell.tick()
+        while self.cell.running:
+            if self.hardware.true_tcp().position[2] > 0.2:
+                (now,) = self.hardware.bodies.items
+                self._body = replace(now, friction=self._body.friction)
+                self._put(self._body)
+            self.cell.tick()
+        assert self.cell.tree.failure is not None
+        return self.cell.tree.failure
+
+
+def strokes_of(failure: FailureReport) -> list[str]:
+    strokes = failure.evidence["strokes"]
+    assert isinstance(strokes, list)
+    return [str(stroke) for stroke in strokes]
+
+
+def test_what_is_too_heavy_to_be_pushed_has_stalled() -> None:
+    cell = beside(block=(0.50, 0.0, 0.0))
+    (body,) = cell.hardware.truth()
+    assert isinstance(cell.hardware, KinematicHardware)
+    cell.hardware.change_dynamics(body.id, mass=10.0)
+    block = named(cell, "block")
+    assert push(cell, f"object: {block}, to: [0.45, 0.05]") == "push.stalled"
+    failure = cell.tree.failure
+    assert failure is not None
+    first, second = strokes_of(failure)
+    assert re.fullmatch(r"side 3 180 deg 39 mm: blocked at 2\d\.\d N after [0-3] mm", first)
+    # The side that did not give way is not tried again.
+    assert re.fullmatch(r"side 2 90 deg 39 mm: blocked at 2\d\.\d N after [0-3] mm", second)
+    assert failure.message == f"{block} does not move: {second}"
+
+
+@pytest.mark.parametrize(("way", "cause"), [(0.0022, "push.stalled"), (0.0055, "push.missed")])
+def test_what_moves_by_some_millimetres_has_not_stalled(way: float, cause: str) -> None:
+    cell = beside(block=(0.50, 0.0, 0.0))
+    table = Patchy(cell, way, 50.0)
+    failure = table.push(f"object: {named(cell, 'block')}, to: [0.45, 0.05], strokes: 3")
+    assert (str(failure.cause), len(strokes_of(failure))) == (cause, 2 if cause == "push.stalled" else 3)
+
+
+def test_what_escapes_from_the_fingers_twice_is_lost() -> None:
+    cell = beside(block=(0.50, 0.0, 0.0))
+    block = named(cell, "block")
+    failure = Patchy(cell, 0.005, 0.0).push(f"object: {block}, to: [0.45, 0.05]")
+    first, second = strokes_of(failure)
+    assert all(
+        re.fullmatch(r"side 3 1\d\d deg \d\d mm: contact lost after 2\d mm", s) for s in (first, second)
+    )
+    assert (str(failure.cause), failure.message) == (
+        "push.lost_contact",
+        f"{block} does not stay at the fingers: {second}",
+    )
+
+
+def test_what_is_gone_after_a_stroke_is_lost() -> None:
+    cell = beside(block=(0.50, 0.0, 0.0))
+    block = named(cell, "block")
+    cell.start(mission(f"Push: {{object: {block}, direction: [-1, 0], distance: 40 mm}}"))
+    hardware = cell.hardware
+    assert isinstance(hardware, KinematicHardware)
+    (body,) = hardware.bodies.items
+    while hardware.bodies[body.id].pose == body.pose:
+        cell.tick()
+    hardware.remove(body.id)
+    cell.finish()
+    failure = cell.tree.failure
+    assert failure is not None
+    assert (str(failure.cause), failure.message) == (
+        "push.lost_contact",
+        f"{block} is not seen where it was pushed (pushed for 40 mm)",
+    )
+    assert failure.evidence == {"object": block, "touched": True, "reached": pytest.approx(0.04)}
 
 
 @pytest.mark.parametrize(

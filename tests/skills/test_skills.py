@@ -111,6 +111,18 @@ def test_observe_says_what_it_misses() -> None:
     assert message(cell) == "there is no camera 'wrist'"
 
 
+def test_what_was_tried_on_an_item_is_forgotten_when_it_is_seen_to_be_gone() -> None:
+    cell = Cell(mission(LOOK), items(block=1, can=1))
+    one, other = listed(cell)
+    hardware = cell.hardware
+    assert isinstance(hardware, KinematicHardware)
+    hardware.remove(next(b.id for b in hardware.bodies.items if b.entry.kind in one))
+    for item in (one, other):
+        cell.world.attempts.failed("Main/Grasp", item, "top 0")
+    assert listed(cell) == [other]
+    assert cell.world.attempts.state() == {f"Main/Grasp|{other}": ["top 0"]}
+
+
 def test_grasp_of_what_nobody_knows() -> None:
     cell = Cell(mission(LOOK), items(block=1))
     assert fails(cell, "Grasp: {object: red_can_1}") == "world.unknown_object"

@@ -1,0 +1,118 @@
+"""LookAround: through all cameras, from all poses, until what is looked for is seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from picktree.world.faults.devices import CameraDrop
+from picktree.world.faults.when import AtTime
+from picktree.world.scene.load import load_scene
+from picktree.world.simulation.kinematic import KinematicHardware
+
+from ..skills.cell import Cell, mission
+
+POSES = ("observe", "rest", "home")
+
+
+def cell(body: str) -> tuple[Cell, KinematicHardware, list[tuple[str, str]]]:
+    """A cell with a camera over the table and one on the hand, and a list of the looks: the camera, and the
+    pose in which the arm stood, if it was one of those that robots look from."""
+    scene = load_scene("three_bins_wrist")
+    scene = replace(scene, spawn=(replace(scene.spawn[0], counts=(("block", 1), ("can", 1)), lying=0.0),))
+    made = Cell(mission(body), scene)
+    hardware, looks = made.hardware, list[tuple[str, str]]()
+    assert isinstance(hardware, KinematicHardware)
+    look = made.world.eyes.look
+
+    def looking(camera: str) -> object:
+        q = made.world.control.state.position
+        near = (p for p in POSES if np.abs(q - made.world.robot.named(p)).max() < 1e-3)
+        looks.append((camera, next(near, "")))
+        return look(camera)
+
+    made.world.eyes.look = looking  # type: ignore[method-assign,assignment]
+    return made, hardware, looks
+
+
+def outcome(cell: Cell) -> str:
+    cell.finish()
+    failure = cell.tree.failure
+    return f"{failure.cause}: {failure.message}" if failure else ""
+
+
+def listed(cell: Cell) -> list[str]:
+    value = cell.tree.blackboard.save()["Main/items"]
+    assert isinstance(value, list)
+    return [str(item) for item in value]
+
+
+LOOK = 'LookAround: {objects: "{items}"}'
+
+
+def test_every_camera_looks_once_those_that_hang_still_from_where_the_arm_is() -> None:
+    made, _, looks = cell(f"Sequence: [{{GoTo: {{pose: rest}}}}, {{{LOOK}}}]")
+    assert outcome(made) == ""
+    assert looks == [("overhead", "rest"), ("wrist", "observe")]
+    believed = {o.id: o.pose.position[0] for o in made.world.scene.objects if o.role == "item"}
+    assert listed(made) == sorted(believed, key=lambda name: believed[name])
+    assert len(believed) == 2
+
+
+def test_what_is_seen_at_once_needs_no_motion() -> None:
+    made, hardware, looks = cell("Observe")
+    assert outcome(made) == ""
+    wanted = made.world.scene.objects[0].id
+    before = hardware.arm.read().position.copy()
+    looks.clear()
+    made.start(mission(f"LookAround: {{expect: {wanted}}}"))
+    assert outcome(made) == ""
+    assert looks == [("overhead", "home")]
+    assert np.abs(hardware.arm.read().position - before).max() < 1e-6
+
+
+def test_what_is_nowhere_is_looked_for_by_all_from_everywhere() -> None:
+    made, _, looks = cell("LookAround: {expect: green_nut_7}")
+    assert outcome(made) == "perception.not_found: green_nut_7 is not in the view of any camera"
+    assert looks == [("overhead", "home"), *((c, p) for p in POSES for c in ("overhead", "wrist"))]
+    assert made.tree.failure is not None
+    assert made.tree.failure.evidence == {"object": "green_nut_7"}
+
+
+def test_a_camera_that_gives_no_picture_is_passed_over_while_another_sees() -> None:
+    made, hardware, looks = cell(LOOK)
+    hardware.afflict(0, CameraDrop(AtTime(0.0), "overhead"))
+    assert outcome(made) == ""
+    # It is asked again from the next poses, for one picture; the other has looked by then.
+    assert looks == [("overhead", "home"), ("overhead", "observe"), ("wrist", "observe"),
+                     ("overhead", "rest"), ("overhead", "home")]  # fmt: skip
+
+
+def test_cameras_that_all_give_no_picture_are_told() -> None:
+    made, hardware, _ = cell(LOOK)
+    hardware.afflict(0, CameraDrop(AtTime(0.0)))
+    told = outcome(made)
+    assert told.startswith("perception.no_image: ")
+
+
+def test_a_pose_that_cannot_be_reached_is_passed_over() -> None:
+    made, _, looks = cell("LookAround: {expect: green_nut_7}")
+    answers = iter([True, False, False])
+    made.world.plan.finds_nothing = lambda: next(answers)
+    # What did not work is told rather than that nothing was seen.
+    assert outcome(made).startswith("planning.no_path: ")
+    assert looks == [("overhead", "home"), *((c, p) for p in POSES[1:] for c in ("overhead", "wrist"))]
+
+
+def test_what_was_tried_on_something_that_is_gone_is_forgotten() -> None:
+    made, hardware, _ = cell("Observe")
+    assert outcome(made) == ""
+    one, other = (o.id for o in made.world.scene.objects if o.role == "item")
+    hardware.remove(next(b.id for b in hardware.bodies.items if b.entry.kind in one))
+    for name in (one, other):
+        made.world.attempts.failed("Main/Grasp", name, "top 0")
+    made.start(mission(LOOK))
+    assert outcome(made) == ""
+    assert made.world.attempts.state() == {f"Main/Grasp|{other}": ["top 0"]}
+    assert listed(made) == [other]

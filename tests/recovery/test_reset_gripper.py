@@ -1,0 +1,118 @@
+"""ResetGripper: fingers that follow again, later, or never, in a cell without physics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from picktree.world.faults.devices import GripperJam
+from picktree.world.faults.when import AtTime
+from picktree.world.shapes import Box
+from picktree.world.simulation.kinematic import KinematicHardware
+
+from ..skills.cell import Cell, items, mission
+
+
+def cell(body: str) -> tuple[Cell, KinematicHardware]:
+    made = Cell(mission("Observe: {camera: overhead}"), items(block=1))
+    made.finish()
+    made.start(mission(body))
+    made.events.clear()
+    assert isinstance(made.hardware, KinematicHardware)
+    return made, made.hardware
+
+
+def ended(cell: Cell) -> tuple[str, float]:
+    """What a mission failed of, empty when it succeeded, and how long it took."""
+    began = cell.world.clock.now
+    cell.finish()
+    failure = cell.tree.failure
+    told = f"{failure.cause}: {failure.message}" if failure else ""
+    return told, cell.world.clock.now - began
+
+
+def jam(hardware: KinematicHardware) -> None:
+    hardware.afflict(0, GripperJam(AtTime(0.0)))
+
+
+def test_fingers_that_follow_are_moved_to_and_fro_once() -> None:
+    made, _ = cell("ResetGripper")
+    told, seconds = ended(made)
+    assert told == ""
+    assert made.happened("gripper_reset") == ["gripper_reset: the fingers follow again, at try 1"]
+    assert made.world.grip.width == pytest.approx(0.08, abs=1e-3)
+    assert 0.5 < seconds < 1.5
+
+
+def test_it_closes_with_the_force_that_is_asked_for() -> None:
+    made, hardware = cell("ResetGripper: {force: 12 N}")
+    forces = set[float]()
+    made.tick()
+    while made.running:
+        made.tick()
+        if hardware.gripper.target == 0.0:
+            forces.add(hardware.gripper.force)
+    assert forces == {12.0}
+
+
+def test_what_jams_may_come_free_between_two_tries() -> None:
+    made, hardware = cell("ResetGripper: {wait: 3 s}")
+    jam(hardware)
+    for _ in range(int(3.0 / made.world.tick)):
+        made.tick()
+        assert made.running
+    assert made.happened("gripper_reset") == []
+    hardware.relieve(0)
+    told, _ = ended(made)
+    assert told == ""
+    assert made.happened("gripper_reset") == ["gripper_reset: the fingers follow again, at try 2"]
+
+
+@pytest.mark.parametrize("tries", [1, 3])
+def test_fingers_that_never_follow_are_told(tries: int) -> None:
+    made, hardware = cell(f"ResetGripper: {{tries: {tries}, wait: 2 s}}")
+    jam(hardware)
+    told, seconds = ended(made)
+    assert told == (
+        f"control.gripper: after {tries} tries the fingers still do not follow: they closed from 80 mm "
+        "to 80 mm only"
+    )
+    assert made.tree.failure is not None
+    assert made.tree.failure.evidence == {"width": pytest.approx(0.08), "tries": tries}
+    assert 2.0 * tries < seconds < 3.0 * tries
+
+
+@pytest.mark.parametrize(
+    ("wide", "told"),
+    [
+        (0.039, ""),
+        (
+            0.041,
+            "control.gripper: after 1 tries the fingers still do not follow: they closed from 80 mm to 41 mm "
+            "only",
+        ),
+    ],
+)
+def test_something_between_the_fingers_may_take_half_of_their_way(wide: float, told: str) -> None:
+    made, hardware = cell("ResetGripper: {tries: 1}")
+    (body,) = hardware.bodies.items
+    entry = replace(body.entry, shape=Box((0.03, wide, 0.03)))
+    hardware.bodies.put(replace(body, entry=entry, pose=hardware.true_tcp()))
+    assert ended(made)[0] == told
+
+
+def test_a_hand_that_holds_something_is_not_reset_unless_it_may_be_dropped() -> None:
+    made, hardware = cell("ResetGripper")
+    (block,) = (str(o.id) for o in made.world.scene.objects)
+    made.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
+    made.finish()
+    made.start(mission("ResetGripper"))
+    assert ended(made)[0] == f"grasp.no_candidate: the hand is not free: it holds {block}"
+    assert made.tree.failure is not None
+    assert made.tree.failure.evidence == {"object": block, "held": block}
+    assert hardware.bodies.held is not None
+    made.start(mission("ResetGripper: {drop: true}"))
+    assert ended(made)[0] == ""
+    assert hardware.bodies.held is None
+    assert made.world.scene.held is None

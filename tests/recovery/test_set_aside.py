@@ -1,0 +1,54 @@
+"""SetAside: the first times are counted, then the item is given up where it lies."""
+
+from __future__ import annotations
+
+from ..skills.cell import Cell, items, mission
+
+
+def cell() -> tuple[Cell, str]:
+    made = Cell(mission("Observe: {camera: overhead}"), items(block=1, can=1))
+    made.finish()
+    return made, str(made.world.scene.objects[0].id)
+
+
+def give_up(cell: Cell, item: str, ports: str = "") -> str:
+    cell.start(mission(f"SetAside: {{object: {item}{ports}}}"))
+    cell.finish()
+    failure = cell.tree.failure
+    return f"{failure.cause}: {failure.message}" if failure else ""
+
+
+def test_an_item_that_is_given_up_is_not_to_be_done() -> None:
+    made, item = cell()
+    world = made.world
+    world.attempts.failed("Main/Grasp", item, "top 0")
+    before = world.scene.get(item)
+    assert give_up(made, item) == ""
+    now = world.scene.get(item)
+    assert (now.place, now.pose) == ("aside", before.pose)
+    assert item not in {o.id for o in world.to_do()}
+    assert world.attempts.state() == {}
+    (told,) = (e for e in made.events if e.kind == "set_aside")
+    x, y, _ = before.pose.position
+    assert (told.message, told.node) == (f"{item} is left where it lies", "Main/SetAside")
+    assert told.data == {"object": item, "form": now.form, "x": x, "y": y, "times": 1}
+
+
+def test_before_its_time_it_is_counted_only() -> None:
+    made, item = cell()
+    for time in (1, 2):
+        assert give_up(made, item, ", after: 3") == ""
+        assert made.world.scene.get(item).place == "table", time
+    assert made.happened("set_aside") == []
+    assert give_up(made, item, ", after: 3") == ""
+    assert made.world.scene.get(item).place == "aside"
+
+
+def test_what_is_gone_needs_no_giving_up_and_what_is_held_cannot_be() -> None:
+    made, item = cell()
+    assert give_up(made, "green_nut_9") == ""
+    assert made.happened("set_aside") == []
+    made.start(mission(f"Grasp: {{object: {item}, onward: false}}"))
+    made.finish()
+    assert give_up(made, item) == f"place.missed: {item} is in the hand: let go of it first"
+    assert made.world.scene.get(item).place == "hand"
