@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import subprocess
-import sys
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +19,7 @@ from picktree.world.simulation.kinematic_state import KinematicState
 from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.simulation.truth import TrueBody
 
+from ..other_process import OtherProcess
 from .belt_cell import AT, BELT, KINDS, TOP, Hardware, belt_of, belt_scene
 from .simulated_cell import panda
 
@@ -194,35 +192,25 @@ def told(hardware: Hardware) -> str:
     return found.hexdigest()
 
 
-ELSEWHERE = """
-import json, sys
-from tests.world.test_belt_feeding import *
-backend, state = (PhysicsHardware, Checkpoint), (KinematicHardware, KinematicState)
-kind, saved = (backend, state)[int(sys.argv[1])]
-print(told(kind.resume(scene(block=1, can=1), panda(), 5, saved.from_plain(json.load(sys.stdin)))))
-"""
+def told_from(saved: str, backend: type[Hardware]) -> str:
+    """A digest of what happens from a checkpoint in JSON."""
+    plain, of = json.loads(saved), (scene(block=1, can=1), panda(), 5)
+    if backend is PhysicsHardware:
+        return told(PhysicsHardware.resume(*of, Checkpoint.from_plain(plain)))
+    return told(KinematicHardware.resume(*of, KinematicState.from_plain(plain)))
 
 
-@pytest.mark.parametrize(("number", "backend"), list(enumerate(BACKENDS)))
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_a_checkpoint_while_items_come_goes_on_the_same_elsewhere(
-    number: int, backend: type[Hardware]
+    backend: type[Hardware], elsewhere: OtherProcess
 ) -> None:
     hardware = backend(scene(block=1, can=1), panda(), 5)
     hardware.feed.ready()
     for _ in range(6 * 240):
         hardware.step()
     assert belt_of(hardware).moving
-    saved: Checkpoint | KinematicState = hardware.checkpoint()
-    answer = subprocess.run(
-        [sys.executable, "-c", ELSEWHERE, str(number)],
-        input=json.dumps(saved.to_plain()),
-        cwd=Path(__file__).parents[2],
-        env={"PYTHONHASHSEED": "7", "PATH": ""},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert answer.stdout.strip() == told(hardware)
+    saved = json.dumps(hardware.checkpoint().to_plain())
+    assert elsewhere.call(told_from, saved, backend) == told(hardware)
 
 
 def test_two_runs_are_the_same() -> None:
