@@ -1,10 +1,32 @@
 """What holds for all tests."""
 
 import signal
+from collections.abc import Iterator
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from picktree.world.arithmetic import restart  # picktree before numpy: it chooses numpy's kernels
+
+from .other_process import OtherProcess
+
+# The same examples everywhere, and none is refused because a machine is slow.
+settings.register_profile(
+    "picktree",
+    derandomize=True,
+    deadline=None,
+    max_examples=50,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+settings.load_profile("picktree")
+
+
+@pytest.fixture(scope="session")
+def elsewhere() -> Iterator[OtherProcess]:
+    """Another process with another hash seed, for comparisons."""
+    process = OtherProcess()
+    yield process
+    process.close()
 
 
 def pytest_configure(config: pytest.Config) -> None:

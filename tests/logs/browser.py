@@ -26,6 +26,8 @@ FLAGS = (
     "--ignore-gpu-blocklist",
 )
 READY = "html[data-ready=yes]"
+PATIENCE = 300.0
+"""Wall seconds after which something that is waited for will not come, however busy the machine is."""
 
 
 @dataclass
@@ -71,6 +73,7 @@ class Chromium:
             device_scale_factor=scale,
             reduced_motion="reduce",
         )
+        context.set_default_timeout(PATIENCE * 1000)
         told = Told()
         page = context.new_page()
         if script:
@@ -83,16 +86,27 @@ class Chromium:
         own = file.absolute().as_uri()
         try:
             page.goto(own + at)
-            page.wait_for_selector(READY, state="attached", timeout=30_000)
+            page.wait_for_selector(READY, state="attached")
             yield page, told
         finally:
             context.close()
 
 
-def wait_until(page: Any, expression: str, seconds: float = 10.0) -> None:
+def wait_until(page: Any, expression: str, seconds: float = PATIENCE) -> None:
     """Wait until it is true in the page, whose policy forbids what `page.wait_for_function` does."""
     end = time.monotonic() + seconds
     while not page.evaluate(expression):
         if time.monotonic() > end:
             raise AssertionError(f"never true in the page: {expression}")
         page.wait_for_timeout(20)
+
+
+def frames(page: Any, count: int) -> None:
+    """Wait until the page has drawn so many more frames."""
+    page.evaluate(
+        """(count) => new Promise((done) => {
+            const next = (left) => left > 0 ? requestAnimationFrame(() => next(left - 1)) : done();
+            next(count);
+        })""",
+        count,
+    )

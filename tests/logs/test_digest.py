@@ -1,11 +1,12 @@
 """The digest tells what was simulated, and nothing else."""
 
-import subprocess
-import sys
 from pathlib import Path
 from types import ModuleType
 
 from picktree.logs.run_log import RunLog
+
+from ..other_process import OtherProcess
+from .sample import record
 
 
 def test_chunks_and_wall_time_do_not_change_it(sample: ModuleType, tmp_path: Path) -> None:
@@ -26,22 +27,6 @@ def test_anything_simulated_changes_it(sample: ModuleType, tmp_path: Path) -> No
     assert sample.record(tmp_path / "a.mcap", ticks=20) != sample.record(tmp_path / "b.mcap", ticks=21)
 
 
-def test_another_process_and_hash_seed_give_the_same(sample: ModuleType, tmp_path: Path) -> None:
-    assert sample.__file__ is not None
-    program = (
-        "import importlib.util, sys; from pathlib import Path;"
-        "spec = importlib.util.spec_from_file_location('s', sys.argv[1]);"
-        "m = importlib.util.module_from_spec(spec); spec.loader.exec_module(m);"
-        "print(m.record(Path(sys.argv[2])))"
-    )
-    answers = {
-        subprocess.run(
-            [sys.executable, "-c", program, sample.__file__, str(tmp_path / f"{seed}.mcap")],
-            env={"PYTHONHASHSEED": seed},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.strip()
-        for seed in ("1", "2")
-    }
-    assert answers == {sample.record(tmp_path / "here.mcap")}
+def test_another_process_and_hash_seed_give_the_same(tmp_path: Path, elsewhere: OtherProcess) -> None:
+    there = elsewhere.call(record, tmp_path / "there.mcap")
+    assert there == record(tmp_path / "here.mcap")

@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 import os
 import signal
-import threading
 from pathlib import Path
 
 import pytest
 
+from picktree.logs.assembly import TICK
 from picktree.logs.checkpoints import RunState
+from picktree.logs.result import RunResult
 from picktree.logs.run_log import RunLog
 from picktree.logs.session import RunRequest, Session
+from picktree.trees.runner import NodeInfo, TickReport
 from picktree.world.errors import PicktreeError
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -25,6 +27,28 @@ TOPICS = {
 
 def request(out: Path, mission: str = "one_pick", **options: object) -> RunRequest:
     return RunRequest(mission=EXAMPLES / f"{mission}.yaml", out=out, backend="kinematic", **options)  # type: ignore[arg-type]
+
+
+ONE_ITEM = """\
+picktree: 1
+kind: scene
+base: sort_small
+checkpoint_every: 1
+spawn: [{of: {block: 1}, colours: [red], area: {min: [0.44, -0.1], max: [0.46, -0.08]}}]
+"""
+
+
+class Interrupting:
+    """Sends Ctrl-C while a tick is reported."""
+
+    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
+    def told(self, now: float, text: str) -> None: ...
+    def finished(self, result: RunResult) -> None: ...
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        if round(now / TICK) == 6:
+            os.kill(os.getpid(), signal.SIGINT)
 
 
 def test_a_run_leaves_a_log_a_result_and_the_files_it_was_made_from(tmp_path: Path) -> None:
@@ -44,15 +68,16 @@ def test_a_run_leaves_a_log_a_result_and_the_files_it_was_made_from(tmp_path: Pa
 
 
 def test_checkpoints_are_in_the_log_and_can_be_read_back(tmp_path: Path) -> None:
-    session = Session(request(tmp_path, "sort_by_colour", scene="sort_small"))
+    (tmp_path / "one.yaml").write_text(ONE_ITEM)
+    session = Session(request(tmp_path, "sort_by_colour", scene=str(tmp_path / "one.yaml")))
     result = session.run()
-    assert result.items.sorted == 4
+    assert result.items.sorted == 1
     with RunLog(result.log) as log:
         names = [name for name in log.attachments if name.startswith("checkpoint-")]
         assert names == ["checkpoint-0001.json"]
         state = RunState.from_json(log.attachment(names[0]))
         moments = [e.time for e in log.events() if e.record.kind == "checkpoint"]
-    assert state.items_done == 4
+    assert state.items_done == 1
     assert moments == [pytest.approx(state.time + 0.05)]
     assert RunState.from_json(state.to_json()) == state
     session.tree.halt()
@@ -67,11 +92,7 @@ def test_a_run_ends_at_its_limit(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_run_has_a_result_and_a_whole_log(tmp_path: Path) -> None:
-    session = Session(request(tmp_path, "sort_by_colour"))
-    timer = threading.Timer(1.5, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
-    result = session.run()
-    timer.cancel()
+    result = Session(request(tmp_path), Interrupting()).run()
     assert result.status == "interrupted"
     with RunLog(result.log) as log:
         assert not log.recovered
@@ -99,7 +120,7 @@ def test_a_signal_before_the_first_tick_leaves_a_whole_log(
 
 
 def test_the_scene_and_parameters_of_a_run_can_be_chosen(tmp_path: Path) -> None:
-    chosen = request(tmp_path, "sort_by_colour", scene="sort_small", parameters={"rounds": "1"})
+    chosen = request(tmp_path, "sort_by_colour", scene="sort_small", parameters={"rounds": "1"}, limit=0.2)
     with RunLog(Session(chosen).run().log) as log:
         assert (log.run.scene, log.run.parameters) == ("sort_small", {"rounds": "1"})
 

@@ -239,6 +239,27 @@ def branch(doing: Callable[[], Halted]) -> Halted:
     return answer
 
 
+class Phases:
+    """Ticks in which to halt: these of each phase of a run, as far as it lasts, counted from 1.
+
+    A phase lasts while the same leaf runs, the same controller commands the arm, and the hand holds what it
+    held.
+    """
+
+    def __init__(self, cell: Cell, ticks: tuple[int, ...], leaves: tuple[str, ...] = ()) -> None:
+        self._cell, self._ticks, self._leaves = cell, ticks, leaves
+        self._phase: tuple[object, ...] = ()
+        self._ran = 0
+
+    def __call__(self, tick: int) -> bool:
+        cell = self._cell
+        held = cell.world.scene.held
+        phase = (cell.leaf, cell.world.control.controller, held and held.id)
+        self._ran = self._ran + 1 if phase == self._phase else 1
+        self._phase = phase
+        return self._ran in self._ticks and (not self._leaves or cell.leaf in self._leaves)
+
+
 def halted_at(
     cell: Cell, wanted: Callable[[int], bool], then: Mission | None = None, limit: float = LIMIT
 ) -> list[Halted]:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-import pytest
-
 from picktree.trees.loader import load_mission
 from picktree.trees.mission import Mission
 from picktree.trees.registry import Registry
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.load import load_scene
 
-from .cell import EXAMPLES, Cell, halted_at
+from .cell import EXAMPLES, Cell, Phases, halted_at
 
 
 def example(name: str) -> Mission:
@@ -26,13 +23,10 @@ def one_peg(kind: str) -> SceneDescription:
     return replace(scene, spawn=(replace(scene.spawn[0], counts=((kind, 1),)),))
 
 
-@pytest.mark.slow
-def test_inserting_in_physics_halted_at_random_ticks() -> None:
-    """`benchmarks/halting.py --leaf Insert --each` does it at each of them."""
+def test_inserting_in_physics_halted_in_contact() -> None:
+    """`benchmarks/halting.py --leaf Insert --each` does it at each of its ticks."""
     mission = example("insert_pegs")
-    chosen = np.random.default_rng([11, 0]).choice(np.arange(60, 150), 8, replace=False)
-    answers = halted_at(
-        Cell(mission, one_peg("dowel_30"), "physics", 11), lambda tick: tick in chosen, mission
-    )
-    assert [a for a in answers if not a.fine] == []
-    assert {a.leaf for a in answers} == {"Insert"}
+    cell = Cell(mission, one_peg("dowel_30"), "physics", 11)
+    feeling = Phases(cell, (40,), ("Insert",))
+    answers = halted_at(cell, feeling, mission)
+    assert [(a.leaf, a.believed) for a in answers if a.fine] == [("Insert", True)]

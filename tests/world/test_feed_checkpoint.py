@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
@@ -16,16 +13,12 @@ from picktree.world.simulation.kinematic_state import KinematicState
 from picktree.world.simulation.physics import PhysicsHardware
 from picktree.world.values import ObjectId
 
+from ..other_process import OtherProcess
 from .feed_cell import Hardware, build, digest, fed, load, moved, resumed, wait
 from .simulated_cell import cell, panda
 
 BACKENDS = pytest.mark.parametrize("backend", ["physics", "kinematic"])
 RED = ObjectId("red_bin")
-ELSEWHERE = """
-import sys
-from tests.world.test_feed_checkpoint import *
-print(digest(resumed(eventful(sys.argv[1])), 2.0))
-"""
 
 
 def eventful(backend: Backend) -> Hardware:
@@ -69,19 +62,16 @@ def test_a_run_with_a_feed_is_resumed_bit_for_bit(backend: Backend) -> None:
     assert len(again.truth()) == 10
 
 
-@pytest.mark.parametrize("backend", ["physics", "kinematic"])
-def test_another_process_has_the_same_digest(backend: Backend) -> None:
-    answer = subprocess.run(
-        [sys.executable, "-c", ELSEWHERE, backend],
-        cwd=Path(__file__).parents[2],
-        env={"PYTHONHASHSEED": "7", "PATH": ""},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+def digest_resumed(backend: Backend) -> str:
+    return digest(resumed(eventful(backend)), 2.0)
+
+
+@BACKENDS
+def test_another_process_has_the_same_digest(backend: Backend, elsewhere: OtherProcess) -> None:
+    there = elsewhere.call(digest_resumed, backend)
     hardware = eventful(backend)
     hardware.checkpoint()
-    assert answer.stdout.split()[-1] == digest(hardware, 2.0)
+    assert there == digest(hardware, 2.0)
 
 
 @BACKENDS

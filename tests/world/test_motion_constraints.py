@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from math import degrees, pi, radians
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.world.causes import Failure
@@ -35,6 +31,7 @@ from picktree.world.shapes import Box
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Bounds, Pose
 
+from ..other_process import OtherProcess
 from .motion_cell import HOME, MODEL, down, item, shelf_scene, table_scene
 
 LEVEL = (-1.0, 0.0, 0.0)
@@ -115,7 +112,6 @@ def test_a_clearance_is_kept() -> None:
 
 
 @given(st.lists(st.floats(-1.0, 1.0), min_size=7, max_size=7), st.floats(0.01, 1.0))
-@settings(max_examples=60, deadline=None)
 def test_a_projection_ends_where_the_constraints_hold(shares: list[float], limit: float) -> None:
     middle, half = (MODEL.upper + MODEL.lower) / 2, (MODEL.upper - MODEL.lower) / 2
     q = middle + np.array(shares) * half
@@ -202,18 +198,7 @@ def fingerprint() -> str:
     return " ".join(f"{p.planner} {p.checks} {p.trajectory.position.tobytes().hex()[-64:]}" for p in plans)
 
 
-def test_the_same_bits_in_other_processes() -> None:
+def test_the_same_bits_in_another_process(elsewhere: OtherProcess) -> None:
     here = fingerprint()
     assert here.startswith("CBiRRT ")
-    program = "from tests.world.test_motion_constraints import fingerprint; print(fingerprint())"
-    for hash_seed in ("1", "77"):
-        environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
-        done = subprocess.run(
-            [sys.executable, "-c", program],
-            env=environment,
-            cwd=Path(__file__).parents[2],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        assert done.stdout.strip() == here
+    assert elsewhere.call(fingerprint) == here

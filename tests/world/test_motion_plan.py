@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
-import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +16,7 @@ from picktree.world.motion.requests import JointGoal, Line, NamedGoal, Offset, P
 from picktree.world.shapes import Box
 from picktree.world.values import Array, Pose
 
+from ..other_process import OtherProcess
 from .motion_cell import HOME, MODEL, TICK, Cell, down, item, littered, run, shelf_scene, table_scene
 
 IN_LEFT = Pose.from_rpy((0.6, 0.17, 0.4), (0.0, np.pi / 2, 0.0))
@@ -286,57 +285,35 @@ def test_another_node_or_seed_plans_otherwise_and_the_same_one_alike() -> None:
     assert end(1, "a") != end(2, "a")
 
 
-PROGRAM = """
-import hashlib, sys
-import numpy as np
-sys.path.insert(0, {tests!r})
-import importlib.util
-spec = importlib.util.spec_from_file_location("motion_cell", {cell!r})
-cell_module = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(cell_module)
-from picktree.world.causes import Failure
-from picktree.world.motion.requests import PoseGoal
-from picktree.world.values import Pose
-
-digest = hashlib.sha256()
-cell = cell_module.Cell(cell_module.shelf_scene(), verify={verify})
-rng, rng_of_its_own = np.random.default_rng(0), np.random.default_rng(1)
-for _ in range(6):
-    x, y, z = rng.uniform([0.5, -0.25, 0.3], [0.62, 0.25, 0.5])
-    pose = Pose.from_rpy((float(x), float(y), float(z)), (0.0, np.pi / 2, 0.0))
-    if {curious}:
-        supposed = cell.scene.supposing(allowed=[("gripper", "roof")])
-        cell.plan.solver.collision.update(supposed, 0.01, clearance=0.02)
-        for other in rng_of_its_own.uniform(-1.5, 1.5, (20, 7)):
-            cell.plan.solver.collision.free(other), cell.plan.contacts(other)
-    try:
-        plan, ticks = cell_module.run(cell.plan.to(PoseGoal((pose,)), node="a"))
-    except Failure as failure:
-        digest.update(f"{{failure}} {{failure.evidence}}".encode())
-        continue
-    cell.at = plan.trajectory.end
-    digest.update(plan.trajectory.position.tobytes() + plan.trajectory.times.tobytes())
-    digest.update(f"{{plan.planner}} {{plan.checks}} {{ticks}} {{cell.thinking.owed!r}}".encode())
-print(digest.hexdigest())
-"""
+def plans_in_turn(*, verify: bool, curious: bool) -> str:
+    """A digest of plans in a shelf. A curious cell is asked other things in between."""
+    digest = hashlib.sha256()
+    cell = Cell(shelf_scene(), verify=verify)
+    rng, rng_of_its_own = np.random.default_rng(0), np.random.default_rng(1)
+    for _ in range(6):
+        x, y, z = rng.uniform([0.5, -0.25, 0.3], [0.62, 0.25, 0.5])
+        pose = Pose.from_rpy((float(x), float(y), float(z)), (0.0, np.pi / 2, 0.0))
+        if curious:
+            supposed = cell.scene.supposing(allowed=[("gripper", "roof")])
+            cell.plan.solver.collision.update(supposed, 0.01, clearance=0.02)
+            for other in rng_of_its_own.uniform(-1.5, 1.5, (20, 7)):
+                cell.plan.solver.collision.free(other)
+                cell.plan.contacts(other)
+        try:
+            plan, ticks = run(cell.plan.to(PoseGoal((pose,)), node="a"))
+        except Failure as failure:
+            digest.update(f"{failure} {failure.evidence}".encode())
+            continue
+        cell.at = plan.trajectory.end
+        digest.update(plan.trajectory.position.tobytes() + plan.trajectory.times.tobytes())
+        digest.update(f"{plan.planner} {plan.checks} {ticks} {cell.thinking.owed!r}".encode())
+    return digest.hexdigest()
 
 
-def test_the_same_bits_in_another_process_with_another_hash_seed() -> None:
-    folder = os.path.dirname(__file__)
-    digests: set[str] = set()
-    # One is verified, and one is asked other things in between.
-    for hash_seed, verify, curious in (("1", True, False), ("77", False, False), ("4242", False, True)):
-        cell = os.path.join(folder, "motion_cell.py")
-        program = PROGRAM.format(tests=folder, cell=cell, verify=verify, curious=curious)
-        done = subprocess.run(
-            [sys.executable, "-c", program],
-            env={**os.environ, "PYTHONHASHSEED": hash_seed},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        digests.add(done.stdout)
-    assert len(digests) == 1 and len(digests.pop()) == 65
+def test_the_same_bits_in_another_process_with_another_hash_seed(elsewhere: OtherProcess) -> None:
+    """The one here is verified, the one there is asked other things in between."""
+    there = elsewhere.call(plans_in_turn, verify=False, curious=True)
+    assert there == plans_in_turn(verify=True, curious=False)
 
 
 def test_the_hand_leaves_a_neighbour_that_is_believed_a_little_too_near() -> None:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,15 +11,9 @@ from picktree.world.errors import PicktreeError
 from picktree.world.simulation.checkpoint import Checkpoint
 from picktree.world.simulation.physics import PhysicsHardware
 
+from ..other_process import OtherProcess
 from .simulated_cell import cell, panda
 from .test_simulation_physics import HOME, digest, go
-
-RESUMED = """
-import json, sys
-from tests.world.test_simulation_checkpoint import *
-saved = Checkpoint.from_plain(json.load(open(sys.argv[1])))
-print(digest(PhysicsHardware.resume(cell(), panda(), 4, saved), 120))
-"""
 
 
 def disturbed() -> PhysicsHardware:
@@ -38,28 +29,19 @@ def disturbed() -> PhysicsHardware:
     return hardware
 
 
-def resumed_elsewhere(saved: Checkpoint, folder: Path) -> str:
-    """Digest of the continuation in a fresh process with another hash seed."""
-    file = folder / "checkpoint.json"
-    file.write_text(json.dumps(saved.to_plain()), encoding="utf-8")
-    answer = subprocess.run(
-        [sys.executable, "-c", RESUMED, str(file)],
-        cwd=Path(__file__).parents[2],
-        env={"PYTHONHASHSEED": "7", "PATH": ""},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return answer.stdout.split()[-1]
+def resumed(saved: str) -> str:
+    """Digest of the continuation of a checkpoint in JSON."""
+    checkpoint = Checkpoint.from_plain(json.loads(saved))
+    return digest(PhysicsHardware.resume(cell(), panda(), 4, checkpoint), 60)
 
 
-def test_a_resumed_run_continues_bit_for_bit_in_another_process(tmp_path: Path):
+def test_a_resumed_run_continues_bit_for_bit_in_another_process(elsewhere: OtherProcess):
     hardware = disturbed()
-    saved = hardware.checkpoint()
-    assert resumed_elsewhere(saved, tmp_path) == digest(hardware, 120)
+    saved = json.dumps(hardware.checkpoint().to_plain())
+    assert elsewhere.call(resumed, saved) == digest(hardware, 60)
 
 
-def test_a_run_under_torque_is_resumed_as_well(tmp_path: Path):
+def test_a_run_under_torque_is_resumed_as_well():
     hardware = disturbed()
     for _ in range(5):
         hardware.arm.apply_torque(np.array([0.0, -20.0, 0.0, 15.0, 0.0, 2.0, 0.0]))

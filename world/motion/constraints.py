@@ -79,9 +79,11 @@ class PathConstraints:
     def project(self, q: Array, lower: Array, upper: Array, reserve: float = RESERVE) -> Array | None:
         """A configuration near q (n,) where all hold with some reserve (a share of their room), or None.
 
+        Within the limits of the joints `lower` and `upper` (n,), rad, also where q lies beyond them.
         Newton's method on the constraints that are broken, by the damped pseudoinverse, as in Berenson,
         Srinivasa, Ferguson and Kuffner, "Manipulation planning on constraint manifolds", ICRA 2009.
         """
+        q = np.minimum(np.maximum(q, lower), upper)
         if not self._rows:
             return q
         for step in range(STEPS):
