@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
+from .commands import call
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "first-mission.md").read_text(encoding="utf-8")
@@ -46,15 +46,11 @@ class Reader:
             if command.startswith("cd "):
                 self.folder = self.folder / command.removeprefix("cd ").strip()
                 continue
-            ran = subprocess.run(
-                ["bash", "-c", command], cwd=self.folder, env=self.environment(),
-                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            )  # fmt: skip
+            program, *words = shlex.split(command)
+            assert program == "picktree"
+            ran = call(words, self.folder, one_stream=True)
             assert ran.returncode == wanted, f"{command}\n{ran.stdout}"
             self.said += ran.stdout
-
-    def environment(self) -> dict[str, str]:
-        return {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 
     def edit(self, diff: str) -> None:
         head, *lines = diff.splitlines()

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-import errno
 import io
 import json
-import os
-import pty
-import select
-import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +15,7 @@ from picktree.logs.session import RunRequest, Session
 from picktree.trees.debugger import Debugger
 from picktree.trees.status import NodeStatus
 
+from ..commands import Terminal, call
 from ..trees.scripted import FakeWorld, start
 
 MISSION = """
@@ -296,10 +290,7 @@ def test_debug_is_handed_to_the_session(
 def test_a_script_debugs_and_stdout_is_the_answers(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(QUICK)
     line = ["run", str(tmp_path / "m.yaml"), "--backend", "kinematic", "--out", str(tmp_path)]
-    debugged = subprocess.run(
-        [sys.executable, "-m", "picktree", *line, "--json", "--debug"],
-        input="c\nnode\nstep\nnext\nn\nbelief\ntree\nc\n", capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    debugged = call([*line, "--json", "--debug"], typed="c\nnode\nstep\nnext\nn\nbelief\ntree\nc\n")
     assert debugged.returncode == 0
     plain = Session(RunRequest(mission=tmp_path / "m.yaml", backend="kinematic", out=tmp_path)).run()
     assert json.loads(debugged.stdout)["digest"] == plain.digest
@@ -339,49 +330,11 @@ def test_quitting_interrupts_the_run_and_leaves_a_whole_log(
 
 def test_at_a_terminal_tab_completes_and_ctrl_c_interrupts(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(QUICK)
-    master, slave = pty.openpty()
-    line = [sys.executable, "-m", "picktree", "run", str(tmp_path / "m.yaml"), "--backend", "kinematic"]
-    running = subprocess.Popen(
-        [*line, "--out", str(tmp_path), "--debug"],
-        stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-        preexec_fn=_own_terminal, env={**os.environ, "TERM": "dumb"},
-    )  # fmt: skip
-    os.close(slave)
-    shown = _until(master, "(picktree) ")
-    assert "before Main" in shown
-    os.write(master, b"cont\t\n")
-    assert "continue" in _until(master, "(picktree) ")
+    words = ["run", str(tmp_path / "m.yaml"), "--backend", "kinematic", "--out", str(tmp_path), "--debug"]
+    terminal = Terminal(words, "dumb")
+    assert "before Main" in terminal.until("(picktree) ")
+    terminal.press(b"cont\t\n")
+    assert "continue" in terminal.until("(picktree) ")
     # One that comes between the prompt and the wait for input waits for the next key, in Python's readline.
-    assert "interrupted: the run was interrupted" in _until(master, None, press=b"\x03")
-    assert running.wait(timeout=60) == 130
-    os.close(master)
-
-
-def _own_terminal() -> None:
-    """Make the terminal the process's own, so that Ctrl-C reaches it as a signal."""
-    import fcntl
-    import termios
-
-    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
-
-
-def _until(terminal: int, end: str | None, press: bytes = b"") -> str:
-    """What the terminal shows until it ends so; None: until nobody writes to it any more. `press` is typed
-    each second until something is shown."""
-    shown, began = "", time.monotonic()
-    while end is None or not shown.endswith(end):
-        assert time.monotonic() - began < 60, shown
-        if press and not shown:
-            os.write(terminal, press)
-        if not select.select([terminal], [], [], 1.0)[0]:
-            continue
-        try:
-            piece = os.read(terminal, 4096)
-        except OSError as error:
-            if error.errno != errno.EIO:
-                raise
-            break
-        if not piece:
-            break
-        shown += piece.decode()
-    return shown
+    terminal.until("interrupted: the run was interrupted", press=b"\x03")
+    assert terminal.end() == 130

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from picktree.cli.app import answer
+
+from ..commands import call
 
 MISSION = """\
 picktree: 1
@@ -116,8 +116,7 @@ def test_full_coverage_is_an_answer_too(files: Path, capsys: pytest.CaptureFixtu
 
 @pytest.mark.usefixtures("files")
 def test_json_is_one_object_on_stdout() -> None:
-    command = [sys.executable, "-m", "picktree", "rehearse", "m.yaml", "--cases", "c.yaml", "--json"]
-    ran = subprocess.run(command, capture_output=True, text=True)
+    ran = call(["rehearse", "m.yaml", "--cases", "c.yaml", "--json"])
     assert (ran.returncode, ran.stderr) == (1, "")
     result = json.loads(ran.stdout)
     assert (result["mission"], result["file"], result["passed"], result["complete"]) == (

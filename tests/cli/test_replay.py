@@ -2,18 +2,9 @@
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import io
-import os
-import pty
 import re
-import select
-import struct
 import subprocess
-import sys
-import termios
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -28,6 +19,7 @@ from picktree.logs.stepping.cursor import Cursor
 from picktree.world.journal import CandidatesRanked, CandidateTried, Happened, PlanMade
 from picktree.world.values import ObjectId, Pose
 
+from ..commands import Terminal, call
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
@@ -287,8 +279,7 @@ def test_the_python_of_its_page_runs(
 
 
 def piped(log: Path, lines: str, *options: str) -> subprocess.CompletedProcess[str]:
-    line = [sys.executable, "-m", "picktree", "replay", str(log), *options]
-    return subprocess.run(line, input=lines, capture_output=True, text=True, check=False)
+    return call(["replay", str(log), *options], typed=lines)
 
 
 def test_a_script_is_shown_as_a_conversation(log: Path) -> None:
@@ -322,60 +313,12 @@ def test_what_is_no_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().err == f"{tmp_path}/none.mcap: there is no such log\n"
 
 
-def _own_terminal() -> None:
-    """Make the terminal the process's own, so that Ctrl-C reaches it as a signal."""
-    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
-
-
-def _without_a_size() -> dict[str, str]:
-    """The environment without what would count for more than the terminal's size."""
-    return {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
-
-
-class Terminal:
-    """The command at a terminal of 30 rows and 100 columns."""
-
-    def __init__(self, log: Path, kind: str = "xterm") -> None:
-        self._master, slave = pty.openpty()
-        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
-        self.before = termios.tcgetattr(slave)
-        self._slave = slave
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "picktree", "replay", str(log)],
-            stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-            preexec_fn=_own_terminal, env={**_without_a_size(), "TERM": kind},
-        )  # fmt: skip
-
-    def press(self, keys: bytes) -> None:
-        os.write(self._master, keys)
-
-    def until(self, part: str) -> str:
-        """What is shown until that is part of it, without escape sequences."""
-        shown, began = "", time.monotonic()
-        while part not in shown:
-            assert time.monotonic() - began < 60, shown
-            if not select.select([self._master], [], [], 1.0)[0]:
-                continue
-            try:
-                piece = os.read(self._master, 4096)
-            except OSError as error:
-                if error.errno != errno.EIO:
-                    raise
-                break
-            shown += re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", piece.decode(errors="ignore"))
-        return shown
-
-    def close(self) -> int:
-        """The exit code; the terminal must be as it was."""
-        code = self.process.wait(timeout=60)
-        assert termios.tcgetattr(self._slave)[3] == self.before[3]
-        os.close(self._master)
-        os.close(self._slave)
-        return code
+def at_a_terminal(log: Path, kind: str = "xterm") -> Terminal:
+    return Terminal(["replay", str(log)], kind)
 
 
 def test_at_a_terminal_there_are_keys(log: Path) -> None:
-    terminal = Terminal(log)
+    terminal = at_a_terminal(log)
     assert "0.00 s, tick 0 of 12" in terminal.until("? help")
     terminal.press(b"f")
     assert "✗ Grasp ends in FAILURE" in terminal.until("? help")
@@ -390,20 +333,20 @@ def test_at_a_terminal_there_are_keys(log: Path) -> None:
     terminal.press(b" ")
     assert "a line with any command" in terminal.until("? help")
     terminal.press(b"q")
-    assert terminal.close() == 0
+    assert terminal.end() == 0
 
 
 def test_ctrl_c_ends_it_as_everywhere(log: Path) -> None:
-    terminal = Terminal(log)
+    terminal = at_a_terminal(log)
     terminal.until("? help")
     terminal.press(b"\x03")
-    assert terminal.close() == 130
+    assert terminal.end() == 130
 
 
 def test_at_a_terminal_without_a_screen_there_is_a_prompt(log: Path) -> None:
-    terminal = Terminal(log, "dumb")
+    terminal = at_a_terminal(log, "dumb")
     terminal.until("(picktree) ")
     terminal.press(b"failure\n")
     assert "0.25 s, tick 5 of 12" in terminal.until("passed over")
     terminal.press(b"quit\n")
-    assert terminal.close() == 0
+    assert terminal.end() == 0

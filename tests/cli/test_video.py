@@ -3,12 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import pty
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import av
@@ -16,6 +10,8 @@ import pytest
 
 from picktree.cli.app import answer
 from picktree.logs.images import decode_colour
+
+from ..commands import Terminal
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 QUICK = ["--size", "128x80", "--processes", "1"]
@@ -85,20 +81,12 @@ def test_bad_input_is_one_sentence(
 
 
 def test_a_terminal_shows_how_long_it_will_take_and_an_interrupt_leaves_nothing(tmp_path: Path) -> None:
-    ours, theirs = pty.openpty()
-    command = [sys.executable, "-m", "picktree", "video", str(GOLDEN), "-o", str(tmp_path / "film.mp4")]
     # Slow enough to be caught at it: 5,900 frames by two processes.
-    options = ["--speed", "0.01", "--processes", "2"]
-    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=theirs)
-    os.close(theirs)
-    seen = b""
-    limit = time.monotonic() + 60
-    while b" left" not in seen and time.monotonic() < limit:
-        seen += os.read(ours, 1000)
-    assert b"of 5900, " in seen
-    process.send_signal(signal.SIGINT)
-    assert process.wait(30) == 130
-    os.close(ours)
+    words = ["video", str(GOLDEN), "-o", str(tmp_path / "film.mp4"), "--speed", "0.01", "--processes", "2"]
+    terminal = Terminal(words)
+    assert "of 5900, " in terminal.until(" left")
+    terminal.press(b"\x03")
+    assert terminal.end() == 130
     assert list(tmp_path.iterdir()) == []
 
 
