@@ -10,9 +10,11 @@ import ast
 import hashlib
 import io
 import tokenize
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 BOUNDARY = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
 COMPARISON = {
@@ -162,9 +164,7 @@ class _Finder:
 
     def __post_init__(self) -> None:
         self._lines = self.source.splitlines(keepends=True)
-        self._offsets = [0]
-        for line in self._lines:
-            self._offsets.append(self._offsets[-1] + len(line))
+        self._offsets = [0, *accumulate(map(len, self._lines))]
         self._tokens = [
             (self._offsets[t.start[0] - 1] + t.start[1], self._offsets[t.end[0] - 1] + t.end[1], t.string)
             for t in tokenize.generate_tokens(io.StringIO(self.source).readline)
@@ -196,10 +196,11 @@ class _Finder:
                 self._block(node.orelse, scope)
             case ast.Assign() | ast.AnnAssign() if _states_types(node):
                 pass
+            case ast.Assign() | ast.AnnAssign() if scope.body is None:
+                for name, value in _declared(node):
+                    self._expression(value, _Scope(**{**vars(here), "declares": name}))
             case _:
-                if scope.body is None:
-                    here.declares = _target(node)
-                else:
+                if scope.body is not None:
                     self._deleted(node, here)
                     self._returned(node, here)
                 self._parts(node, here)
@@ -364,13 +365,13 @@ class _Finder:
     # Places in the text.
 
     def _add(self, operator: str, start: int, end: int, text: str, scope: _Scope) -> None:
-        changed = self.source[:start] + text + self.source[end:]
-        line = self.source.count("\n", 0, start) + 1
-        begin = self._offsets[line - 1]
+        line = bisect_right(self._offsets, start)
+        rest, _, _ = self.source[end:].partition("\n")
+        changed = self.source[self._offsets[line - 1] : start] + text + rest
         self._found.append(
             Mutant(
                 self.file, scope.name, operator, start, end, text, line,
-                self._lines[line - 1].strip(), changed[begin : (changed + "\n").index("\n", begin)].strip(),
+                self._lines[line - 1].strip(), changed.splitlines()[0].strip(),
                 **self._running(line, scope),
             )
         )  # fmt: skip
@@ -422,9 +423,16 @@ def _states_types(node: ast.Assign | ast.AnnAssign) -> bool:
     return bool(_names(node.targets[0]) & {"__all__", "__slots__"})
 
 
-def _target(node: ast.stmt) -> str | None:
-    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-    return targets[0].id if isinstance(targets[0], ast.Name) else None
+def _declared(node: ast.Assign | ast.AnnAssign) -> list[tuple[str | None, ast.expr]]:
+    """Values that are assigned, each with its name."""
+    target, value = node.targets[0] if isinstance(node, ast.Assign) else node.target, node.value
+    if value is None:
+        return []
+    if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+        pairs = list(zip(target.elts, value.elts, strict=True))
+    else:
+        pairs = [(target, value)]
+    return [(name.id if isinstance(name, ast.Name) else None, each) for name, each in pairs]
 
 
 def _is_text_or_sequence(node: ast.expr) -> bool:

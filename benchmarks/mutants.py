@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -83,6 +84,7 @@ class Place:
 def main() -> int:
     given = _options().parse_args()
     KEPT.mkdir(exist_ok=True)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what is forked must not outlive this process
     try:
         return run(given)
     except KeyboardInterrupt:

@@ -131,6 +131,8 @@ def test_lines_that_use_what_runs_at_import_alone(program: Program) -> None:
     constant = of_module(program, "constant", "NEAR = 0.04  # größer als nötig")[0]
     assert (constant.function, constant.near, constant.declares) == ("", {10}, True)
     assert constant.far == {13, 14, 15, 16, 20, 21, 22, 23}
+    pair = of_module(program, "constant", "A, B = 1, 2", "A, B = 1, 2\ndef f():\n    a = A\n    return B\n")
+    assert [sorted(mutant.near) for mutant in pair] == [[3]] * 2 + [[4]] * 3
     attribute = of_module(program, "constant", "width: float = 2.0")[0]
     assert (attribute.function, attribute.near) == ("Gate", {14})
     default = of_module(program, "constant", "def passes(self, size: float, slack: float = 3.0) -> bool:")[0]
