@@ -20,7 +20,7 @@ from functools import cache
 from typing import cast
 
 from _campaign import ROOT, Row, campaign
-from _mutants import mutant
+from _file_mutants import mutant
 from picktree.trees.registry import Registry
 from picktree.trees.xml.converting import convert_text
 from picktree.world.files.marks import FileError

@@ -13,7 +13,8 @@ import pytest
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 _ORDER = (
     "_campaign", "_fault_measures", "_fault_table", "_fault_page", "fault_campaign", "_atlas_page",
-    "_soaking",
+    "_soaking", "mutant_site.sitecustomize", "_mutant_operators", "_mutant_recorder", "_mutant_coverage",
+    "_mutant_runs", "_mutant_table", "mutants",
 )  # fmt: skip
 """Each after what it imports."""
 
@@ -21,11 +22,15 @@ _ORDER = (
 @pytest.fixture(scope="session")
 def program() -> Callable[[str], ModuleType]:
     """A module of benchmarks/ by its name."""
+    programs: dict[str, ModuleType] = {}
     for name in _ORDER:
-        if name not in sys.modules:
-            spec = importlib.util.spec_from_file_location(name, BENCHMARKS / f"{name}.py")
+        path = BENCHMARKS / f"{name.replace('.', '/')}.py"
+        known = sys.modules.get(name)
+        if known is None or known.__file__ != str(path):  # a checkout may be called like a program
+            spec = importlib.util.spec_from_file_location(name, path)
             assert spec is not None and spec.loader is not None
-            module = importlib.util.module_from_spec(spec)
-            sys.modules[name] = module
-            spec.loader.exec_module(module)
-    return lambda name: sys.modules[name]
+            known = importlib.util.module_from_spec(spec)
+            sys.modules.setdefault(name, known)
+            spec.loader.exec_module(known)
+        programs[name] = known
+    return programs.__getitem__

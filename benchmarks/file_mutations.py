@@ -4,7 +4,7 @@ Counted against us: an exception, a file that takes more than a second of CPU, a
 loading or, of a mission, at the first tick of a rehearsal. A file of which the checker warns that it may fail
 in just this way (P302) was not called ok.
 
-python benchmarks/mutations.py --runs 20000
+python benchmarks/file_mutations.py --runs 20000
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from _campaign import ROOT, Row, campaign
-from _mutants import mutant
+from _file_mutants import mutant
 from picktree.cli.kinds import CHECKS
 from picktree.trees.loader import examine, load_mission
 from picktree.trees.mission import Mission
@@ -45,7 +45,7 @@ CHUNK = 250
 LIMIT = 1.0
 """CPU seconds that one file may take."""
 FOLDERS = ("examples", "trees/library", "world/scenes", "world/robots", "tests/check/good")
-KEPT = ROOT / "runs" / "mutations"
+KEPT = ROOT / "runs" / "file_mutations"
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ def main() -> None:
     options = parser.parse_args()
     jobs = [Job(options.first + n) for n in range(-(-options.runs // CHUNK))]
     rows = campaign(
-        KEPT.parent / "mutations.jsonl", jobs, one, cost=CHUNK * 0.03, workers=options.workers,
+        KEPT.parent / "file_mutations.jsonl", jobs, one, cost=CHUNK * 0.03, workers=options.workers,
         short=lambda row: f"{dict(row['counts'])}, {row['worst']:.2f} s; {len(row['problems'])} problems",
     )  # fmt: skip
     total: Counter[str] = Counter()
