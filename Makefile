@@ -1,35 +1,76 @@
-# The verbs: setup, demo, test, check, docs, page, bench, campaign, atlas, mutants. Each does what it depends on.
+# The verbs: setup, demo, dev, packages, test, check, docs, page, bench, campaign, atlas, mutants.
+# Each does what it depends on.
 
 VENV ?= .venv
 JOBS ?= 2
 BIN := $(VENV)/bin
-READY := $(VENV)/.ready
+LIBRARIES := $(VENV)/lib/python3.11/site-packages
+
+# Stamps of the environment: it has what runs need; it has what tests and checks need, too.
+RUN := $(VENV)/.ready-run
+DEV := $(VENV)/.ready-dev
 
 # The first interpreter that is a Python 3.11; `make PYTHON=/path/to/python3.11` overrides it.
 version_of = $(shell "$(1)" -c 'import sys; print(*sys.version_info[:2], sep=".")' 2>/dev/null)
 PYTHON ?= $(firstword $(foreach p,python3.11 python3 python,$(if $(filter 3.11,$(call version_of,$(p))),$(p))) python3.11)
 WRONG_PYTHON = picktree needs Python 3.11; '$(PYTHON)' is $(or $(patsubst %,Python %,$(call version_of,$(PYTHON))),missing or no Python) (name another: make PYTHON=/path/to/python3.11)
 
-.PHONY: setup demo test check docs page pictures bench campaign atlas mutants clean
+.PHONY: setup demo dev packages test check docs page pictures bench campaign atlas mutants clean
+.NOTPARALLEL:
 
-setup: $(READY)
+setup: $(RUN)
 
-$(READY): pyproject.toml constraints.txt
-	$(if $(filter 3.11,$(call version_of,$(PYTHON))),,$(error $(WRONG_PYTHON)))
-	@echo "Installing into $(VENV): about 2.8 GB, one to three minutes."
-	@"$(PYTHON)" -m venv "$(VENV)"
-	@"$(BIN)/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
-	@touch "$@"
+$(RUN): pyproject.toml constraints.txt
+	$(call install,.,what runs need into $(VENV): 1.4 GB of disk and about a minute)
+	@touch "$(RUN)"
 	@echo "Ready: $(BIN)/picktree --help"
 
+dev: $(DEV)
+
+$(DEV): pyproject.toml constraints.txt
+	$(call install,.[dev],what tests and checks need into $(VENV): 2.7 GB of disk in all and about two minutes)
+	@touch "$(RUN)" "$(DEV)"
+
+# Without its interpreter an environment is none, whatever its stamps say.
+ifeq ($(realpath $(BIN)/python),)
+.PHONY: $(RUN) $(DEV)
+endif
+
+# No stamp stands while something is being installed, and the next call goes on where this one was killed. The last
+# file of an empty environment is bin/pip. The RECORD of a library names INSTALLER once it is whole; pip does not
+# look at that, so what is half installed is hidden from pip. Without build isolation an offline repetition works.
+# The checkout's modules are compiled, as pip does with libraries: not every shell lets Python keep bytecode.
+PIP = "$(BIN)/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt
+define install
+	$(if $(filter 3.11,$(call version_of,$(PYTHON))),,$(error $(WRONG_PYTHON)))
+	@echo "Installing $(2)."
+	@rm -f "$(RUN)" "$(DEV)"
+	@[ -x "$(BIN)/python" ] && [ -x "$(BIN)/pip" ] || { \
+		[ ! -e "$(VENV)/pyvenv.cfg" ] || rm -rf "$(BIN)" "$(VENV)/lib" "$(VENV)"; "$(PYTHON)" -m venv "$(VENV)"; }
+	@rm -rf "$(LIBRARIES)"/~*
+	@for info in "$(LIBRARIES)"/*.dist-info; do grep -qs INSTALLER "$$info/RECORD" || rm -rf "$$info"; done
+	@$(PIP) setuptools && $(PIP) --no-build-isolation -e '$(1)' || \
+		{ echo "The installation broke off: the next make goes on with it." >&2; exit 1; }
+	@"$(BIN)/python" -m compileall -q *.py batch cli logs recovery skills trees world
+endef
+
+# What tests compare with, and what bundles the scripts of our pages; npm writes that file last.
+PACKAGES := $(patsubst %/package.json,%/node_modules/.package-lock.json,$(wildcard tests/*/node/package.json))
+packages: $(PACKAGES)
+
+tests/%/node/node_modules/.package-lock.json: tests/%/node/package-lock.json
+	@rm -rf "$(@D)"
+	@npm ci --prefix "tests/$*/node" --no-audit --no-fund
+	@touch "$@"
+
 # Exit code 1 is the run's answer "goal missed", a result and no fault of the demonstration.
-demo: $(READY)
+demo: $(RUN)
 	@"$(BIN)/picktree" run examples/sort_by_colour.yaml || [ $$? -eq 1 ]
 
-test: $(READY)
+test: $(DEV)
 	@"$(BIN)/python" -m pytest -n $(JOBS) --durations=25
 
-check: $(READY)
+check: $(DEV)
 	@failed=; run() { echo "== $$*"; "$(BIN)/$$@" || failed="$$failed $$1"; }; \
 	run ruff check; \
 	run ruff format --check; \
@@ -38,7 +79,7 @@ check: $(READY)
 	[ -z "$$failed" ] || { echo "failed:$$failed" >&2; exit 1; }
 
 # What is written from the declarations in the code; tests say when it is out of date.
-docs: $(READY)
+docs: $(RUN)
 	@set -e; for kind in mission scene robot faults cases plan; do \
 		"$(BIN)/picktree" schema $$kind --shipped --output schemas/$$kind.json; done; \
 	"$(BIN)/picktree" nodes --shipped --markdown --output docs/nodes.md; \
@@ -46,32 +87,32 @@ docs: $(READY)
 	"$(BIN)/picktree" render examples/sort_by_colour.yaml -o docs/tree.svg
 
 # The scripts and the style of a report, from logs/report/page/src; a test says when they are out of date.
-page:
-	@cd tests/logs/node && { [ -d node_modules/esbuild ] || npm ci --no-audit --no-fund; } && npm run --silent build
+page: tests/logs/node/node_modules/.package-lock.json
+	@cd tests/logs/node && npm run --silent build
 
 # The pictures of docs/report.md and docs/batches.md, taken in headless Chromium of a run with planted faults
 # and of a batch that is run for it: about seven minutes of CPU.
-pictures: $(READY)
+pictures: $(DEV)
 	@"$(BIN)/python" -m tests.logs.report_pictures docs
 	@"$(BIN)/python" -m tests.batch.report_pictures docs
 
-bench: $(READY)
+bench: $(DEV)
 	@set -e; for program in benchmarks/*.py; do \
 		case "$$program" in benchmarks/_*|benchmarks/failure_atlas.py|benchmarks/mutants.py|'benchmarks/*.py') continue;; esac; \
 		echo "== $$program"; "$(BIN)/python" "$$program"; done
 
 # Each kind of fault on 20 seeds, with recovery and without, as a batch that goes on where it stopped; the table.
 # It says first what it costs. Exit code 1 is the campaign's answer "a target is missed".
-campaign: $(READY)
+campaign: $(RUN)
 	@"$(BIN)/python" benchmarks/fault_campaign.py --markdown docs/fault-campaign.md || [ $$? -eq 1 ]
 
 # The worst ten runs of that campaign with pictures.
-atlas: $(READY)
+atlas: $(RUN)
 	@"$(BIN)/python" benchmarks/failure_atlas.py
 
 # Whether the tests notice small mistakes in the code that decides: 300 mutants, about half an hour. Exit code 1:
 # less than 90 % were noticed.
-mutants: $(READY)
+mutants: $(DEV)
 	@"$(BIN)/python" benchmarks/mutants.py
 
 clean:
