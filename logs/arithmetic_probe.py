@@ -34,7 +34,8 @@ _Results: TypeAlias = list[NDArray[Any]]
 @cache
 def arithmetic() -> Arithmetic:
     """Return the arithmetic of this process. The probe takes about 20 ms of CPU, once."""
-    probes = {name: _fingerprint(probe) for name, probe in _PROBES.items()}  # loads all that has kernels
+    numbers = _numbers()
+    probes = {name: _fingerprint(probe(numbers.copy())) for name, probe in _PROBES.items()}  # loads kernels
     kernels = {"numpy": numpy_kernels(), **{f"OpenBLAS in {k}": v for k, v in sorted(blas_kernels().items())}}
     return Arithmetic(_versions(), kernels, probes)
 
@@ -60,9 +61,8 @@ def _version(package: str) -> str:
         return "unknown"
 
 
-def _fingerprint(probe: Callable[[_Numbers], _Results]) -> str:
-    """The beginning of a SHA-256 over the bytes of what a probe returns for the same numbers everywhere."""
-    results = probe(_numbers())
+def _fingerprint(results: _Results) -> str:
+    """Return the beginning of a SHA-256 over the bytes of the results of one probe."""
     return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in results)).hexdigest()[:16]
 
 

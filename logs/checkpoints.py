@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -63,19 +64,26 @@ class RunState:
     """What the robot has heard of its feed by then."""
 
     def to_json(self) -> bytes:
-        return _ADAPTER.dump_json(self)
+        return _adapter().dump_json(self)
 
     @classmethod
     def from_json(cls, data: bytes) -> RunState:
         """Raises PicktreeError when this is no checkpoint."""
         try:
-            return _ADAPTER.validate_json(data)
+            return _adapter().validate_json(data)
         except ValidationError as error:
             raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
 
 
-_ADAPTER = TypeAdapter(RunState)
-_CONTROL = TypeAdapter(ControlState)
+# Built on first use: most runs end without a checkpoint.
+@cache
+def _adapter() -> TypeAdapter[RunState]:
+    return TypeAdapter(RunState)
+
+
+@cache
+def _control() -> TypeAdapter[ControlState]:
+    return TypeAdapter(ControlState)
 
 
 def take(
@@ -91,7 +99,7 @@ def take(
 
     Only at a quiescent moment: no skill runs, the arm is held at rest. Raises PicktreeError otherwise.
     """
-    control = _CONTROL.dump_python(world.control.save(), mode="json")
+    control = _control().dump_python(world.control.save(), mode="json")
     world.plan.forget()
     saved = hardware.checkpoint()
     snapshot, numbers = world.scene.state()
@@ -126,7 +134,7 @@ def restore(world: World, state: RunState) -> None:
     Raises PicktreeError when this is no state of such a world.
     """
     try:
-        control = _CONTROL.validate_python(state.control)
+        control = _control().validate_python(state.control)
     except ValidationError as error:
         raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
     world.control.restore(control)

@@ -6,6 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -57,7 +58,6 @@ __all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "Wat
 
 LOG = "log.mcap"
 RESULT = "result.json"
-_FAULTS = TypeAdapter(tuple[FaultState, ...])
 _BRAKING = 40
 """Ticks within which every motion comes to rest."""
 
@@ -255,7 +255,7 @@ class Session:
     def true_state(self) -> dict[str, Any]:
         """The simulation with its faults as it is now, as plain values, and what the wrist's sensor says when
         it feels nothing, which stays with the sensor. To ask disturbs nothing."""
-        faults: list[Any] = _FAULTS.dump_python(self._injector.state(), mode="json")
+        faults: list[Any] = _faults().dump_python(self._injector.state(), mode="json")
         bias = list(self.world.control.wrist.learnt)
         return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
 
@@ -468,6 +468,11 @@ class Session:
             feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if self._fed else None,
             asked=asked,
         )
+
+
+@cache
+def _faults() -> TypeAdapter[tuple[FaultState, ...]]:
+    return TypeAdapter(tuple[FaultState, ...])
 
 
 def _kill() -> None:

@@ -34,7 +34,12 @@ class Unread(Exception):
 class FileModel(BaseModel):
     """Base of all models of files: frozen, and refuses keys that it does not know."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        populate_by_name=True,
+        defer_build=True,  # few commands read every kind of file
+    )
 
     if not TYPE_CHECKING:
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal
 
 from pydantic import TypeAdapter, ValidationError
@@ -111,17 +112,19 @@ class Checkpoint:
 
     def to_plain(self) -> dict[str, Any]:
         """As JSON knows it. Floats survive exactly."""
-        return _ADAPTER.dump_python(self, mode="json")
+        return _adapter().dump_python(self, mode="json")
 
     @classmethod
     def from_plain(cls, plain: object) -> Checkpoint:
         """Raises PicktreeError when this is no checkpoint of the simulation."""
         try:
-            return _ADAPTER.validate_python(plain)
+            return _adapter().validate_python(plain)
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
             raise PicktreeError(f"no checkpoint of the simulation: {where}: {first['msg']}") from None
 
 
-_ADAPTER = TypeAdapter(Checkpoint)
+@cache  # built on first use: a run needs that of its own backend only
+def _adapter() -> TypeAdapter[Checkpoint]:
+    return TypeAdapter(Checkpoint)

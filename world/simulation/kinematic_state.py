@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
@@ -53,17 +54,19 @@ class KinematicState:
 
     def to_plain(self) -> dict[str, Any]:
         """As JSON knows it. Floats survive exactly."""
-        return _ADAPTER.dump_python(self, mode="json")
+        return _adapter().dump_python(self, mode="json")
 
     @classmethod
     def from_plain(cls, plain: object) -> KinematicState:
         """Raises PicktreeError when this is no checkpoint of this backend."""
         try:
-            return _ADAPTER.validate_python(plain)
+            return _adapter().validate_python(plain)
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
             raise PicktreeError(f"no checkpoint of the kinematic backend: {where}: {first['msg']}") from None
 
 
-_ADAPTER = TypeAdapter(KinematicState)
+@cache  # built on first use: a run needs that of its own backend only
+def _adapter() -> TypeAdapter[KinematicState]:
+    return TypeAdapter(KinematicState)
