@@ -133,6 +133,92 @@ def test_causes_of_plugins_keep_to_a_prefix_of_their_own() -> None:
         cause_named("nope.x")
 
 
+def test_what_is_put_again_unchanged_is_no_change_and_what_is_changed_is_one() -> None:
+    belief = scene()
+    belief.put(block(), "seen")
+    assert (belief.version, belief.snapshot().version) == (1, 1)
+    belief.put(replace(block(), colour="blue"), "repainted")
+    (first, second) = belief.take_changes()
+    assert (first.version, first.before, first.after) == (1, None, block())
+    assert (second.version, second.before, second.after) == (2, block(), replace(block(), colour="blue"))
+    belief.remove("red_block_1", "gone")
+    (third,) = belief.take_changes()
+    assert (third.version, third.after) == (3, None)
+    assert (belief.find("red_block_1"), belief.objects) == (None, ())
+
+
+def test_ids_are_counted_for_each_stem_and_never_given_twice() -> None:
+    belief = scene()
+    assert [belief.new_id(stem) for stem in ("can", "can", "block", "can")] == [
+        "can_1", "can_2", "block_1", "can_3"
+    ]  # fmt: skip
+
+
+def test_what_is_attached_lies_in_the_hand_and_nothing_is_carried_that_is_not() -> None:
+    belief = scene()
+    belief.put(block("one"), "seen")
+    belief.put(block("other"), "seen")
+    assert belief.held is None
+    belief.carry(Pose((0.3, 0.2, 0.5)))
+    belief.attach("other", Pose((0.0, 0.0, 0.01)))
+    held = belief.get("other")
+    assert (held.attached, held.place, belief.held) == (True, "hand", held)
+    belief.carry(Pose((0.3, 0.2, 0.5)))
+    assert belief.get("one") == block("one")
+    belief.detach("other", Pose((0.5, 0.4, 0.03)), "red_bin")
+    now = belief.get("other")
+    assert (now.attached, now.place, now.pose) == (False, "red_bin", Pose((0.5, 0.4, 0.03)))
+    assert [c.reason for c in belief.take_changes()][2:] == ["attached to the gripper", "released"]
+    with pytest.raises(Failure, match="no object 'third'"):
+        belief.attach("third", Pose())
+
+
+def test_a_destination_is_the_rule_s_and_none_without_one() -> None:
+    belief, without = scene(), PlanningScene([TABLE], [BIN])
+    for each in (belief, without):
+        each.put(block(), "seen")
+    assert belief.destination("red_block_1") == "red_bin"
+    assert without.destination("red_block_1") is None
+    assert belief.supposing().destination("red_block_1") == "red_bin"
+
+
+def test_a_supposition_is_a_copy_with_one_thing_in_the_hand() -> None:
+    belief = scene()
+    for name in ("held", "cup"):
+        belief.put(block(name), "seen")
+    belief.attach("held", Pose())
+    with belief.allow(("held", "cup")):
+        supposed = belief.supposing(ObjectId("cup"), Pose((0.0, 0.0, 0.01)))
+        alike = belief.supposing()
+    assert not belief.allowed("held", "cup")
+    assert supposed.allowed("held", "cup")
+    assert (supposed.version, supposed.fixtures, supposed.bins) == (
+        belief.version, belief.fixtures, belief.bins
+    )  # fmt: skip
+    assert [o.id for o in supposed.objects if o.attached] == ["cup"]
+    assert supposed.get("cup").place == "hand"
+    assert alike.objects == belief.objects
+    supposed.remove("held", "supposed")
+    assert belief.held is not None
+    with pytest.raises(Failure, match="no object 'third'"):
+        belief.supposing(ObjectId("third"), Pose())
+
+
+def test_after_a_restore_no_change_waits_and_what_was_saved_is_a_copy() -> None:
+    belief = scene()
+    belief.put(block(), "seen")
+    snapshot, numbers = belief.state()
+    belief.new_id("can")
+    belief.put(block("other"), "seen")
+    assert numbers == {}
+    belief.restore(snapshot, numbers)
+    assert (belief.version, [o.id for o in belief.objects]) == (1, ["red_block_1"])
+    assert belief.take_changes() == ()
+    assert belief.new_id("can") == "can_1"
+    assert numbers == {}
+    assert snapshot.of("nothing") is None
+
+
 class Named:
     def __init__(self, name: str) -> None:
         self.name = name
