@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -84,10 +84,13 @@ def test_every_attribute_that_the_page_names_is_there(folder: Path) -> None:
             assert hasattr(run, name), name
 
 
-def test_the_timeline_is_drawn(folder: Path) -> None:
-    command = [sys.executable, str(EXAMPLE / "timeline.py"), "last", "-o", "timeline.png"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (0, "timeline.png\n"), done.stderr
+def test_the_timeline_is_drawn(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", ["timeline.py", "last", "-o", "timeline.png"])
+    runpy.run_path(str(EXAMPLE / "timeline.py"), run_name="__main__")
+    assert capsys.readouterr().out == "timeline.png\n"
     picture = decode_colour((folder / "timeline.png").read_bytes()).astype(int)
     assert picture.shape[1] == 1430
     red = (picture[:, :, 0] > 180) & (picture[:, :, 1] < 80) & (picture[:, :, 2] < 60)

@@ -1,12 +1,14 @@
 """Killed writers, cut and damaged files."""
 
 import importlib.util
+import multiprocessing
+import os
 import random
 import signal
-import subprocess
 import sys
 import time
 import tracemalloc
+from itertools import count
 from pathlib import Path
 from types import ModuleType
 
@@ -19,48 +21,34 @@ from picktree.logs.run_log import RunLog
 from picktree.world.errors import PicktreeError
 from picktree.world.scene.planning_scene import PlanningScene
 
-WRITER = """
-import importlib.util, sys, time
-from pathlib import Path
-spec = importlib.util.spec_from_file_location("logs_sample", sys.argv[1])
-sample = importlib.util.module_from_spec(spec); spec.loader.exec_module(sample)
-from picktree.logs.recorder import Recorder
-from picktree.world.scene.planning_scene import PlanningScene
-scene = PlanningScene([sample.TABLE], [sample.BIN])
-with Recorder(Path(sys.argv[2]), sample.RUN) as recorder:
-    sample.start(recorder)
-    print("started", flush=True)
-    for k in range(10**9):
-        sample.step(recorder, scene, k)
-        time.sleep(0.0002)
-"""
+
+def write(sample: ModuleType, path: Path) -> None:
+    """Record for as long as the process lives."""
+    scene = PlanningScene([sample.TABLE], [sample.BIN])
+    with Recorder(path, sample.RUN) as recorder:
+        sample.start(recorder)
+        for k in count():
+            sample.step(recorder, scene, k)
 
 
-def stopped_writer(sample: ModuleType, path: Path, number: int, after: float) -> subprocess.Popen[str]:
-    assert sample.__file__ is not None
-    process = subprocess.Popen(
-        [sys.executable, "-c", WRITER, sample.__file__, str(path)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    assert process.stdout.readline() == "started\n"
-    time.sleep(after)
-    process.send_signal(number)
-    try:
-        process.communicate(timeout=20)
-    finally:
-        process.kill()
-    return process
+def stopped_writer(sample: ModuleType, path: Path, number: int, size: int) -> None:
+    """Send the signal to a process that records when it has written so many bytes."""
+    process = multiprocessing.get_context("fork").Process(target=write, args=(sample, path))
+    process.start()
+    assert process.pid is not None
+    while process.is_alive() and not (path.exists() and path.stat().st_size >= size):
+        time.sleep(0.001)
+    assert process.is_alive()
+    os.kill(process.pid, number)
+    process.join()
 
 
-@pytest.mark.parametrize("after", [0.05, 0.21, 0.37])
+@pytest.mark.parametrize("size", [10_000, 30_000, 90_000])
 def test_a_killed_writer_leaves_a_file_that_the_stock_reader_opens(
-    sample: ModuleType, tmp_path: Path, after: float
+    sample: ModuleType, tmp_path: Path, size: int
 ) -> None:
     path = tmp_path / "log.mcap"
-    stopped_writer(sample, path, signal.SIGKILL, after)
+    stopped_writer(sample, path, signal.SIGKILL, size)
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         times = [m.log_time for _, c, m in reader.iter_messages() if c.topic == "/bt/tick"]
@@ -74,7 +62,7 @@ def test_a_killed_writer_leaves_a_file_that_the_stock_reader_opens(
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_in_a_finished_file(sample: ModuleType, tmp_path: Path, number: int) -> None:
     path = tmp_path / "log.mcap"
-    stopped_writer(sample, path, number, 0.3)
+    stopped_writer(sample, path, number, 30_000)
     with RunLog(path) as log:
         assert log.result["ended"] == "KeyboardInterrupt"
         assert log.result["digest"] == log.digest()
@@ -152,7 +140,7 @@ def test_each_damage_is_one_clear_error_or_costs_what_is_said(
     path = tmp_path / "damaged.mcap"
     rng = random.Random(3)
     said: set[str] = set()
-    for number in range(150):
+    for number in range(60):
         kind = damages.KINDS[number % len(damages.KINDS)]
         data = bytes(kind(bytearray(whole.data), rng))
         if data == whole.data:

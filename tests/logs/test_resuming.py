@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import signal
-import subprocess
-import sys
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from picktree.logs.assembly import TICK
 from picktree.logs.operators import GivenAnswers
 from picktree.logs.resimulation.recorded import Recorded
 from picktree.logs.result import RunResult
 from picktree.logs.resuming.resumption import ResumeRequest, Resumption
 from picktree.logs.run import Run
+from picktree.logs.run_log import RunLog
 from picktree.logs.session import RunRequest, Session
+from picktree.trees.runner import NodeInfo, TickReport
 from picktree.world.errors import PicktreeError
+from picktree.world.simulation.kinematic import KinematicHardware
 
 SCENE = "picktree: 1\nkind: scene\nbase: sort_small\ncheckpoint_every: 1\n"
 MISSION = """\
@@ -38,28 +43,6 @@ trees:
             - Grasp: {object: "{item}"}
             - Place: {object: "{item}", into: "{item.destination}"}
 """
-KILLED = """
-import os, signal, sys, time
-from pathlib import Path
-from picktree.logs.session import RunRequest, Session
-
-class Killer:
-    def started(self, *a): pass
-    def edited(self, *a): pass
-    def told(self, *a): pass
-    def finished(self, *a): pass
-    def ticked(self, now, report, done, total):
-        if done == 1 and session.world.scene.held is not None and session.hardware.bodies.held:
-            session_held.append(now)
-            if len(session_held) == 9:
-                time.sleep(1.2)
-                os.kill(os.getpid(), signal.SIGKILL)
-
-session_held = []
-request = RunRequest(Path(sys.argv[1]), seed=3, out=Path(sys.argv[2]), backend="kinematic")
-session = Session(request, Killer())
-session.run()
-"""
 ASKING = """\
 picktree: 1
 kind: mission
@@ -78,6 +61,40 @@ trees:
             - AskForHelp: {reason: "is the {item.kind} there?", object: "{item}", answer: "{answer}"}
             - Log: {message: answered, value: "{answer}"}
 """
+
+
+class Killer:
+    """Kills its process while the second item is in the hand, when the log has all that was before."""
+
+    def __init__(self) -> None:
+        self.session: Session | None = None
+        self._log = Path()
+        self._held = 0
+
+    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
+        self._log = folder / "log.mcap"
+
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
+    def told(self, now: float, text: str) -> None: ...
+    def finished(self, result: RunResult) -> None: ...
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        assert self.session is not None
+        hardware = self.session.hardware
+        assert isinstance(hardware, KinematicHardware)
+        if items_done == 1 and self.session.world.scene.held is not None and hardware.bodies.held:
+            self._held += 1
+        while self._held == 9:
+            with RunLog(self._log) as log:
+                if log.end > now - 1.5 * TICK:
+                    os.kill(os.getpid(), signal.SIGKILL)
+            time.sleep(0.02)
+
+
+def run_and_be_killed(mission: Path, out: Path) -> None:
+    killer = Killer()
+    killer.session = Session(RunRequest(mission, seed=3, out=out, backend="kinematic"), killer)
+    killer.session.run()
 
 
 def told(run: Run, kind: str) -> list[str]:
@@ -102,8 +119,12 @@ def alone(folder: Path) -> RunResult:
 def killed(folder: Path) -> Iterator[Path]:
     """The folder of a run whose process got SIGKILL while the second item was in the hand."""
     out = folder / "killed"
-    ran = subprocess.run([sys.executable, "-c", KILLED, str(folder / "two.yaml"), str(out)])
-    assert ran.returncode == -signal.SIGKILL
+    ran = multiprocessing.get_context("fork").Process(
+        target=run_and_be_killed, args=(folder / "two.yaml", out)
+    )
+    ran.start()
+    ran.join()
+    assert ran.exitcode == -signal.SIGKILL
     yield next(out.iterdir())
 
 

@@ -34,7 +34,7 @@ class Client:
     _kept: list[tuple[int, bytes]] = field(default_factory=list[tuple[int, bytes]])
 
     def __enter__(self) -> Client:
-        self._socket = socket.create_connection(("127.0.0.1", self.port), timeout=10)
+        self._socket = socket.create_connection(("127.0.0.1", self.port), timeout=300)
         key = base64.b64encode(os.urandom(16)).decode()
         self._socket.sendall(
             f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"

@@ -68,7 +68,7 @@ def test_with_no_way_out_it_says_what_it_is_in_and_what_was_tried_and_stays(
     monkeypatch.setattr("picktree.world.manipulation.leaving.REACH", 0.03)
     made = cell()
     x, y, z = made.world.control.tcp.position
-    believe(made, "ghost", (1.2, 1.2, 1.2), (x, y, z + 0.1))
+    believe(made, "ghost", (0.8, 0.8, 0.8), (x, y, z + 0.1))
     before = made.world.control.state.position
     assert do(made, "SafeRetreat: {pose: rest}") == ("FAILURE", "safety.no_retreat")
     failure = made.tree.failure

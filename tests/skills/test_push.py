@@ -49,11 +49,11 @@ def push(cell: Cell, ports: str) -> str:
 
 def test_a_block_is_pushed_to_a_pose() -> None:
     cell = beside(block=(0.50, 0.0, 0.3))
-    assert push(cell, f"object: {named(cell, 'block')}, to: [0.45, 0.08], yaw: 1.2") == ""
+    assert push(cell, f"object: {named(cell, 'block')}, to: [0.48, 0.03], yaw: 0.7") == ""
     (body,) = cell.hardware.truth()
     at = planar(body.shape, body.pose)
-    assert math.hypot(at.x - 0.45, at.y - 0.08) < 0.0015
-    assert abs(wrapped(at.yaw - 1.2, math.pi / 2)) < math.radians(1.5)
+    assert math.hypot(at.x - 0.48, at.y - 0.03) < 0.0015
+    assert abs(wrapped(at.yaw - 0.7, math.pi / 2)) < math.radians(1.5)
     assert [e.split(":")[0] for e in cell.happened("push")] == ["push"]
 
 

@@ -30,7 +30,7 @@ from .random_missions import Author
 from .scripted import FakeWorld, Run
 
 Data: TypeAlias = dict[str, Any]
-EDITS = 12
+EDITS = 5
 """Of each seed: missions that are edited while they run, and go on."""
 TICKS = 60
 """After an edit; a loop may have no end."""

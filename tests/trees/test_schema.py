@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import jsonschema
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picktree.batch.schema import plan_schema
@@ -219,7 +219,7 @@ def vocabulary() -> tuple[str, ...]:
     return (*(word for word in found if not word.isdigit()), *known().ids())
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=60)
 @given(which=st.integers(0, 1000), changes=st.lists(CHANGES, min_size=1, max_size=3))
 def test_what_the_schema_refuses_the_checker_refuses(which: int, changes: list[Change]) -> None:
     source = sources()[which % len(sources())]

@@ -6,7 +6,7 @@ import json
 from typing import cast
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.trees.reports import pack, report_from_plain, report_to_plain, unpack
@@ -132,7 +132,6 @@ reports = st.recursive(
 
 
 @given(reports)
-@settings(max_examples=50)
 def test_a_report_survives_being_saved(report: FailureReport) -> None:
     assert report_from_plain(json.loads(json.dumps(report_to_plain(report)))) == report
     memory = (3, report, ("a", None), [1, [2]], {"b": 2.5})

@@ -200,13 +200,13 @@ everything = st.recursive(names | literals | st.just(Literally(0, None)), ours_a
 
 
 @given(everything)
-@settings(max_examples=300)
+@settings(max_examples=100)
 def test_the_text_of_any_expression_parses_to_the_same(part: Part) -> None:
     assert without_places(Expression.parse(expression_text(part)).root) == without_places(part)
 
 
 @given(sayable)
-@settings(max_examples=300)
+@settings(max_examples=100)
 def test_a_script_reads_back_as_the_same_expression(part: Part) -> None:
     theirs = script(Expression("", frozenset(), frozenset(), part))
     back = Expression.parse(read_condition(theirs))
@@ -214,7 +214,7 @@ def test_a_script_reads_back_as_the_same_expression(part: Part) -> None:
 
 
 @given(st.text("ab 01.'\"&|!<>=:?;+-*/()@~^xX", max_size=25))
-@settings(max_examples=300)
+@settings(max_examples=100)
 def test_no_script_is_too_strange_to_be_refused(text: str) -> None:
     try:
         ours = read_condition(text)

@@ -32,9 +32,8 @@ def scene(
 ) -> SceneDescription:
     """A belt of 1 m on which blocks come, or what `counts` says."""
     counts = counts or {"block": 1}
-    load = Spawn(
-        tuple(counts.items()), ("red", "green"), ((0.45, -LENGTH / 2), (0.65, LENGTH / 2)), lying=0.5
-    )
+    area = ((0.45, -LENGTH / 2), (0.65, LENGTH / 2))
+    load = Spawn(tuple(counts.items()), ("red", "green"), area, lying=0.5)
     delivery = Delivery(load, total=total, belt=BELT, spacing=spacing)
     return replace(belt_scene(eye=EYE, length=LENGTH, speed=speed), catalogue=KINDS, deliveries=(delivery,))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.world.motion.ik import ANGLE, APART, POSITION, RESTARTS, InverseKinematics
@@ -14,7 +14,6 @@ from .motion_cell import HOME, MODEL, down
 seeds = st.integers(0, 2**32 - 1)
 
 
-@settings(max_examples=60, deadline=None)
 @given(seeds, st.integers(0, 6), st.sampled_from([0.0, 1.0, None]))
 def test_every_reachable_pose_is_solved(seed: int, joint: int, end: float | None) -> None:
     """Also with one joint at the end of the range that is planned with."""

@@ -56,7 +56,7 @@ def is_what_it_says(trajectory: Trajectory) -> None:
     assert (np.abs(np.diff(t.position, axis=0) - mean[0] + bend) <= jerk * dt**3 / 12 + 1e-9).all()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     seed=seeds,
     count=st.integers(2, 6),
@@ -75,7 +75,7 @@ def test_random_corners_keep_all_limits(seed: int, count: int, radius: float, sh
     assert (trajectory.position >= MODEL.lower).all() and (trajectory.position <= MODEL.upper).all()
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=seeds, share=st.sampled_from([0.1, 0.5, 1.0]))
 def test_random_splines_keep_all_limits(seed: int, share: float) -> None:
     rng = np.random.default_rng(seed)
@@ -87,7 +87,7 @@ def test_random_splines_keep_all_limits(seed: int, share: float) -> None:
     is_what_it_says(trajectory)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seed=seeds, scale=st.floats(-5.0, -2.0), count=st.integers(2, 4))
 def test_the_smallest_motions_are_timed(seed: int, scale: float, count: int) -> None:
     path = HOME + np.random.default_rng(seed).normal(size=(count, 7)) * 10**scale

@@ -25,7 +25,7 @@ configurations = st.integers(0, 2**32 - 1).map(
 )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(configurations)
 def test_jacobian_is_the_derivative_of_the_tcp(q: Array) -> None:
     step = 1e-6
@@ -40,7 +40,7 @@ def test_jacobian_is_the_derivative_of_the_tcp(q: Array) -> None:
         np.testing.assert_allclose(jacobian[:, joint], [*linear, *angular], atol=1e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(configurations)
 def test_gravity_is_the_slope_of_the_energy(q: Array) -> None:
     """Torque at rest is dU/dq, and a mass m at the TCP adds J^T m g: both ways must agree."""
@@ -50,7 +50,7 @@ def test_gravity_is_the_slope_of_the_energy(q: Array) -> None:
     np.testing.assert_allclose(acceleration, np.zeros(7), atol=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(configurations, st.integers(0, 2**32 - 1))
 def test_forward_dynamics_inverts_the_equation_of_motion(q: Array, seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -88,7 +88,7 @@ def test_the_scene_with_a_feed_is_one() -> None:
     assert len(parse_scene(FED, SCENE).deliveries) == 3
 
 
-@settings(max_examples=100, deadline=2000)
+@settings(max_examples=40)
 @given(st.data())
 def test_scenes(data: st.DataObject) -> None:
     try:
@@ -97,7 +97,7 @@ def test_scenes(data: st.DataObject) -> None:
         assert all(str(fault) for fault in error.faults)
 
 
-@settings(max_examples=40, deadline=2000)
+@settings(max_examples=20)
 @given(st.data())
 def test_robots(data: st.DataObject) -> None:
     try:
@@ -106,7 +106,7 @@ def test_robots(data: st.DataObject) -> None:
         assert all(str(fault) for fault in error.faults)
 
 
-@settings(max_examples=80, deadline=2000)
+@settings(max_examples=40)
 @given(st.data())
 def test_fault_files(data: st.DataObject) -> None:
     try:
