@@ -136,7 +136,9 @@ def test_mission_of_the_readme_loads() -> None:
 
 FEWER = {"0:20": "0:1"}
 """A test needs no rate: of what the README runs for the sake of numbers, less is run."""
-BEGINNINGS = ("examples/continuous_sort.yaml", "examples/kitting.yaml")
+BEGINNINGS = (
+    "examples/continuous_sort.yaml", "examples/kitting.yaml", "examples/sort_past_obstacles.yaml",
+)  # fmt: skip
 """Missions that go on for long; what they come to after a few items is enough."""
 ONE_WORKER = ("batch", "run")
 

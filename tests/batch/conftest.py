@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from contextlib import nullcontext
 
 import pytest
 
+from picktree.batch import partings
+from picktree.batch import remake as remaking
 from picktree.batch.executor import Event, Executor, Order
 from picktree.batch.local import LocalExecutor
 
@@ -38,7 +41,14 @@ class OneAtATime:
         self._workers.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="package")
 def worker(workers: LocalExecutor) -> Executor:
     """One."""
     return OneAtATime(workers)
+
+
+@pytest.fixture
+def no_other_workers(worker: Executor, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands that start a worker of their own get this one."""
+    for module in (partings, remaking):
+        monkeypatch.setattr(module, "LocalExecutor", lambda slots: nullcontext(worker))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 from picktree.batch.processes import children
@@ -25,15 +23,6 @@ def name(pid: int) -> str:
         return Path(f"/proc/{pid}/comm").read_text().strip()
     except OSError:
         return ""
-
-
-def until(happened: Callable[[], object], seconds: float = 120.0) -> None:
-    """Wait for it. Raises TimeoutError."""
-    end = time.monotonic() + seconds
-    while not happened():
-        if time.monotonic() > end:
-            raise TimeoutError(f"not within {seconds:.0f} s")
-        time.sleep(0.05)
 
 
 def _state(pid: int) -> str:

@@ -13,42 +13,41 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from .processes import below, name, until
+from ..commands import until
+from .processes import below, name
 
 SECRET = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
-LOOPBACK = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", **SECRET}
-"""For whoever is in a cluster of one node, which has the address 127.0.0.1."""
 NODES = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "1", **SECRET}
-"""For whoever is in a cluster of several, which have the address of this machine."""
+"""Environment of every process of a cluster whose nodes have the address of this machine."""
 
 
 @contextmanager
-def head(cpus: int, environment: dict[str, str]) -> Generator[str]:
+def head(cpus: int) -> Generator[str]:
     """The address of a cluster whose first node has so many CPUs."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     with tempfile.TemporaryDirectory(prefix="ray-", ignore_cleanup_errors=True) as folder:
         options = ["--head", f"--port={port}", f"--temp-dir={folder}", "--include-dashboard=false"]
-        with _node(options, cpus, environment):
+        with _node(options, cpus):
             yield f"127.0.0.1:{port}"
 
 
 @contextmanager
 def node(address: str, cpus: int) -> Generator[int]:
     """Another one; the process that is the node for the others."""
-    with _node([f"--address={address}"], cpus, NODES) as process:
+    with _node([f"--address={address}"], cpus) as process:
         yield process
 
 
 @contextmanager
-def _node(options: list[str], cpus: int, environment: dict[str, str]) -> Generator[int]:
+def _node(options: list[str], cpus: int) -> Generator[int]:
     ray = Path(sys.executable).with_name("ray")
     common = ["--block", f"--num-cpus={cpus}", "--object-store-memory=100000000", "--disable-usage-stats"]
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             [ray, "start", *common, *options],
-            env={**os.environ, **environment},
+            env={**os.environ, **NODES},
             stdout=output,
             stderr=output,
             start_new_session=True,
@@ -62,7 +61,7 @@ def _node(options: list[str], cpus: int, environment: dict[str, str]) -> Generat
             for pid in everything:
                 with suppress(ProcessLookupError):
                     os.kill(pid, signal.SIGKILL)
-            process.wait(20)
+            process.wait(120)
 
 
 def _said(file: int, words: bytes) -> bool:

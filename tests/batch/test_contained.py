@@ -18,14 +18,14 @@ from .trouble import troubled
 from .watching import Remembering
 
 ENDS = {
-    1: "time.sleep(1.5); ctypes.string_at(0)",  # what is older than a second is in the log
+    1: "time.sleep(5); ctypes.string_at(0)",  # what is older than a second is in the log
     2: "os.abort()",
     3: "os._exit(7)",
     4: "sys.exit(3)",
     5: "raise KeyboardInterrupt",
     6: "raise ValueError('no such luck')",
     7: "os.kill(os.getpid(), signal.SIGKILL)",
-    8: "hoard = bytearray(900_000_000); time.sleep(60)",
+    8: "hoard = bytearray(900_000_000); time.sleep(600)",
     9: "while True: print('x' * 10**6), time.sleep(0.01)",
     10: "with open(HERE / 'elsewhere', 'wb') as file:\n    while True: file.write(b'x' * 10**7)",
 }
@@ -75,13 +75,13 @@ def test_jobs_that_end_their_process_cost_themselves_alone(tmp_path: Path, worke
 
 
 def test_a_job_that_hangs_is_ended_and_says_where(tmp_path: Path, worker: Executor) -> None:
-    mission = troubled(tmp_path, {1: "while True: pass"})
-    asked = Plan("trouble", (mission,), (1,), backend="kinematic", limits=Limits(wall=2.0))
+    mission = troubled(tmp_path, {1: "time.sleep(600)"})
+    asked = Plan("trouble", (mission,), (1,), backend="kinematic", limits=Limits(wall=10.0))
     seen = Remembering()
     with Batch.create(tmp_path / "batch", asked) as batch:
         assert batch.run(worker, seen)
     (row,) = [ended.row for ended in seen.ends]
-    reason = "it took more than 2 s of wall time, at trouble.py:24 in trouble_1"
+    reason = "it took more than 10 s of wall time, at trouble.py:24 in trouble_1"
     assert (seen.again, row.status, row.message) == ([reason], "crashed", reason)
 
 

@@ -11,11 +11,13 @@ from typing import Any
 
 import pytest
 
+from picktree.batch import local
 from picktree.batch.batch import Batch
 from picktree.batch.local import LocalExecutor
 from picktree.batch.plan import Plan
 from picktree.batch.store import Store
 
+from ..commands import PATIENCE, forked_worker
 from .trouble import troubled
 from .watching import Remembering
 
@@ -40,6 +42,7 @@ def run_and_be_killed(folder: Path, plan: Plan, moment: str) -> None:
         Store.record = die  # pyright: ignore[reportAttributeAccessIssue]
     else:
         Store._insert = die_within_the_second_commit  # pyright: ignore[reportPrivateUsage]
+    local._started = forked_worker  # pyright: ignore[reportPrivateUsage]
     with Batch.create(folder, plan) as batch, LocalExecutor(1) as executor:
         batch.run(executor, Remembering())
 
@@ -56,7 +59,7 @@ def test_a_batch_killed_at_the_worst_moment_comes_to_the_same_table(
         target=run_and_be_killed, args=(folder, plan, moment)
     )
     process.start()
-    process.join(60)
+    process.join(PATIENCE)
     assert process.exitcode == -signal.SIGKILL
     with Batch.resume(folder) as batch:
         assert len(batch.store.recorded()) == recorded

@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from picktree.batch.batch import Batch
-from picktree.batch.local import LocalExecutor
+from picktree.batch.executor import Executor
 from picktree.batch.plan import Plan
 from picktree.batch.remake import remake
 from picktree.cli.app import answer
@@ -28,20 +27,14 @@ faults:
 
 
 @pytest.fixture(scope="module")
-def executor() -> Iterator[LocalExecutor]:
-    with LocalExecutor(1) as executor:
-        yield executor
-
-
-@pytest.fixture(scope="module")
-def failures_kept(tmp_path_factory: pytest.TempPathFactory, executor: LocalExecutor) -> Path:
+def failures_kept(tmp_path_factory: pytest.TempPathFactory, worker: Executor) -> Path:
     """One pick as it should be, and with the item snatched away, on two seeds; the latter's logs are kept."""
     folder = tmp_path_factory.mktemp("two")
     faults = folder / "snatched.yaml"
     faults.write_text(SNATCHED)
     plan = Plan("two", (ONE_PICK,), (0, 1), faults=(None, faults), backend="kinematic")
     with Batch.create(folder / "batch", plan) as batch:
-        assert batch.run(executor, Remembering())
+        assert batch.run(worker, Remembering())
     return folder / "batch"
 
 
@@ -61,6 +54,7 @@ def test_logs_that_were_not_kept_are_asked_for(
     ]
 
 
+@pytest.mark.usefixtures("no_other_workers")
 def test_logs_are_made_again_for_the_first_of_them_and_dropped(
     failures_kept: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -77,10 +71,10 @@ def test_logs_are_made_again_for_the_first_of_them_and_dropped(
 
 
 def test_logs_that_are_there_are_compared_as_they_are(
-    failures_kept: Path, tmp_path: Path, executor: LocalExecutor, capfd: pytest.CaptureFixture[str]
+    failures_kept: Path, tmp_path: Path, worker: Executor, capfd: pytest.CaptureFixture[str]
 ) -> None:
     batch = Path(shutil.copytree(failures_kept, tmp_path / "batch"))
-    assert remake(f"{batch}@no faults,seed=1", executor=executor).identical
+    assert remake(f"{batch}@no faults,seed=1", executor=worker).identical
     told = compared(batch, capfd).splitlines()
     assert told[-4] == "  seed 0: A alone reached its goal"
     assert re.match(r"  seed 1: A alone reached its goal; they part at tick \d+, ", told[-3])

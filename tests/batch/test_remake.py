@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 import sqlite3
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from picktree.batch.batch import Batch
-from picktree.batch.local import LocalExecutor
+from picktree.batch.executor import Executor
 from picktree.batch.plan import Plan
 from picktree.batch.remake import remake
 from picktree.batch.store import NAME, Store
@@ -26,13 +25,7 @@ ONE_PICK = Path(__file__).parents[2] / "examples/one_pick.yaml"
 
 
 @pytest.fixture(scope="module")
-def executor() -> Iterator[LocalExecutor]:
-    with LocalExecutor(1) as executor:
-        yield executor
-
-
-@pytest.fixture(scope="module")
-def dropped(tmp_path_factory: pytest.TempPathFactory, executor: LocalExecutor) -> Path:
+def dropped(tmp_path_factory: pytest.TempPathFactory, worker: Executor) -> Path:
     """A batch of two recipes with two seeds each, the last job not run, that keeps no log."""
     folder = tmp_path_factory.mktemp("dropped")
     mission = folder / "mission.yaml"
@@ -49,7 +42,7 @@ def dropped(tmp_path_factory: pytest.TempPathFactory, executor: LocalExecutor) -
     ended = iter(range(4))
     seen = Remembering(at_end=lambda: batch.stop() if next(ended) == 2 else None)
     with batch:
-        assert not batch.run(executor, seen)
+        assert not batch.run(worker, seen)
     mission.unlink()
     return folder / "batch"
 
@@ -64,8 +57,9 @@ def row(batch: Path, number: int, columns: str = "folder") -> tuple[object, ...]
         return store.query(f"SELECT {columns} FROM jobs WHERE number = {number}").rows[0]
 
 
+@pytest.mark.usefixtures("no_other_workers")
 def test_its_log_goes_where_the_batch_would_have_kept_it(
-    batch: Path, executor: LocalExecutor, capsys: pytest.CaptureFixture[str]
+    batch: Path, worker: Executor, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert not list(batch.glob("jobs/*/*"))
     job, digest = row(batch, 1, "job, digest")
@@ -78,15 +72,13 @@ def test_its_log_goes_where_the_batch_would_have_kept_it(
         f"log         {batch / str(folder)}\n"
     )
     assert not list(batch.glob("jobs/.*"))
-    again = remake(f"{batch}@{str(job)[:6]}", executor=executor)
+    again = remake(f"{batch}@{str(job)[:6]}", executor=worker)
     assert (again.identical, again.kept_before, again.log) == (True, True, batch / str(folder))
     assert len(list(batch.glob("jobs/*/*"))) == 1
 
 
-def test_elsewhere_it_goes_into_a_folder_of_its_own(
-    batch: Path, tmp_path: Path, executor: LocalExecutor
-) -> None:
-    found = remake(f"{batch}@30 N,seed=3", tmp_path / "out", executor)
+def test_elsewhere_it_goes_into_a_folder_of_its_own(batch: Path, tmp_path: Path, worker: Executor) -> None:
+    found = remake(f"{batch}@30 N,seed=3", tmp_path / "out", worker)
     (run,) = (tmp_path / "out").iterdir()
     assert (run / "log.mcap").is_file()
     said = json.loads(found.to_json_text())
@@ -94,11 +86,11 @@ def test_elsewhere_it_goes_into_a_folder_of_its_own(
     assert row(batch, 2) == ("",)
 
 
-def test_another_run_than_the_recorded_one_is_not_taken_for_it(batch: Path, executor: LocalExecutor) -> None:
+def test_another_run_than_the_recorded_one_is_not_taken_for_it(batch: Path, worker: Executor) -> None:
     with closing(sqlite3.connect(batch / NAME)) as results, results:  # as if another machine had run it
         results.execute("UPDATE jobs SET digest = 'of another run' WHERE number = 0")
         results.execute("UPDATE versions SET version = '0.1' WHERE library = 'numpy'")
-    found = remake(f"{batch}@15 N,seed=3", executor=executor)
+    found = remake(f"{batch}@15 N,seed=3", executor=worker)
     told = found.to_text().splitlines()
     assert told[1:3] == ["different", "  recorded  success, digest of another run"]
     assert told[4].startswith("likely why  numpy: recorded 0.1, now ")
@@ -132,11 +124,11 @@ def test_a_job_is_not_changed_when_it_is_run_again(dropped: Path, capsys: pytest
     )
 
 
-def test_a_recipe_that_is_damaged_is_not_run(batch: Path, executor: LocalExecutor) -> None:
+def test_a_recipe_that_is_damaged_is_not_run(batch: Path, worker: Executor) -> None:
     (recipe,) = {path for path in batch.glob("recipes/*.zip") if path.stem == row(batch, 0, "recipe")[0]}
     recipe.write_bytes(recipe.read_bytes()[:-200])
     with pytest.raises(PicktreeError) as refused:
-        remake(f"{batch}@15 N,seed=3", executor=executor)
+        remake(f"{batch}@15 N,seed=3", executor=worker)
     assert str(refused.value) == (f"{batch}@15 N,seed=3: {recipe}: no recipe of a batch, or a damaged one")
 
 
@@ -145,12 +137,12 @@ def test_a_folder_of_a_batch_alone_names_no_job(dropped: Path, capsys: pytest.Ca
     assert capsys.readouterr().err == (f"{dropped} is a batch: name one of its jobs, as {dropped}@seed=7\n")
 
 
-def test_a_job_that_crashed_shows_how_it_crashes(tmp_path: Path, executor: LocalExecutor) -> None:
+def test_a_job_that_crashed_shows_how_it_crashes(tmp_path: Path, worker: Executor) -> None:
     mission = troubled(tmp_path, {1: "os._exit(7)"})
     plan = Plan("trouble", (mission,), (1,), backend="kinematic", keep="none")
     with Batch.create(tmp_path / "batch", plan) as batch:
-        assert batch.run(executor, Remembering())
-    found = remake(f"{tmp_path}/batch@seed=1", executor=executor)
+        assert batch.run(worker, Remembering())
+    found = remake(f"{tmp_path}/batch@seed=1", executor=worker)
     assert (found.identical, found.recorded_status, found.status) == (False, "crashed", "crashed")
     assert found.log is not None and (found.log / "log.mcap").is_file()
     assert f"crashed     {found.message}" in found.to_text()

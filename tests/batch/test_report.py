@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from picktree.batch.batch import Batch
-from picktree.batch.local import LocalExecutor
+from picktree.batch.executor import Executor
 from picktree.batch.plan import Plan
 from picktree.batch.report.report import write_report
 
@@ -24,13 +24,15 @@ def data_of(page: str) -> dict[str, Any]:
     return json.loads(found[1])
 
 
-def test_a_page_holds_what_the_results_say_and_links_to_the_worst_runs(tmp_path: Path) -> None:
+def test_a_page_holds_what_the_results_say_and_links_to_the_worst_runs(
+    tmp_path: Path, worker: Executor
+) -> None:
     missed = tmp_path / "missed.yaml"  # the goal is one that no run can reach
     missed.write_text(re.sub(r"^goal:.*\n", "", ONE_PICK.read_text(), flags=re.M) + "goal: sorted > total\n")
     plan = Plan("two", (ONE_PICK, missed), (0, 1), backend="kinematic")
     folder = tmp_path / "batch"
-    with Batch.create(folder, plan) as batch, LocalExecutor(1) as executor:
-        assert batch.run(executor, Remembering())
+    with Batch.create(folder, plan) as batch:
+        assert batch.run(worker, Remembering())
     write_report(folder, tmp_path / "page.html", runs=1)
     page = (tmp_path / "page.html").read_text()
     data = data_of(page)

@@ -23,12 +23,13 @@ from picktree.world.world import World
 
 
 class Work(Skill):
-    \"\"\"Take a while, of the clock on the wall.\"\"\"
+    \"\"\"Go on until somebody says that it is done.\"\"\"
 
     def run(self, world: World) -> Steps:
         yield
         (Path({here!r}) / "job").write_text(str(os.getpid()))
-        time.sleep({seconds})
+        while not (Path({here!r}) / "done").exists():
+            time.sleep(0.02)
 
 
 NODES = (Work,)
@@ -45,9 +46,9 @@ trees:
 """
 
 
-def batch(folder: Path, seconds: float) -> list[str]:
-    """Words of a batch of three jobs that take that long, on one worker."""
-    (folder / "work.py").write_text(PLUGIN.format(here=str(folder), seconds=seconds))
+def batch(folder: Path) -> list[str]:
+    """Words of a batch of three jobs on one worker, each of which ends when the file `done` is there."""
+    (folder / "work.py").write_text(PLUGIN.format(here=str(folder)))
     (folder / "mission.yaml").write_text(MISSION)
     options = ["--mission", str(folder / "mission.yaml"), "--seeds", "0:3", "--backend", "kinematic"]
     return ["batch", "run", *options, "--workers", "1", "--out", str(folder / "batch")]
@@ -69,9 +70,11 @@ def left(folder: Path) -> list[Path]:
 
 
 def test_ctrl_c_finishes_what_runs(tmp_path: Path) -> None:
-    terminal = Terminal(batch(tmp_path, 1.5))
+    terminal = Terminal(batch(tmp_path))
     terminal.wait(lambda: job(tmp_path) > 0, "a job")
     terminal.press(b"\x03")
+    terminal.until("stopping")
+    (tmp_path / "done").touch()
     assert terminal.end() == 130
     assert "stopping: 1 job under way; Ctrl-C again breaks off" in terminal.shown
     assert "1 of 3 jobs run" in terminal.shown
@@ -81,7 +84,7 @@ def test_ctrl_c_finishes_what_runs(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_twice_stops_at_once(tmp_path: Path) -> None:
-    terminal = Terminal(batch(tmp_path, 600))
+    terminal = Terminal(batch(tmp_path))
     terminal.wait(lambda: job(tmp_path) > 0, "a job")
     terminal.press(b"\x03")
     terminal.until("stopping")
@@ -93,16 +96,17 @@ def test_ctrl_c_twice_stops_at_once(tmp_path: Path) -> None:
 
 
 def test_a_terminal_that_is_closed_lets_finish_what_runs(tmp_path: Path) -> None:
-    terminal = Terminal(batch(tmp_path, 1.5))
+    terminal = Terminal(batch(tmp_path))
     terminal.wait(lambda: job(tmp_path) > 0, "a job")
     terminal.close()
+    (tmp_path / "done").touch()
     assert terminal.end_after_closing() == 130
     assert counts(tmp_path) == (("success", 1), ("waiting", 2))
     assert left(tmp_path) == []
 
 
 def test_a_batch_that_is_terminated_takes_its_jobs_with_it(tmp_path: Path) -> None:
-    command = Command(batch(tmp_path, 600), Streams(0, 1, 2))
+    command = Command(batch(tmp_path), Streams(0, 1, 2))
     until(lambda: job(tmp_path) > 0, "a job")
     os.kill(command.pid, signal.SIGTERM)
     assert command.end() == 130
@@ -113,7 +117,7 @@ def test_a_batch_that_is_terminated_takes_its_jobs_with_it(tmp_path: Path) -> No
 def test_a_batch_that_is_killed_takes_its_jobs_with_it(tmp_path: Path) -> None:
     """As a shell starts it: an interpreter for the batch, and one for its worker."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "picktree", *batch(tmp_path, 600)], stdout=subprocess.DEVNULL
+        [sys.executable, "-m", "picktree", *batch(tmp_path)], stdout=subprocess.DEVNULL
     )
     until(lambda: job(tmp_path) > 0, "a job")
     process.kill()
@@ -123,10 +127,11 @@ def test_a_batch_that_is_killed_takes_its_jobs_with_it(tmp_path: Path) -> None:
 
 
 def test_a_reader_who_leaves_does_not_end_the_batch(tmp_path: Path) -> None:
+    (tmp_path / "done").touch()
     reading, writing = os.pipe()
     with tempfile.TemporaryFile() as errors, open(reading) as told:
         streams = Streams(0, writing, errors.fileno(), closed=(reading,))
-        command = Command(batch(tmp_path, 0), streams)
+        command = Command(batch(tmp_path), streams)
         os.close(writing)
         assert told.readline() == f"3 jobs, 1 worker; in {tmp_path}/batch\n"
         told.close()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import jsonschema
 import pytest
@@ -27,18 +29,34 @@ def faults(schema: Path, document: Any) -> list[str]:
     return [error.message for error in validator.iter_errors(document)]
 
 
+Begin: TypeAlias = Callable[[StartKind, Path], None]
+
+
+@pytest.fixture(scope="module")
+def begin(tmp_path_factory: pytest.TempPathFactory) -> Begin:
+    """Copies starts that are written once: to make their schemas takes the time."""
+    scratch = tmp_path_factory.mktemp("starts")
+
+    def copy(kind: StartKind, folder: Path) -> None:
+        if not (scratch / kind).exists():
+            write_start(kind, scratch / kind)
+        shutil.copytree(scratch / kind, folder, dirs_exist_ok=True)
+
+    return copy
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_start_has_no_faults_and_no_warnings(
-    kind: StartKind, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    kind: StartKind, begin: Begin, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_start(kind, tmp_path / "a" / "new one")
+    begin(kind, tmp_path / "a" / "new one")
     assert answer(["check", "--strict", str(tmp_path)]) == 0
     assert capsys.readouterr().out.strip().endswith("no faults")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_editors_find_a_schema_that_takes_the_file(kind: StartKind, tmp_path: Path) -> None:
-    write_start(kind, tmp_path)
+def test_editors_find_a_schema_that_takes_the_file(kind: StartKind, begin: Begin, tmp_path: Path) -> None:
+    begin(kind, tmp_path)
     checked = 0
     for file in tmp_path.rglob("*.yaml"):
         first, *_ = file.read_text().splitlines()
@@ -48,8 +66,8 @@ def test_editors_find_a_schema_that_takes_the_file(kind: StartKind, tmp_path: Pa
     assert checked == sum(1 for part in STARTS[kind].parts if part.name.endswith(".yaml"))
 
 
-def test_schema_of_a_plugin_knows_its_skill(tmp_path: Path) -> None:
-    write_start("plugin", tmp_path)
+def test_schema_of_a_plugin_knows_its_skill(begin: Begin, tmp_path: Path) -> None:
+    begin("plugin", tmp_path)
     mission = yaml.safe_load((tmp_path / "lift.yaml").read_text())
     mission["trees"]["Main"]["Sequence"][1]["Recover"]["do"] = {"Lift": {"hight": 0.1}}
     assert len(faults(tmp_path / "schemas" / "lift.json", mission)) == 1
@@ -57,9 +75,9 @@ def test_schema_of_a_plugin_knows_its_skill(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("kind", "mission"), [("mission", "mission.yaml"), ("plugin", "lift.yaml")])
 def test_cases_of_a_start_pass(
-    kind: StartKind, mission: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    kind: StartKind, mission: str, begin: Begin, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_start(kind, tmp_path)
+    begin(kind, tmp_path)
     assert answer(["rehearse", "-q", str(tmp_path / mission)]) == 0
     assert "2 of 2 cases passed" in capsys.readouterr().out
 
@@ -74,12 +92,13 @@ def test_cases_of_a_start_pass(
 def test_a_start_runs_on_the_kinematic_backend(
     kinds: list[StartKind],
     run: list[str],
+    begin: Begin,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     for kind in kinds:
-        write_start(kind, tmp_path)
+        begin(kind, tmp_path)
     monkeypatch.chdir(tmp_path)
     assert answer(["run", *run, "--backend", "kinematic"]) == 0
     assert "the goal is reached" in capsys.readouterr().out

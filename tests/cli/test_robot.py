@@ -10,6 +10,7 @@ import pytest
 
 from picktree.cli.app import answer
 from picktree.cli.kinds import CHECKS
+from picktree.logs.resimulation import child, resim
 from picktree.world.files.checking import check_files
 from picktree.world.robot.load import load_robot
 from picktree.world.setup.proposal import Wish, propose
@@ -204,7 +205,9 @@ def test_show_tells_what_a_robot_file_says(capfd: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.parametrize("robot", ["xarm6", "iiwa"])
-def test_one_pick_on_each_arm(robot: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_one_pick_on_each_arm(
+    robot: str, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     mission = Path(__file__).parents[2] / "examples" / "one_pick.yaml"
     arguments = [
         "run",
@@ -220,5 +223,7 @@ def test_one_pick_on_each_arm(robot: str, tmp_path: Path, capfd: pytest.CaptureF
     assert answer(arguments) == 0
     said = json.loads(capfd.readouterr().out)
     assert (said["status"], said["items"]["sorted"], said["picks"]["held"]) == ("success", 1, 1)
+    # What a run of an arm is made from is in its log; that it runs in another process is not the matter here.
+    monkeypatch.setattr(resim, "_ask", lambda order, _: child.carry_out(order, lambda answer: None))
     assert answer(["resim", said["folder"]]) == 0
     assert f"digest {said['digest'][:16]}" in capfd.readouterr().out
