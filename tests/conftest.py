@@ -4,6 +4,8 @@ import signal
 
 import pytest
 
+from .needs import left_out
+
 
 def pytest_configure() -> None:
     """Ctrl-C and a closed terminal mean what they mean at a terminal, also where whoever started the tests
@@ -17,3 +19,11 @@ def pytest_configure() -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What takes long begins first, so that no worker waits for another at the end."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say which tests wait for something that this machine lacks."""
+    skipped = [report.longrepr for report in terminalreporter.getreports("skipped")]
+    if line := left_out(reason[2] for reason in skipped if isinstance(reason, tuple)):
+        terminalreporter.write_line(line)
