@@ -20,6 +20,8 @@ settings.register_profile(
 )
 settings.load_profile("picktree")
 
+from .needs import left_out
+
 
 @pytest.fixture(scope="session")
 def elsewhere() -> Iterator[OtherProcess]:
@@ -45,3 +47,11 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What takes long begins first, so that no worker waits for another at the end."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say which tests wait for something that this machine lacks."""
+    skipped = [report.longrepr for report in terminalreporter.getreports("skipped")]
+    if line := left_out(reason[2] for reason in skipped if isinstance(reason, tuple)):
+        terminalreporter.write_line(line)

@@ -17,6 +17,7 @@ from picktree.batch.rows import JobRows, PickRow
 from picktree.batch.store import Store
 from picktree.batch.tables import TABLES
 from picktree.cli.app import answer
+from picktree.logs.extras import adding
 from picktree.world.errors import PicktreeError
 
 from .test_store import ITEMS, SUCCESS, store
@@ -83,9 +84,7 @@ def test_parquet_needs_its_extra(results: Store, tmp_path: Path, monkeypatch: py
     monkeypatch.delitem(sys.modules, "picktree.batch.parquet_tables", raising=False)
     with results, pytest.raises(PicktreeError) as refused:
         export(results, "parquet", tmp_path / "out")
-    assert str(refused.value) == (
-        "An export to Parquet needs the extra 'parquet': pip install 'picktree[parquet]'"
-    )
+    assert str(refused.value) == f"An export to Parquet needs the extra 'parquet': {adding('parquet')}"
 
 
 def test_it_is_typed_so(results: Store, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import re
 import shutil
@@ -24,15 +23,17 @@ from picktree.batch.executor import Executor
 from picktree.batch.local import LocalExecutor
 from picktree.batch.plan import Limits, Plan
 from picktree.cli.app import answer
+from picktree.logs.extras import adding
 from picktree.logs.run import Run
 from picktree.world.errors import PicktreeError
 
 from ..commands import until
+from ..needs import RAY, needs
 from .processes import alive, below, name
 from .ray_nodes import NODES, head, node
 from .watching import Remembering
 
-pytestmark = pytest.mark.skipif(importlib.util.find_spec("ray") is None, reason="the extra 'ray' is missing")
+pytestmark = needs(RAY)
 
 ONE_PICK = Path(__file__).parents[2] / "examples/one_pick.yaml"
 PLAN = Plan("test", (ONE_PICK,), (0, 1, 2), backend="kinematic", keep="all")
@@ -251,9 +252,7 @@ def test_without_the_extra_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(ray_executor, "find_spec", dict[str, object]().get)
     with pytest.raises(PicktreeError) as missing:
         RayExecutor()
-    assert str(missing.value) == (
-        "A batch on a Ray cluster needs the extra 'ray': pip install 'picktree[ray]'"
-    )
+    assert str(missing.value) == f"A batch on a Ray cluster needs the extra 'ray': {adding('ray')}"
 
 
 def test_ray_is_loaded_in_processes_of_its_own_alone() -> None:

@@ -16,10 +16,11 @@ from picktree.batch.report.report import write_report
 from picktree.batch.rows import EpisodeRow, FailureRow, JobRows, PickRow, PlantedRow, TimingRow
 from picktree.batch.store import NAME, Store
 
-from ..logs.browser import NEEDED, Chromium
+from ..logs.browser import Chromium
+from ..needs import CHROMIUM, needs
 from .test_store import ITEMS, MISSED, SLIP, SUCCESS
 
-pytestmark = NEEDED
+pytestmark = needs(CHROMIUM)
 
 LABELS = ("Grasp.force=1.5 N", "Grasp.force=30 N")
 EPISODES = (

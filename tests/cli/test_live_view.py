@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from picktree.cli.app import answer
+from picktree.logs.extras import adding
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -42,7 +43,7 @@ def test_without_the_sdk_the_extra_is_named(
     monkeypatch.delitem(sys.modules, "picktree.logs.live.view", raising=False)
     monkeypatch.setitem(sys.modules, "foxglove", None)
     assert answer(["run", "m.yaml", "--live"]) == 2
-    assert capsys.readouterr().err == ("A live view needs the extra 'live': pip install 'picktree[live]'\n")
+    assert capsys.readouterr().err == f"A live view needs the extra 'live': {adding('live')}\n"
     assert stage.requests == []
 
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 import json
 import math
 import random
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from picktree.world.files.marks import FileError, Mark
 from picktree.world.files.reader import Node, read
 
+from ..needs import packages
 from .yaml_texts import PIECES, SCALARS, TEXTS
 
 NODE = Path(__file__).parent / "node"
@@ -31,13 +29,9 @@ def all_texts() -> list[str]:
 
 
 def theirs(texts: list[str]) -> list[dict[str, Any]]:
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("node is not installed")
-    if not (NODE / "node_modules" / "yaml").is_dir():
-        pytest.skip(f"npm packages are missing: run `npm ci` in {NODE}")
+    packages("editor").require()
     given = json.dumps(texts)
-    done = subprocess.run([node, "read_yaml.mjs"], cwd=NODE, input=given, capture_output=True, text=True)
+    done = subprocess.run(["node", "read_yaml.mjs"], cwd=NODE, input=given, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,10 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pytest
+from ..needs import CHROMIUM_PROGRAM
 
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-NEEDED = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 FLAGS = (
     "--no-sandbox",  # as root, in containers
     "--disable-quic",
@@ -47,7 +44,7 @@ class Chromium:
         from playwright.sync_api import sync_playwright
 
         self._playwright = sync_playwright().start()
-        self._browser = self._playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        self._browser = self._playwright.chromium.launch(executable_path=CHROMIUM_PROGRAM, args=list(FLAGS))
 
     def close(self) -> None:
         self._browser.close()

@@ -53,7 +53,7 @@ def troubled_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Chromium]:
-    """For tests with `browser.NEEDED`."""
+    """For tests that need CHROMIUM."""
     browser = Chromium()
     yield browser
     browser.close()

@@ -19,6 +19,7 @@ from picktree.logs.export.csv_file import read_csv, write_csv
 from picktree.logs.export.exporting import export
 from picktree.logs.export.parquet_file import read_parquet, write_parquet
 from picktree.logs.export.tables import TABLES
+from picktree.logs.extras import adding
 from picktree.world.errors import PicktreeError
 
 GOLDEN = Path(__file__).parent / "golden" / "small.mcap"
@@ -181,9 +182,7 @@ def test_without_pyarrow_the_extra_is_named(
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(PicktreeError) as raised:
         export(run, "parquet", tmp_path / "out")
-    assert str(raised.value) == (
-        "An export to Parquet needs the extra 'parquet': pip install 'picktree[parquet]'"
-    )
+    assert str(raised.value) == f"An export to Parquet needs the extra 'parquet': {adding('parquet')}"
     assert not (tmp_path / "out").exists()
 
 

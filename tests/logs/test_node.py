@@ -1,24 +1,19 @@
 """The log in npm's @mcap/core, the library inside Foxglove and Lichtblick."""
 
 import json
-import shutil
 import subprocess
 from pathlib import Path
 
-import pytest
-
 from picktree.logs.run_log import RunLog
+
+from ..needs import needs, packages
 
 HERE = Path(__file__).parent / "node"
 
 
+@needs(packages("logs"))
 def test_every_message_is_read_and_decoded(log_path: Path) -> None:
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("node is not installed")
-    if not (HERE / "node_modules").is_dir():
-        pytest.skip(f"npm packages are missing: run `npm ci` in {HERE}")
-    done = subprocess.run([node, "read.mjs", str(log_path)], cwd=HERE, capture_output=True, text=True)
+    done = subprocess.run(["node", "read.mjs", str(log_path)], cwd=HERE, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     with RunLog(log_path) as log:

@@ -3,7 +3,6 @@
 import json
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,9 +11,10 @@ from picktree.logs.rotation import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.logs.session import run
 
+from ..needs import RERUN, RERUN_PROGRAM, needs, packages
+
 NODE = Path(__file__).parent / "node"
 MISSION = Path(__file__).parents[2] / "examples" / "one_pick.yaml"
-RERUN = shutil.which("rerun") or shutil.which("rerun", path=str(Path(sys.executable).parent))
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +38,7 @@ def test_a_rotated_run_is_the_same_run(logs: list[Path], tmp_path: Path) -> None
         )
 
 
-@pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
-@pytest.mark.skipif(not (NODE / "node_modules").is_dir(), reason=f"run `npm ci` in {NODE}")
+@needs(packages("logs"))
 def test_mcap_core_reads_every_topic_of_a_real_log(logs: list[Path], tmp_path: Path) -> None:
     for path in logs:
         done = subprocess.run(["node", "read.mjs", str(path)], cwd=NODE, capture_output=True, text=True)
@@ -56,7 +55,7 @@ def test_mcap_core_reads_every_topic_of_a_real_log(logs: list[Path], tmp_path: P
             assert set(found["metadata"]) == set(log.metadata)
 
 
-@pytest.mark.skipif(RERUN is None, reason="rerun is not installed")
+@needs(RERUN)
 def test_rerun_finds_nothing_wrong(logs: list[Path]) -> None:
     for path in logs:
         done = checked(path)
@@ -67,7 +66,7 @@ def test_rerun_finds_nothing_wrong(logs: list[Path]) -> None:
         assert len(rows) == sum("  /" in line for line in done.stdout.splitlines())
 
 
-@pytest.mark.skipif(RERUN is None, reason="rerun is not installed")
+@needs(RERUN)
 def test_rerun_does_find_a_file_without_its_ending_wrong(logs: list[Path], tmp_path: Path) -> None:
     path = tmp_path / "cut.mcap"
     path.write_bytes(logs[0].read_bytes()[:-100])
@@ -75,5 +74,7 @@ def test_rerun_does_find_a_file_without_its_ending_wrong(logs: list[Path], tmp_p
 
 
 def checked(path: Path) -> subprocess.CompletedProcess[str]:
-    assert RERUN is not None
-    return subprocess.run([RERUN, "mcap", "check", "--full", str(path)], capture_output=True, text=True)
+    assert RERUN_PROGRAM is not None
+    return subprocess.run(
+        [RERUN_PROGRAM, "mcap", "check", "--full", str(path)], capture_output=True, text=True
+    )

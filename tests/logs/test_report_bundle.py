@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 from pathlib import Path
 
-import pytest
-
 from picktree.logs.report.page import PAGE
 
+from ..needs import needs, packages
+
 HERE = Path(__file__).parent / "node"
-BUNDLER = HERE / "node_modules" / "esbuild"
 
 
-@pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
-@pytest.mark.skipif(not BUNDLER.exists(), reason=f"npm packages are missing: run `npm ci` in {HERE}")
+@needs(packages("logs"))
 def test_bundle_is_as_new_as_its_sources(tmp_path: Path) -> None:
     made = tmp_path / "report.js"
     done = subprocess.run(

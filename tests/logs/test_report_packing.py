@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -12,6 +11,8 @@ import pytest
 
 from picktree.logs.report.packing import GAP, Packable, Section, pack, quantised
 from picktree.logs.report.page import PAGE
+
+from ..needs import NODE
 
 READER = """
 import { unpack } from %s;
@@ -34,12 +35,10 @@ console.log(JSON.stringify(plain(await unpack(text))));
 
 def unpacked(*sections: Section) -> dict[str, object]:
     """As the page has it; each array as its kind, shape and values."""
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("node is not installed")
+    NODE.require()
     module = json.dumps((PAGE / "src" / "unpacking.js").as_uri())
     done = subprocess.run(
-        [node, "--input-type=module", "-e", READER % module],
+        ["node", "--input-type=module", "-e", READER % module],
         input=pack(sections),
         capture_output=True,
         text=True,

@@ -13,10 +13,11 @@ from picktree.logs.explaining.explanation import FailureStory
 from picktree.logs.report.report import write_report
 from picktree.logs.visits import Visit
 
-from .browser import NEEDED, Chromium, Told, frames, wait_until
+from ..needs import CHROMIUM, needs
+from .browser import Chromium, Told, frames, wait_until
 from .scripted_log import begins, ends, record, tree
 
-pytestmark = NEEDED
+pytestmark = needs(CHROMIUM)
 
 TIME = "picktreeReport.player.time"
 NODE = "picktreeReport.player.node"

@@ -8,6 +8,7 @@ import av
 import numpy as np
 import pytest
 
+from picktree.logs.extras import adding
 from picktree.logs.moments import moments
 from picktree.logs.run_log import RunLog
 from picktree.logs.scenery import Show
@@ -172,7 +173,7 @@ def test_without_the_extra_it_is_said_how_to_get_it(
     monkeypatch.setitem(sys.modules, "av", None)
     with RunLog(log_path) as log, pytest.raises(PicktreeError) as raised:
         film(log, tmp_path / "film.mp4")
-    assert str(raised.value) == "A video needs the extra 'video': pip install 'picktree[video]'"
+    assert str(raised.value) == f"A video needs the extra 'video': {adding('video')}"
 
 
 def test_an_interrupted_film_leaves_no_file(log_path: Path, tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import subprocess
 from functools import cache
 from html.parser import HTMLParser
@@ -18,12 +17,11 @@ from picktree.trees.drawing.charting import chart, chart_of_file
 from picktree.trees.drawing.html import chart_json, html
 from picktree.trees.drawing.palette import PAGE
 
+from ..needs import CHROMIUM, CHROMIUM_PROGRAM, NODE, needs, packages
 from .scripted import mission
 
 SHIFT = Path(__file__).parent / "shift.yaml"
 LIBRARIES = Path(__file__).parent / "node"
-NODE = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
 
 @cache
@@ -98,7 +96,7 @@ def run_script(program: str) -> Any:
     return json.loads(ran.stdout)
 
 
-@NODE
+@needs(NODE)
 @pytest.mark.parametrize("opened", ["openUpTo(root, 3000)", "openUpTo(root, 60)", ""])
 def test_nothing_overlaps_however_much_is_opened(opened: str) -> None:
     found = run_script(
@@ -136,7 +134,7 @@ def overlap(a: list[float], b: list[float]) -> bool:
     return not (beside or a[1] + a[3] <= b[1] or b[1] + b[3] <= a[1])
 
 
-@NODE
+@needs(NODE)
 def test_search_finds_nodes_of_closed_sub_trees_by_their_paths() -> None:
     found = run_script(
         """const paths = searchPaths(root, (node) => node.words.includes("condition known"), 50);
@@ -149,10 +147,7 @@ console.log(JSON.stringify({ paths, name: item.node.title }));"""
     assert found["name"] == "Condition known well enough"
 
 
-@NODE
-@pytest.mark.skipif(
-    not (LIBRARIES / "node_modules").exists(), reason="npm ci was not run in tests/trees/node"
-)
+@needs(packages("trees"))
 def test_libraries_are_what_their_recipe_makes(tmp_path: Path) -> None:
     made = tmp_path / "libraries.js"
     subprocess.run(
@@ -162,7 +157,7 @@ def test_libraries_are_what_their_recipe_makes(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+@needs(CHROMIUM)
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (390, 844)])
 def test_a_browser_opens_searches_and_walks_it_by_keys(width: int, height: int, tmp_path: Path) -> None:
     script = """
@@ -203,7 +198,7 @@ addEventListener("load", () => {
     file = tmp_path / "page.html"
     file.write_text(page().replace("</body>", f"<script>{script}</script></body>"), encoding="utf-8")
     ran = subprocess.run(
-        [CHROMIUM or "", "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}",
+        [CHROMIUM_PROGRAM or "", "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}",
          f"--window-size={width},{height}", "--dump-dom", file.as_uri()],
         capture_output=True, text=True, timeout=120,
     )  # fmt: skip
