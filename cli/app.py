@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Annotated
 
 import typer
@@ -87,6 +88,12 @@ def _picktree(  # pyright: ignore[reportUnusedFunction] - typer calls it
 ) -> None: ...
 
 
+@cache
+def _command() -> Callable[..., object]:
+    """Build the commands with all their options, once in a process."""
+    return typer.main.get_command(app)
+
+
 def _told(error: PicktreeError) -> str:
     if not isinstance(error, FileError):
         return str(error)
@@ -98,7 +105,7 @@ def _told(error: PicktreeError) -> str:
 def answer(arguments: Sequence[str]) -> int:
     """Carry out one command line and return the exit code."""
     try:
-        app(args=list(arguments), prog_name="picktree")
+        _command()(args=list(arguments), prog_name="picktree")
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 0
     except PicktreeError as error:
