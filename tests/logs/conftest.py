@@ -5,6 +5,7 @@ from types import ModuleType
 
 import pytest
 
+from picktree.logs.result import RunResult
 from picktree.logs.session import RunRequest, Session
 
 from .browser import Chromium
@@ -26,6 +27,14 @@ def log_path(sample: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Pa
     path = tmp_path_factory.mktemp("logs") / "log.mcap"
     sample.record(path)
     return path
+
+
+@pytest.fixture(scope="session")
+def picked(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
+    """Result of a run of `one_pick` without physics; do not change its files."""
+    out = tmp_path_factory.mktemp("picked")
+    mission = Path(__file__).parents[2] / "examples" / "one_pick.yaml"
+    return Session(RunRequest(mission, backend="kinematic", out=out)).run()
 
 
 TROUBLE = """\

@@ -10,14 +10,11 @@ import numpy as np
 from picktree.logs import Run
 from picktree.logs.recorder import Recorder
 from picktree.logs.records import Control
-from picktree.logs.session import RunRequest, Session
-
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+from picktree.logs.result import RunResult
 
 
-def test_the_error_is_the_reference_less_the_position(tmp_path: Path) -> None:
-    result = Session(RunRequest(mission=EXAMPLES / "one_pick.yaml", out=tmp_path, backend="kinematic")).run()
-    with Run(result.log) as run:
+def test_the_error_is_the_reference_less_the_position(picked: RunResult) -> None:
+    with Run(picked.log) as run:
         told, joints = run.controls, run.joints
         assert told.times.tolist() == joints.times.tolist()
         assert {"Hold", "Track"} <= set(told.controllers)

@@ -14,17 +14,15 @@ from rerun.chunk import RrdReader
 
 from picktree.logs import Run
 from picktree.logs.export.exporting import export
-from picktree.logs.session import RunRequest, Session
+from picktree.logs.result import RunResult
 from picktree.world.errors import PicktreeError
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 GOLDEN = Path(__file__).parent / "golden" / "small.mcap"
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
-    request = RunRequest(EXAMPLES / "one_pick.yaml", backend="kinematic", out=tmp_path_factory.mktemp("runs"))
-    with Run(Session(request).run().folder) as opened:
+def run(picked: RunResult) -> Iterator[Run]:
+    with Run(picked.folder) as opened:
         yield opened
 
 

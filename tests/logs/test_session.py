@@ -51,8 +51,8 @@ class Interrupting:
             os.kill(os.getpid(), signal.SIGINT)
 
 
-def test_a_run_leaves_a_log_a_result_and_the_files_it_was_made_from(tmp_path: Path) -> None:
-    result = Session(request(tmp_path)).run()
+def test_a_run_leaves_a_log_a_result_and_the_files_it_was_made_from(picked: RunResult) -> None:
+    result = picked
     assert result.status == "success"
     assert (result.items.sorted, result.items.left) == (1, 3)
     assert json.loads((result.folder / "result.json").read_text()) == result.to_json()

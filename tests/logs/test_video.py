@@ -10,24 +10,15 @@ import pytest
 
 from picktree.logs.extras import adding
 from picktree.logs.moments import moments
+from picktree.logs.result import RunResult
 from picktree.logs.run_log import RunLog
 from picktree.logs.scenery import Show
-from picktree.logs.session import RunRequest, Session
 from picktree.logs.video.filming import FilmRequest, film
 from picktree.logs.video.painters import Painters, Setup
 from picktree.logs.view import View
 from picktree.world.errors import PicktreeError
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 SMALL = (256, 160)
-
-
-@pytest.fixture(scope="module")
-def picked(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The log of a run without physics that picks one item."""
-    out = tmp_path_factory.mktemp("runs")
-    request = RunRequest(mission=EXAMPLES / "one_pick.yaml", backend="kinematic", out=out)
-    return Session(request).run().folder / "log.mcap"
 
 
 def decoded(path: Path) -> list[np.ndarray]:
@@ -39,9 +30,9 @@ def red(picture: np.ndarray) -> int:
     return int(((picture[:, :, 0] > 150) & (picture[:, :, 1] < 90) & (picture[:, :, 2] < 90)).sum())
 
 
-def test_an_mp4_is_h264_that_browsers_play(picked: Path, tmp_path: Path) -> None:
+def test_an_mp4_is_h264_that_browsers_play(picked: RunResult, tmp_path: Path) -> None:
     output = tmp_path / "new" / "film.mp4"
-    with RunLog(picked) as log:
+    with RunLog(picked.log) as log:
         made = film(log, output, FilmRequest(start=1.0, end=3.0, speed=2.0, fps=20, size=SMALL))
     assert (made.frames, made.seconds, made.size) == (20, 1.0, SMALL)
     assert made.bytes == output.stat().st_size
@@ -54,8 +45,8 @@ def test_an_mp4_is_h264_that_browsers_play(picked: Path, tmp_path: Path) -> None
     assert [path.name for path in output.parent.iterdir()] == ["film.mp4"]
 
 
-def test_the_robot_moves_and_the_line_at_the_foot_goes_on(picked: Path, tmp_path: Path) -> None:
-    with RunLog(picked) as log:
+def test_the_robot_moves_and_the_line_at_the_foot_goes_on(picked: RunResult, tmp_path: Path) -> None:
+    with RunLog(picked.log) as log:
         film(log, tmp_path / "film.mp4", FilmRequest(start=0.3, end=1.3, fps=12, size=SMALL))
     frames = decoded(tmp_path / "film.mp4")
     assert len(frames) == 12
@@ -74,8 +65,8 @@ def test_a_failure_stands_in_the_film_for_a_while(log_path: Path, tmp_path: Path
     assert shown == [False] * 10 + [True] * 20 + [False] * 8
 
 
-def test_a_gif_has_the_same_frames(picked: Path, tmp_path: Path) -> None:
-    with RunLog(picked) as log:
+def test_a_gif_has_the_same_frames(picked: RunResult, tmp_path: Path) -> None:
+    with RunLog(picked.log) as log:
         made = film(log, tmp_path / "film.gif", FilmRequest(start=1.0, end=2.0, size=SMALL))
         film(log, tmp_path / "film.mp4", FilmRequest(start=1.0, end=2.0, size=SMALL, fps=10))
     assert (made.frames, made.fps) == (10, 10)
@@ -86,8 +77,8 @@ def test_a_gif_has_the_same_frames(picked: Path, tmp_path: Path) -> None:
     assert made.bytes < 250_000
 
 
-def test_several_processes_draw_the_same_in_the_same_order(picked: Path) -> None:
-    with RunLog(picked) as log:
+def test_several_processes_draw_the_same_in_the_same_order(picked: RunResult) -> None:
+    with RunLog(picked.log) as log:
         setup = Setup(log.robot_model(), View(), SMALL)
         frames = list(moments(log, [0.5, 1.0, 1.5, 2.0, 2.5], (0.0, 3.0)))
     with Painters(setup, 2) as two:
@@ -98,8 +89,8 @@ def test_several_processes_draw_the_same_in_the_same_order(picked: Path) -> None
     assert np.abs(drawn[0].astype(int) - drawn[-1]).max() > 100
 
 
-def test_belief_truth_or_both_are_shown(picked: Path) -> None:
-    with RunLog(picked) as log:
+def test_belief_truth_or_both_are_shown(picked: RunResult) -> None:
+    with RunLog(picked.log) as log:
         believed, true, both = (
             next(moments(log, [0.0], (0.0, 0.0), show=show)).shown for show in ("belief", "truth", "both")
         )
@@ -109,8 +100,8 @@ def test_belief_truth_or_both_are_shown(picked: Path) -> None:
     assert both.outlined.bodies == true.solid.bodies
 
 
-def test_what_else_must_be_known_of_a_picture_is_said(picked: Path) -> None:
-    with RunLog(picked) as log:
+def test_what_else_must_be_known_of_a_picture_is_said(picked: RunResult) -> None:
+    with RunLog(picked.log) as log:
 
         def note(show: Show, speed: float) -> str:
             return next(moments(log, [0.0], (0.0, 0.0), show=show, speed=speed)).caption.note
@@ -120,8 +111,8 @@ def test_what_else_must_be_known_of_a_picture_is_said(picked: Path) -> None:
         assert note("both", 4.0) == "outlines: truth · 4×"
 
 
-def test_the_planned_path_is_shown_while_it_is_followed(picked: Path) -> None:
-    with RunLog(picked) as log:
+def test_the_planned_path_is_shown_while_it_is_followed(picked: RunResult) -> None:
+    with RunLog(picked.log) as log:
         plan = next(at for at in log.plans() if at.record.tool_path)
         end = plan.time + plan.record.thinking + plan.record.duration
         ahead = [at for at in log.plans() if at.record.tool_path][1]
@@ -132,8 +123,8 @@ def test_the_planned_path_is_shown_while_it_is_followed(picked: Path) -> None:
     assert after.shown.path == ahead.record.tool_path
 
 
-def test_what_runs_and_how_much_is_done_is_said(picked: Path) -> None:
-    with RunLog(picked) as log:
+def test_what_runs_and_how_much_is_done_is_said(picked: RunResult) -> None:
+    with RunLog(picked.log) as log:
         said = [
             (caption.node, caption.message, caption.done)
             for caption in (frame.caption for frame in moments(log, [1.0, log.end], (0.0, log.end)))

@@ -131,7 +131,7 @@ def test_torque_to_position_and_back_without_a_step() -> None:
 
 
 def test_halting_at_each_tick_brings_the_arm_to_rest() -> None:
-    for at in range(0, 60, 3):
+    for at in range(0, 60, 6):
         cell = Cell()
         lowering = cell.move.guarded((0.0, 0.0, -1.0), 0.1, force=4.0, speed=0.08)
         motion = swing(HOME, ASIDE, 1.5)

@@ -37,7 +37,7 @@ def at_the_hand(name: str = "ghost", size: float = 0.08, *, up: float = 0.05) ->
 def test_gradients_of_distances_are_what_finite_differences_say() -> None:
     compared = 0
     rng = np.random.default_rng(3)
-    for seed in range(24):
+    for seed in range(12):
         collision = believing(littered(seed, 15, 0.5))
         q = np.clip(HOME + rng.uniform(-0.9, 0.9, MODEL.n), MODEL.planned_lower, MODEL.planned_upper)
         near = collision.separations(q, 0.03)
@@ -53,7 +53,7 @@ def test_gradients_of_distances_are_what_finite_differences_say() -> None:
                 slope = (distance(q + step) - distance(q - step)) / 2e-5
                 assert abs(slope - separation.gradient[joint]) < 2e-3
                 compared += 1
-    assert compared >= 40
+    assert compared >= 20
 
 
 def test_the_depth_only_shrinks_on_the_way_out() -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Protocol, cast
 
 import cv2
@@ -13,7 +16,7 @@ from scipy.spatial import ConvexHull
 
 from ..robot.urdf import LinkMesh, LinkShape
 from ..shapes import Shape, corners
-from ..values import Array, Pose
+from ..values import Array, Pose, Vector3
 from .own_hand import Facets
 from .rays import inside
 from .sight import Sight
@@ -69,14 +72,14 @@ class RobotMask:
     def __init__(self, robot: Body) -> None:
         self._robot = robot
         self._hulls: list[tuple[str, _Hull]] = [
-            (mesh.link, _Hull(mesh.pose_in_link.apply(_furthest(_vertices(mesh)))))
+            (mesh.link, _Hull(mesh.pose_in_link.apply(_outline(mesh).points)))
             for mesh in robot.collision_meshes()
         ]
         self._hulls += [
             (s.link, _Hull(s.pose_in_link.apply(corners(s.shape)))) for s in robot.collision_shapes()
         ]
         names = robot.finger_links
-        convex = all(_is_convex(mesh) for mesh in robot.collision_meshes() if mesh.link in names)
+        convex = all(_outline(mesh).convex for mesh in robot.collision_meshes() if mesh.link in names)
         self._fingers = [(link, hull) for link, hull in self._hulls if link in names and convex]
 
     def paint(
@@ -171,25 +174,38 @@ def with_what_hangs_on(
     return touched[marks] & near
 
 
-def _vertices(mesh: LinkMesh) -> Array:
-    points = np.asarray(_loaded(mesh).vertices, dtype=np.float64)
-    return points * np.array(mesh.scale)
+@dataclass(frozen=True)
+class _Outline:
+    """Outside of a mesh file, scaled."""
+
+    points: Array
+    """The few vertices (k, 3) whose hull is nearly that of all, m; read-only."""
+    convex: bool
+    """The hull is about all that there is of the mesh."""
 
 
-def _is_convex(mesh: LinkMesh) -> bool:
-    """Whether its hull is about all that there is of it."""
-    volume = float(ConvexHull(_vertices(mesh)).volume)
-    return abs(float(_loaded(mesh).volume) * float(np.prod(mesh.scale))) > SOLID * volume
+def _outline(mesh: LinkMesh) -> _Outline:
+    """Outline of the file as it is now. A process reads each file once, unless it was changed since."""
+    file = Path(mesh.path).stat()
+    return _read(mesh.path, mesh.scale, file.st_mtime_ns, file.st_size)
 
 
-def _loaded(mesh: LinkMesh) -> trimesh.Trimesh:
-    loaded = trimesh.load(mesh.path, force="mesh", skip_materials=True)  # pyright: ignore[reportUnknownMemberType]
-    return cast("trimesh.Trimesh", loaded)
+@lru_cache(maxsize=256)
+def _read(path: str, scale: Vector3, changed: int, size: int) -> _Outline:
+    loaded = cast(
+        "trimesh.Trimesh",
+        trimesh.load(path, force="mesh", skip_materials=True),  # pyright: ignore[reportUnknownMemberType]
+    )
+    vertices: Array = np.asarray(loaded.vertices, dtype=np.float64) * np.array(scale)
+    hull = ConvexHull(vertices)
+    points = _furthest(vertices[hull.vertices])
+    points.flags.writeable = False
+    convex = abs(float(loaded.volume) * float(np.prod(scale))) > SOLID * float(hull.volume)
+    return _Outline(points, convex)
 
 
 def _furthest(points: Array) -> Array:
-    """The few points (k, 3) whose hull is nearly that of `points` (n, 3)."""
-    points = points[ConvexHull(points).vertices]
+    """The few of these points (n, 3) of a hull whose hull is nearly that of all."""
     k = np.arange(DIRECTIONS) + 0.5
     polar, turn = np.arccos(1 - 2 * k / DIRECTIONS), np.pi * (1 + 5**0.5) * k
     sphere = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
