@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, settings
 
 from picktree.world.arithmetic import restart  # picktree before numpy: it chooses numpy's kernels
 
+from .needs import left_out
 from .other_process import OtherProcess
 
 # The same examples everywhere, and none is refused because a machine is slow.
@@ -19,8 +20,6 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("picktree")
-
-from .needs import left_out
 
 
 @pytest.fixture(scope="session")
