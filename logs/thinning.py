@@ -41,12 +41,10 @@ def thinned(vertices: Array, faces: Indices, colours: Array, most: int) -> tuple
     """At most about `most` faces: vertices (n, 3), faces (m, 3) and the faces' colours (m, 3)."""
     if len(faces) <= most:
         return vertices, faces, colours
-    palette, colour = np.unique(np.round(colours * 255).astype(np.int64), axis=0, return_inverse=True)
-    grid = np.round(vertices / _WELD).astype(np.int64)
-    _, first, welded = np.unique(grid, axis=0, return_index=True, return_inverse=True)
-    surface = _without_slivers(
-        _Surface(vertices[first], welded.ravel()[faces], colour.ravel(), np.zeros((10, len(first))))
-    )
+    shades = np.round(colours * 255).astype(np.int64)
+    example, colour = _distinct(shades)
+    first, welded = _distinct(np.round(vertices / _WELD).astype(np.int64))
+    surface = _without_slivers(_Surface(vertices[first], welded[faces], colour, np.zeros((10, len(first)))))
     surface.quadrics = _quadrics(surface)
     share = _CHEAP
     while len(surface.faces) > most:
@@ -55,7 +53,7 @@ def thinned(vertices: Array, faces: Indices, colours: Array, most: int) -> tuple
                 break
             share = 1.0
     used, index = np.unique(surface.faces, return_inverse=True)
-    return surface.vertices[used], index.reshape(-1, 3), (palette / 255)[surface.colour]
+    return surface.vertices[used], index.reshape(-1, 3), (shades[example] / 255)[surface.colour]
 
 
 def _collapse(surface: _Surface, spare: int, share: float) -> bool:
@@ -63,7 +61,7 @@ def _collapse(surface: _Surface, spare: int, share: float) -> bool:
 
     An edge takes two faces with it, at a border one; `spare` is how many may go.
     """
-    edges, _ = _edges(surface.faces)
+    edges = _edges(surface.faces)
     places, costs = _best_places(surface, edges)
     most = max(1, int(share * len(edges)))
     cheap = np.argpartition(costs, most - 1)[:most] if most < len(edges) else np.arange(most)
@@ -124,7 +122,7 @@ def _quadrics(surface: _Surface) -> Array:
     found = np.zeros((10, len(surface.vertices)))
     _add(found, surface.faces.ravel(), (_plane(normals, corners[:, 0]) * area[:, None]).repeat(3, axis=0))
     # Through each border stands a plane upright on its face.
-    edges, which = _edges(surface.faces)
+    edges, which = _edges_of_sides(surface.faces)
     owner = np.arange(len(surface.faces)).repeat(3)
     count = np.bincount(which, minlength=len(edges))
     low, high = np.full(len(edges), np.iinfo(np.int64).max), np.zeros(len(edges), np.int64)
@@ -154,20 +152,63 @@ def _add(sums: Array, where: Indices, values: Array) -> None:
         row += np.bincount(where, weights=column, minlength=len(row))
 
 
-def _edges(faces: Indices) -> tuple[Indices, Indices]:
-    """All edges (n, 2), each once, and for each side of each face, (3m,), which it is."""
-    sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    most = int(faces.max()) + 1
-    keys, which = np.unique(sides[:, 0] * most + sides[:, 1], return_inverse=True)
+def _edges(faces: Indices) -> Indices:
+    """Return all edges (n, 2), each once."""
+    keys, most = _keys(faces)
+    keys.sort()
+    # np.unique of numpy 2.4 takes four times as long.
+    keys = keys[np.concatenate([[True], keys[1:] != keys[:-1]])]
+    low = keys // most
+    return np.column_stack([low, keys - low * most])
+
+
+def _edges_of_sides(faces: Indices) -> tuple[Indices, Indices]:
+    """Return all edges (n, 2), each once, and the edge of each side of each face, (3m,)."""
+    keys, most = _keys(faces)
+    keys, which = np.unique(keys, return_inverse=True)
     return np.column_stack(np.divmod(keys, most)), which
+
+
+def _keys(faces: Indices) -> tuple[Indices, int]:
+    """Return lower vertex · factor + higher vertex for each side of each face, (3m,), and the factor."""
+    most = int(faces.max()) + 1
+    keys = np.empty(faces.shape, np.int64)
+    for side, (start, stop) in enumerate(((0, 1), (1, 2), (2, 0))):
+        a, b = faces[:, start], faces[:, stop]
+        keys[:, side] = np.minimum(a, b) * most + np.maximum(a, b)
+    return keys.ravel(), most
 
 
 def _turned(surface: _Surface, moved: Array, faces: Indices, stays: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Which of the faces that stay turn by too much, or lose all area."""
-    before, after = surface.vertices[surface.faces[stays]], moved[faces[stays]]
-    old, new = (np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]) for c in (before, after))
-    size = np.linalg.norm(old, axis=1) * np.linalg.norm(new, axis=1)
-    return np.einsum("ni,ni->n", old, new) <= _TURN * size
+    a, b, c = _areas(surface.vertices, surface.faces[stays])
+    u, v, w = _areas(moved, faces[stays])
+    size = np.sqrt(a * a + b * b + c * c) * np.sqrt(u * u + v * v + w * w)
+    return a * u + b * v + c * w <= _TURN * size
+
+
+def _areas(vertices: Array, faces: Indices) -> tuple[Array, Array, Array]:
+    """Return the coordinates (m,) of each face's normal with twice its area as length."""
+    (x, y, z), (a, b, c) = vertices.T.copy(), faces.T
+    first_x, first_y, first_z = x[a], y[a], z[a]
+    ux, uy, uz = x[b] - first_x, y[b] - first_y, z[b] - first_z
+    vx, vy, vz = x[c] - first_x, y[c] - first_y, z[c] - first_z
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+def _distinct(rows: Indices) -> tuple[Indices, Indices]:
+    """Return the distinct rows of (n, 3) as the index of the first of each, sorted by row, (k,).
+
+    Second result: the place of each row among them, (n,).
+    """
+    low = rows.min(axis=0)
+    across, deep, high = (int(n) for n in rows.max(axis=0) - low + 1)
+    if across * deep * high < 2**62:  # one number for a row: sorting rows takes seven times as long
+        x, y, z = (rows - low).T
+        _, first, which = np.unique((x * deep + y) * high + z, return_index=True, return_inverse=True)
+    else:
+        _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return first, which.ravel()
 
 
 def _proper(faces: Indices) -> NDArray[np.bool_]:

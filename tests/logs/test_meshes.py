@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -85,13 +86,15 @@ def test_surfaces_are_closed_and_face_outwards(shape: Shape) -> None:
     assert (np.einsum("fci,fi->fc", mesh.normals, own) > 0).all()
 
 
-def test_a_fine_mesh_is_thinned_without_losing_its_shape(tmp_path: Path) -> None:
+@pytest.mark.parametrize("size", [1.0, 30.0])
+def test_a_fine_mesh_is_thinned_without_losing_its_shape(tmp_path: Path, size: float) -> None:
     sphere = shape_mesh(Sphere(0.5))
     fine = joined([sphere.placed(Pose((float(x), 0.0, 0.0))) for x in range(4)])
-    lines = [f"v {x} {y} {z}" for x, y, z in fine.vertices]
+    lines = [f"v {x} {y} {z}" for x, y, z in size * fine.vertices]
     lines += ["f " + " ".join(str(i + 1) for i in face) for face in fine.faces]
     (tmp_path / "fine.obj").write_text("\n".join(lines))
     mesh = load_mesh(str(tmp_path / "fine.obj"), 1500)
+    mesh = replace(mesh, vertices=mesh.vertices / size)
     assert len(fine.faces) > 8000
     assert 1300 < len(mesh.faces) <= 1500
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), np.ptp(fine.vertices, axis=0), rtol=0.01)
