@@ -64,6 +64,14 @@ def test_without_a_failure_it_costs_nothing() -> None:
     assert run.notes("budget") == []
 
 
+def test_a_budget_of_no_handler_refuses_the_first_one() -> None:
+    run = start(TRIES % (0, "grasp.missed", "S"))
+    assert letters(run.to_end())[-1] == "F"
+    assert (run.trace.count("start Do"), run.trace.count("start Cure")) == (1, 0)
+    assert run.tree.failure is not None
+    assert run.tree.failure.message == "the budget is used up (0 of 0 handlers, 0.0 s): Do was told to"
+
+
 def test_time_counts_from_the_first_failure_and_a_handler_that_runs_is_finished() -> None:
     body = TRIES.replace("tries: %d", "time: %g") % (0.5, "R" * 40 + " grasp.missed", "R" * 6 + " S")
     run = start(body)

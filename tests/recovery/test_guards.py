@@ -102,6 +102,14 @@ Recover:
     ]
 
 
+def test_for_attempt_without_a_value_is_a_failure() -> None:
+    run = start("ForAttempt: {attempt: 1, values: '{values}', value: '{force}'}\n")
+    run.tree.blackboard.write("Main/values", [], "test")
+    assert run.to_end()[-1] is NodeStatus.FAILURE
+    run.tree.blackboard.write("Main/values", [30.0], "test")
+    assert run.to_end()[-1] is NodeStatus.SUCCESS
+
+
 def test_values_of_another_type_than_the_port_s_are_found_before_anything_runs() -> None:
     body = """\
 Sequence:

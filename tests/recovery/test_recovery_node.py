@@ -58,7 +58,11 @@ def test_a_recovery_node_whose_retries_are_used_up_attaches_the_earlier_failures
 
 def test_a_recovery_node_does_not_cure_a_fault_of_the_program() -> None:
     run = start(2, "crash", "S")
-    assert str(failed(run).cause) == "internal.error"
+    report = failed(run)
+    assert str(report.cause) == "internal.error"
+    assert (report.message, report.node) == (
+        "ZeroDivisionError while Scripted was ticked: scripted", "Main/RecoveryNode/Do"
+    )  # fmt: skip
     assert "start Cure" not in run.trace
 
 
