@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
 from typing import Protocol, cast
 
 import cv2
@@ -69,14 +71,14 @@ class RobotMask:
     def __init__(self, robot: Body) -> None:
         self._robot = robot
         self._hulls: list[tuple[str, _Hull]] = [
-            (mesh.link, _Hull(mesh.pose_in_link.apply(_furthest(_vertices(mesh)))))
-            for mesh in robot.collision_meshes()
+            (mesh.link, _hull(mesh, _changed(mesh))) for mesh in robot.collision_meshes()
         ]
         self._hulls += [
             (s.link, _Hull(s.pose_in_link.apply(corners(s.shape)))) for s in robot.collision_shapes()
         ]
         names = robot.finger_links
-        convex = all(_is_convex(mesh) for mesh in robot.collision_meshes() if mesh.link in names)
+        fingers = [mesh for mesh in robot.collision_meshes() if mesh.link in names]
+        convex = all(_is_convex(mesh, _changed(mesh)) for mesh in fingers)
         self._fingers = [(link, hull) for link, hull in self._hulls if link in names and convex]
 
     def paint(
@@ -171,12 +173,24 @@ def with_what_hangs_on(
     return touched[marks] & near
 
 
+def _changed(mesh: LinkMesh) -> int:
+    """Time of the last change of the mesh's file, ns: what is kept of an older one does not count."""
+    return Path(mesh.path).stat().st_mtime_ns
+
+
+@lru_cache(maxsize=256)
+def _hull(mesh: LinkMesh, changed: int) -> _Hull:
+    """Hull of a link's mesh. Reading the meshes takes most of the time of building a cell."""
+    return _Hull(mesh.pose_in_link.apply(_furthest(_vertices(mesh))))
+
+
 def _vertices(mesh: LinkMesh) -> Array:
     points = np.asarray(_loaded(mesh).vertices, dtype=np.float64)
     return points * np.array(mesh.scale)
 
 
-def _is_convex(mesh: LinkMesh) -> bool:
+@lru_cache(maxsize=256)
+def _is_convex(mesh: LinkMesh, changed: int) -> bool:
     """Whether its hull is about all that there is of it."""
     volume = float(ConvexHull(_vertices(mesh)).volume)
     return abs(float(_loaded(mesh).volume) * float(np.prod(mesh.scale))) > SOLID * volume
