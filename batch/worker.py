@@ -79,12 +79,19 @@ def load() -> None:
     from ..logs.circumstances import revision, sources
     from ..logs.recipe_record import installed_meshes
     from ..logs.robot_meshes import link_meshes
+    from ..world.motion.collision import robot_geometry
+    from ..world.perception.robot_mask import RobotMask
     from ..world.robot.load import load_robot
+    from ..world.robot.model import RobotModel
 
     # The robot of the shipped scenes; with another one, each job loads its own.
     robot = load_robot("panda")
     link_meshes(robot.urdf)
     installed_meshes(robot)
+    model = RobotModel(robot)
+    robot_geometry(model)
+    RobotMask(model)
+    arithmetic()
     revision()
     sources()
     arithmetic()

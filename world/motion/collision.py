@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
+import coal
 import numpy as np
 import pinocchio as pin
 
@@ -229,10 +231,14 @@ class Collision:
         return self._full_q
 
 
+_MESHES: Final = coal.CachedMeshLoader()
+"""Meshes of links as they were read last; it reads a file again that has changed since."""
+
+
 def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
     """The URDF's collision geometry on the joints of `model.full`; meshes as their convex hulls."""
     urdf = resolved_urdf(model.description.urdf)
-    loaded = pin.buildGeomFromUrdfString(model.full, urdf, pin.COLLISION)
+    loaded = pin.buildGeomFromUrdfString(model.full, urdf, pin.COLLISION, mesh_loader=_MESHES)
     for o in loaded.geometryObjects:
         o.geometry = hull(o.geometry)
     return tuple(loaded.geometryObjects)
