@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rerun.chunk import RrdReader
 
 from picktree.logs import Run
 from picktree.logs.export.exporting import export
@@ -37,6 +36,8 @@ class Read:
     """The columns of every entity: by time (ns), or once where it is static."""
 
     def __init__(self, path: Path) -> None:
+        from rerun.chunk import RrdReader  # it takes half a second, and every worker collects this file
+
         self.chunks: dict[str, list[Any]] = {}
         for chunk in RrdReader(path).stream():
             self.chunks.setdefault(chunk.entity_path, []).append(chunk)

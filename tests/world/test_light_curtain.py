@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -11,13 +13,17 @@ from picktree.world.simulation.light_curtain import LightCurtain, Zone
 from .simulated_cell import panda
 
 MODEL = RobotModel(panda())
-CURTAIN = LightCurtain(MODEL)
+
+
+@cache
+def curtain() -> LightCurtain:
+    return LightCurtain(MODEL)
 
 
 def over(
     x: float, y: float, pose: str = "home", yaw: float = 0.0, half: tuple[float, float] = (0.05, 0.05)
 ) -> bool:
-    return CURTAIN.crossed(Zone((x, y), yaw, half), MODEL.named(pose), 0.08)
+    return curtain().crossed(Zone((x, y), yaw, half), MODEL.named(pose), 0.08)
 
 
 @pytest.mark.parametrize(
@@ -38,7 +44,7 @@ def test_the_arm_is_where_its_links_are(x: float, y: float, pose: str, crossed: 
 
 def test_the_base_is_no_part_of_the_arm() -> None:
     straight_up = np.zeros(7)
-    assert not CURTAIN.crossed(Zone((-0.13, 0.0), 0.0, (0.01, 0.01)), straight_up, 0.0)
+    assert not curtain().crossed(Zone((-0.13, 0.0), 0.0, (0.01, 0.01)), straight_up, 0.0)
 
 
 def test_fingers_count_with_their_opening() -> None:
@@ -58,5 +64,5 @@ def test_a_zone_is_turned() -> None:
 def test_a_rim_widens_it() -> None:
     zone = Zone((0.5, 0.3), 0.0, (0.05, 0.05))
     assert zone.grown(0.1) == Zone((0.5, 0.3), 0.0, (0.15000000000000002, 0.15000000000000002))
-    assert not CURTAIN.crossed(zone, MODEL.named("home"), 0.08)
-    assert CURTAIN.crossed(zone.grown(0.2), MODEL.named("home"), 0.08)
+    assert not curtain().crossed(zone, MODEL.named("home"), 0.08)
+    assert curtain().crossed(zone.grown(0.2), MODEL.named("home"), 0.08)

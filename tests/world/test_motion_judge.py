@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from trimesh import load_mesh  # pyright: ignore[reportUnknownVariableType]
 
 from picktree.world.motion.bodies import loose_bodies, still_bodies
 from picktree.world.motion.collision import Collision
-from picktree.world.motion.fcl_shapes import gap, hull, place, solid
+from picktree.world.motion.fcl_shapes import Solid, gap, hull, place, solid
 from picktree.world.motion.ik import InverseKinematics
 from picktree.world.motion.judge import TOLERANCE, Judge
 from picktree.world.motion.requests import Scaling
@@ -23,13 +25,21 @@ from picktree.world.values import Array, Pose
 
 from .motion_cell import HOME, MODEL, down, item, littered, table_scene
 
-JUDGE = Judge(MODEL)
 WIDTH = 0.06
-LINKS = [
-    (mesh.link, mesh.pose_in_link, hull(np.array(load_mesh(mesh.path).vertices) * mesh.scale))
-    for mesh in MODEL.collision_meshes()
-]
 HAND = {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
+
+
+@cache
+def judge() -> Judge:
+    return Judge(MODEL)
+
+
+@cache
+def links() -> list[tuple[str, Pose, Solid]]:
+    return [
+        (mesh.link, mesh.pose_in_link, hull(np.array(load_mesh(mesh.path).vertices) * mesh.scale))
+        for mesh in MODEL.collision_meshes()
+    ]
 
 
 def motion(*corners: Array) -> Trajectory:
@@ -65,7 +75,7 @@ def one_by_one(trajectory: Trajectory, scene: PlanningScene) -> dict[tuple[str, 
 
     for q in moments_of(MODEL, trajectory).configurations:
         poses = MODEL.link_poses(q, WIDTH)
-        robot = [(link, place(shape, poses[link] @ pose)) for link, pose, shape in LINKS]
+        robot = [(link, place(shape, poses[link] @ pose)) for link, pose, shape in links()]
         held = scene.held
         if held is not None and held.object_in_tcp is not None:
             robot.append((held.id, place(solid(held.shape), MODEL.tcp(q) @ held.object_in_tcp)))
@@ -84,11 +94,11 @@ def one_by_one(trajectory: Trajectory, scene: PlanningScene) -> dict[tuple[str, 
 def test_bounds_hide_no_contact_and_no_nearer_pair(seed: int) -> None:
     scene, trajectory = scene_of(seed), some_motion(seed)
     least = one_by_one(trajectory, scene)
-    judged = {(c.a, c.b): c.distance for c in JUDGE.judge(trajectory, scene, WIDTH, excuse_start=False)}
+    judged = {(c.a, c.b): c.distance for c in judge().judge(trajectory, scene, WIDTH, excuse_start=False)}
     # What is held may sink 2 mm into a board.
     deep = {pair: d for pair, d in least.items() if d < (-0.002 if pair[1] == "table" else 0.0) - TOLERANCE}
     assert judged == pytest.approx(deep, abs=1e-9)
-    closest = JUDGE.clearance(trajectory, scene, WIDTH)
+    closest = judge().clearance(trajectory, scene, WIDTH)
     assert closest is not None
     assert closest.distance == pytest.approx(min(least.values()), abs=1e-9)
     assert closest.distance == pytest.approx(least[closest.a, closest.b], abs=1e-9)
@@ -116,7 +126,7 @@ def test_clearance_says_between_what_where_and_when() -> None:
     high, low = (ik.descend(down(0.5, 0.0, 0.1 + tip + above), HOME) for above in (0.15, 0.03))
     assert high is not None and low is not None
     trajectory = motion(high, low)
-    closest = JUDGE.clearance(trajectory, scene, WIDTH)
+    closest = judge().clearance(trajectory, scene, WIDTH)
     assert closest is not None
     assert closest.a in HAND and closest.b == "block"
     assert closest.distance == pytest.approx(0.03, abs=0.0005)
@@ -124,15 +134,15 @@ def test_clearance_says_between_what_where_and_when() -> None:
     assert closest.point_b[2] == pytest.approx(0.1, abs=1e-6)
     np.testing.assert_array_equal(closest.configuration, trajectory.end)
     with scene.allow(("gripper", "block"), ("arm", "block")):
-        beside = JUDGE.clearance(trajectory, scene, WIDTH)
+        beside = judge().clearance(trajectory, scene, WIDTH)
         assert beside is not None and "block" not in (beside.a, beside.b)
 
 
 def test_a_motion_that_stands_still_is_judged() -> None:
     still = np.zeros((2, 7))
     standing = Trajectory(np.array([0.0, 0.01]), np.array([HOME, HOME]), still, still)
-    assert JUDGE.judge(standing, table_scene(), WIDTH) == ()
-    closest = JUDGE.clearance(standing, table_scene(), WIDTH)
+    assert judge().judge(standing, table_scene(), WIDTH) == ()
+    closest = judge().clearance(standing, table_scene(), WIDTH)
     assert closest is not None and closest.distance > 0.0
 
 
@@ -173,6 +183,6 @@ def test_where_the_fast_checker_changes_its_answer_the_judge_measures_the_margin
             low, high = (middle, high) if collision.free(middle) else (low, middle)
         edges.append(low)
     assert len(edges) > 20
-    for tightest in JUDGE.tightest(np.array(edges), scene, WIDTH):
+    for tightest in judge().tightest(np.array(edges), scene, WIDTH):
         assert tightest is not None
         assert tightest.distance == pytest.approx(tightest.margin, abs=1e-4)

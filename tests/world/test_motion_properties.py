@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -29,8 +30,12 @@ from picktree.world.values import Array, Bounds, ObjectId, Pose
 from .motion_cell import HOME, MODEL, Cell, item, littered, run, shelf_scene, table_scene
 
 WITHIN = Bounds((-0.3, -0.7, 0.05), (0.8, 0.7, 0.9))
-COLLISION = Collision(MODEL, workspace=WITHIN)
-"""One for all examples: what was asked of it before must not matter."""
+
+
+@cache
+def collision() -> Collision:
+    """One for all examples: what was asked of it before must not matter."""
+    return Collision(MODEL, workspace=WITHIN)
 
 
 def a_shape(rng: np.random.Generator) -> Shape:
@@ -68,10 +73,10 @@ def test_free_is_what_the_naive_check_says(seed: int, clearance: float, touching
     scene, width = a_scene(rng), float(rng.uniform(0.0, 0.08))
     allowed = [("gripper", "thing_1"), ("panda_link5", "thing_2")] if touching else []
     with scene.allow(*allowed):
-        COLLISION.update(scene, width, clearance=clearance)
+        collision().update(scene, width, clearance=clearance)
         for _ in range(5):
             q = HOME + rng.normal(0.0, 0.6, 7)
-            assert COLLISION.free(q) == naive(COLLISION, width, q)
+            assert collision().free(q) == naive(collision(), width, q)
 
 
 def test_a_remembered_geometry_answers_as_a_new_one() -> None:

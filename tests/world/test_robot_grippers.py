@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import pytest
 import trimesh
 
 from picktree.world.files.document import FileError
+from picktree.world.robot.description import RobotDescription
 from picktree.world.robot.fingers import LinkedFingers, SliderPair, fingers_of
 from picktree.world.robot.load import load_robot, parse_robot
 from picktree.world.robot.model import RobotModel
@@ -23,9 +25,13 @@ from picktree.world.simulation.client import Client
 from picktree.world.simulation.robot_body import RobotBody
 from picktree.world.values import Array
 
-XARM, IIWA, PANDA = load_robot("xarm6"), load_robot("iiwa"), load_robot("panda")
-SHIPPED = {"xarm6": XARM, "iiwa": IIWA, "panda": PANDA}
+SHIPPED = ("xarm6", "iiwa", "panda")
 PERIOD = 1 / 240
+
+
+@cache
+def shipped(name: str) -> RobotDescription:
+    return load_robot(name)
 
 
 def pads_apart(model: RobotModel, width: float) -> float:
@@ -41,20 +47,22 @@ def pads_apart(model: RobotModel, width: float) -> float:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_opening_is_the_gap_between_the_pads(name: str) -> None:
-    model = RobotModel(SHIPPED[name])
-    for width in np.linspace(0.002, SHIPPED[name].gripper.max_width, 7).tolist():
+    model = RobotModel(shipped(name))
+    for width in np.linspace(0.002, shipped(name).gripper.max_width, 7).tolist():
         assert pads_apart(model, width) == pytest.approx(width, abs=2e-5)
 
 
 def test_joints_of_a_linkage_follow_its_drive_and_give_the_opening_back() -> None:
-    fingers = fingers_of(XARM.gripper)
+    fingers = fingers_of(shipped("xarm6").gripper)
     assert isinstance(fingers, LinkedFingers)
-    assert XARM.gripper.joints[0] == "drive_joint"
-    assert XARM.gripper.max_width == pytest.approx(0.0873, abs=2e-4)
+    assert shipped("xarm6").gripper.joints[0] == "drive_joint"
+    assert shipped("xarm6").gripper.max_width == pytest.approx(0.0873, abs=2e-4)
     for width in (0.0, 0.02, 0.05, 0.0873):
         positions = fingers.positions(width)
         assert positions == pytest.approx([positions[0]] * 6)
-        assert fingers.width(positions) == pytest.approx(min(width, XARM.gripper.max_width), abs=1e-6)
+        assert fingers.width(positions) == pytest.approx(
+            min(width, shipped("xarm6").gripper.max_width), abs=1e-6
+        )
     # By virtual work, as a finite difference.
     low, high = fingers.positions(0.041)[0], fingers.positions(0.039)[0]
     per_rad = (0.039 - 0.041) / (high - low)
@@ -65,18 +73,18 @@ def test_joints_of_a_linkage_follow_its_drive_and_give_the_opening_back() -> Non
 
 
 def test_tips_on_knuckles_reach_further_out_the_more_they_close() -> None:
-    fingers, tip = fingers_of(XARM.gripper), XARM.gripper.tip
+    fingers, tip = fingers_of(shipped("xarm6").gripper), shipped("xarm6").gripper.tip
     reaches = [fingers.reach(width) for width in (0.08, 0.06, 0.04, 0.02)]
     assert all(near < far for near, far in pairwise(reaches))
     assert reaches[-1] <= tip + 1e-4
     assert tip - reaches[0] > 0.008
-    assert isinstance(sliders := fingers_of(PANDA.gripper), SliderPair)
-    assert sliders.reach(0.08) == sliders.reach(0.0) == PANDA.gripper.tip
+    assert isinstance(sliders := fingers_of(shipped("panda").gripper), SliderPair)
+    assert sliders.reach(0.08) == sliders.reach(0.0) == shipped("panda").gripper.tip
 
 
 def test_the_shipped_linkage_fits_its_meshes() -> None:
     folder = Path(load_robot("panda").urdf).parents[1] / "xarm" / "xarm_gripper" / "meshes"
-    model = RobotModel(XARM)
+    model = RobotModel(shipped("xarm6"))
     for width in (0.0, 0.03, 0.08):
         poses, tcp = model.link_poses(model.named("home"), width), model.tcp(model.named("home"))
         (box, near), _ = model.finger_boxes(width)
@@ -85,12 +93,12 @@ def test_the_shipped_linkage_fits_its_meshes() -> None:
         assert (np.abs(points).max(axis=0) <= np.array(box.size) / 2 + 1.1e-3).all()
     base: Array = np.asarray(trimesh.load(folder / "base_link.STL", force="mesh").vertices)
     in_tcp = (tcp.inverse() @ poses["xarm_gripper_base_link"]).apply(base)
-    assert in_tcp[:, 2].max() == pytest.approx(-XARM.gripper.palm, abs=1e-4)
+    assert in_tcp[:, 2].max() == pytest.approx(-shipped("xarm6").gripper.palm, abs=1e-4)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_simulation_and_model_have_the_same_mass_matrix(name: str) -> None:
-    robot = SHIPPED[name]
+    robot = shipped(name)
     model, client = RobotModel(robot), Client()
     body = RobotBody(robot, client, PERIOD)
     body.load()
@@ -113,7 +121,7 @@ def held_box(force: float) -> tuple[float, float, float, float]:
     client = Client()
     pb.setGravity(0, 0, -9.81, physicsClientId=client.id)
     pb.setTimeStep(PERIOD, physicsClientId=client.id)
-    body = RobotBody(XARM, client, PERIOD)
+    body = RobotBody(shipped("xarm6"), client, PERIOD)
     body.load()
     tcp = body.tcp()
     shape = pb.createCollisionShape(pb.GEOM_BOX, halfExtents=[0.02] * 3, physicsClientId=client.id)
@@ -127,7 +135,7 @@ def held_box(force: float) -> tuple[float, float, float, float]:
             pb.removeBody(below, client.id)
         body.before_step()
         pb.stepSimulation(client.id)
-    reading, n = body.read(), len(XARM.joints)
+    reading, n = body.read(), len(shipped("xarm6").joints)
     at, efforts = reading.position[n:], reading.effort[n:]
     pressed = sum(point[9] for point in pb.getContactPoints(body.body, box, physicsClientId=client.id))
     sunk = z - pb.getBasePositionAndOrientation(box, client.id)[0][2]
@@ -149,21 +157,21 @@ def test_a_weak_grip_on_knuckles_lets_go() -> None:
 
 
 def test_a_mounted_gripper_is_one_robot_with_the_arm() -> None:
-    text = Path(IIWA.urdf).read_text(encoding="utf-8")
+    text = Path(shipped("iiwa").urdf).read_text(encoding="utf-8")
     assert 'filename="package://pybullet_data/kuka_iiwa/meshes/link_7.stl"' in text
     assert "/site-packages/" not in text
-    assert load_robot("iiwa").urdf == IIWA.urdf
-    links = {element.link for element in link_geometry(IIWA.urdf, "collision")}
+    assert load_robot("iiwa").urdf == shipped("iiwa").urdf
+    links = {element.link for element in link_geometry(shipped("iiwa").urdf, "collision")}
     assert {"lbr_iiwa_link_0", "panda_hand", "panda_leftfinger"} <= links
-    model = RobotModel(IIWA)
+    model = RobotModel(shipped("iiwa"))
     poses = model.link_poses(model.named("home"), 0.04)
     hand = poses["lbr_iiwa_link_7"].inverse() @ poses["panda_hand"]
     assert hand.position == pytest.approx((0.0, 0.0, 0.045))
-    assert model.hand_mass == pytest.approx(RobotModel(PANDA).hand_mass)
+    assert model.hand_mass == pytest.approx(RobotModel(shipped("panda")).hand_mass)
 
 
 def test_home_points_the_tool_down_in_front_of_each_arm() -> None:
-    for robot in SHIPPED.values():
+    for robot in map(shipped, SHIPPED):
         model = RobotModel(robot)
         tcp = model.tcp(model.named("home"))
         assert tcp.rotation()[2, 2] < -0.999
@@ -200,11 +208,11 @@ def test_home_points_the_tool_down_in_front_of_each_arm() -> None:
     ],
 )
 def test_grippers_that_cannot_be_mounted_are_refused(old: str, new: str, told: str) -> None:
-    path = Path(IIWA.source)
-    assert IIWA.text.count(old) == 1
+    path = Path(shipped("iiwa").source)
+    assert shipped("iiwa").text.count(old) == 1
     with pytest.raises(FileError) as caught:
-        parse_robot(IIWA.text.replace(old, new), path)
-    data = Path(PANDA.urdf).parents[1]
+        parse_robot(shipped("iiwa").text.replace(old, new), path)
+    data = Path(shipped("panda").urdf).parents[1]
     assert str(caught.value).splitlines()[0] == f"{path}:{told}".format(data=data)
 
 
@@ -230,16 +238,16 @@ def test_grippers_that_cannot_be_mounted_are_refused(old: str, new: str, told: s
     ],
 )
 def test_linkages_that_do_not_open_are_refused(old: str, new: str, told: str) -> None:
-    assert XARM.text.count(old) == 1
+    assert shipped("xarm6").text.count(old) == 1
     with pytest.raises(FileError) as caught:
-        parse_robot(XARM.text.replace(old, new), Path(XARM.source))
+        parse_robot(shipped("xarm6").text.replace(old, new), Path(shipped("xarm6").source))
     assert told in str(caught.value)
 
 
 def test_a_linkage_closes_in_the_time_that_its_speed_says() -> None:
     client = Client()
     pb.setTimeStep(PERIOD, physicsClientId=client.id)
-    robot = replace(XARM, gripper=replace(XARM.gripper, speed=0.05))
+    robot = replace(shipped("xarm6"), gripper=replace(shipped("xarm6").gripper, speed=0.05))
     body = RobotBody(robot, client, PERIOD)
     body.load()
     body.drive_fingers(GripperCommand(0.02, 20.0))
