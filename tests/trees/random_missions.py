@@ -140,7 +140,7 @@ class Author:
             {"AlwaysSuccess": {}},
             {"AlwaysFailure": {}},
             {"Condition": {"if": self._random.choice(_EXPRESSIONS)}},
-            {"SetBlackboard": self._random.choice(_VALUES)},
+            {"SetBlackboard": dict(self._random.choice(_VALUES))},
             {"Log": {"message": "here", **self._some(value="{any}")}},
         ]
         if calls:
