@@ -115,7 +115,18 @@ def test_what_has_room_is_not_pushed() -> None:
     cell = beside(block=(0.50, 0.0, 0.3))
     before = [body.pose for body in cell.hardware.truth()]
     assert push(cell, "singulate: true") == ""
+    assert push(cell, f"singulate: true, object: {named(cell, 'block')}") == ""
     assert [body.pose for body in cell.hardware.truth()] == before
+    assert cell.happened("push") == []
+
+
+def test_what_stands_right_but_turned_is_squared_up_on_a_way() -> None:
+    cell = beside(block=(0.50, 0.0, math.radians(10.0)))
+    block = named(cell, "block")
+    assert push(cell, f"object: {block}, to: [0.50, 0.0], yaw: 0 deg, tolerance: 20 mm") == ""
+    (body,) = cell.hardware.truth()
+    at = planar(body.shape, body.pose)
+    assert abs(wrapped(at.yaw, math.pi / 2)) < math.radians(1.5)
 
 
 class Patchy:
