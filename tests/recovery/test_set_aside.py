@@ -42,13 +42,3 @@ def test_before_its_time_it_is_counted_only() -> None:
     assert made.happened("set_aside") == []
     assert give_up(made, item, ", after: 3") == ""
     assert made.world.scene.get(item).place == "aside"
-
-
-def test_what_is_gone_needs_no_giving_up_and_what_is_held_cannot_be() -> None:
-    made, item = cell()
-    assert give_up(made, "green_nut_9") == ""
-    assert made.happened("set_aside") == []
-    made.start(mission(f"Grasp: {{object: {item}, onward: false}}"))
-    made.finish()
-    assert give_up(made, item) == f"place.missed: {item} is in the hand: let go of it first"
-    assert made.world.scene.get(item).place == "hand"

@@ -156,6 +156,39 @@ def test_no_empty_bin_comes() -> None:
     assert outcome(cell) == ("FAILURE", told, 4.0)
 
 
+def test_how_long_it_waits_counts_from_its_start() -> None:
+    for body, told in (
+        ("ExchangeBin: {bin: red_bin, longest: 4 s}", "feed.no_exchange"),
+        ("AwaitItems: {longest: 4 s}", "feed.late"),
+    ):
+        cell, _ = cell_with(f"Sequence: [{{Delay: {{delay_msec: 5000, do: AlwaysSuccess}}}}, {{{body}}}]",
+                            loads=1, delay=None)  # fmt: skip
+        status, said, ended = outcome(cell)
+        assert (status, said.partition(":")[0]) == ("FAILURE", told)
+        assert ended == pytest.approx(9.0, abs=0.2)
+        assert cell.tree.failure is not None
+        assert cell.tree.failure.evidence["waited"] == pytest.approx(4.0)
+
+
+def test_the_arm_may_be_in_the_way_now_and_then() -> None:
+    """It counts how long it was so without a pause."""
+    for body in ("ExchangeBin: {bin: red_bin, clearance: 1 s}", "AwaitItems: {clearance: 1 s}"):
+        cell, feed = cell_with(body, loads=1, delay=0.05, obstructed_until=0.9)
+        cell.tick()
+        read, began = feed.read, cell.world.clock.now
+
+        def with_a_pause(read: Any = read, began: float = began, cell: Cell = cell) -> Any:
+            pause = 0.9 <= cell.world.clock.now - began < 1.0
+            busy = cell.world.clock.now - began < 1.8
+            now = busy and not pause
+            return replace(read(), exhausted=False, deliveries=0, exchanges={}, obstructed=now)
+
+        feed.read = with_a_pause  # type: ignore[method-assign]
+        for _ in range(36):
+            cell.tick()
+            assert cell.running, body
+
+
 def test_an_exchange_that_nobody_waited_for_to_the_end_is_heard_of_later() -> None:
     cell, feed, _ = placed("ExchangeBin: {bin: red_bin, clearance: 0.5 s}", obstructed_until=90.0)
     told = "feed.obstructed: red_bin has not been exchanged for 0.5 s: the arm is over it"

@@ -16,7 +16,10 @@ from picktree.world.manipulation.legs import onward
 from picktree.world.manipulation.stages import TRANSFER
 from picktree.world.motion.requests import Offset, Request
 from picktree.world.perception.view import BinView
+from picktree.world.scene.planning_scene import BeliefObject
+from picktree.world.shapes import Box
 from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.values import ObjectId
 
 from .cell import Cell, items, mission
 
@@ -221,3 +224,22 @@ def test_a_transfer_is_made_only_from_where_the_arm_stands(
     carried = math.dist(body.pose.position[:2], (x, y))
     assert (carried > 0.05) is onwards
     assert cell.world.control.monitor.stops == 0
+
+
+@pytest.mark.parametrize(("risen", "lifted"), [(0.01, True), (0.06, False)])
+def test_a_transfer_that_is_blocked_low_is_lifted_clear_first(risen: float, lifted: bool) -> None:
+    """Stopped among its neighbours the object is lifted straight up; above them it stays where it is."""
+    cell, (block,) = looked(block=1)
+    cell.start(mission(f"Grasp: {{object: {block}}}"))
+    while cell.world.scene.held is None:
+        cell.tick()
+    low = cell.world.control.tcp.position[2]
+    while cell.world.control.tcp.position[2] < low + risen:
+        cell.tick()
+    bin_ = cell.world.scene.bins[ObjectId(destination(cell, block))]
+    known = ("obstacle", "unknown", "unknown", Box((0.25, 0.2, 0.5)), "grey", bin_.pose.shifted((0, 0, 0.25)))
+    cell.world.scene.put(BeliefObject(ObjectId("pile"), *known, 0.002, 0.0, 1.0, 0.0), "seen")
+    cell.finish()
+    assert cell.tree.failure is None
+    cell.rest()
+    assert (cell.world.control.tcp.position[2] - low > 0.085) is lifted

@@ -117,6 +117,23 @@ def test_where_all_fitting_holes_are_taken_the_board_is_full() -> None:
     )
 
 
+def test_a_peg_that_sticks_to_the_opened_fingers_is_not_inserted(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = Cell(mission(inserting()), pegs(post_40=1), seed=2)
+    hardware = cell.hardware
+    assert isinstance(hardware, KinematicHardware)
+    monkeypatch.setattr(hardware.bodies, "let_go", lambda: None)
+    report = failed(cell)
+    cell.wait()
+    held = cell.world.scene.held
+    assert held is not None
+    assert (report.cause.name, report.message) == (
+        "insert.missed",
+        f"{held.id} still hangs on the open fingers (load 1.47 N, then 1.47 N)",
+    )
+    assert report.evidence["hole"] == "board/square_41"
+    assert cell.happened("item_done") == []
+
+
 def test_in_physics_a_square_peg_finds_its_hole_by_feeling() -> None:
     cell = Cell(mission(inserting()), pegs(post_30=1), "physics", seed=5)
     cell.hardware.penetrations.every = 1  # type: ignore[union-attr]

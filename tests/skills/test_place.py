@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 
+from picktree.trees.skill import Doing, Steps
+from picktree.world.causes import Failure, planning
+from picktree.world.motion.requests import Plan, Request
+from picktree.world.perception.view import BinView
+from picktree.world.shapes import bottom
 from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.trajectory import Trajectory
+from picktree.world.values import ObjectId
 
 from .cell import Cell, items, mission
 
@@ -65,3 +75,88 @@ def test_half_of_the_load_must_be_gone(left: float, placed: bool, monkeypatch: p
     said = "" if cell.tree.failure is None else cell.tree.failure.message
     assert said == ("" if placed else f"{block} still hangs on the open fingers (load 0.98 N, then 0.54 N)")
     assert (cell.world.scene.held is None) is placed
+
+
+def low(cell: Cell, hardware: KinematicHardware, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Heights of the block's underside when the fingers let it go, m."""
+    heights, let_go = list[float](), hardware.bodies.let_go
+
+    def letting_go() -> None:
+        (body,) = hardware.bodies.items
+        heights.append(bottom(body.entry.shape, body.pose))
+        let_go()
+
+    monkeypatch.setattr(hardware.bodies, "let_go", letting_go)
+    return heights
+
+
+def test_at_a_point_it_is_put_down_and_into_a_bin_it_is_lowered(monkeypatch: pytest.MonkeyPatch) -> None:
+    for where, least, most in (("at: [0.5, 0.2, 0]", -0.001, 0.002), ("into: red_bin", 0.03, 0.1)):
+        cell, hardware, block = holding()
+        heights = low(cell, hardware, monkeypatch)
+        cell.start(mission(f"Place: {{object: {block}, {where}}}"))
+        cell.finish()
+        assert cell.tree.failure is None
+        (height,) = heights
+        assert least < height < most
+
+
+@pytest.mark.parametrize("leg", [0, 1])
+def test_where_the_way_down_is_not_free_it_is_let_go_from_above(
+    leg: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The way straight down is left out; where nothing leads over the bin, that is the failure."""
+    cell, hardware, block = holding()
+    heights = low(cell, hardware, monkeypatch)
+    through, asked = cell.world.plan.through, list[int]()
+
+    def not_free(legs: Sequence[Request], **how: Any) -> Doing[Plan]:
+        asked.append(len(legs))
+        told = Failure(planning.NO_PATH, "no way", leg=leg)
+        raise told
+        yield from through(legs, **how)
+
+    monkeypatch.setattr(cell.world.plan, "through", not_free)
+    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+    cell.finish()
+    failure = cell.tree.failure
+    if leg == 1:
+        assert failure is None
+        assert (len(heights), len(asked)) == (1, 1)
+    else:
+        assert failure is not None
+        assert (str(failure.cause), failure.message) == ("planning.no_path", "no way")
+        assert len(asked) > 1  # higher up it was tried, too
+
+
+def test_what_is_carried_adds_to_the_force_that_stops_the_arm(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell, _, block = holding()
+    guards, along = list[float](), cell.world.move.along
+
+    def noting(trajectory: Trajectory, **how: Any) -> Steps:
+        guards.append(how["guard"])
+        yield from along(trajectory, **how)
+
+    monkeypatch.setattr(cell.world.move, "along", noting)
+    monkeypatch.setattr("picktree.skills.place.burden", lambda _: 7.0)
+    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+    cell.finish()
+    assert cell.tree.failure is None
+    assert guards == [cell.world.handling.guard + 7.0]
+
+
+def test_a_bin_whose_heap_is_too_high_is_full() -> None:
+    cell, _, block = holding()
+    heights = np.full((3, 3), 0.125)
+    heights[1, 1] = 0.12
+    cell.world.eyes.bins[ObjectId("red_bin")] = BinView(heights)
+    cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
+    cell.finish()
+    failure = cell.tree.failure
+    assert failure is not None
+    assert (str(failure.cause), failure.message) == (
+        "place.full",
+        "red_bin is full: its heap is 120 mm high at its lowest",
+    )
+    assert failure.evidence == {"object": block, "bin": "red_bin"}
+    assert cell.world.scene.held is not None

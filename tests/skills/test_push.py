@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -12,8 +13,10 @@ from picktree.world.causes import FailureReport
 from picktree.world.files.marks import FileError
 from picktree.world.manipulation.planar import planar, wrapped
 from picktree.world.manipulation.singulating import has_room
+from picktree.world.manipulation.strokes import Stroke
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.load import load_scene
+from picktree.world.scene.planning_scene import BeliefObject
 from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.simulation.kinematic_bodies import Body
 from picktree.world.values import ObjectId, Pose
@@ -115,7 +118,83 @@ def test_what_has_room_is_not_pushed() -> None:
     cell = beside(block=(0.50, 0.0, 0.3))
     before = [body.pose for body in cell.hardware.truth()]
     assert push(cell, "singulate: true") == ""
+    assert push(cell, f"singulate: true, object: {named(cell, 'block')}") == ""
     assert [body.pose for body in cell.hardware.truth()] == before
+    assert cell.happened("push") == []
+
+
+def test_what_stands_right_but_turned_is_squared_up_on_a_way() -> None:
+    cell = beside(block=(0.50, 0.0, math.radians(10.0)))
+    block = named(cell, "block")
+    assert push(cell, f"object: {block}, to: [0.50, 0.0], yaw: 0 deg, tolerance: 20 mm") == ""
+    (body,) = cell.hardware.truth()
+    at = planar(body.shape, body.pose)
+    assert abs(wrapped(at.yaw, math.pi / 2)) < math.radians(1.5)
+
+
+def made(cell: Cell) -> list[str]:
+    """The strokes of the push that succeeded."""
+    (event,) = (e for e in cell.events if e.kind == "push")
+    strokes = event.data["strokes"]
+    assert isinstance(strokes, list)
+    return [str(stroke) for stroke in strokes]
+
+
+def test_a_stroke_is_six_centimetres_long_at_most_unless_few_are_allowed() -> None:
+    for more, first in (("", "50 mm"), (", strokes: 1", "100 mm")):
+        cell = beside(block=(0.50, 0.0, 0.0))
+        ports = f"object: {named(cell, 'block')}, direction: [-1, 0], distance: 100 mm, tolerance: 4 mm{more}"
+        assert push(cell, ports) == ""
+        strokes = made(cell)
+        assert strokes[0].startswith(f"side 3 180 deg {first}: pushed for ")
+        assert len(strokes) == (1 if more else 2)
+
+
+def test_what_is_there_already_is_looked_at_five_times_and_left() -> None:
+    cell = beside(block=(0.50, 0.0, 0.0))
+    looks, look = list[str](), cell.world.eyes.look
+
+    def looking(camera: str) -> Any:
+        looks.append(camera)
+        return look(camera)
+
+    cell.world.eyes.look = looking  # type: ignore[method-assign]
+    assert push(cell, f"object: {named(cell, 'block')}, to: [0.5, 0.0], camera: overhead") == ""
+    assert (made(cell), looks) == ([], ["overhead"] * 5)
+
+
+def test_with_no_side_left_there_is_no_stroke() -> None:
+    """The only side that helps did not give way."""
+    cell = beside(block=(0.50, 0.0, 0.0))
+    block = named(cell, "block")
+    failure = Patchy(cell, 0.001, 50.0).push(f"object: {block}, direction: [-1, 0], distance: 40 mm")
+    assert (str(failure.cause), failure.message) == (
+        "push.no_stroke",
+        f"no stroke brings {block} nearer to where it is to be: no side can be pushed that way",
+    )
+    assert failure.evidence == {"object": block, "refused": []}
+
+
+def test_a_dozen_pushes_are_considered_to_make_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = Cell(mission(LOOK), load_scene("touching"), seed=0)
+    cell.finish()
+    hemmed = next(o.id for o in cell.world.scene.objects if not has_room(cell.world, o))
+    asked: list[str] = []
+
+    def refused(world: object, belief: BeliefObject, stroke: Stroke, touching: object = ()) -> str:
+        asked.append(stroke.name)
+        return "the arm does not reach it"
+
+    monkeypatch.setattr("picktree.skills.push.ready", refused)
+    assert push(cell, f"object: {hemmed}, singulate: true") == "push.no_stroke"
+    failure = cell.tree.failure
+    assert failure is not None
+    why = failure.evidence["refused"]
+    assert isinstance(why, list)
+    assert len(asked) == len(why) == 12
+    told = "; ".join(str(one) for one in why[:4])
+    assert failure.message == f"no stroke makes room for the hand around {hemmed}: {told}"
+    assert all(str(one).endswith(": the arm does not reach it") for one in why)
 
 
 class Patchy:

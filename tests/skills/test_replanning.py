@@ -213,6 +213,25 @@ def test_without_pictures_it_goes_on_for_a_while_only(
     assert (None if failure is None else str(failure.cause)) == cause
 
 
+def test_who_is_blind_for_too_long_halts_what_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell, _ = looked(block=1)
+
+    def dark(self: Eyes, camera: str) -> Any:
+        raise Failure(perception.NO_IMAGE, "overhead gives no image")
+
+    monkeypatch.setattr(Eyes, "glance", dark)
+    body = "{GoTo: {pose: rest, speed: 0.05}}"
+    cell.start(mission(f"WatchScene: {{every: 250 ms, blind: 1 s, do: {body}}}"))
+    began = cell.world.clock.now
+    cell.finish()
+    assert cell.tree.failure is not None
+    assert cell.tree.failure.message == "overhead gives no image"
+    assert 1.0 < cell.world.clock.now - began < 1.5
+    assert cell.rest() < 0.5
+    off = cell.world.control.state.position - cell.world.robot.named("rest")
+    assert np.abs(off).max() > 0.1
+
+
 def test_pictures_of_a_moving_arm_do_no_harm_to_the_belief() -> None:
     """Over a whole sort: nothing that is not there, nothing lost, nothing stopped for."""
     cell = Cell(mission(LOOK), items(block=1, plate=1))

@@ -9,7 +9,10 @@ import pytest
 
 from picktree.trees.skill import Steps
 from picktree.world.causes import Failure, world
+from picktree.world.scene.planning_scene import BeliefObject
+from picktree.world.shapes import Box
 from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.values import ObjectId
 
 from .cell import Cell, items, mission
 
@@ -43,6 +46,54 @@ def test_what_is_held_already_is_not_grasped_again() -> None:
     cell.finish()
     assert (cell.tree.status.value, cell.tree.failure) == ("SUCCESS", None)
     assert cell.happened("pick") == [f"pick: {block}: held"]
+
+
+def test_what_is_held_and_stands_on_the_table_is_raised_and_is_held() -> None:
+    """With the load taken off, the hand feels nothing: it lifts what is between the fingers a little."""
+    cell = Cell(mission(LOOK), items(block=1))
+    (block,) = listed(cell)
+    down = "Jog: {velocity: [0, 0, -0.05], guard: 3 N, when_stopped: succeed}"
+    cell.start(mission(f"Sequence: [{{Grasp: {{object: {block}, onward: false}}}}, {{{down}}}]"))
+    cell.finish()
+    assert cell.tree.failure is None
+    low = cell.world.control.tcp.position[2]
+    cell.start(mission(f"Grasp: {{object: {block}}}"))
+    cell.finish()
+    assert cell.tree.failure is None
+    assert cell.world.control.tcp.position[2] > low + 0.001
+    assert cell.world.scene.held is not None
+
+
+def test_what_was_held_and_is_gone_has_slipped() -> None:
+    cell = Cell(mission(LOOK), items(block=1))
+    (block,) = listed(cell)
+    cell.start(mission(f"Grasp: {{object: {block}, onward: false}}"))
+    cell.finish()
+    hardware = cell.hardware
+    assert isinstance(hardware, KinematicHardware)
+    hardware.remove("item_00")
+    for _ in range(20):
+        cell.wait()
+    assert fails(cell, f"Grasp: {{object: {block}}}") == "grasp.slipped"
+    assert message(cell) == f"{block} was in the hand and is gone: opening 0.0 mm"
+    assert cell.world.scene.held is None
+
+
+def test_what_no_hand_fits_around_has_no_candidate() -> None:
+    cell = Cell(mission(LOOK), items(block=1))
+    (block,) = listed(cell)
+    pose = cell.world.scene.get(block).pose
+    known = ("obstacle", "unknown", "unknown", Box((0.2, 0.2, 0.3)), "grey", pose.shifted((0.0, 0.0, 0.2)))
+    cell.world.scene.put(BeliefObject(ObjectId("roof"), *known, 0.002, 0.0, 1.0, 0.0), "seen")
+    assert fails(cell, f"Grasp: {{object: {block}}}") == "grasp.no_candidate"
+    failure = cell.tree.failure
+    assert failure is not None
+    count = failure.evidence["candidates"]
+    assert failure.evidence == {"object": block, "candidates": count, "tried_before": 0}
+    assert message(cell).startswith(
+        f"none of {count} grasps of {block} is free, reachable and leads to a place: "
+    )
+    assert "roof" in message(cell)
 
 
 def test_a_full_hand_cannot_grasp() -> None:
