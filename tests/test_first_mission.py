@@ -14,7 +14,7 @@ from .commands import call
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "first-mission.md").read_text(encoding="utf-8")
-SETUP = """make setup                                  # an environment in .venv, about 2.8 GB
+SETUP = """make setup                                  # about a minute: an environment in .venv, 1.4 GB
 export PATH="$PWD/.venv/bin:$PATH"          # so that you can type picktree
 """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import tomllib
 from collections.abc import Iterator
@@ -112,12 +113,21 @@ def checkout(tmp_path: Path) -> Checkout:
 
 
 def test_says_first_what_it_takes_and_does_it_once(checkout: Checkout) -> None:
+    into = f"into {checkout.environment}:"
     assert checkout.make("setup") == FIRST
-    assert checkout.out.startswith(f"Installing what runs need into {checkout.environment}: 1.4 GB of disk")
+    assert checkout.out.startswith(f"Installing what runs need {into} 340 MB to download, ")
     assert checkout.make("setup") == []
     assert checkout.make("dev") == MORE
-    assert "2.7 GB of disk" in checkout.out
+    assert checkout.out.startswith(f"Installing what tests and checks need {into} 760 MB to download, ")
     assert checkout.make("setup", "dev") == []
+
+
+def test_the_readme_says_the_same() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").replace(" in all (", " (")
+    sizes = re.findall(r"_TAKES := (\d+ MB) to download, ([\d.]+ GB) of disk", makefile)
+    assert len(sizes) == 2
+    assert [size for size in sizes if f"{size[1]} ({size[0]} to download)" not in readme] == []
 
 
 def test_development_alone_is_one_pass(checkout: Checkout) -> None:

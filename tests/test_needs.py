@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -48,9 +49,11 @@ def test_last_line_says_what_is_missing_and_how_to_have_it(workers: str, tmp_pat
         shutil.copy(HERE / name, tests)
     (tests / "test_night.py").write_text(TESTS, encoding="utf-8")
     options = ["-n", workers, "--durations=3", "--import-mode=importlib", "-p", "no:cacheprovider"]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     ran = subprocess.run(
-        [sys.executable, "-m", "pytest", *options], cwd=tmp_path, capture_output=True, text=True
-    )
+        [sys.executable, "-m", "pytest", *options],
+        cwd=tmp_path, env=environment, capture_output=True, text=True,
+    )  # fmt: skip
     *_, left_out, last = ran.stdout.splitlines()
     assert left_out == (
         "Left out: 3 tests that need lamp (buy lamp), 1 test that needs oil (press olives && fill)"
