@@ -26,10 +26,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from _campaign import THREADS
 from _mutant_coverage import PYTEST, SITE, Selection
 from _mutant_operators import Mutant
 from mutant_site.sitecustomize import MUTATED, mutate, write_mutated
+from picktree.world.arithmetic import pin
 
 import pytest
 
@@ -84,8 +84,7 @@ class Runner:
 
     def __init__(self, root: Path, workers: int) -> None:
         self._root, self._workers = root, workers
-        for variable in THREADS:
-            os.environ[variable] = "1"
+        pin()  # before numpy, as in every process that simulates
         with _silence():  # pybullet says when it was built, at each import
             for name in LIBRARIES:
                 with suppress(ImportError):
