@@ -26,7 +26,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from _campaign import THREADS
 from _mutant_coverage import PYTEST, SITE, Selection
 from _mutant_operators import Mutant
 from mutant_site.sitecustomize import MUTATED, mutate, write_mutated
@@ -40,6 +39,8 @@ LIBRARIES = (
     "rich.progress", "rich.table", "hypothesis.strategies", "_pytest.assertion.rewrite",
 )  # fmt: skip
 """What tests load sooner or later; loading it takes 2 s."""
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment variables that keep these libraries from starting threads."""
 CPU_SPARE, CPU_TIMES = 5.0, 5.0
 """A test may take this many CPU s, and this many times what it took while it was recorded."""
 WALL_SPARE, WALL_TIMES = 60.0, 20.0
