@@ -40,6 +40,8 @@ LIBRARIES = (
     "rich.progress", "rich.table", "hypothesis.strategies", "_pytest.assertion.rewrite",
 )  # fmt: skip
 """What tests load sooner or later; loading it takes 2 s."""
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment variables that keep these libraries from starting threads."""
 CPU_SPARE, CPU_TIMES = 5.0, 5.0
 """A test may take this many CPU s, and this many times what it took while it was recorded."""
 WALL_SPARE, WALL_TIMES = 60.0, 20.0

@@ -1,0 +1,224 @@
+"""Golden runs: short runs whose digests are recorded in `digests.json`.
+
+    python tests/golden/runs.py                 # all of them, one JSON object a line
+    python tests/golden/runs.py insert walls    # these
+    python tests/golden/runs.py --write         # record all digests again: `make golden`
+
+Together they go through physics and kinematics, three arms, contact, feeds, faults, noise, a resumed run and
+planning around obstacles. All of it happens in this process, so that an emulator of another processor sees
+it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+import time
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from picktree.logs import topics
+from picktree.logs.arithmetic_probe import arithmetic
+from picktree.logs.resuming.resumption import ResumeRequest, Resumption
+from picktree.logs.session import LIMIT, RunRequest, Session
+from picktree.logs.topics import Topic
+from picktree.world.arithmetic import restart
+from picktree.world.simulation.backends import Backend
+
+HERE = Path(__file__).parent
+RECORD = HERE / "digests.json"
+
+
+@dataclass(frozen=True)
+class Golden:
+    """A short run. `mission`, `scene` and `faults` are stems of files in this folder."""
+
+    mission: str
+    shows: tuple[str, ...]
+    """What its log must hold for it to be worth recording. Each is the beginning of an event, as
+    `kind: message`, or of a plan, as `plan: planner`."""
+    scene: str | None = None
+    """None: the mission's own."""
+    faults: str | None = None
+    robot: str | None = None
+    """None: the scene's own."""
+    backend: Backend = "physics"
+    interrupted: float | None = None
+    """Simulated s after which the run ends, to be resumed from its last checkpoint. None: it is one run."""
+
+    def request(self, out: Path) -> RunRequest:
+        return RunRequest(
+            HERE / f"{self.mission}.yaml",
+            scene=str(HERE / f"{self.scene}.yaml") if self.scene else None,
+            robot=self.robot,
+            faults=HERE / f"{self.faults}.yaml" if self.faults else None,
+            out=out,
+            backend=self.backend,
+            limit=self.interrupted or LIMIT,
+        )
+
+
+_PICK = ("pick: red_can_1: held", "item_done: red_can_1")
+GOLDEN: Mapping[str, Golden] = {
+    "pick": Golden("one_item", _PICK),
+    "pick_xarm6": Golden("one_item", _PICK, robot="xarm6"),
+    "pick_iiwa": Golden("one_item", _PICK, robot="iiwa"),
+    "kinematic": Golden("all_items", (*_PICK, "item_done: green_block_1"), backend="kinematic"),
+    "insert": Golden("insert", ("item_done: red_dowel_40_1 inserted",)),
+    "push": Golden("push", ("push: red_can_1: 1 strokes",)),
+    "table_feed": Golden("table_feed", ("delivery", "item_done", "bin_exchanged")),
+    "belt_feed": Golden("belt_feed", ("belt_runs", "belt_stops", "item_done"), backend="kinematic"),
+    "slip": Golden("one_item", ("fault: item_01 slips", "recovery: grasp.slipped", "cured"), faults="slip"),
+    "jam": Golden(
+        "one_item", ("frames_missed", "fault: the fingers jam", "regrasp", *_PICK), faults="jam",
+        backend="kinematic",
+    ),
+    "resumed": Golden("all_items", ("checkpoint", "item_done: green_block_1"), interrupted=3.5),
+    "noise": Golden("one_item", ("image: image from wrist", "servo", "item_done"), scene="noisy"),
+    "walls": Golden("one_item", ("plan: RRTConnect", "item_done"), scene="walls", backend="kinematic"),
+    "pillar": Golden("watch", ("belief: obstacle_1", "item_done"), backend="kinematic"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Computed:
+    """Outcome of a golden run."""
+
+    name: str
+    digest: str
+    cpu_seconds: float
+    """CPU time of the run, s. The first run of a process imports some libraries, too."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """Content of `digests.json`."""
+
+    libraries: Mapping[str, str]
+    """Versions with which the digests were computed."""
+    digests: Mapping[str, str]
+    """Digest of each golden run by its name."""
+
+    @classmethod
+    def read(cls) -> Record:
+        """Return the record of the file, an empty one when there is no file."""
+        return cls(**json.loads(RECORD.read_text(encoding="utf-8"))) if RECORD.exists() else cls({}, {})
+
+    def write(self) -> None:
+        beside = RECORD.with_suffix(".part")
+        beside.write_text(json.dumps(asdict(self), indent=2) + "\n", encoding="utf-8")
+        beside.replace(RECORD)
+
+
+class Entries:
+    """Events and plans of a log, as texts."""
+
+    def __init__(self) -> None:
+        self._texts: list[str] = []
+
+    def add(self, topic: Topic, _: int, payload: bytes) -> None:
+        if topic == topics.EVENTS:
+            event = json.loads(payload)
+            self._texts.append(f"{event['kind']}: {event['message']}")
+        elif topic == topics.PLAN:
+            self._texts.append(f"plan: {json.loads(payload)['planner']}")
+
+    def missing(self, beginnings: Iterable[str]) -> list[str]:
+        """Return the beginnings with which no text begins."""
+        return [each for each in beginnings if not any(text.startswith(each) for text in self._texts)]
+
+
+class GoldenError(Exception):
+    """A golden run whose log lacks what the run is there for."""
+
+
+def compute(name: str) -> Computed:
+    """Execute a golden run in this process. Raises GoldenError when its log lacks an entry of `shows`."""
+    golden = GOLDEN[name]
+    began = time.process_time()
+    entries = Entries()
+    with TemporaryDirectory(prefix="golden-") as folder:
+        result = Session(golden.request(Path(folder)), listener=entries.add).run()
+        if golden.interrupted is not None:
+            entries = Entries()
+            request = ResumeRequest(result.folder, out=Path(folder), limit=LIMIT)
+            with Resumption(request) as resumption:
+                result = resumption.session(listener=entries.add).run()
+    missing = entries.missing(golden.shows)
+    if missing:
+        raise GoldenError(f"{name} ended with {result.status}, and its log has no {' and no '.join(missing)}")
+    return Computed(name, result.digest, round(time.process_time() - began, 2))
+
+
+def libraries() -> dict[str, str]:
+    """Return the versions of all libraries whose results are part of a digest."""
+    packages = ("libpinocchio", "libcoal", "python-fcl", "trimesh", "toppra")
+    return {
+        **arithmetic().versions,
+        "Python": ".".join(platform.python_version_tuple()[:2]),
+        **{package: version(package) for package in packages},
+        "zlib": zlib.ZLIB_RUNTIME_VERSION,  # it packs the depth pictures
+    }
+
+
+def differing(recorded: Mapping[str, str], here: Mapping[str, str]) -> str:
+    """Return each library with its two versions where they differ; empty when none does."""
+    names = dict.fromkeys((*recorded, *here))
+    return ", ".join(
+        f"{name} {here.get(name, 'none')} instead of {recorded.get(name, 'none')}"
+        for name in names
+        if recorded.get(name) != here.get(name)
+    )
+
+
+def changes(recorded: Mapping[str, str], computed: Mapping[str, str]) -> list[str]:
+    """Return a line for each run whose digest is not the recorded one, or that only one of them has."""
+    names = dict.fromkeys((*recorded, *computed))
+    return [
+        f"{name}: {recorded.get(name, 'none')} is recorded, {computed.get(name, 'none')} is computed"
+        for name in names
+        if recorded.get(name) != computed.get(name)
+    ]
+
+
+def record() -> None:
+    """Record the digests of all golden runs, and print what has changed."""
+    before = Record.read()
+    after = Record(libraries(), {name: compute(name).digest for name in GOLDEN})
+    after.write()
+    if others := differing(before.libraries, after.libraries):
+        print(f"libraries: {others}")
+    changed = changes(before.digests, after.digests)
+    print(*changed, sep="\n", end="\n" if changed else "")
+    print(f"{len(changed)} of {len(after.digests)} golden runs have changed")
+    if changed:
+        print("Say in CHANGELOG.md that digests are others than before, and why.")
+
+
+def main() -> int:
+    restart()
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(GOLDEN)}; all unless given")
+    parser.add_argument("--write", action="store_true", help="record the digests of all runs")
+    given = parser.parse_args()
+    unknown = [name for name in given.names if name not in GOLDEN]
+    if unknown:
+        parser.error(f"there is no golden run {', '.join(unknown)}; known: {', '.join(GOLDEN)}")
+    if given.write:
+        record()
+        return 0
+    for name in given.names or GOLDEN:
+        print(json.dumps(asdict(compute(name))), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
