@@ -71,7 +71,7 @@ demo: $(RUN)
 	@"$(BIN)/picktree" run examples/sort_by_colour.yaml || [ $$? -eq 1 ]
 
 test: $(DEV)
-	@"$(BIN)/python" -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --durations=25
+	@"$(BIN)/python" -m pytest -n $(JOBS) --durations=25
 
 check: $(DEV)
 	@failed=; run() { echo "== $$*"; "$(BIN)/$$@" || failed="$$failed $$1"; }; \

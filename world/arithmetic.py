@@ -30,6 +30,8 @@ PINNED: Final[Mapping[str, str]] = {
     "OPENBLAS_NUM_THREADS": "1",
     # Intel's primitives inside of OpenCV.
     "OPENCV_IPP": "avx2",
+    # A process with a pool of threads cannot be forked, and batches fork one for each job.
+    "OPENCV_FOR_THREADS_NUM": "1",
 }
 """Environment variables of the libraries, with the value that every simulating process has."""
 REMOVED: Final = ("NPY_ENABLE_CPU_FEATURES", "OPENCV_CPU_DISABLE")

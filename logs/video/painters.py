@@ -11,7 +11,6 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from types import TracebackType
 
-import cv2
 import numpy as np
 
 from ...world.errors import PicktreeError
@@ -101,7 +100,6 @@ def _died() -> PicktreeError:
 def _paint(line: Connection, setup: Setup) -> None:
     """Life of a process: draw what comes until nothing does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started it decides
-    cv2.setNumThreads(1)
     scenery = _scenery(setup)
     try:
         while True:

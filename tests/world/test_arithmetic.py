@@ -124,3 +124,8 @@ def test_where_the_processor_cannot_be_read_nothing_is_missing(
 ) -> None:
     monkeypatch.setattr(arithmetic, "_PROCESSOR", tmp_path / "none")
     arithmetic.check()
+
+
+def test_opencv_starts_no_threads_which_a_fork_would_wait_for() -> None:
+    program = "import json, picktree, cv2\nprint(json.dumps({'threads': str(cv2.getNumThreads())}))"
+    assert words(program, OPENCV_FOR_THREADS_NUM="4") == {"threads": "1"}

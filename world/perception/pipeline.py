@@ -74,7 +74,6 @@ class Perception:
     picture to picture but what the cameras would see of an empty scene."""
 
     def __init__(self, description: SceneDescription, robot: Body, table_z: float | None = None) -> None:
-        cv2.setNumThreads(1)
         table = table_of(description)
         self._description = description
         self._robot = RobotMask(robot)
