@@ -1,4 +1,4 @@
-"""Run: one run as an analyst has it, from its log alone."""
+"""Run: a recorded run with everything that can be derived from it, for analysts."""
 
 from __future__ import annotations
 
@@ -6,20 +6,16 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from types import TracebackType
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..world.errors import PicktreeError
-from . import topics
 from .explaining.explanation import Explanation, FailureStory, ItemStory
 from .picks import Pick, picks_of
-from .records import Candidates, Event, LogLine, Plan, RunInfo, Scene, Tree
-from .result import RunResult
-from .run_log import At, RunLog
+from .records import Candidates, LogLine, Plan, Scene
+from .run_log import At
+from .run_record import RunRecord
 from .sequences import Shots, TickAt, Ticks
 from .series import (
     ControlSeries,
@@ -51,7 +47,7 @@ class Moment:
         return f"<{self.tick!r} with {bodies} believed bodies, {len(self.blackboard)} blackboard keys>"
 
 
-class Run:
+class Run(RunRecord):
     """One run, from its log alone: also from one that was cut off.
 
     `where` is a log file, a run's folder, or `last`. Times are simulated seconds, lengths m, angles rad,
@@ -71,15 +67,6 @@ class Run:
     ```
     """
 
-    def __init__(self, where: str | Path) -> None:
-        self.log = RunLog(where)
-        """The file below, record by record."""
-        self.path = self.log.path
-        self.recovered = self.log.recovered
-        """A sentence when the file had not been finished, else empty."""
-        self.info: RunInfo = self.log.run
-        """What the run was started with: mission, scene, seed, parameters, versions."""
-
     def __repr__(self) -> str:
         result = self.result
         parts = [self.info.mission, f"seed {self.info.seed}", f"{self.end:.1f} s"]
@@ -89,40 +76,6 @@ class Run:
         else:
             parts.append("no result: it was cut off")
         return f"<Run {self.path}: {', '.join(part for part in parts if part)}>"
-
-    def close(self) -> None:
-        self.log.close()
-
-    def __enter__(self) -> Run:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    @property
-    def end(self) -> float:
-        """Time of the last message."""
-        return self.log.end
-
-    @cached_property
-    def result(self) -> RunResult | None:
-        """What the run came to; None when it was killed, or ended by a fault."""
-        words = self.log.result
-        return RunResult.from_json_text(words["json"], self.path) if "json" in words else None
-
-    @cached_property
-    def trees(self) -> tuple[At[Tree], ...]:
-        """With the time of its first tick each; more than one when the mission was edited under the run."""
-        return tuple(self.log.trees())
-
-    def tree_at(self, time: float) -> Tree:
-        """The tree that was ticked then."""
-        trees = self.trees
-        if not trees:
-            raise PicktreeError(f"{self.path}: the log has no message on {topics.TREE.name}")
-        return next((at.record for at in reversed(trees) if at.time <= time + 1e-9), trees[0].record)
 
     @cached_property
     def ticks(self) -> Ticks:
@@ -143,11 +96,6 @@ class Run:
     def candidates(self) -> tuple[At[Candidates], ...]:
         """The trail of every choice of a grasp or a place: how many reached each stage, who was rejected."""
         return tuple(self.log.candidates())
-
-    @cached_property
-    def events(self) -> tuple[At[Event], ...]:
-        """What was worth a line: `item_done`, `pick`, `fault`, `recovery`, `belief`, `checkpoint`, …"""
-        return tuple(self.log.events())
 
     @cached_property
     def lines(self) -> tuple[At[LogLine], ...]:

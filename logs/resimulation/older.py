@@ -11,12 +11,12 @@ from ..checkpoints import RunState
 from ..digest import Digest
 from ..explaining.derived import with_transitions
 from ..recorder import RecordingState
-from ..run import Run
+from ..run_record import RunRecord
 from ..tally import Tally
 from .messages import simulated_messages
 
 
-def completed(state: RunState, run: Run) -> RunState:
+def completed(state: RunState, run: RunRecord) -> RunState:
     """The state with tally and state of the recording. What was followed last stays unknown: a way back is
     then none."""
     if state.tally is None:
@@ -26,7 +26,7 @@ def completed(state: RunState, run: Run) -> RunState:
     return state
 
 
-def tally_of(run: Run, time: float) -> Tally:
+def tally_of(run: RunRecord, time: float) -> Tally:
     """What the run amounted to by then, simulated s."""
     tally = Tally()
     coming = list(run.trees)
@@ -45,7 +45,7 @@ def tally_of(run: Run, time: float) -> Tally:
     return tally
 
 
-def _recording(run: Run, time: float) -> RecordingState:
+def _recording(run: RunRecord, time: float) -> RecordingState:
     believed, true = run.log.belief_at(time), run.log.truth_at(time)
     tick, frames = run.log.tick_at(time), run.log.transforms_at(time)
     nodes = tick.record.nodes if tick else ()

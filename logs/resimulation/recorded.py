@@ -17,7 +17,7 @@ from ..following import News
 from ..operators import Operator, RecordedAnswers
 from ..recipe import LIMIT, Recipe, Start
 from ..records import Continues
-from ..run import Run
+from ..run_record import RunRecord
 from ..scribe import START
 from .older import completed
 from .unpacking import Unpacking
@@ -33,7 +33,7 @@ class Recorded:
     Raises PicktreeError where the log lacks something, FileError for a file that is no longer accepted.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: RunRecord) -> None:
         self.run = run
         self._folder = tempfile.TemporaryDirectory(prefix="picktree-")
         self._unpacking = Unpacking(run.log, Path(self._folder.name))

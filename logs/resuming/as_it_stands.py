@@ -23,7 +23,7 @@ from ..recorder import RecordingState
 from ..records import Continues
 from ..resimulation.messages import simulated_messages
 from ..resimulation.recorded import Recorded
-from ..run import Run
+from ..run_record import RunRecord
 from ..scribe import START
 from ..tally import Tally, TallyState
 from ..true_state import WHOLE_EVERY, folded, read_state
@@ -91,7 +91,7 @@ class _Last:
     """Of the wrist's sensor, (6,); empty when it was not learnt yet."""
 
 
-def _last_state(run: Run) -> _Last:
+def _last_state(run: RunRecord) -> _Last:
     topic, end = topics.STATE.name, run.end
     for start in (end - 2 * WHOLE_EVERY, None):
         messages = list(run.log.messages([topic], start))
@@ -132,7 +132,7 @@ def _beginning(recipe: Recipe) -> RunState:
     return take(world, tree, hardware, Injector(recipe.faults, hardware), Tally(), empty)
 
 
-def _tally(run: Run, known: RunState, since: float, until: float) -> TallyState:
+def _tally(run: RunRecord, known: RunState, since: float, until: float) -> TallyState:
     """What the run amounted to by then: all of it did happen, whatever the robot has forgotten. What it
     believes to be done is for it to find out, and the troubles that it was in are those of the checkpoint."""
     before = known.tally if known.tally is not None else Tally().state()
@@ -151,7 +151,7 @@ def _tally(run: Run, known: RunState, since: float, until: float) -> TallyState:
     return replace(tally.state(), done=before.done, episodes=before.episodes)
 
 
-def _recording(run: Run, known: RunState, since: float, until: float) -> RecordingState:
+def _recording(run: RunRecord, known: RunState, since: float, until: float) -> RecordingState:
     before = known.recording
     digest = Digest(bytes.fromhex(before.digest)) if before is not None else Digest()
     for message in simulated_messages(run.log, since if since >= 0.0 else None, until):

@@ -17,7 +17,7 @@ from ..recipe import Recipe
 from ..recorder import Listener
 from ..resimulation.recorded import Recorded
 from ..rotation import NEVER, Rotation
-from ..run import Run
+from ..run_record import RunRecord
 from ..session import Session
 from ..watcher import Watcher
 from .as_it_stands import as_it_stands
@@ -56,7 +56,7 @@ class Resumption:
     def __init__(self, request: ResumeRequest) -> None:
         self.request = request
         with ExitStack() as stack:
-            self.run = stack.enter_context(Run(request.log))
+            self.run = stack.enter_context(RunRecord(request.log))
             _refuse_finished(self.run, request.limit)
             self.recorded = stack.enter_context(Recorded(self.run))
             self.recipe, self.told, self._knows = self._recipe()
@@ -134,7 +134,7 @@ def _done(items: int) -> str:
     return f"{items} item done" if items == 1 else f"{items} items done"
 
 
-def _refuse_finished(run: Run, limit: float | None) -> None:
+def _refuse_finished(run: RunRecord, limit: float | None) -> None:
     """Raises PicktreeError for a run that came to its end, and for a limit that it has reached already."""
     status = run.log.result.get("status", "")
     if status in _FINISHED:
