@@ -12,6 +12,9 @@ from picktree.world.arithmetic import restart  # picktree before numpy: it choos
 
 from .needs import left_out
 from .other_process import OtherProcess
+from .recorded_runs import chromium, log_path, picked, sample, troubled_log
+
+__all__ = ["chromium", "log_path", "picked", "sample", "troubled_log"]
 
 # The same examples everywhere, and none is refused because a machine is slow.
 settings.register_profile(

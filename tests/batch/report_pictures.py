@@ -16,7 +16,7 @@ from picktree.batch.plan import Plan
 from picktree.batch.report.report import write_report
 from picktree.cli.batch_progress import progress
 
-from ..logs.browser import Chromium
+from ..browser import Chromium
 
 MISSION = Path(__file__).parents[2] / "examples" / "sort_by_colour.yaml"
 MOST_BYTES = 200_000

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from picktree.batch.report.report import write_report
 from picktree.batch.rows import EpisodeRow, FailureRow, JobRows, PickRow, PlantedRow, TimingRow
 from picktree.batch.store import NAME, Store
 
-from ..logs.browser import Chromium
+from ..browser import Chromium
 from ..needs import CHROMIUM, needs
 from .test_store import ITEMS, MISSED, SLIP, SUCCESS
 
@@ -31,13 +30,6 @@ EPISODES = (
 )
 PLANTED = PlantedRow(3.5, "slip", "it slips", "item_0", "grasp.slipped", 0.5, "cured")
 LOST = FailureRow(5.0, "Main/Observe", "world.lost", "it is gone", "can_2", "passed_over", "", None)
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Chromium]:
-    browser = Chromium()
-    yield browser
-    browser.close()
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from picktree.logs.report.report import write_report
 from picktree.logs.run import Run
 from picktree.logs.session import RunRequest, Session
 
-from .browser import Chromium
+from ..browser import Chromium
 
 MISSION = Path(__file__).parents[2] / "examples" / "sort_by_colour.yaml"
 FAULTS = """\

@@ -11,8 +11,8 @@ import pytest
 from picktree.logs.report.report import write_report
 from picktree.logs.run import Run
 
+from ..browser import Chromium, Told, frames, wait_until
 from ..needs import CHROMIUM, needs
-from .browser import Chromium, Told, frames, wait_until
 
 pytestmark = needs(CHROMIUM)
 

@@ -13,8 +13,8 @@ from picktree.logs.explaining.explanation import FailureStory
 from picktree.logs.report.report import write_report
 from picktree.logs.visits import Visit
 
+from ..browser import Chromium, Told, frames, wait_until
 from ..needs import CHROMIUM, needs
-from .browser import Chromium, Told, frames, wait_until
 from .scripted_log import begins, ends, record, tree
 
 pytestmark = needs(CHROMIUM)

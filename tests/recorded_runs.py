@@ -1,20 +1,28 @@
+"""Recorded runs and a browser, which tests of several rooms share. Each is made on first use."""
+
+from __future__ import annotations
+
 import importlib.util
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import pytest
 
-from picktree.logs.result import RunResult
-from picktree.logs.session import RunRequest, Session
+if TYPE_CHECKING:
+    from picktree.logs.result import RunResult
 
-from .browser import Chromium
+    from .browser import Chromium
+
+TESTS = Path(__file__).parent
+EXAMPLES = TESTS.parent / "examples"
 
 
 @pytest.fixture(scope="session")
 def sample() -> ModuleType:
     """The made-up run of `sample.py`: `record(path)`, `told(path)` and their parts."""
-    spec = importlib.util.spec_from_file_location("logs_sample", Path(__file__).parent / "sample.py")
+    spec = importlib.util.spec_from_file_location("logs_sample", TESTS / "logs" / "sample.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -33,7 +41,8 @@ def log_path(sample: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Pa
 def picked(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     """Result of a run of `one_pick` without physics; do not change its files."""
     out = tmp_path_factory.mktemp("picked")
-    mission = Path(__file__).parents[2] / "examples" / "one_pick.yaml"
+
+    mission = EXAMPLES / "one_pick.yaml"
     return Session(RunRequest(mission, backend="kinematic", out=out)).run()
 
 
@@ -48,10 +57,11 @@ faults:
 @pytest.fixture(scope="session")
 def troubled_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of a run without physics in which the second item is snatched away; do not change the file."""
+
     out = tmp_path_factory.mktemp("troubled")
     (out / "faults.yaml").write_text(TROUBLE, encoding="utf-8")
     request = RunRequest(
-        mission=Path(__file__).parents[2] / "examples" / "sort_by_colour.yaml",
+        mission=EXAMPLES / "sort_by_colour.yaml",
         scene="sort_small",
         backend="kinematic",
         faults=out / "faults.yaml",
@@ -62,7 +72,9 @@ def troubled_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Chromium]:
-    """For tests that need CHROMIUM."""
+    """Browser for tests that need CHROMIUM."""
+    from .browser import Chromium
+
     browser = Chromium()
     yield browser
     browser.close()

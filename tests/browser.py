@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..needs import CHROMIUM_PROGRAM
+from .needs import CHROMIUM_PROGRAM
 
 FLAGS = (
     "--no-sandbox",  # as root, in containers
