@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..trees.mission import Mission
+from ..trees.mission import Mission, Plugin
 from ..trees.mission_files import name_of
-from ..trees.plugins import Plugin
 
 
 @dataclass(frozen=True, slots=True)

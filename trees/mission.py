@@ -4,17 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 from ..world.files.document import Document, Mark
 from ..world.files.expressions import Expression
 from .mission_files import name_of
 from .node import Node
-from .plugins import Plugin
 from .ports import PortDeclaration
 from .references import Binding
 
 MAIN = "Main"
+
+
+@dataclass(frozen=True, slots=True)
+class Plugin:
+    """A plug-in that was taken in."""
+
+    name: str
+    """As `plugins:` names it; of an installed one its module."""
+    nodes: tuple[type[Node], ...]
+    file: Path | None = None
+    """Where its source is; None when it has none, as a compiled module."""
+    source: bytes = b""
+    """What was run, for the record."""
+    distribution: str = ""
+    """Of an installed one: name and version of its distribution."""
 
 
 @dataclass(frozen=True, slots=True)

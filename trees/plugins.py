@@ -15,28 +15,13 @@ from types import ModuleType
 
 from ..world.causes import known_causes, restore_causes
 from ..world.files.shipped import is_file
-from .node import Node
+from .mission import Plugin
 from .plugin_import import PluginError, importing
 from .plugin_nodes import offered
 
 _DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 _LAST = "__picktree_run__"
 """Under this name a file's module keeps what was run."""
-
-
-@dataclass(frozen=True, slots=True)
-class Plugin:
-    """A plug-in that was taken in."""
-
-    name: str
-    """As `plugins:` names it; of an installed one its module."""
-    nodes: tuple[type[Node], ...]
-    file: Path | None = None
-    """Where its source is; None when it has none, as a compiled module."""
-    source: bytes = b""
-    """What was run, for the record."""
-    distribution: str = ""
-    """Of an installed one: name and version of its distribution."""
 
 
 def load_plugin(plugin: str, folder: Path) -> Plugin:

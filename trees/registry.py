@@ -9,9 +9,10 @@ from pathlib import Path
 
 from ..world.causes import OUR_PREFIXES, Cause, all_causes
 from .declaration import NodeDeclaration
+from .mission import Plugin
 from .node import Node
 from .plugin_import import PluginError
-from .plugins import Plugin, load_installed, load_plugin
+from .plugins import load_installed, load_plugin
 
 GROUP = "picktree.nodes"
 
