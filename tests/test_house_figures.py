@@ -230,9 +230,10 @@ def test_most_frequent_constants(tmp_path: Path) -> None:
 
 
 CIRCLES = {
-    "a.py": "from . import b\n",
-    "b.py": "from . import c\n",
-    "c.py": "def f():\n    from . import a\n",
+    "lazy/__init__.py": "",
+    "lazy/a.py": "from . import b\n",
+    "lazy/b.py": "from . import c\n",
+    "lazy/c.py": "def f():\n    from . import a\n",
     "room/__init__.py": "",
     "room/d.py": "from .inner import e\nfrom ..first import lone\n",
     "room/inner/__init__.py": "",
@@ -249,14 +250,14 @@ def test_circles_between_files(tmp_path: Path) -> None:
     house = house_of(tmp_path, CIRCLES)
     pair = ["toy.room.g", "toy.room.h"]
     assert circles(house.graph(LOADING)) == [pair]
-    assert circles(house.graph(ALWAYS)) == [["toy.a", "toy.b", "toy.c"], pair]
+    assert circles(house.graph(ALWAYS)) == [["toy.lazy.a", "toy.lazy.b", "toy.lazy.c"], pair]
     assert list(figures(house)["circles of imports between files"].values()) == [1, 2, 2, 2, 3, 5]
     assert listed(house, "circles") == [
         "room/g.py:1: when loaded, circle 1 (2 files): imports room/h.py when it is loaded",
         "room/h.py:1: when loaded, circle 1 (2 files): imports room/g.py when it is loaded",
-        "a.py:1: all imports, circle 1 (3 files): imports b.py when it is loaded",
-        "b.py:1: all imports, circle 1 (3 files): imports c.py when it is loaded",
-        "c.py:2: all imports, circle 1 (3 files): imports a.py in a function",
+        "lazy/a.py:1: all imports, circle 1 (3 files): imports lazy/b.py when it is loaded",
+        "lazy/b.py:1: all imports, circle 1 (3 files): imports lazy/c.py when it is loaded",
+        "lazy/c.py:2: all imports, circle 1 (3 files): imports lazy/a.py in a function",
         "room/g.py:1: all imports, circle 2 (2 files): imports room/h.py when it is loaded",
         "room/h.py:1: all imports, circle 2 (2 files): imports room/g.py when it is loaded",
     ]
@@ -271,6 +272,13 @@ def test_circles_between_folders(tmp_path: Path) -> None:
         "room/d.py:1: when loaded, circle 1 (2 folders): imports room/inner/e.py when it is loaded",
         "room/inner/f.py:1: when loaded, circle 1 (2 folders): imports room/g.py when it is loaded",
     ]
+
+
+def test_files_of_the_top_folder_are_in_no_circle_of_folders_together(tmp_path: Path) -> None:
+    files = {"__init__.py": "from .room import a", "errors.py": "", "room/a.py": "from .. import errors"}
+    house = house_of(tmp_path, files)
+    assert circles(house.folder_graph()) == []
+    assert house.folder_graph() == {"toy": {"toy.room"}, "toy.errors": set(), "toy.room": {"toy.errors"}}
 
 
 def test_circles_that_touch_are_one() -> None:
@@ -290,10 +298,10 @@ def test_folders(tmp_path: Path) -> None:
     house = house_of(
         tmp_path, {**CIRCLES, **{f"full/m{n}.py": "" for n in range(16)}, "full/__init__.py": ""}
     )
-    sizes = {"toy": 3, "toy.room": 3, "toy.room.inner": 2, "toy.first": 1, "toy.full": 16}
+    sizes = {"toy": 0, "toy.lazy": 3, "toy.room": 3, "toy.room.inner": 2, "toy.first": 1, "toy.full": 16}
     assert folder_sizes(house) == sizes
     assert lone_folders(house) == ["toy.first"]
-    assert list(figures(house)["folders"].values()) == [3, 5, 16, 1, 1]
+    assert list(figures(house)["folders"].values()) == [4, 6, 16, 1, 1]
     assert listed(house, "folders")[0] == "full/:1: 16 directly in it"
     assert "first/:1: 1 directly in it, no other below" in listed(house, "folders")
 

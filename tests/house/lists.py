@@ -86,8 +86,7 @@ def file_circles(house: House) -> list[Entry]:
 
 def folder_circles(house: House) -> list[Entry]:
     """Return the imports within each circle of folders."""
-    homes = {name: file.package for name, file in house.files.items()}
-    return _circles(house, "folders", house.folder_graph, homes)
+    return _circles(house, "folders", house.folder_graph, house.folder_nodes)
 
 
 def _circles(

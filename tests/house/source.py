@@ -98,11 +98,20 @@ class House:
 
     def folder_graph(self, whens: Collection[When] = ALWAYS) -> dict[str, set[str]]:
         """Return the imports between folders. A sub-folder is a node of its own."""
-        graph = {name: set[str]() for name in self.packages}
+        graph = {node: set[str]() for node in self.folder_nodes.values()}
         for importer, imported in self.graph(whens).items():
-            home = self.files[importer].package
-            graph[home] |= {self.files[name].package for name in imported} - {home}
+            node = self.folder_nodes[importer]
+            graph[node] |= {self.folder_nodes[name] for name in imported} - {node}
         return graph
+
+    @cached_property
+    def folder_nodes(self) -> dict[str, str]:
+        """Node of each file in `folder_graph`: its folder.
+
+        Each file of the top folder is a node: the interface of the whole lies there beside what all use.
+        """
+        top = self.packages[0]
+        return {name: name if file.package == top else file.package for name, file in self.files.items()}
 
     def _exports(self, package: Module) -> dict[str, tuple[str, ...]]:
         """Return the origins of the names that an `__init__.py` imports."""
