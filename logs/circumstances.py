@@ -52,6 +52,7 @@ _NO_PART_OF_A_RUN: Final = (
     "logs/stepping",
     "logs/trial",
     "logs/video",
+    "moved.py",
 )
 """Modules and folders that decide nothing about a run: commands, batches, and readers of logs."""
 _NAMED: Final = 5
