@@ -5,6 +5,7 @@ VENV ?= .venv
 JOBS ?= 2
 BIN := $(VENV)/bin
 LIBRARIES := $(VENV)/lib/python3.11/site-packages
+ROOMS := $(patsubst %/__init__.py,%,$(wildcard */__init__.py))
 
 # Stamps of the environment: it has what runs need; it has what tests and checks need, too.
 RUN := $(VENV)/.ready-run
@@ -53,7 +54,7 @@ define install
 	@for info in "$(LIBRARIES)"/*.dist-info; do grep -qs INSTALLER "$$info/RECORD" || rm -rf "$$info"; done
 	@$(PIP) setuptools && $(PIP) --no-build-isolation -e '$(1)' || \
 		{ echo "The installation broke off: the next make goes on with it." >&2; exit 1; }
-	@"$(BIN)/python" -m compileall -q *.py batch cli logs recovery skills trees world
+	@"$(BIN)/python" -m compileall -q *.py $(ROOMS)
 endef
 
 # What tests compare with, and what bundles the scripts of our pages; npm writes that file last.

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from .moved import install
 from .world.arithmetic import pin
 
 pin()  # before any library that computes is loaded
+install()
 
 if TYPE_CHECKING:
     from .logs.session import run

@@ -59,10 +59,10 @@ ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
     },
 }
 """What is mutated: files, and of some only these functions."""
+_PACKAGES = sorted(file.parent.name for file in ROOT.glob("*/__init__.py"))
 PRODUCT = (
     "*.py", "constraints.txt", "examples/**/*.yaml",
-    *(f"{room}/**/*.py" for room in ("batch", "cli", "logs", "recovery", "skills", "trees", "world")),
-    *(f"{room}/**/*.yaml" for room in ("trees", "world")),
+    *(f"{room}/**/*{suffix}" for room in _PACKAGES for suffix in (".py", ".yaml")),
 )  # fmt: skip
 """Files on which the outcome of a test depends, beside those of the tests."""
 KEPT = ROOT / ".mutants"

@@ -8,11 +8,14 @@ from __future__ import annotations
 import hashlib
 import platform
 import subprocess
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
+
+from ..world.rooms import ROOT, rooms
 
 LIBRARIES: Final = (
     "picktree",
@@ -31,8 +34,29 @@ LIBRARIES: Final = (
 )
 SOURCES: Final = "sources.txt"
 """Name of the attachment."""
-_ROOT: Final = Path(__file__).resolve().parent.parent
-_ROOMS: Final = ("world", "trees", "skills", "recovery")
+_NO_PART_OF_A_RUN: Final = (
+    "__init__.py",
+    "__main__.py",
+    "batch",
+    "cli",
+    "logs/calibration",
+    "logs/comparing",
+    "logs/episodes",
+    "logs/explaining",
+    "logs/export",
+    "logs/layout",
+    "logs/live",
+    "logs/report",
+    "logs/resimulation",
+    "logs/resuming",
+    "logs/stepping",
+    "logs/trial",
+    "logs/video",
+    "moved.py",
+)
+"""Modules and folders that decide nothing about a run: commands, batches, and readers of logs."""
+_NAMED: Final = 5
+"""Number of files that a sentence names. Of more it gives the count."""
 _SIMD: Final = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "neon", "sve")
 
 
@@ -55,10 +79,10 @@ def machine() -> Mapping[str, str]:
 @cache
 def revision() -> str:
     """Git revision of the checkout that runs, empty for an installed wheel."""
-    if not (_ROOT / ".git").exists():
+    if not (ROOT / ".git").exists():
         return ""
     answer = subprocess.run(
-        ["git", "describe", "--always", "--dirty"], cwd=_ROOT, capture_output=True, text=True, check=False
+        ["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True, check=False
     )
     return answer.stdout.strip()
 
@@ -66,10 +90,13 @@ def revision() -> str:
 @cache
 def sources() -> Mapping[str, str]:
     """The files of picktree that decide what a run does: the beginning of each one's SHA-256, by its path."""
-    return {
-        file.relative_to(_ROOT).as_posix(): hashlib.sha256(file.read_bytes()).hexdigest()[:12]
-        for file in _own_files()
-    }
+    return hashes(_run_files())
+
+
+def hashes(files: Iterable[Path]) -> dict[str, str]:
+    """Return the first 12 digits of each file's SHA-256 by its path in the package."""
+    found = {file.relative_to(ROOT).as_posix(): hashlib.sha256(file.read_bytes()) for file in files}
+    return {path: digest.hexdigest()[:12] for path, digest in found.items()}
 
 
 def sources_to_text(hashes: Mapping[str, str]) -> str:
@@ -83,12 +110,38 @@ def sources_from_text(text: str) -> dict[str, str]:
     return {path: digest for digest, path in pairs}
 
 
-def _own_files() -> Iterator[Path]:
-    for room in _ROOMS:
-        for file in sorted((_ROOT / room).rglob("*")):
-            if file.suffix in (".py", ".yaml") and file.is_file():
-                yield file
-    yield from sorted((_ROOT / "logs").glob("*.py"))
+def source_changes(before: Mapping[str, str], now: Mapping[str, str]) -> tuple[str, ...]:
+    """Sentences on how picktree's sources differ, from two results of `sources`; none when they are equal.
+
+    A file with the same content at another path has moved. Where many paths are gone and many are new, the
+    files were edited as they moved, and are counted with the others.
+    """
+    gone = {path: digest for path, digest in before.items() if path not in now}
+    new = {path: digest for path, digest in now.items() if path not in before}
+    same = (Counter(gone.values()) & Counter(new.values())).total()
+    edited = min(len(gone), len(new)) - same
+    altered = [path for path, digest in before.items() if now.get(path, digest) != digest]
+    if edited <= _NAMED:
+        edited = 0
+        altered += [path for path, digest in gone.items() if digest not in new.values()]
+        altered += [path for path, digest in new.items() if digest not in gone.values()]
+    moved, said = same + edited, list[str]()
+    if moved:
+        one = "1 file has another place" if moved == 1 else f"{moved} files have other places"
+        said.append(f"the sources have moved since ({one}{f', {edited} of them changed' if edited else ''})")
+    if altered:
+        more = f" and {len(altered) - _NAMED} more" if len(altered) > _NAMED else ""
+        said.append(f"picktree itself was changed in {', '.join(sorted(altered)[:_NAMED])}{more}")
+    return tuple(said)
+
+
+def _run_files() -> Iterator[Path]:
+    left_out = [ROOT / name for name in _NO_PART_OF_A_RUN]
+    packages = (file for room in rooms() for file in (ROOT / room).rglob("*"))
+    for file in sorted([*ROOT.glob("*.py"), *packages]):
+        counts = file.suffix in (".py", ".yaml") and not any(file.is_relative_to(name) for name in left_out)
+        if counts and file.is_file():
+            yield file
 
 
 def _version(library: str) -> str:

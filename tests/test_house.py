@@ -10,22 +10,22 @@ import shutil
 import signal
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 
-from .commands import call
+from picktree.world.rooms import rooms
 
-ROOT = Path(__file__).parents[1]
+from .commands import call
+from .rooms import PACKAGES, PROJECT, ROOMS, ROOT
+
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 
 
 def modules_with_examples() -> list[str]:
     """Modules whose text has an example; the others are not imported for its want."""
     found = list[str]()
-    for package in PROJECT["tool"]["setuptools"]["packages"]:
+    for package in PACKAGES:
         for file in ROOT.joinpath(*package.split(".")[1:]).glob("*.py"):
             if ">>> " in file.read_text(encoding="utf-8"):
                 found.append(package if file.stem == "__init__" else f"{package}.{file.stem}")
@@ -44,6 +44,21 @@ def test_import_contracts() -> None:
         [str(linter), "--no-logo", "--no-cache"], cwd=ROOT, capture_output=True, text=True
     )
     assert checked.returncode == 0, checked.stdout + checked.stderr
+
+
+def test_every_list_of_packages_has_all_of_them() -> None:
+    files = (file for room in rooms() for file in (ROOT / room).rglob("__init__.py"))
+    folders = [file.parent.relative_to(ROOT).parts for file in files]
+    assert sorted(PACKAGES) == sorted(".".join(("picktree", *parts)) for parts in [(), *folders])
+    assert list(rooms()) == ROOMS
+    tool = PROJECT["tool"]
+    modules = [file.name for file in ROOT.glob("*.py")]
+    assert sorted(tool["coverage"]["run"]["source_dirs"]) == ROOMS
+    assert sorted(tool["pyright"]["include"]) == sorted([*modules, *ROOMS])
+    assert sorted(tool["ruff"]["lint"]["flake8-tidy-imports"]["banned-api"]) == ROOMS
+    (floors,) = (each for each in tool["importlinter"]["contracts"] if each["name"] == "floors")
+    layers = {name.strip() for layer in floors["layers"] for name in layer.split("|")}
+    assert {f"picktree.{room}" for room in ROOMS} <= layers
 
 
 def tracked_files() -> list[Path]:

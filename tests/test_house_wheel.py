@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-ROOMS = ("batch", "cli", "logs", "recovery", "schemas", "skills", "trees", "world")
+from .rooms import ROOMS, ROOT
+
+FOLDERS = (*ROOMS, "schemas")
 LEFT_OUT = ("__pycache__",)
 
 
@@ -25,8 +26,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(ROOT / name, source)
     for file in ROOT.glob("*.py"):
         shutil.copy(file, source)
-    for room in ROOMS:
-        shutil.copytree(ROOT / room, source / room, ignore=shutil.ignore_patterns(*LEFT_OUT))
+    for folder in FOLDERS:
+        shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns(*LEFT_OUT))
     out = tmp_path_factory.mktemp("wheel")
     built = subprocess.run(
         [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(source)],
@@ -41,8 +42,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_wheel_holds_every_file_of_the_rooms_and_nothing_else(wheel: Path) -> None:
     files = [
         file
-        for room in ROOMS
-        for file in (ROOT / room).rglob("*")
+        for folder in FOLDERS
+        for file in (ROOT / folder).rglob("*")
         if file.is_file() and not set(file.parts) & set(LEFT_OUT)
     ]
     files += [*ROOT.glob("*.py"), ROOT / "py.typed"]

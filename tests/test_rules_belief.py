@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -17,20 +16,17 @@ from picktree.world.simulation.backends import Backend
 from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.values import ObjectId, Vector3
 
+from .rooms import ROOT, modules
 from .skills.cell import Cell, items, mission, sorting
 
-ROOT = Path(__file__).parents[1]
 TRUTH = {"truth", "initial_truth", "true_tcp", "true_contacts", "change_dynamics", "bump"}
 """What only the simulation, its scorer, its faults and the analyst's record may ask or do."""
 LOOK = "Sequence: [{Observe: {camera: overhead}}]"
 
 
-def modules_that_decide() -> Iterator[Path]:
+def modules_that_decide() -> list[Path]:
     """Everything on the floors below the session, besides the simulation."""
-    for room in ("trees", "skills", "recovery", "world"):
-        for path in sorted((ROOT / room).rglob("*.py")):
-            if "simulation" not in path.parts:
-                yield path
+    return [path for path in modules(but=("batch", "cli", "logs")) if "simulation" not in path.parts]
 
 
 def test_nothing_that_decides_asks_for_the_truth() -> None:

@@ -25,9 +25,9 @@ from picktree.world.simulation.backends import Backend
 from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.simulation.physics import PhysicsHardware
 
+from .rooms import ROOT, modules
 from .skills.cell import EXAMPLES, Cell, items, mission, sorting
 
-ROOT = Path(__file__).parents[1]
 BACKENDS: tuple[Backend, ...] = ("kinematic", "physics")
 ELSEWHERE = """\
 import sys
@@ -198,19 +198,18 @@ def test_a_picture_more_shifts_neither_the_other_sensors_nor_the_planner() -> No
 def test_every_generator_is_keyed() -> None:
     """`default_rng` is called with a key in one module; nobody uses Python's or numpy's global generators."""
     calls: dict[str, list[str]] = {}
-    for room in ("trees", "skills", "recovery", "world", "logs"):
-        for path in sorted((ROOT / room).rglob("*.py")):
-            where, text = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
-            if not re.search(r"random|secrets|uuid", text):
-                continue
-            for node in ast.walk(ast.parse(text)):
-                if isinstance(node, ast.Import | ast.ImportFrom):
-                    names = [alias.name for alias in node.names]
-                    modules = names if isinstance(node, ast.Import) else [node.module or ""]
-                    if {"random", "secrets", "uuid"} & set(modules):
-                        calls.setdefault(where, []).append("import random")
-                if isinstance(node, ast.Call) and "random." in ast.unparse(node.func):
-                    calls.setdefault(where, []).append(ast.unparse(node))
+    for path in modules(but=("batch", "cli")):
+        where, text = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
+        if not re.search(r"random|secrets|uuid", text):
+            continue
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                names = [alias.name for alias in node.names]
+                imported = names if isinstance(node, ast.Import) else [node.module or ""]
+                if {"random", "secrets", "uuid"} & set(imported):
+                    calls.setdefault(where, []).append("import random")
+            if isinstance(node, ast.Call) and "random." in ast.unparse(node.func):
+                calls.setdefault(where, []).append(ast.unparse(node))
     assert calls == {
         "logs/explaining/reach.py": ["np.random.default_rng(0)"],  # of an analysis; no run depends on it
         # Where inverse kinematics begins, and what a failure is looked into with, are always the same.

@@ -7,8 +7,8 @@ import traceback
 from pathlib import Path
 from typing import Final
 
-_ROOT: Final = Path(__file__).resolve().parent.parent
-_ROOMS: Final = ("world", "trees", "skills", "recovery", "logs", "batch", "cli")
+from ..world.rooms import ROOT, rooms
+
 _ADDRESS: Final = re.compile(r"\b0x[0-9a-fA-F]{6,}\b")
 
 
@@ -37,8 +37,8 @@ def without_addresses(text: str) -> str:
 
 def _portable(file: str) -> str:
     path = Path(file)
-    if path.is_relative_to(_ROOT) and path.relative_to(_ROOT).parts[0] in _ROOMS:
-        return f"picktree/{path.relative_to(_ROOT).as_posix()}"
+    if path.is_relative_to(ROOT) and path.relative_to(ROOT).parts[0] in rooms():
+        return f"picktree/{path.relative_to(ROOT).as_posix()}"
     for place in ("site-packages", "dist-packages"):
         if place in path.parts:
             return "/".join(path.parts[path.parts.index(place) + 1 :])

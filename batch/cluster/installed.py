@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from pathlib import Path
 from typing import Final
 
-from ...logs.circumstances import sources, versions
+from ...logs.circumstances import hashes, sources, versions
 from ...trees.registry import GROUP
+from ...world.rooms import ROOT
 
-_ROOT: Final = Path(__file__).resolve().parents[2]
-_BESIDES: Final = ("batch", "batch/cluster", "logs/resimulation", "logs/explaining")
+_OF_WORKERS: Final = ("batch", "logs/explaining", "logs/resimulation")
 """Folders with code of a worker that is none of a run, and so not among `sources`."""
+_NOT_OF_WORKERS: Final = "batch/report"
+"""Folder in one of those that no worker needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,16 +32,17 @@ class Installed:
 def installed() -> Installed:
     """Here."""
     plugins = {entry.dist.name: entry.dist.version for entry in entry_points(group=GROUP) if entry.dist}
-    besides = {
-        f"{folder}/{file.name}": hashlib.sha256(file.read_bytes()).hexdigest()[:12]
-        for folder in _BESIDES
-        for file in sorted((_ROOT / folder).glob("*.py"))
-    }
+    of_workers = (
+        file
+        for folder in _OF_WORKERS
+        for file in sorted((ROOT / folder).rglob("*.py"))
+        if not file.is_relative_to(ROOT / _NOT_OF_WORKERS)
+    )
     python = "{}.{}".format(*sys.version_info)
     glibc = os.confstr("CS_GNU_LIBC_VERSION") or ""
     return Installed(
         {"python": python, "glibc": glibc.removeprefix("glibc "), **versions(), **plugins},
-        {**sources(), **besides},
+        {**sources(), **hashes(of_workers)},
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+from ..circumstances import SOURCES
 from ..records import TreeNode
 from .diff import RunDiff
 from .item_ends import ItemChange, ItemEnd
@@ -114,6 +115,9 @@ def _file(change: FileChange) -> Iterator[str]:
         return
     if not change.diff:
         yield f"{change.name}: changed (its lines are the same, or it is no text)"
+        return
+    if change.name == SOURCES:
+        yield f"{change.name}: {'; '.join(change.diff)}"
         return
     plus, minus = (sum(line.startswith(sign) for line in change.diff) for sign in "+-")
     yield f"{change.name}: changed, {minus} lines of A, {plus} of B"

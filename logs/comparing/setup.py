@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..arithmetic_record import departure
+from ..circumstances import SOURCES, source_changes, sources_from_text
 from ..records import RunInfo
 from ..run import Run
 
@@ -29,7 +30,7 @@ class ValueChange:
 @dataclass(frozen=True, slots=True)
 class FileChange:
     """A file in the log that the two runs do not share. `diff` are the lines of a unified diff without its
-    head; empty for a file that is no text, or that only one run has."""
+    head; of picktree's sources, sentences; empty for a file that is no text, or that only one run has."""
 
     name: str
     how: Literal["changed", "only_a", "only_b"]
@@ -88,6 +89,10 @@ def _files(a: Run, b: Run) -> Iterator[FileChange]:
             yield FileChange(name, "only_a", ())
         elif ours is None:
             yield FileChange(name, "only_b", ())
+        elif name == SOURCES:
+            changes = source_changes(sources_from_text(ours.decode()), sources_from_text(theirs.decode()))
+            if changes:
+                yield FileChange(name, "changed", changes)
         elif ours != theirs:
             yield FileChange(name, "changed", _unified(ours, theirs))
 

@@ -15,9 +15,6 @@ from ..arithmetic_record import Arithmetic, departure
 from ..recipe_record import ROBOT_MESHES
 from ..run import Run
 
-NAMED = 5
-"""Files that are named; of more their number is said."""
-
 
 @dataclass(frozen=True, slots=True)
 class Reason:
@@ -89,13 +86,9 @@ def _sources(run: Run) -> Iterator[Reason]:
         if run.info.revision != circumstances.revision():
             yield Reason("revision of picktree", run.info.revision, circumstances.revision())
         return
-    differing = [path for path in {**before, **now} if before.get(path) != now.get(path)]
-    if not differing:
-        return
-    named = ", ".join(sorted(differing)[:NAMED])
-    more = f" and {len(differing) - NAMED} more" if len(differing) > NAMED else ""
-    yield Reason(f"picktree itself was changed in {named}{more}", "", "")
-    if run.info.revision != circumstances.revision():
+    changes = circumstances.source_changes(before, now)
+    yield from (Reason(change, "", "") for change in changes)
+    if changes and run.info.revision != circumstances.revision():
         yield Reason("revision of picktree", run.info.revision, circumstances.revision())
 
 

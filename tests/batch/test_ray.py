@@ -220,6 +220,13 @@ def test_a_node_with_another_picktree_is_refused(
     assert two.slots == 2
 
 
+def test_the_sources_of_a_worker_are_those_of_its_runs_and_of_batches() -> None:
+    found = set(installed().sources)
+    assert {"batch/worker.py", "batch/cluster/foreman.py", "logs/resimulation/resim.py"} <= found
+    assert {"logs/explaining/explain.py", "skills/grasp.py", "world/control/loop.py"} <= found
+    assert [path for path in found if path.startswith(("cli/", "batch/report/", "logs/video/"))] == []
+
+
 def test_what_sets_two_machines_apart_is_said() -> None:
     here = Installed({"numpy": "2.4.6", "python": "3.11"}, {"skills/grasp.py": "a", "world/clock.py": "b"})
     there = Installed({"numpy": "2.3.0"}, {"skills/grasp.py": "b"})

@@ -11,7 +11,6 @@ from picktree.batch.load import load_plan
 from picktree.world.faults.load import load_faults
 from picktree.world.faults.schema import FaultName
 from picktree.world.scene.load import load_scene
-from picktree.world.simulation.fault_sentences import kind_of
 
 CAMPAIGN = Path(__file__).parents[2] / "benchmarks" / "campaign"
 FILES = sorted((CAMPAIGN / "faults").glob("*.yaml"))
@@ -26,7 +25,7 @@ def test_the_plan_runs_every_fault_file_and_none_with_recovery_and_without() -> 
 
 
 def test_each_kind_of_fault_is_in_the_plan() -> None:
-    planted = {kind_of(fault) for path in FILES for fault in load_faults(path).faults}
+    planted = {fault.name for path in FILES for fault in load_faults(path).faults}
     assert planted == set(get_args(FaultName))
 
 

@@ -15,13 +15,13 @@ from picktree.world.files.checking import Given, check_files
 from picktree.world.files.codes import Example, index, page, pages
 from picktree.world.files.marks import FileError
 
-ROOT = Path(__file__).parents[2]
-ROOMS = ("batch", "cli", "logs", "recovery", "skills", "trees", "world")
+from ..rooms import ROOT, modules
+
 MISSION = "picktree: 1\nkind: mission\n"
 
 
 def codes_in_sources() -> set[str]:
-    texts = (file.read_text(encoding="utf-8") for room in ROOMS for file in (ROOT / room).rglob("*.py"))
+    texts = (file.read_text(encoding="utf-8") for file in modules())
     return {code for text in texts for code in re.findall(r"[\"'](P\d{3})[\"']", text)}
 
 

@@ -23,6 +23,8 @@ from picktree.logs.session import RunRequest, Session
 from picktree.trees.runner import NodeInfo, TickReport
 from picktree.world.errors import PicktreeError
 
+from ..rooms import ROOT, modules
+
 WAVE = '''\
 from picktree.trees.skill import Skill
 from picktree.world.causes import Cause, Failure, register_cause
@@ -233,6 +235,43 @@ def test_what_is_not_as_it_was_is_a_reason(greeting: RunResult, monkeypatch: pyt
         f"recorded with other arithmetic (glibc {glibc}, here 2.41): the runs may part",
         f"pybullet: {run.info.versions['pybullet']} then, 9 now",
     ]
+
+
+def test_sources_that_moved_are_counted_and_not_listed() -> None:
+    then = {f"world/{n}.py": f"{n:012}" for n in range(40)}
+    stayed = dict(list(then.items())[:30])
+    moved = {path.replace("world", "cell"): digest for path, digest in list(then.items())[30:]}
+    edited = {path: f"{digest}+" for path, digest in moved.items()}
+
+    def said(now: Mapping[str, str]) -> tuple[str, ...]:
+        return circumstances.source_changes(then, now)
+
+    assert said(then) == ()
+    assert said(stayed | moved) == ("the sources have moved since (10 files have other places)",)
+    assert said(stayed | edited) == (
+        "the sources have moved since (10 files have other places, 10 of them changed)",
+    )
+    one = {"cell/39.py" if path == "world/39.py" else path: digest for path, digest in then.items()}
+    assert said(one) == ("the sources have moved since (1 file has another place)",)
+    few = dict(list(moved.items())[:8])
+    assert said(stayed | {"world/3.py": "other"} | few) == (
+        "the sources have moved since (8 files have other places)",
+        "picktree itself was changed in world/3.py, world/38.py, world/39.py",
+    )
+    first = "world/0.py, world/1.py, world/10.py, world/11.py, world/12.py"
+    assert said(dict.fromkeys(then, "other")) == (f"picktree itself was changed in {first} and 35 more",)
+
+
+def test_the_sources_of_a_run_are_those_of_all_rooms_but_tools() -> None:
+    left_out = circumstances._NO_PART_OF_A_RUN
+    assert [name for name in left_out if not (ROOT / name).exists()] == []
+    found = circumstances.sources()
+    assert [path for path in found if path.startswith(left_out)] == []
+    modules_there = {str(path.relative_to(ROOT)) for path in modules()}
+    assert {path for path in found if path.endswith(".py")} == {
+        path for path in modules_there if not path.startswith(left_out)
+    }
+    assert "trees/library/sorting.yaml" in found
 
 
 def test_an_older_log_has_no_arithmetic_and_names_the_machine(

@@ -13,9 +13,9 @@ from picktree.trees.registry import Registry
 from picktree.world.errors import PicktreeError
 from picktree.world.protocols import SensorStamps
 
+from ..rooms import ROOT, modules
 from .cell import Cell, items, mission
 
-ROOT = Path(__file__).resolve().parents[2]
 TRIES = {
     "a node that forces success": "ForceSuccess: {GoTo: {pose: observe}}",
     "one after the other": (
@@ -66,8 +66,7 @@ def test_only_a_retreat_acknowledges() -> None:
     """What the package itself says; a plug-in is code of its author."""
     said = [
         str(path.relative_to(ROOT))
-        for room in ("skills", "recovery", "trees", "world", "logs")
-        for path in (ROOT / room).rglob("*.py")
+        for path in modules(but=("batch", "cli"))
         if re.search(
             r"monitor\.acknowledge\(|control\.monitor = |_latch\.acknowledge\(", path.read_text("utf-8")
         )

@@ -7,9 +7,11 @@ import pytest
 
 from picktree.world.causes import Failure
 from picktree.world.control.courses import Stay
-from picktree.world.control.impedance import CartesianImpedance
+from picktree.world.control.impedance import CartesianImpedance, Comply
+from picktree.world.control.jog import Jog
 from picktree.world.control.joint_controllers import Brake, Hold, Track
 from picktree.world.control.lease import Lease
+from picktree.world.control.soft import GivingWay, SoftTrack
 from picktree.world.errors import PicktreeError
 from picktree.world.values import Array
 
@@ -182,3 +184,9 @@ def test_way_back_retraces_what_was_done() -> None:
 def test_a_tick_must_be_whole_control_periods() -> None:
     with pytest.raises(PicktreeError, match="no whole number of control periods"):
         Cell().loop.step_tick(0.0501)
+
+
+def test_each_controller_has_the_name_that_logs_contain() -> None:
+    words = ["Hold", "Brake", "Track", "SoftTrack", "GivingWay", "CartesianImpedance", "Comply", "Jog"]
+    controllers = (Hold, Brake, Track, SoftTrack, GivingWay, CartesianImpedance, Comply, Jog)
+    assert [vars(controller)["name"] for controller in controllers] == words  # no word is an inherited one

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import ClassVar, Protocol, TypeAlias
 
 from ..values import Array, JointState
 
@@ -28,6 +28,10 @@ Command: TypeAlias = JointCommand | TorqueCommand
 
 class Controller(Protocol):
     """Answers each control period with a command. One instance serves one motion."""
+
+    name: ClassVar[str]
+    """Name in `/control` records and messages, each controller's own. A renamed class keeps it: logs and the
+    digest contain it."""
 
     @property
     def done(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -42,6 +43,8 @@ class CartesianImpedance:
     (6,): a constant wrench f that the hand exerts, such as what carries a held object; world axes, about
     the TCP. Joints keep their soft limits (`JointBounds`), and the anchor slows down for them.
     """
+
+    name: ClassVar[str] = "CartesianImpedance"
 
     def __init__(
         self,
@@ -152,6 +155,8 @@ class Comply(CartesianImpedance):
 
     The stiff servo would go on pressing (165 N at 0.5 mm) while it brakes.
     """
+
+    name: ClassVar[str] = "Comply"
 
     def __init__(self, model: RobotModel, period: float, preload: Array) -> None:
         super().__init__(model, period, Stay(), SOFT, preload, torque_rate=math.inf)

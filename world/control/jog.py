@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -150,6 +151,8 @@ class JogLaw:
 
 class Jog:
     """A controller that follows twists as they come, and brakes when they stay away."""
+
+    name: ClassVar[str] = "Jog"
 
     def __init__(
         self, model: RobotModel, period: float, workspace: Bounds, distance: float = math.inf

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,6 +35,7 @@ _SECOND = np.array([2.0, 6.0, 12.0, 20.0])
 class Hold:
     """Stay at a configuration: the given one, else the set-point at the start."""
 
+    name: ClassVar[str] = "Hold"
     done = False
 
     def __init__(self, position: Array | None = None) -> None:
@@ -52,6 +54,8 @@ class Hold:
 
 class Brake:
     """Slow all joints down at their acceleration limits, as far as their torques suffice for that."""
+
+    name: ClassVar[str] = "Brake"
 
     def __init__(self, model: RobotModel, period: float) -> None:
         self._model = model
@@ -100,6 +104,8 @@ class Track:
     Progress s runs with rate r = 1; while braking, r falls such that |q″r² − q′·u| stays within the
     joints' acceleration limits, with u the deceleration of the progress.
     """
+
+    name: ClassVar[str] = "Track"
 
     def __init__(self, trajectory: Trajectory, model: RobotModel, period: float) -> None:
         self.trajectory = trajectory

@@ -160,7 +160,7 @@ class ControlLoop:
     @property
     def controller(self) -> str:
         """What commands the arm: `Hold`, `Track`, `Brake`, …"""
-        return type(self._controller).__name__
+        return self._controller.name
 
     @property
     def tcp(self) -> Pose:

@@ -4,6 +4,7 @@ gently."""
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
 
@@ -52,6 +53,8 @@ class SoftTrack(Track):
     arm it acts, or more than `force` N at the wrist, beyond what was felt without one. Then the arm gives
     way, soft and damped about where it was touched, and is done.
     """
+
+    name: ClassVar[str] = "SoftTrack"
 
     def __init__(
         self,
@@ -179,6 +182,7 @@ class GivingWay:
     does, it begins again.
     """
 
+    name: ClassVar[str] = "GivingWay"
     done = False
 
     def __init__(self, model: RobotModel, period: float, carried: Array) -> None:

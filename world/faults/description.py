@@ -16,6 +16,7 @@ __all__ = [
 ]  # fmt: skip
 
 FaultSpec: TypeAlias = ItemFault | Slip | Appear | Obstacle | Ailing | ProgramFault
+"""One injected fault. Its `name` is the word of fault files and records; a renamed class keeps it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 from ..values import Pose, Vector3
 from .when import When
@@ -13,6 +13,7 @@ from .when import When
 class GripperJam:
     """The fingers stay where they are, whatever they are told, and go on pressing on what they hold."""
 
+    name: ClassVar[str] = "gripper_jam"
     when: When
     lasts: float | None = None
 
@@ -21,6 +22,7 @@ class GripperJam:
 class GripperWeak:
     """The fingers press with a share of the force that they are told."""
 
+    name: ClassVar[str] = "gripper_weak"
     when: When
     share: float
     lasts: float | None = None
@@ -30,6 +32,7 @@ class GripperWeak:
 class JointWeak:
     """The joint's torque is at most a share of what it could give."""
 
+    name: ClassVar[str] = "joint_weak"
     when: When
     joint: str
     share: float
@@ -40,6 +43,7 @@ class JointWeak:
 class Stall:
     """The commands to the arm are not carried out: its drives hold it where it is."""
 
+    name: ClassVar[str] = "stall"
     when: When
     lasts: float | None = None
 
@@ -48,6 +52,7 @@ class Stall:
 class WrenchBias:
     """The wrist's sensor is off by a force, N, and a torque, Nm, in its own axes."""
 
+    name: ClassVar[str] = "wrench_bias"
     when: When
     force: Vector3
     torque: Vector3 = (0.0, 0.0, 0.0)
@@ -58,6 +63,7 @@ class WrenchBias:
 class WrenchDead:
     """The wrist's sensor is silent: its reading and the stamp of it stand still."""
 
+    name: ClassVar[str] = "wrench_dead"
     when: When
     lasts: float | None = None
 
@@ -66,6 +72,7 @@ class WrenchDead:
 class CameraDrop:
     """No image comes from a camera (None: from any), for a time or for so many images."""
 
+    name: ClassVar[str] = "camera_drop"
     when: When
     camera: str | None = None
     lasts: float | None = None
@@ -76,6 +83,7 @@ class CameraDrop:
 class CameraShift:
     """A camera's true optical frame is moved, given in the frame as it was: x right, y down, z forward."""
 
+    name: ClassVar[str] = "camera_shift"
     when: When
     moved: Pose
     camera: str | None = None
@@ -86,6 +94,7 @@ class CameraShift:
 class CameraNoise:
     """The noise of a camera's depth and colour is `factor` times as large."""
 
+    name: ClassVar[str] = "camera_noise"
     when: When
     factor: float
     camera: str | None = None
@@ -96,6 +105,7 @@ class CameraNoise:
 class CameraMislabel:
     """A camera shows one colour of items as another; `swapped`: and the other as the one."""
 
+    name: ClassVar[str] = "camera_mislabel"
     when: When
     colour: str
     shown_as: str
@@ -108,6 +118,7 @@ class CameraMislabel:
 class NoPlan:
     """The planner finds no way, for a time or for so many requests."""
 
+    name: ClassVar[str] = "no_plan"
     when: When
     lasts: float | None = None
     requests: int | None = None

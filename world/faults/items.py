@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias
 
 from ..scene.description import Fixture, Form
 from ..values import Vector3
@@ -29,6 +29,7 @@ class Target:
 class Remove:
     """The item is snatched away, out of the robot's world."""
 
+    name: ClassVar[str] = "remove"
     when: When
     target: Target
 
@@ -37,6 +38,7 @@ class Remove:
 class Friction:
     """The item gets another friction, and mass (kg) where one is given."""
 
+    name: ClassVar[str] = "friction"
     when: When
     target: Target
     friction: float
@@ -47,6 +49,7 @@ class Friction:
 class Bump:
     """The item gets a velocity (m/s, world) and a spin (rad/s, world) all at once."""
 
+    name: ClassVar[str] = "bump"
     when: When
     target: Target
     velocity: Vector3
@@ -58,6 +61,7 @@ class Slip:
     """What the fingers hold, or hold next, has another friction for so many seconds, or for good; then its
     own again."""
 
+    name: ClassVar[str] = "slip"
     when: When
     friction: float = 0.0
     lasts: float | None = None
@@ -67,6 +71,7 @@ class Slip:
 class Heavier:
     """The item has another mass, kg, than the catalogue says."""
 
+    name: ClassVar[str] = "heavier"
     when: When
     target: Target
     mass: float
@@ -76,6 +81,7 @@ class Heavier:
 class Larger:
     """The item is `factor` times as large, along each of its axes, as the catalogue says; its mass stays."""
 
+    name: ClassVar[str] = "larger"
     when: When
     target: Target
     factor: float
@@ -86,6 +92,7 @@ class Appear:
     """A further item of the catalogue comes to lie at `place` (x, y) in the world, as soon as nothing is
     there; `yaw`, rad, about the world's z."""
 
+    name: ClassVar[str] = "appear"
     when: When
     kind: str
     colour: str
@@ -98,6 +105,7 @@ class Obstacle:
     """Something that the robot is not told of is put into its way, as soon as nothing is there; it stands
     still, and is taken away again after so many seconds, or never."""
 
+    name: ClassVar[str] = "obstacle"
     when: When
     body: Fixture
     stays: float | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 from .when import When
 
@@ -12,6 +12,7 @@ from .when import When
 class Hang:
     """The skill that runs yields for ever: it is never done, until it is halted."""
 
+    name: ClassVar[str] = "hang"
     when: When
 
 
@@ -19,6 +20,7 @@ class Hang:
 class Raise:
     """The code of the skill that runs raises an exception."""
 
+    name: ClassVar[str] = "raise"
     when: When
 
 
@@ -26,6 +28,7 @@ class Raise:
 class Kill:
     """The process is killed (SIGKILL)."""
 
+    name: ClassVar[str] = "kill"
     when: When
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
 
-from ..faults.description import FaultSpec
 from ..faults.devices import (
     Ailing,
     CameraDrop,
@@ -21,11 +19,6 @@ from ..faults.devices import (
     WrenchDead,
 )  # fmt: skip
 from ..journal import Plain
-
-
-def kind_of(fault: FaultSpec) -> str:
-    """Its name in a fault file."""
-    return re.sub(r"(?<!^)(?=[A-Z])", "_", type(fault).__name__).lower()
 
 
 def begins(fault: Ailing, width: float) -> str:
@@ -79,7 +72,7 @@ def details(fault: Ailing) -> dict[str, Plain]:
             pass
     if isinstance(fault, CameraDrop | CameraShift | CameraNoise | CameraMislabel):
         told["camera"] = fault.camera
-    return {"fault": kind_of(fault), **told, "lasts": fault.lasts}
+    return {"fault": fault.name, **told, "lasts": fault.lasts}
 
 
 def _begins(fault: Ailing, width: float) -> str:

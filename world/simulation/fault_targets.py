@@ -8,7 +8,6 @@ from collections.abc import Callable
 from ..faults.items import Bump, Friction, Heavier, ItemFault, Larger, Remove, Target
 from ..journal import Plain
 from ..values import Vector3
-from .fault_sentences import kind_of
 from .faulty import Faulty
 from .truth import TrueBody
 
@@ -40,7 +39,7 @@ def choose(
 
 def told_of(fault: ItemFault, body: TrueBody) -> dict[str, Plain]:
     """For the record, beside the sentence."""
-    data: dict[str, Plain] = {"fault": kind_of(fault), "item": body.id, "kind": body.kind}
+    data: dict[str, Plain] = {"fault": fault.name, "item": body.id, "kind": body.kind}
     data["colour"] = body.colour
     match fault:
         case Remove():

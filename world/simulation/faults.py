@@ -27,7 +27,7 @@ from ..faults.items import Appear, Bump, Friction, Heavier, ItemFault, Larger, O
 from ..faults.program import Hang, Kill, Raise
 from ..journal import Happened, Plain
 from ..values import ObjectId, Vector3
-from .fault_sentences import begins, details, ends, kind_of
+from .fault_sentences import begins, details, ends
 from .fault_states import FaultState, Occasions
 from .fault_targets import carry_out, choose, told_of
 from .faulty import Faulty
@@ -157,7 +157,7 @@ class Injector:
         """What lasted is over."""
         state = self._states[n]
         name, self._states[n] = state.standing, replace(state, standing="")
-        data: dict[str, Plain] = {"fault": kind_of(fault)}
+        data: dict[str, Plain] = {"fault": fault.name}
         match fault:
             case Obstacle():
                 self._hardware.take_obstacle(ObjectId(name))
@@ -211,10 +211,10 @@ class Injector:
             case _:
                 width = self._hardware.gripper.read().width
                 self._hardware.afflict(n, fault)
-                return Outcome(begins(fault, width), details(fault), standing=kind_of(fault))
+                return Outcome(begins(fault, width), details(fault), standing=fault.name)
 
     def _befall(self, fault: ItemFault, state: FaultState) -> Outcome:
-        name = kind_of(fault)
+        name = fault.name
         body = choose(self._hardware, fault.target, state.node, self._object_place)
         if body is None:
             return Outcome(f"{name}: no item fits", {"fault": name, "item": None})
@@ -261,7 +261,7 @@ class Injector:
 
     def _meddle(self, fault: Hang | Raise, state: FaultState) -> Outcome:
         """Take the place of the skill that runs."""
-        name = kind_of(fault)
+        name = fault.name
         tree = None if self._program is None else self._program()
         path = None if tree is None else tree.acting(state.node)
         if tree is None or path is None:
@@ -300,7 +300,7 @@ def new_states(
 def _meddled(fault: Hang | Raise, path: str) -> Outcome:
     name = path.rsplit("/", 1)[-1]
     does = "hangs" if isinstance(fault, Hang) else "raises an exception"
-    return Outcome(f"the code of {name} {does}", {"fault": kind_of(fault), "skill": path})
+    return Outcome(f"the code of {name} {does}", {"fault": fault.name, "skill": path})
 
 
 def _body(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:
