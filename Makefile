@@ -90,14 +90,14 @@ docs: $(RUN)
 	"$(BIN)/picktree" explain-code --index > docs/codes.md; \
 	"$(BIN)/picktree" render examples/sort_by_colour.yaml -o docs/tree.svg
 
-# The scripts and the style of a report, from logs/report/page/src; a test says when they are out of date.
+# The scripts and the style of a report, from analysis/report/page/src; a test says when they are out of date.
 page: tests/logs/node/node_modules/.package-lock.json
 	@cd tests/logs/node && npm run --silent build
 
 # The pictures of docs/report.md and docs/batches.md, taken in headless Chromium of a run with planted faults
 # and of a batch that is run for it: about seven minutes of CPU.
 pictures: $(DEV)
-	@"$(BIN)/python" -m tests.logs.report_pictures docs
+	@"$(BIN)/python" -m tests.analysis.report_pictures docs
 	@"$(BIN)/python" -m tests.batch.report_pictures docs
 
 # The digests of the golden runs, recorded again after a change of the simulation that is meant.

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from .arithmetic import pin
 from .moved import install
-from .world.arithmetic import pin
 
 pin()  # before any library that computes is loaded
 install()
 
 if TYPE_CHECKING:
-    from .logs.session import run
+    from .session.session import run
 
     __version__: str
 
@@ -21,7 +21,7 @@ __all__ = ["__version__", "run"]
 def __getattr__(name: str) -> object:
     """Import what is asked for only then: the command line must answer at once."""
     if name == "run":
-        from .logs.session import run
+        from .session.session import run
 
         return run
     if name == "__version__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from io import TextIOWrapper
 
-from .world.arithmetic import restart
+from .arithmetic import restart
 
 
 def main() -> None:

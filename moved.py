@@ -1,6 +1,6 @@
 """Old names of picktree's modules and classes. They work for one release, each with one DeprecationWarning.
 
-`from picktree.world.motion.requests import Line` imports what the tables name in its place. A module that
+`from picktree.planning.requests import Line` imports what the tables name in its place. A module that
 exists is always the one that is imported; the tables only count where there is none.
 """
 
@@ -30,8 +30,8 @@ MODULES: Final[Mapping[str, str]] = {
     "logs.session": "session.session",
     "logs.stepping.cursor": "analysis.replay.cursor",
     "trees.debugger": "trees.running.debugger",
-    "trees.drawing.charting": "trees.drawing.chart_builder",
-    "trees.drawing.svg": "trees.drawing.formats.svg",
+    "trees.drawing.charting": "authoring.drawing.chart_builder",
+    "trees.drawing.svg": "authoring.drawing.formats.svg",
     "world.control.courses": "control.cartesian.anchor_courses",
     "world.control.jogging": "control.execution.jog_motion",
     "world.control.stiffness": "control.cartesian.stiffness",

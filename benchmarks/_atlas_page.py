@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 from _fault_measures import Measure
 from _fault_table import sortable
-from picktree.world.faults.description import Expect
+from picktree.simulation.fault_files.fault_description import Expect
 
 if TYPE_CHECKING:
-    from picktree.logs.explaining.explanation import FailureStory
-    from picktree.logs.run import Run
+    from picktree.analysis.explain.investigation.explanation import FailureStory
+    from picktree.analysis.run import Run
 
 MOST_OF_A_FAULT = 2
 

@@ -5,11 +5,11 @@ Nothing of picktree's planner is used: a callable that asks pinocchio, OMPL's mo
 
 from __future__ import annotations
 
-from picktree.world.motion.bodies import loose_bodies, still_bodies
-from picktree.world.motion.coal_shapes import CoalShapes
-from picktree.world.motion.collision import robot_geometry
-from picktree.world.robot.model import RobotModel, se3
-from picktree.world.scene.planning_scene import PlanningScene
+from picktree.planning.collision.coal_shapes import CoalShapes
+from picktree.planning.collision.collision_bodies import loose_bodies, still_bodies
+from picktree.planning.collision.collision_checker import robot_geometry
+from picktree.robots.model import RobotModel, se3
+from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.values import Array
 
 import numpy as np

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from picktree.world.motion.collision import Collision
-from picktree.world.motion.margins import Margins
-from picktree.world.robot.model import RobotModel
+from picktree.planning.collision.clearances import Margins
+from picktree.planning.collision.collision_checker import Collision
+from picktree.robots.model import RobotModel
+from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.scene.description import Fixture
-from picktree.world.scene.planning_scene import PlanningScene
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
 from picktree.world.values import Array, ObjectId, Pose
 

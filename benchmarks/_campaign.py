@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from picktree.world.arithmetic import restart
+from picktree.arithmetic import restart
 
 restart()
 

@@ -14,10 +14,10 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
 
+from picktree.analysis import Run
 from picktree.cli.app import answer
-from picktree.logs import Run
+from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
-from picktree.world.errors import PicktreeError
 
 MAGIC_LENGTH = 8
 _NOTE = re.compile("recovered up to byte|the rest is whole")

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.logs.run import Run
-    from picktree.world.robot.model import RobotModel
+    from picktree.analysis.run import Run
+    from picktree.robots.model import RobotModel
     from picktree.world.scene.description import Limits
 
 Numbers: TypeAlias = "np.ndarray[Any, np.dtype[np.float64]]"
@@ -147,9 +147,9 @@ class Cell:
 
     @classmethod
     def of(cls, scene: str) -> Cell:
-        from picktree.world.robot.load import load_robot
-        from picktree.world.robot.model import RobotModel
-        from picktree.world.scene.load import load_scene
+        from picktree.robots.loading import load_robot
+        from picktree.robots.model import RobotModel
+        from picktree.world.scene.loading.scene_loading import load_scene
 
         described = load_scene(scene, Path.cwd())
         robot = load_robot(described.robot, Path(described.source).parent)
@@ -197,7 +197,7 @@ def exceeded(model: RobotModel, limits: Limits, positions: Numbers, velocities: 
     v²/2a; for the tool the time that the slowest joint needs, v/a, at the tool's speed. Both get one tick's
     way on top, because a log tells no more often.
     """
-    from picktree.world.control.monitor import JOINT_TOLERANCE
+    from picktree.control.safety.safety_monitor import JOINT_TOLERANCE
 
     over = np.maximum(positions - model.upper, model.lower - positions) - JOINT_TOLERANCE
     if over.size and over.max() > 0.0:

@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from _fault_measures import Measure
-from picktree.batch.statistics import Rate, rate
+from picktree.batch.statistics.rates import Rate, rate
+from picktree.simulation.fault_files.fault_description import Expect
 from picktree.world.causes import cause_named, matches
-from picktree.world.faults.description import Expect
 
 COLUMNS: Mapping[str, str] = {
     "took effect": "of all runs, those in which a fault did something (a `fault` event that neither waits "

@@ -104,10 +104,10 @@ class _Cell:
     """Hardware, world, and a mission in it."""
 
     def __init__(self, setting: Setting, seed: int) -> None:
-        from picktree.logs.assembly import assemble
-        from picktree.world.robot.load import load_robot
-        from picktree.world.scene.load import parse_scene
-        from picktree.world.simulation.physics import PhysicsHardware
+        from picktree.robots.loading import load_robot
+        from picktree.session.assembly import assemble
+        from picktree.simulation.physics.backend import PhysicsHardware
+        from picktree.world.scene.loading.scene_loading import parse_scene
 
         self.scene = parse_scene(setting.scene(), Path(f"{setting.name}.yaml"))
         robot = load_robot(self.scene.robot)
@@ -134,9 +134,9 @@ class _Cell:
         self._drive(self._open())
 
     def _lower(self) -> Generator[None, None, None]:
-        from picktree.world.manipulation.inserting import fit, poses_over
-        from picktree.world.motion.requests import Offset, PoseGoal
-        from picktree.world.scene.fits import find_hole, fitting_hole
+        from picktree.manipulation.insert.insertion import fit, poses_over
+        from picktree.planning.requests import Offset, PoseGoal
+        from picktree.world.belief.hole_matching import find_hole, fitting_hole
 
         world = self.world
         held = world.scene.held
@@ -166,15 +166,15 @@ class _Cell:
             self._wait()
 
     def _wait(self) -> None:
-        from picktree.logs.assembly import TICK
+        from picktree.session.assembly import TICK
 
         self.world.control.step_tick(TICK)
         self.world.scene.carry(self.world.control.tcp)
 
     def _mission(self, text: str) -> None:
-        from picktree.trees.builder import build
-        from picktree.trees.loader import parse_mission
-        from picktree.trees.registry import Registry
+        from picktree.trees.loading.loader import parse_mission
+        from picktree.trees.loading.registry import Registry
+        from picktree.trees.running.builder import build
         from picktree.trees.status import NodeStatus
 
         self.tree = tree = build(parse_mission(text, Path("insertion.yaml"), Registry()), self.world)
@@ -202,7 +202,7 @@ class _Cell:
 
     def judged(self) -> Row:
         """What is so in the simulation; nothing here is believed."""
-        from picktree.world.simulation.scorer import score
+        from picktree.simulation.scoring.scorer import score
 
         for _ in range(REST):
             self._wait()

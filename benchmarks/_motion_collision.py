@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from _motion_robots import random_scene, shipped
 from _motion_tables import Column, Part, Table, cpu, median, share
-from picktree.world.motion.collision import Collision
-from picktree.world.motion.judge import Judge, Tightest
-from picktree.world.robot.model import RobotModel
+from picktree.planning.collision.collision_checker import Collision
+from picktree.planning.collision.trajectory_judge import Judge, Tightest
+from picktree.robots.model import RobotModel
 from picktree.world.values import Array
 
 import numpy as np

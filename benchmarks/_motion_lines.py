@@ -8,12 +8,12 @@ from collections import Counter
 
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
-from picktree.world.motion.collision import Collision
-from picktree.world.motion.ik import InverseKinematics
-from picktree.world.motion.lines import straight, straight_from_any
-from picktree.world.motion.way import Way
-from picktree.world.robot.model import RobotModel
-from picktree.world.scene.planning_scene import PlanningScene
+from picktree.planning.collision.collision_checker import Collision
+from picktree.planning.collision.start_tolerance import Way
+from picktree.planning.kinematics.cartesian_lines import straight, straight_from_any
+from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
+from picktree.robots.model import RobotModel
+from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.values import Array, Pose
 
 import numpy as np

@@ -7,9 +7,9 @@ from collections import Counter
 from _bench_maker import ARCHIVE, SCENES, WANTED, admitted, archive, beyond_limits, problems
 from _motion_tables import Column, Part, Table, Value, median, p95, share
 from motion_bench_maker import Answer, answer
-from picktree.world.motion.judge import Judge
-from picktree.world.robot.load import load_robot
-from picktree.world.robot.model import RobotModel
+from picktree.planning.collision.trajectory_judge import Judge
+from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
 
 MEANING = """
 ms: from request to simplified, timed trajectory, re-checked, making the collision checker included. bare

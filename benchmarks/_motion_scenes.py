@@ -11,16 +11,16 @@ from pathlib import Path
 import picktree.world
 from _bare_ompl import BarePlanner
 from _motion_tables import Column, Part, Table, Value, median, p95, share
-from picktree.logs.trial.stage import build
+from picktree.cell.world import World
+from picktree.commissioning.plan_trial.trial_world import build
+from picktree.manipulation.grasp.grasp_candidates import grasp_candidates
+from picktree.manipulation.place.bin_spots import heap, release_poses, spots
+from picktree.planning.collision.trajectory_judge import Judge
+from picktree.planning.requests import Holding, Line, Offset, Plan, PoseGoal, Request
+from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure
-from picktree.world.manipulation.grasps import grasp_candidates
-from picktree.world.manipulation.spots import heap, release_poses, spots
-from picktree.world.motion.judge import Judge
-from picktree.world.motion.requests import Holding, Line, Offset, Plan, PoseGoal, Request
 from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.planning_scene import BeliefObject
 from picktree.world.values import Array
-from picktree.world.world import World
 
 ABOVE = 0.1
 """Of the pre-grasp over the grasp, and of the lift, m."""

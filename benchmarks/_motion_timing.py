@@ -12,16 +12,16 @@ from typing import TypeVar
 
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
+from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
+from picktree.planning.requests import Offset, Plan, PoseGoal, Request, Scaling
+from picktree.planning.service.motion_chain import Chain
+from picktree.planning.service.solver import Solver
+from picktree.planning.timing.path_curves import Curve, cornered, splined
+from picktree.planning.timing.path_limits import TORQUE, Limits, Stretch
+from picktree.planning.timing.time_parameterization import time_curve
+from picktree.robots.model import RobotModel
+from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure
-from picktree.world.motion.chain import Chain
-from picktree.world.motion.curves import Curve, cornered, splined
-from picktree.world.motion.ik import InverseKinematics
-from picktree.world.motion.limits import TORQUE, Limits, Stretch
-from picktree.world.motion.requests import Offset, Plan, PoseGoal, Request, Scaling
-from picktree.world.motion.solver import Solver
-from picktree.world.motion.timing import time_curve
-from picktree.world.robot.model import RobotModel
-from picktree.world.scene.planning_scene import PlanningScene
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, Pose
 

@@ -47,8 +47,8 @@ BUDGET = '''
 from picktree.trees.ports import In, port
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.world.causes import control, planning, safety
-from picktree.world.motion.requests import NamedGoal
-from picktree.world.world import World
+from picktree.planning.requests import NamedGoal
+from picktree.cell.world import World
 
 
 class Hurry(Skill):

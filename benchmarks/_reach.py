@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from picktree.simulation.scoring.truth import TrueBody
     from picktree.world.scene.description import SceneDescription
-    from picktree.world.simulation.truth import TrueBody
     from picktree.world.values import Pose
 
 TURNS = 12
@@ -45,10 +45,10 @@ class Within:
 
 def within_reach(scene: SceneDescription, items: list[TrueBody]) -> dict[str, Within]:
     """For each item by id."""
-    from picktree.logs.assembly import assemble
-    from picktree.world.motion.requests import PoseGoal, Request
-    from picktree.world.robot.load import load_robot
-    from picktree.world.simulation.backends import build_hardware
+    from picktree.planning.requests import PoseGoal, Request
+    from picktree.robots.loading import load_robot
+    from picktree.session.assembly import assemble
+    from picktree.simulation.backends import build_hardware
 
     robot = load_robot(scene.robot)
     empty = replace(scene, spawn=())

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.logs.result import RunResult
-    from picktree.trees.runner import NodeInfo, TickReport
+    from picktree.logs.run_result import RunResult
+    from picktree.trees.running.runner import NodeInfo, TickReport
 
 MINUTE, QUARTER = 60.0, 900.0
 """Simulated s."""
@@ -180,7 +180,7 @@ class Soak:
 
     @classmethod
     def read(cls, path: Path) -> Soak:
-        from picktree.logs.result import RunResult
+        from picktree.logs.run_result import RunResult
 
         rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
         results = [row["result"] for row in rows if "result" in row]

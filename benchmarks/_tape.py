@@ -10,12 +10,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from picktree.logs import ended_file
-from picktree.logs.ended_file import RawFile
-from picktree.logs.mcap_chunks import DAMAGE
-from picktree.logs.mcap_file import McapFile
+from picktree.errors import PicktreeError
+from picktree.logs.mcap import sealed_file as ended_file
+from picktree.logs.mcap.chunks import DAMAGE
+from picktree.logs.mcap.sealed_file import RawFile
+from picktree.logs.mcap.writer import McapFile
 from picktree.logs.run_log import RunLog
-from picktree.world.errors import PicktreeError
 
 from mcap.reader import make_reader
 

@@ -124,7 +124,7 @@ def phase(settings: Settings, name: str, doing: Callable[[], Any]) -> Any:
 
 def start_up() -> float:
     """CPU s that a worker takes until it is ready."""
-    from picktree.batch.worker import serve
+    from picktree.batch.workers.worker import serve
 
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -146,8 +146,8 @@ def apart(settings: Settings, seed: int) -> Alone:
 
 
 def run_alone(settings: Settings, seed: int, out: Path) -> Alone:
-    from picktree.batch import worker
-    from picktree.logs.session import RunRequest, Session
+    from picktree.batch.workers import worker
+    from picktree.session.session import RunRequest, Session
 
     worker.load()
     cpu, wall = time.process_time(), time.perf_counter()
@@ -181,7 +181,7 @@ def batch(settings: Settings, name: str, seeds: list[int], workers: int) -> dict
     if process.wait() not in (0, 1):
         raise SystemExit(f"{' '.join(command)}: exit code {process.returncode}")
     cpu = spent(resource.getrusage(resource.RUSAGE_CHILDREN)) - before
-    from picktree.batch.store import NAME, Store
+    from picktree.batch.results.store import NAME, Store
 
     first_job = ends[0][1]["job"]
     with Store(folder / NAME) as store:

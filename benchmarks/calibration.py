@@ -57,8 +57,8 @@ def one(job: Job) -> Row:
 
 
 def _run(job: Job, setting: str) -> Row:
-    from picktree.logs.calibration.job import CalibrationAsked, calibrate
-    from picktree.world.scene.load import load_scene
+    from picktree.commissioning.calibrate.job import CalibrationAsked, calibrate
+    from picktree.world.scene.loading.scene_loading import load_scene
 
     base, cameras = SETTINGS[setting]
     file = Path(job.out) / f"{base}-{job.seed}.yaml"
@@ -106,7 +106,7 @@ def _scores(believed: Pose, truly: Pose, position: object, angle: object) -> lis
 
 
 def _scene(seed: int, base: str, cameras: tuple[str, ...]) -> str:
-    from picktree.world.robot.rpy import rpy_of
+    from picktree.robots.rpy import rpy_of
     from picktree.world.values import Pose as Frame
 
     rng = np.random.default_rng([seed, 7])

@@ -23,14 +23,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from _campaign import ROOT
-from picktree.batch.batch import Batch, Ended
-from picktree.batch.cluster.executor import RayExecutor
-from picktree.batch.executor import Executor
-from picktree.batch.job import Job
-from picktree.batch.local import LocalExecutor
-from picktree.batch.plan import Plan
-from picktree.batch.processes import children
-from picktree.batch.rows import JobRow
+from picktree.batch.cluster.ray_executor import RayExecutor
+from picktree.batch.plan.job import Job
+from picktree.batch.plan.plan import Plan
+from picktree.batch.results.rows import JobRow
+from picktree.batch.workers.batch import Batch, Ended
+from picktree.batch.workers.executor import Executor
+from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.batch.workers.processes import children
 
 COST = {"physics": 7.0, "kinematic": 2.0}
 """CPU seconds that a run of `sort_small` takes, for the forecast."""

@@ -19,14 +19,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from picktree.batch.statistics import rate
+from picktree.batch.statistics.rates import rate
+from picktree.planning.collision.trajectory_judge import Judge
+from picktree.planning.requests import PoseGoal, Request, Upright
+from picktree.planning.service.solver import Solver
 from picktree.world.causes import Failure
-from picktree.world.motion.judge import Judge
-from picktree.world.motion.requests import PoseGoal, Request, Upright
-from picktree.world.motion.solver import Solver
 from picktree.world.values import Array, Pose, Vector3
 
-from tests.world.motion_cell import HOME, MODEL, down, shelf_scene, table_scene
+from tests.planning.motion_cell import HOME, MODEL, down, shelf_scene, table_scene
 
 WIDTH = 0.08
 

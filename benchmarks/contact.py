@@ -20,9 +20,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import TypeVar
 
-from picktree.world.control.courses import Course, Felt
-from picktree.world.control.stiffness import Stiffness
-from picktree.world.world import World
+from picktree.cell.world import World
+from picktree.control.cartesian.anchor_courses import Course, Felt
+from picktree.control.cartesian.stiffness import Stiffness
 
 import numpy as np
 import pinocchio as pin

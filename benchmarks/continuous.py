@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING
 from _campaign import ROOT, Row, campaign, rate
 
 if TYPE_CHECKING:
-    from picktree.logs.result import RunResult
-    from picktree.trees.runner import NodeInfo, TickReport
+    from picktree.logs.run_result import RunResult
+    from picktree.trees.running.runner import NodeInfo, TickReport
 
 COST_AN_ITEM = 1.0
 """CPU seconds, for the forecast."""
@@ -68,7 +68,7 @@ def resident() -> float:
 
 def one(job: Job) -> Row:
     """Run one seed in this process; the JSON of its result with memory and log, or what it died of."""
-    from picktree.logs.session import RunRequest, Session
+    from picktree.session.session import RunRequest, Session
 
     memory = Memory()
     request = RunRequest(
@@ -172,7 +172,7 @@ def report(rows: list[Row]) -> str:
 
 
 def main() -> int:
-    from picktree.batch.seeds import parse_seeds
+    from picktree.batch.plan.seeds import parse_seeds
 
     parser = argparse.ArgumentParser(description="How well a mission sorts beside a feed.")
     parser.add_argument("--mission", default=str(ROOT / "examples" / "continuous_sort.yaml"))

@@ -21,9 +21,9 @@ from typing import cast
 
 from _campaign import ROOT, Row, campaign
 from _file_mutants import mutant
-from picktree.trees.registry import Registry
-from picktree.trees.xml.converting import convert_text
-from picktree.world.files.marks import FileError
+from picktree.authoring.xml.converting import convert_text
+from picktree.files.marks import FileError
+from picktree.trees.loading.registry import Registry
 
 CHUNK = 250
 """Mutants of one job."""

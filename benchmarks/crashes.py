@@ -28,10 +28,10 @@ from itertools import accumulate
 from pathlib import Path
 
 from _tape import Opened, open_moment, opens_in_stock_reader, taped
-from picktree.logs.result import RunResult
 from picktree.logs.run_log import RunLog
-from picktree.logs.session import RunRequest, Session
-from picktree.trees.runner import NodeInfo, TickReport
+from picktree.logs.run_result import RunResult
+from picktree.session.session import RunRequest, Session
+from picktree.trees.running.runner import NodeInfo, TickReport
 
 MISSION = Path(__file__).resolve().parent.parent / "examples" / "sort_by_colour.yaml"
 SHARED = Path("/dev/shm") if Path("/dev/shm").is_dir() else Path(tempfile.gettempdir())

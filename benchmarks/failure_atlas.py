@@ -16,12 +16,12 @@ from pathlib import Path
 from _atlas_page import Entry, command, section, telling, worst
 from _campaign import ROOT
 from fault_campaign import Row, measure, read
-from picktree.batch.store import NAME
-from picktree.logs.run import Run
-from picktree.logs.snapshot import snapshot
-from picktree.world.errors import PicktreeError
-from picktree.world.faults.description import Expect
-from picktree.world.faults.load import load_faults
+from picktree.analysis.render.snapshot import snapshot
+from picktree.analysis.run import Run
+from picktree.batch.results.store import NAME
+from picktree.errors import PicktreeError
+from picktree.simulation.fault_files.fault_description import Expect
+from picktree.simulation.fault_files.fault_loading import load_faults
 
 SIZE = (640, 400)
 CAMPAIGN = "benchmarks/campaign"

@@ -29,17 +29,17 @@ from _campaign import ROOT
 from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
-from picktree.batch.batch import Batch
-from picktree.batch.load import load_plan
-from picktree.batch.local import LocalExecutor
-from picktree.batch.plan import Plan
-from picktree.batch.store import NAME, Store
-from picktree.cli.batch_progress import progress
-from picktree.logs.result import RunResult
-from picktree.logs.run import Run
-from picktree.world.errors import PicktreeError
-from picktree.world.faults.description import Expect
-from picktree.world.faults.load import load_faults
+from picktree.analysis.run import Run
+from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan_loading import load_plan
+from picktree.batch.results.store import NAME, Store
+from picktree.batch.workers.batch import Batch
+from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.cli.batch.progress import progress
+from picktree.errors import PicktreeError
+from picktree.logs.run_result import RunResult
+from picktree.simulation.fault_files.fault_description import Expect
+from picktree.simulation.fault_files.fault_loading import load_faults
 
 PLAN = ROOT / "benchmarks" / "campaign" / "plan.yaml"
 COST_A_RUN = 7.0
@@ -344,7 +344,7 @@ def _sides(lines: Iterable[Line]) -> list[bool]:
 
 
 def _force_limit() -> float:
-    from picktree.world.scene.load import load_scene
+    from picktree.world.scene.loading.scene_loading import load_scene
 
     return load_scene("sort_small", Path.cwd()).limits.force
 

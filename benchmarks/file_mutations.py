@@ -25,20 +25,20 @@ from typing import Any, cast
 
 from _campaign import ROOT, Row, campaign
 from _file_mutants import mutant
-from picktree.cli.kinds import CHECKS
-from picktree.trees.loader import examine, load_mission
+from picktree.authoring.rehearsal.checking.case_checks import load_cases
+from picktree.authoring.rehearsal.rehearse import rehearse_case
+from picktree.authoring.rehearsal.stage.mission_staging import scene_of, stage_mission
+from picktree.authoring.rehearsal.stage.node_roles import is_played
+from picktree.authoring.rehearsal.verdict.coverage import Reached
+from picktree.cli.author.file_kinds import CHECKS
+from picktree.errors import PicktreeError
+from picktree.files.diagnostics.file_checks import check_files
+from picktree.files.yaml.document import load_document
+from picktree.robots.loading import load_robot
+from picktree.simulation.fault_files.fault_loading import load_faults
+from picktree.trees.loading.loader import examine, load_mission
 from picktree.trees.mission import Mission
-from picktree.trees.rehearsal.checks import load_cases
-from picktree.trees.rehearsal.coverage import Reached
-from picktree.trees.rehearsal.rehearse import rehearse_case
-from picktree.trees.rehearsal.roles import is_played
-from picktree.trees.rehearsal.staging import scene_of, stage_mission
-from picktree.world.errors import PicktreeError
-from picktree.world.faults.load import load_faults
-from picktree.world.files.checking import check_files
-from picktree.world.files.document import load_document
-from picktree.world.robot.load import load_robot
-from picktree.world.scene.load import load_scene
+from picktree.world.scene.loading.scene_loading import load_scene
 
 CHUNK = 250
 """Mutants of one job."""

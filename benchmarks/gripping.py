@@ -33,8 +33,8 @@ class Job:
 
 def one(job: Job) -> Row:
     """Run one seed; what the fingers did to each item, and what became of it."""
-    from picktree.logs.run import Run
-    from picktree.logs.session import RunRequest, Session
+    from picktree.analysis.run import Run
+    from picktree.session.session import RunRequest, Session
 
     request = RunRequest(
         mission=Path(job.mission),

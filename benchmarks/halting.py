@@ -61,9 +61,9 @@ def _cell() -> ModuleType:
 
 def one(job: Job) -> Row:
     """One seed's run with its halts, each with what came of it, or the error that it died of."""
-    from picktree.trees.loader import load_mission
-    from picktree.trees.registry import Registry
-    from picktree.world.scene.load import load_scene
+    from picktree.trees.loading.loader import load_mission
+    from picktree.trees.loading.registry import Registry
+    from picktree.world.scene.loading.scene_loading import load_scene
 
     import numpy as np
 

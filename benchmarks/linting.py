@@ -21,7 +21,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from picktree.trees.lint import lint
+from picktree.authoring.lint import lint
 
 
 @dataclass
@@ -37,8 +37,8 @@ class Share:
 
 
 def share(first: int, last: int, runs: int) -> Share:
-    from tests.trees.watched import Unsound, Watched
-    from tests.trees.wild_missions import wild_mission
+    from tests.authoring.watched import Unsound, Watched
+    from tests.authoring.wild_missions import wild_mission
 
     found = Share()
     for seed in range(first, last):

@@ -35,8 +35,8 @@ from _campaign import ROOT
 
 sys.path.insert(0, str(ROOT))
 
-from picktree.logs.circumstances import machine, sources
-from picktree.world.arithmetic import PINNED, REMOVED, TUNABLES
+from picktree.arithmetic import PINNED, REMOVED, TUNABLES
+from picktree.session.environment import machine, sources
 
 from tests.golden.runs import GOLDEN, Record, differing, libraries
 
@@ -104,7 +104,7 @@ NATIVE = (
     _with(MALLOC_PERTURB_="85"),
     Surroundings("one core (taskset)", before=("taskset", "-c", str(min(os.sched_getaffinity(0))))),
 )
-"""Environments of this machine. Without `world/arithmetic.py` the two of OPENBLAS_CORETYPE, the first and the
+"""Environments of this machine. Without `arithmetic.py` the two of OPENBLAS_CORETYPE, the first and the
 third of NPY and the one of GLIBC_TUNABLES change digests on a processor with AVX-512."""
 PROCESSORS = ("Haswell", "Skylake-Client", "Cascadelake-Server", "EPYC-Rome", "EPYC-Milan", "Dhyana")
 """Models with AVX2 and FMA: of Intel, of AMD, and of a maker that libraries may not know (Dhyana)."""

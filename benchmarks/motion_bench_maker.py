@@ -22,13 +22,13 @@ from pathlib import Path
 from _bare_ompl import BarePlanner
 from _bench_maker import ARCHIVE, SCENES, WANTED, Problem, admitted, archive, beyond_limits, problems
 from _campaign import wilson
+from picktree.planning.collision.clearances import Margins
+from picktree.planning.collision.trajectory_judge import Judge
+from picktree.planning.requests import JointGoal, Request
+from picktree.planning.service.solver import Solver
+from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
 from picktree.world.causes import Failure
-from picktree.world.motion.judge import Judge
-from picktree.world.motion.margins import Margins
-from picktree.world.motion.requests import JointGoal, Request
-from picktree.world.motion.solver import Solver
-from picktree.world.robot.load import load_robot
-from picktree.world.robot.model import RobotModel
 
 import numpy as np
 

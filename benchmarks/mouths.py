@@ -4,7 +4,7 @@
 
 For each seed the board of the scene `pegs` is set down and every hole looked at from a place of its own: 17
 to 25 cm away, up to 23° aslant, turned anyhow, with the noise of a camera. No robot moves: this measures
-`world/perception/mouths.py` alone. Nothing is kept; twenty seeds take half a minute of CPU.
+`perception/fitting/hole_mouths.py` alone. Nothing is kept; twenty seeds take half a minute of CPU.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ import time
 from dataclasses import dataclass, replace
 
 from _campaign import rate
-from picktree.world.perception.mouths import find_mouth
+from picktree.perception.fitting.hole_mouths import find_mouth
+from picktree.simulation.common.sensor_noise import noisy_colour, noisy_depth
+from picktree.simulation.common.uncertain_fixtures import displaced
+from picktree.simulation.physics.bodies import add_scenery
+from picktree.simulation.physics.engine.client import Client
+from picktree.simulation.physics.rgbd_camera import View, intrinsics
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import CameraDescription, SceneDescription
-from picktree.world.scene.entries import looking
 from picktree.world.scene.holes import Hole
-from picktree.world.scene.load import load_scene
-from picktree.world.simulation.bodies import add_scenery
-from picktree.world.simulation.camera import View, intrinsics
-from picktree.world.simulation.client import Client
-from picktree.world.simulation.displaced import displaced
-from picktree.world.simulation.noise import noisy_colour, noisy_depth
+from picktree.world.scene.loading.scene_entries import looking
+from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Pose
 
 import numpy as np

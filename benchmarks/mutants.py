@@ -46,16 +46,21 @@ LOOP = (
 ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
     "skills": {"skills/*.py": ()},
     "recovery": {"recovery/*.py": ()},
-    "scorer": {f"world/simulation/{name}.py": () for name in ("scorer", "seats", "penetration")},
+    "scorer": {
+        f"simulation/{name}.py": () for name in ("scoring/scorer", "scoring/seats", "physics/penetration")
+    },
     "safety": {
-        **{f"world/control/{name}.py": () for name in ("monitor", "latch", "lease", "efforts")},
-        "world/control/loop.py": tuple(f"ControlLoop.{name}" for name in LOOP),
-        "world/motion/gate.py": (),
+        "control/safety/*.py": (),
+        "control/wrist/joint_efforts.py": (),
+        "control/execution/control_loop.py": tuple(f"ControlLoop.{name}" for name in LOOP),
+        "planning/service/trajectory_gate.py": (),
     },
     "belief": {
-        "world/scene/planning_scene.py": (),
-        **{f"world/perception/{name}.py": () for name in ("association", "volumes", "carving", "view")},
-        "world/manipulation/feeding.py": (),
+        "world/belief/planning_scene.py": (),
+        "perception/data_association.py": (),
+        "perception/fitting/view.py": (),
+        **{f"perception/voxels/{name}.py": () for name in ("obstacle_volumes", "space_carving")},
+        "manipulation/place/exchanged_bins.py": (),
     },
 }
 """What is mutated: files, and of some only these functions."""

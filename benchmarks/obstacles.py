@@ -30,9 +30,9 @@ from _campaign import ROOT, Row, campaign, rate
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.logs.session import Session
+    from picktree.session.session import Session
+    from picktree.simulation.spawning.spawn import SpawnedItem
     from picktree.world.scene.description import Fixture, SceneDescription
-    from picktree.world.simulation.spawn import SpawnedItem
 
 COST_A_RUN = 25.0
 """CPU seconds that two or three runs of four items take, for the forecast."""
@@ -60,8 +60,8 @@ def one(job: Job) -> Row:
 
 
 def _scene(job: Job) -> Row:
-    from picktree.world.scene.load import load_scene
-    from picktree.world.simulation.spawn import spawn_items
+    from picktree.simulation.spawning.spawn import spawn_items
+    from picktree.world.scene.loading.scene_loading import load_scene
 
     scene = load_scene(job.scene)
     rng = np.random.default_rng([job.seed, 77])
@@ -99,8 +99,8 @@ def _scene(job: Job) -> Row:
 def _run(
     job: Job, folder: Path, touches: Callable[[Session], dict[str, Any]], **options: Any
 ) -> dict[str, Any]:
-    from picktree.logs.run import Run
-    from picktree.logs.session import RunRequest, Session
+    from picktree.analysis.run import Run
+    from picktree.session.session import RunRequest, Session
 
     request = RunRequest(mission=Path(job.mission), seed=job.seed, out=folder, **options)
     session = Session(request)
@@ -128,7 +128,7 @@ def _run(
 def _watched() -> Generator[Callable[[Session], dict[str, Any]]]:
     """Who touches what the robot was not told of, with the time of the first touch and the greatest force, N:
     filled in while the session runs, by asking the simulator after each step."""
-    from picktree.world.simulation.physics import PhysicsHardware
+    from picktree.simulation.physics.backend import PhysicsHardware
 
     def watch(session: Session) -> dict[str, Any]:
         hardware = session.hardware
@@ -158,7 +158,7 @@ def _watched() -> Generator[Callable[[Session], dict[str, Any]]]:
 @contextmanager
 def _without_volumes() -> Generator[None]:
     """The belief holds nothing but items meanwhile."""
-    from picktree.world.perception import association
+    from picktree.perception import data_association as association
     from picktree.world.values import ObjectId
 
     kept = association.update_volumes
@@ -177,12 +177,12 @@ def _drawn(
     rng: np.random.Generator, scene: SceneDescription, items: list[SpawnedItem], item: SpawnedItem, seed: int
 ) -> dict[str, Any]:
     """Something in the way from the item to its bin, as an entry of a scene file."""
-    from picktree.world.robot.load import load_robot
-    from picktree.world.robot.model import RobotModel
+    from picktree.robots.loading import load_robot
+    from picktree.robots.model import RobotModel
+    from picktree.simulation.common.footprints import distance, footprint
+    from picktree.simulation.faults.planted_obstacles import Room
+    from picktree.simulation.scoring.truth import TrueBody
     from picktree.world.scene.destinations import destination_rule
-    from picktree.world.simulation.footprints import distance, footprint
-    from picktree.world.simulation.obstacles import Room
-    from picktree.world.simulation.truth import TrueBody
 
     body = TrueBody.of(item.id, item.entry, item.colour, item.pose)
     goal = next(b for b in scene.bins if b.id == destination_rule(scene.destinations)(body))
@@ -206,8 +206,8 @@ def _drawn(
 
 
 def _thing(rng: np.random.Generator, x: float, y: float, across: float) -> tuple[dict[str, Any], Fixture]:
-    from picktree.world.scene.entries import unknown
-    from picktree.world.scene.schema import UnknownFile
+    from picktree.world.scene.loading.scene_entries import unknown
+    from picktree.world.scene.scene_schema import UnknownFile
 
     def drawn(low: float, high: float) -> float:
         return round(float(rng.uniform(low, high)), 4)

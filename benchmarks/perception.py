@@ -13,15 +13,15 @@ import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
-from picktree.world.perception.pipeline import Perception
-from picktree.world.perception.view import Detection, View
-from picktree.world.robot.load import load_robot
-from picktree.world.robot.model import RobotModel
-from picktree.world.scene.load import load_scene
-from picktree.world.scene.planning_scene import PlanningScene
+from picktree.perception.fitting.view import Detection, View
+from picktree.perception.pipeline import Perception
+from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
+from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.simulation.scoring.truth import TrueBody
+from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder, Sphere
-from picktree.world.simulation.physics import PhysicsHardware
-from picktree.world.simulation.truth import TrueBody
 from picktree.world.values import Array, Pose
 
 import numpy as np

@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING
 from _planted_runs import PLANTED, Planted
 
 if TYPE_CHECKING:
-    from picktree.logs.explaining.explanation import RootCause
-    from picktree.logs.records import Event
+    from picktree.analysis.explain.investigation.explanation import RootCause
     from picktree.logs.run_log import At
+    from picktree.logs.schema.records import Event
 
 COST_A_RUN = 6.0
 """CPU seconds, for the forecast."""
@@ -31,7 +31,7 @@ COST_A_RUN = 6.0
 
 def record(planted: Planted, folder: Path) -> Path:
     """Run it in a new folder; where its log is."""
-    from picktree.logs.session import RunRequest, Session
+    from picktree.session.session import RunRequest, Session
 
     folder.mkdir(parents=True)
     (folder / "scene.yaml").write_text(planted.scene)
@@ -63,8 +63,8 @@ class Answer:
 
 def explained(folder: Path, planted: Planted) -> Answer:
     """Both explanations of a run."""
-    from picktree.logs import Run
-    from picktree.logs.explaining.explain import explain
+    from picktree.analysis import Run
+    from picktree.analysis.explain.explain import explain
 
     class Blind(Run):
         """A run whose log holds no word of a fault."""

@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING, Any
 from _campaign import ROOT, Row, campaign, rate
 
 if TYPE_CHECKING:
+    from picktree.simulation.scoring.truth import TrueBody
     from picktree.world.scene.description import SceneDescription
-    from picktree.world.simulation.truth import TrueBody
 
 COST_A_RUN = 9.0
 """CPU seconds of one seed, both ways, for the forecast."""
@@ -61,14 +61,14 @@ def one(job: Job) -> Row:
 
 
 def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
-    from picktree.logs.assembly import TICK, assemble
-    from picktree.trees.builder import build
-    from picktree.trees.loader import parse_mission
-    from picktree.trees.registry import Registry
+    from picktree.robots.loading import load_robot
+    from picktree.session.assembly import TICK, assemble
+    from picktree.simulation.backends import build_hardware
+    from picktree.trees.loading.loader import parse_mission
+    from picktree.trees.loading.registry import Registry
+    from picktree.trees.running.builder import build
     from picktree.trees.status import NodeStatus
-    from picktree.world.manipulation.planar import outline, planar, wrapped
-    from picktree.world.robot.load import load_robot
-    from picktree.world.simulation.backends import build_hardware
+    from picktree.world.planar_geometry import outline, planar, wrapped
 
     scene = _scene(kind, job.noise)
     robot = load_robot(scene.robot)
@@ -107,7 +107,7 @@ def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
 
 
 def _scene(kind: str, noise: float) -> SceneDescription:
-    from picktree.world.scene.load import load_scene
+    from picktree.world.scene.loading.scene_loading import load_scene
 
     scene = load_scene("three_bins")
     spawn = replace(scene.spawn[0], counts=((kind, 1),), area=AREA, lying=0.0)

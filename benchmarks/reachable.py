@@ -45,8 +45,8 @@ def one(job: Job) -> Row:
 
 def _run(job: Job) -> Row:
     from _reach import within_reach
-    from picktree.logs.session import RunRequest, Session
-    from picktree.world.simulation.scorer import score
+    from picktree.session.session import RunRequest, Session
+    from picktree.simulation.scoring.scorer import score
 
     out = Path(job.out) / f"{Path(job.scene).stem}-{job.seed}"
     session = Session(RunRequest(mission=Path(job.mission), scene=job.scene, seed=job.seed, out=out))

@@ -14,17 +14,26 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from picktree.logs.recorder import Recorder
-from picktree.logs.records import Control, NodeStatus, NodeTime, RunInfo, Tick, Timing, Transition, Write
-from picktree.logs.robot_meshes import link_meshes
-from picktree.logs.rotation import Rotation
+from picktree.logs.meshes.link_meshes import link_meshes
+from picktree.logs.recording.recorder import Recorder
+from picktree.logs.recording.rotation import Rotation
 from picktree.logs.run_log import RunLog
-from picktree.logs.session import RunRequest, Session
+from picktree.logs.schema.records import (
+    Control,
+    NodeStatus,
+    NodeTime,
+    RunInfo,
+    Tick,
+    Timing,
+    Transition,
+    Write,
+)
+from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
+from picktree.session.session import RunRequest, Session
+from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.protocols import Intrinsics, RgbdImage
-from picktree.world.robot.load import load_robot
-from picktree.world.robot.model import RobotModel
-from picktree.world.scene.load import load_scene
-from picktree.world.scene.planning_scene import BeliefObject
+from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.shapes import Box
 from picktree.world.values import GripperState, JointState, ObjectId, Pose, Wrench
 

@@ -19,14 +19,14 @@ import os
 from pathlib import Path
 
 from _campaign import ROOT, rate
-from picktree.batch.batch import Batch
-from picktree.batch.comparison import Comparison, compare_recipes
-from picktree.batch.comparison_text import text_of
-from picktree.batch.local import LocalExecutor
-from picktree.batch.outcomes import Outcome, Recipe, read_recipe
-from picktree.batch.plan import Plan
-from picktree.batch.store import NAME
-from picktree.cli.batch_progress import progress
+from picktree.batch.plan.plan import Plan
+from picktree.batch.results.store import NAME
+from picktree.batch.statistics.comparison import Comparison, compare_recipes
+from picktree.batch.statistics.comparison_text import text_of
+from picktree.batch.statistics.recipe_outcomes import Outcome, Recipe, read_recipe
+from picktree.batch.workers.batch import Batch
+from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.cli.batch.progress import progress
 
 import numpy as np
 

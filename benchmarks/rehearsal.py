@@ -13,11 +13,11 @@ import sys
 import time
 from pathlib import Path
 
-from authoring import text_of
-from picktree.trees.loader import parse_mission
-from picktree.trees.rehearsal.checks import examine_cases
-from picktree.trees.rehearsal.rehearse import rehearse
-from picktree.world.files.document import parse_document
+from languages import text_of
+from picktree.authoring.rehearsal.checking.case_checks import examine_cases
+from picktree.authoring.rehearsal.rehearse import rehearse
+from picktree.files.yaml.document import parse_document
+from picktree.trees.loading.loader import parse_mission
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "sort_by_colour.yaml"

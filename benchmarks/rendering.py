@@ -12,14 +12,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from picktree.logs.captions import write
-from picktree.logs.moments import moments
+from picktree.analysis.render.captions import write
+from picktree.analysis.render.frames import moments
+from picktree.analysis.render.scene_view import Scenery
+from picktree.analysis.render.snapshot import draw
+from picktree.analysis.render.video.film import FilmRequest, film
+from picktree.analysis.render.viewpoint import View
 from picktree.logs.run_log import RunLog
-from picktree.logs.scenery import Scenery
-from picktree.logs.session import RunRequest, Session
-from picktree.logs.snapshot import draw
-from picktree.logs.video.filming import FilmRequest, film
-from picktree.logs.view import View
+from picktree.session.session import RunRequest, Session
 
 MISSION = Path(__file__).parents[1] / "examples" / "sort_by_colour.yaml"
 SIZE = (960, 600)

@@ -10,10 +10,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from picktree.logs.report.packing import pack
-from picktree.logs.report.report import PACKERS, write_report
-from picktree.logs.run import Run
-from picktree.logs.session import RunRequest, Session
+from picktree.analysis.report.page_data.packing import pack
+from picktree.analysis.report.report import PACKERS, write_report
+from picktree.analysis.run import Run
+from picktree.session.session import RunRequest, Session
 
 MISSION = Path(__file__).parents[1] / "examples" / "sort_by_colour.yaml"
 SLIPPERY = """\

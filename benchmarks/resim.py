@@ -16,11 +16,11 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.logs.resimulation.recorded import Recorded
-from picktree.logs.resimulation.resim import resimulate
-from picktree.logs.resimulation.whatif import what_if
-from picktree.logs.run import Run
-from picktree.logs.session import RunRequest, Session
+from picktree.analysis.resim.resim import resimulate
+from picktree.analysis.resim.whatif import what_if
+from picktree.analysis.run import Run
+from picktree.session.resume.recorded_recipe import Recorded
+from picktree.session.session import RunRequest, Session
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 COST = 30.0

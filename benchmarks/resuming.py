@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from _campaign import ROOT, Row, campaign, rate
+from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
-from picktree.world.errors import PicktreeError
 
 EXAMPLES = ROOT / "examples"
 CASES = (

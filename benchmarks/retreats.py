@@ -36,8 +36,8 @@ from _campaign import ROOT, Row, campaign, rate
 import numpy as np
 
 if TYPE_CHECKING:
+    from picktree.cell.world import World
     from picktree.world.values import Array, Pose
-    from picktree.world.world import World
 
 STATES = 5
 """In each scene."""
@@ -109,7 +109,7 @@ class Lab:
 
     def __init__(self, number: int) -> None:
         from picktree.world.scene.description import Fixture
-        from picktree.world.scene.load import load_scene
+        from picktree.world.scene.loading.scene_loading import load_scene
         from picktree.world.shapes import Box
         from picktree.world.values import ObjectId, Pose
 
@@ -290,10 +290,10 @@ class Lab:
 
     def _pressed(self, rng: np.random.Generator) -> str:
         """Down or sideways until it touches, then some millimetres further with the stiff servo."""
+        from picktree.control.joints.joint_controllers import Track
+        from picktree.planning.requests import Scaling
+        from picktree.planning.timing.time_parameterization import time_corners
         from picktree.world.causes import Failure
-        from picktree.world.control.joint_controllers import Track
-        from picktree.world.motion.requests import Scaling
-        from picktree.world.motion.timing import time_corners
 
         world = self.world
         for _ in range(4):
@@ -330,7 +330,7 @@ class Lab:
 
     def _believed(self, rng: np.random.Generator) -> str:
         """Something is believed about a link of the arm, or an item's place is believed to be there."""
-        from picktree.world.scene.planning_scene import BeliefObject
+        from picktree.world.belief.planning_scene import BeliefObject
         from picktree.world.shapes import Box
         from picktree.world.values import ObjectId, Pose
 
@@ -371,8 +371,8 @@ class Lab:
     def _go(self, rng: np.random.Generator, share: float) -> str:
         """To a random configuration that is believed to be free: anywhere, or low among things; halted
         after a share of the time."""
+        from picktree.planning.requests import JointGoal, Scaling
         from picktree.world.causes import Failure
-        from picktree.world.motion.requests import JointGoal, Scaling
 
         world = self.world
         for _ in range(12):
@@ -441,9 +441,9 @@ class Lab:
 
     def _drive(self, pose: Pose, speed: float) -> str:
         """Towards a pose, in joint space, until the guard stops it."""
+        from picktree.planning.requests import Scaling
+        from picktree.planning.timing.time_parameterization import time_corners
         from picktree.world.causes import Failure
-        from picktree.world.motion.requests import Scaling
-        from picktree.world.motion.timing import time_corners
 
         world = self.world
         q = world.control.held_position

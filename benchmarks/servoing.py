@@ -83,7 +83,7 @@ def errors(seed: int, shift: float, turn: float) -> dict[str, str]:
 
 def _rpy(axis: Array, turn: float) -> Vector3:
     """Roll, pitch and yaw of a turn about a unit axis (3,), rad."""
-    from picktree.world.robot.rpy import rpy_of
+    from picktree.robots.rpy import rpy_of
     from picktree.world.values import Pose
 
     x, y, z = (float(c) * math.sin(turn / 2) for c in axis)
@@ -99,7 +99,7 @@ def one(job: Job) -> Row:
 
 
 def _run(job: Job, setting: str) -> Row:
-    from picktree.logs.session import RunRequest, Session
+    from picktree.session.session import RunRequest, Session
 
     on_hand, off = SETTINGS[setting]
     told = errors(job.seed, job.shift, job.turn)

@@ -36,7 +36,7 @@ class Job:
 
 def one(job: Job) -> Row:
     """One seed in this process, with pushes and without."""
-    from picktree.logs.session import RunRequest, Session
+    from picktree.session.session import RunRequest, Session
 
     out = Path(job.out)
     row: Row = {"seed": job.seed}

@@ -26,7 +26,7 @@ from _soaking import SETTLED, Diary, Soak, growth
 import numpy as np
 
 if TYPE_CHECKING:
-    from picktree.logs.result import RunResult
+    from picktree.logs.run_result import RunResult
 
 HERE = ROOT / "benchmarks" / "soak"
 COST_AN_HOUR = 750.0
@@ -70,9 +70,9 @@ def main() -> int:
 
 
 def soak(given: argparse.Namespace, diary: Path) -> None:
-    from picktree.logs.resuming.resumption import ResumeRequest, Resumption
-    from picktree.logs.rotation import FOR_FEEDS
-    from picktree.logs.session import RunRequest, Session
+    from picktree.logs.recording.rotation import FOR_FEEDS
+    from picktree.session.resume.resumption import ResumeRequest, Resumption
+    from picktree.session.session import RunRequest, Session
 
     print(
         f"{given.hours:g} simulated hours on the {given.backend} backend: about "

@@ -35,7 +35,7 @@ class Job:
 
 def one(job: Job) -> Row:
     """Run one seed in this process; the JSON of its result, or the error that it died of."""
-    from picktree.logs.session import RunRequest, Session
+    from picktree.session.session import RunRequest, Session
 
     request = RunRequest(
         mission=Path(job.mission),

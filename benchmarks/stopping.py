@@ -15,18 +15,18 @@ import math
 from collections.abc import Generator
 from typing import TypeVar
 
-from picktree.logs.assembly import assemble
+from picktree.cell.world import World
+from picktree.control.cartesian.impedance import Comply
+from picktree.control.cartesian.twist import Twist
+from picktree.control.execution.jog_motion import FASTEST
+from picktree.control.joints.joint_controllers import Brake
+from picktree.planning.requests import JointGoal
+from picktree.robots.loading import load_robot
+from picktree.session.assembly import assemble
+from picktree.simulation.backends import build_hardware
 from picktree.world.causes import Failure
-from picktree.world.control.impedance import Comply
-from picktree.world.control.jogging import FASTEST
-from picktree.world.control.joint_controllers import Brake
-from picktree.world.control.twist import Twist
-from picktree.world.motion.requests import JointGoal
-from picktree.world.robot.load import load_robot
-from picktree.world.scene.load import load_scene
-from picktree.world.simulation.backends import build_hardware
+from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Array
-from picktree.world.world import World
 
 import numpy as np
 

@@ -16,19 +16,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
-from picktree.world.motion.bodies import Body, bodies_of
-from picktree.world.motion.collision import Collision
-from picktree.world.perception.association import update_belief
-from picktree.world.perception.lattice import CELL, body_of, cells_of, centres, indices, within
-from picktree.world.perception.merging import merged
-from picktree.world.perception.pipeline import Perception
-from picktree.world.robot.load import load_robot
-from picktree.world.robot.model import RobotModel
+from picktree.perception.data_association import update_belief
+from picktree.perception.pipeline import Perception
+from picktree.perception.voxels.box_merging import merged
+from picktree.perception.voxels.voxel_grid import CELL, body_of, cells_of, centres, indices, within
+from picktree.planning.collision.collision_bodies import Body, bodies_of
+from picktree.planning.collision.collision_checker import Collision
+from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
+from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.scene.description import Fixture, SceneDescription
-from picktree.world.scene.load import load_scene
-from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
+from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder, Sphere
-from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.values import ObjectId, Pose
 
 import coal

@@ -13,32 +13,32 @@ from typing import Annotated
 
 import typer
 
-from ..world.errors import PicktreeError
-from ..world.files.marks import FileError
-from .batch import batch
-from .calibrate import calibrate
-from .check import check
-from .convert import convert
-from .diff import diff
-from .explain import explain
-from .explain_code import explain_code
-from .export import export
-from .layout import layout
-from .new import new
-from .nodes import nodes
-from .output import painter
-from .plan import plan
-from .rehearse import rehearse
-from .render import render
-from .replay import replay
-from .report import report
-from .resim import resim
-from .robot import robot
-from .run import run
-from .schema import schema
-from .snapshot import snapshot
-from .video import video
-from .whatif import whatif
+from ..errors import PicktreeError
+from ..files.marks import FileError
+from .analyse.diff import diff
+from .analyse.explain import explain
+from .analyse.export import export
+from .analyse.layout import layout
+from .analyse.replay import replay
+from .analyse.report import report
+from .analyse.resim import resim
+from .analyse.snapshot import snapshot
+from .analyse.video import video
+from .analyse.whatif import whatif
+from .author.check import check
+from .author.convert import convert
+from .author.explain_code import explain_code
+from .author.new import new
+from .author.nodes import nodes
+from .author.rehearse import rehearse
+from .author.render import render
+from .author.schema import schema
+from .batch.commands import batch
+from .commission.calibrate import calibrate
+from .commission.plan import plan
+from .commission.robot import robot
+from .run.run import run
+from .terminal.output import painter
 
 app = typer.Typer(
     help="Behaviour-tree missions for robot arms: run them in simulation, look into their logs.",
@@ -97,7 +97,7 @@ def _command() -> Callable[..., object]:
 def _told(error: PicktreeError) -> str:
     if not isinstance(error, FileError):
         return str(error)
-    from ..world.files.rendering import fault_lines
+    from ..files.diagnostics.fault_rendering import fault_lines
 
     return fault_lines(error.faults, painter(sys.stderr))
 

@@ -1,19 +1,10 @@
-"""One run and its record: running it, its log, and everything that is found out from the log."""
+"""The record of a run: what it holds, how it is written, and how it is read."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from .run import Run
-
-__all__ = ["Run"]
-
 
 def __getattr__(name: str) -> object:
-    """Import what is asked for only then: most of this room is needed by few commands."""
-    if name == "Run":
-        from .run import Run
+    """Return the analyst's `Run` under its old name."""
+    from ..moved import ALIASES
 
-        return Run
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return ALIASES.find(__name__, name)

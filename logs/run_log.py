@@ -11,16 +11,18 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..world.errors import PicktreeError
+from ..errors import PicktreeError
 from ..world.protocols import Intrinsics
-from . import messages, topics
-from .arithmetic_record import Arithmetic
-from .digest import Digest
-from .images import decode_colour, decode_depth
-from .joined_reading import JoinedReading
-from .json_records import decode
-from .mcap_reading import RawMessage
-from .records import (
+from .mcap.reader import RawMessage
+from .recording import foxglove_messages as messages
+from .recording.digest import Digest
+from .recording.images import decode_colour, decode_depth
+from .recording.rotated_log import JoinedReading
+from .recording.rotation import part_paths
+from .schema import topics
+from .schema.arithmetic_record import Arithmetic
+from .schema.json_records import decode
+from .schema.records import (
     FORMAT,
     Candidates,
     Continues,
@@ -38,7 +40,6 @@ from .records import (
     Tree,
     WrenchReading,
 )
-from .rotation import part_paths
 
 LOG_NAME = "log.mcap"
 RUNS = Path("runs")

@@ -7,11 +7,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from ..world.errors import PicktreeError
-from . import topics
-from .records import Event, RunInfo, Tree
-from .result import RunResult
+from ..errors import PicktreeError
 from .run_log import At, RunLog
+from .run_result import RunResult
+from .schema import topics
+from .schema.records import Event, RunInfo, Tree
 
 
 class RunRecord:

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import overload
 
-from ..world.errors import PicktreeError
-from . import topics
-from .records import Tick
+from ..errors import PicktreeError
 from .run_log import At, RunLog, Shot
+from .schema import topics
+from .schema.records import Tick
 
 _SLACK = 1e-9
 

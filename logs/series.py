@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..world.errors import PicktreeError
+from ..errors import PicktreeError
 from ..world.values import Array
 from .run_log import RunLog
 

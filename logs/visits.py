@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
-from .records import Tick, Transition, Tree, Values, Write
 from .run_log import RunLog
+from .schema.records import Tick, Transition, Tree, Values, Write
 
 HALTED: Final = "HALTED"
 

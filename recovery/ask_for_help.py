@@ -6,23 +6,23 @@ import re
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Final, cast
 
-from ..trees.flow.plainly import leaf
-from ..trees.given import Given, Misfit
+from ..cell.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, Question, situation
+from ..trees.flow.default_flow import leaf
 from ..trees.node import Node
 from ..trees.ports import In, Out, port
-from ..trees.references import Reference
 from ..trees.runtime import Runtime, Wiring
 from ..trees.skill import ARM
 from ..trees.status import NodeStatus
+from ..trees.values.port_values import Given, Misfit
+from ..trees.values.references import Reference
 from ..world.causes import Failure, control, tree
-from ..world.operator import GIVE_UP, GO_ON, SET_ASIDE, Question, situation
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
+    from ..cell.world import World
     from ..trees.flow import Flow, State
-    from ..trees.flow.walk import Walk
+    from ..trees.flow.flow_walk import Walk
     from ..trees.mission import NodeSpec
-    from ..world.world import World
 
 _INSERTED: Final = re.compile(r"\{[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\}", re.ASCII)
 

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, cast
 
 from ..trees.controls.decorator import Decorator
 from ..trees.flow import Ends, Flow, State
-from ..trees.given import Given
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
+from ..trees.values.port_values import Given
 from ..world.causes import FailureReport, tree
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..trees.flow.walk import Walk
+    from ..trees.flow.flow_walk import Walk
     from ..trees.mission import NodeSpec
 
 

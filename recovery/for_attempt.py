@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..trees.flow.plainly import leaf
-from ..trees.given import Given, Misfit
+from ..trees.flow.default_flow import leaf
 from ..trees.node import Node
 from ..trees.ports import In, Out, port
 from ..trees.status import NodeStatus
+from ..trees.values.port_values import Given, Misfit
 
 if TYPE_CHECKING:
     from ..trees.flow import Flow, State
-    from ..trees.flow.walk import Walk
+    from ..trees.flow.flow_walk import Walk
     from ..trees.mission import NodeSpec
 
 

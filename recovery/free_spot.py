@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..manipulation.place.bin_spots import ABOVE, put_down_poses
 from ..trees.ports import In, Out, port
 from ..trees.skill import Skill, Steps
 from ..world.causes import Failure, grasp, place
 from ..world.causes import world as world_causes
-from ..world.manipulation.spots import ABOVE, put_down_poses
 from ..world.shapes import Box, top
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
+    from ..cell.world import World
+    from ..world.belief.planning_scene import BeliefObject
     from ..world.scene.description import Fixture
-    from ..world.scene.planning_scene import BeliefObject
-    from ..world.world import World
 
 GRID = 0.03
 """Between two places that are tried, m."""

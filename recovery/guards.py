@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar, cast
 
-from ..trees.flow.plainly import leaf
-from ..trees.given import Given, Misfit
+from ..errors import PicktreeError
+from ..files.spelling import nearest
+from ..trees.flow.default_flow import leaf
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
+from ..trees.values.port_values import Given, Misfit
 from ..world.causes import all_causes, cause_named, matches
-from ..world.errors import PicktreeError
-from ..world.files.nearest import nearest
 
 if TYPE_CHECKING:
     from ..trees.flow import Flow, State
-    from ..trees.flow.walk import Walk
+    from ..trees.flow.flow_walk import Walk
     from ..trees.mission import NodeSpec
     from ..world.causes import Cause
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..planning.requests import NamedGoal
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, CAMERA, Doing, Skill, Steps
 from ..world.causes import Failure, control, perception, planning, safety
-from ..world.motion.requests import NamedGoal
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..world.perception.association import ObservationSummary
+    from ..cell.world import World
+    from ..perception.data_association import ObservationSummary
     from ..world.scene.description import CameraDescription
-    from ..world.world import World
 
 VIEWS = ("observe", "rest", "home")
 """Poses of the robot from which a camera on the hand looks, and in which the arm is out of the others' view,

@@ -5,17 +5,17 @@ from __future__ import annotations
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, cast
 
+from ..planning.service.planner_overrides import Manner
 from ..trees.controls.decorator import Decorator
 from ..trees.flow import Ends, Flow, State
-from ..trees.given import Given
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
-from ..world.motion.manner import Manner
+from ..trees.values.port_values import Given
 
 if TYPE_CHECKING:
-    from ..trees.flow.walk import Walk
+    from ..planning.service.plan_service import PlanService
+    from ..trees.flow.flow_walk import Walk
     from ..trees.mission import NodeSpec
-    from ..world.motion.service import PlanService
 
 
 class PlanWith(Decorator):

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..trees.given import Given
 from ..trees.node import Node
 from ..trees.ports import In, Out, port
 from ..trees.slots import child, optional_child, table
+from ..trees.values.port_values import Given
 from ..world.causes import FailureReport, internal, matches
-from .flow import Cure, Recovery
-from .recovering import Recovering
+from .recovery_base import Recovering
+from .recovery_flow import Cure, Recovery
 
 if TYPE_CHECKING:
-    from ..trees.flow.walk import Walk
+    from ..trees.flow.flow_walk import Walk
     from ..trees.mission import NodeSpec
 
 

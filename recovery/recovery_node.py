@@ -9,11 +9,11 @@ from ..trees.ports import In, Out, port
 from ..trees.slots import children
 from ..trees.status import NodeStatus
 from ..world.causes import FailureReport, internal, matches
-from .flow import Cure, Recovery
-from .recovering import Recovering
+from .recovery_base import Recovering
+from .recovery_flow import Cure, Recovery
 
 if TYPE_CHECKING:
-    from ..trees.flow.walk import Walk
+    from ..trees.flow.flow_walk import Walk
     from ..trees.mission import NodeSpec
 
 

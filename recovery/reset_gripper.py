@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..manipulation.place.dropped_objects import open_hand
 from ..trees.ports import In, port
 from ..trees.skill import GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, safety
 from ..world.journal import Happened
-from ..world.manipulation.dropping import open_hand
 
 if TYPE_CHECKING:
-    from ..world.world import World
+    from ..cell.world import World
 
 
 class ResetGripper(Skill):

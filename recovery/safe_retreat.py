@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
+from ..manipulation.carry.hold_check import EMPTY_WIDTH, Hold
+from ..manipulation.place.dropped_objects import let_go, open_hand
+from ..manipulation.place.put_down import set_down
+from ..manipulation.retreat.clearing import Leaving
+from ..manipulation.retreat.homing import go_home, look_around
 from ..trees.declaration import Hand
 from ..trees.ports import In, port
-from ..trees.references import Binding, Constant
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
+from ..trees.values.references import Binding, Constant
 from ..world.causes import Failure, control, grasp, place, safety
 from ..world.journal import Happened
-from ..world.manipulation.dropping import let_go, open_hand
-from ..world.manipulation.holding import EMPTY_WIDTH, Hold
-from ..world.manipulation.homeward import go_home, look_around
-from ..world.manipulation.leaving import Leaving
-from ..world.manipulation.setting_down import set_down
 
 if TYPE_CHECKING:
-    from ..world.world import World
+    from ..cell.world import World
 
 LONGEST = 90.0
 """Simulated time after which no other way is begun, s."""

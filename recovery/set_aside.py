@@ -5,20 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-from ..trees.flow.plainly import leaf
+from ..trees.flow.default_flow import leaf
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
+from ..world.belief.facts import ASIDE
 from ..world.causes import Failure, place
-from ..world.facts import ASIDE
 from ..world.journal import Happened
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
+    from ..cell.world import World
     from ..trees.flow import Flow, State
-    from ..trees.flow.walk import Walk
+    from ..trees.flow.flow_walk import Walk
     from ..trees.mission import NodeSpec
-    from ..world.world import World
 
 _GIVEN_UP = "given up"
 """Of each time that an item was given up, in the memory of what was tried."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..manipulation.place.exchanged_bins import let_ride, notice_exchanges
 from ..trees.ports import In, port
 from ..trees.skill import Skill, Steps
 from ..world.causes import Failure, feed
-from ..world.manipulation.feeding import let_ride, notice_exchanges
 
 if TYPE_CHECKING:
-    from ..world.world import World
+    from ..cell.world import World
 
 
 class AwaitItems(Skill):

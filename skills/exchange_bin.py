@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from ..manipulation.place.exchanged_bins import fill_of, notice_exchanges
 from ..trees.ports import In, port
 from ..trees.skill import Doing, Skill, Steps
 from ..world.causes import Failure, feed
 from ..world.causes import world as world_causes
-from ..world.manipulation.feeding import fill_of, notice_exchanges
 from ..world.scene.description import Bin
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..world.world import World
+    from ..cell.world import World
 
 
 class ExchangeBin(Skill):

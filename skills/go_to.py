@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..manipulation.motion.replanning import travel
+from ..planning.requests import NamedGoal
 from ..trees.ports import In, port
 from ..trees.skill import ARM, Skill, Steps
 from ..world.causes import control, planning, safety
-from ..world.manipulation.anew import travel
-from ..world.motion.requests import NamedGoal
 
 if TYPE_CHECKING:
-    from ..world.world import World
+    from ..cell.world import World
 
 
 class GoTo(Skill):

@@ -6,37 +6,37 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..cell.handover import Carriage
+from ..manipulation.carry.hold_check import Hold
+from ..manipulation.carry.payload_belief import burden, take_up, weighed
+from ..manipulation.carry.weighing import Weighing
+from ..manipulation.grasp.compliant_closing import close
+from ..manipulation.grasp.grasp_candidates import GraspCandidate, grasp_candidates
+from ..manipulation.grasp.grip_force import pressure
+from ..manipulation.grasp.regrasping import found_again
+from ..manipulation.grasp.straight_lines import CARRIED, feel, lift, raise_off
+from ..manipulation.motion.motion_watch import TargetWatch
+from ..manipulation.motion.replanning import Replans
+from ..manipulation.pick.candidate_rejections import fates, told
+from ..manipulation.pick.candidate_stages import PLACE
+from ..manipulation.pick.pick_candidates import PickAndPlace
+from ..manipulation.pick.pick_stream import PickStream
+from ..manipulation.pick.transfer_requests import onward
+from ..manipulation.pick.visual_servoing import close_in
+from ..manipulation.place.dropped_objects import let_go
+from ..manipulation.retreat.escape import escape
+from ..planning.requests import Holding, Plan
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, perception, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
-from ..world.manipulation.anew import Replans
-from ..world.manipulation.burden import burden, take_up, weighed
-from ..world.manipulation.candidates import PickAndPlace
-from ..world.manipulation.closing import close
-from ..world.manipulation.dropping import let_go
-from ..world.manipulation.escape import escape
-from ..world.manipulation.fates import fates, told
-from ..world.manipulation.grasps import GraspCandidate, grasp_candidates
-from ..world.manipulation.holding import Hold
-from ..world.manipulation.legs import onward
-from ..world.manipulation.noticing import TargetWatch
-from ..world.manipulation.pressing import pressure
-from ..world.manipulation.reaching import CARRIED, feel, lift, raise_off
-from ..world.manipulation.regrasping import found_again
-from ..world.manipulation.servoing import close_in
-from ..world.manipulation.stages import PLACE
-from ..world.manipulation.stream import PickStream
-from ..world.manipulation.weighing import Weighing
-from ..world.motion.requests import Holding, Plan
-from ..world.underway import Carriage
 from ..world.values import ObjectId, Pose, Vector3
 
 if TYPE_CHECKING:
-    from ..world.motion.ahead import Prepared
-    from ..world.scene.planning_scene import BeliefObject
-    from ..world.world import World
+    from ..cell.world import World
+    from ..planning.service.lookahead_planning import Prepared
+    from ..world.belief.planning_scene import BeliefObject
 
 LIFTED = 0.5
 """Share of the way up from a grasp from which an object is clear of its neighbours."""

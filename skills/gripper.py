@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..manipulation.place.dropped_objects import open_hand
 from ..trees.ports import In, Out, port
 from ..trees.skill import GRIPPER, Skill, Steps
 from ..world.causes import control
-from ..world.manipulation.dropping import open_hand
 
 if TYPE_CHECKING:
-    from ..world.world import World
+    from ..cell.world import World
 
 
 class OpenGripper(Skill):

@@ -5,25 +5,25 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal
 
+from ..control.cartesian.stiffness import Stiffness
+from ..control.contact.hole_search import Inserting, Leaving, Touch
+from ..manipulation.carry.hold_check import Hold, released
+from ..manipulation.carry.in_hand_check import felt_in_hand, lost
+from ..manipulation.grasp.straight_lines import withdraw
+from ..manipulation.insert.insertion import ABOVE, Fit, fit, mouth, peg, poses_over, resting
+from ..manipulation.motion.replanning import travel
+from ..planning.requests import PoseGoal
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
+from ..world.belief.hole_matching import find_hole, fits, fitting_hole, occupied
 from ..world.causes import Failure, control, grasp, insert, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.control.searching import Inserting, Leaving, Touch
-from ..world.control.stiffness import Stiffness
 from ..world.journal import Happened
-from ..world.manipulation.anew import travel
-from ..world.manipulation.holding import Hold, released
-from ..world.manipulation.in_hand import felt_in_hand, lost
-from ..world.manipulation.inserting import ABOVE, Fit, fit, mouth, peg, poses_over, resting
-from ..world.manipulation.reaching import withdraw
-from ..world.motion.requests import PoseGoal
-from ..world.scene.fits import find_hole, fits, fitting_hole, occupied
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..world.scene.planning_scene import BeliefObject
-    from ..world.world import World
+    from ..cell.world import World
+    from ..world.belief.planning_scene import BeliefObject
 
 LINEAR, ANGULAR = 600.0, 30.0
 """Of the spring that the arm is while it feels, N/m and Nm/rad."""
@@ -150,7 +150,7 @@ class Insert(Skill):
         plan = fit(fixture, hole, held.shape, held.object_in_tcp)
         seen = None
         if any(camera.on == "hand" for camera in world.description.cameras):
-            from ..world.manipulation.servoing_holes import look_at_hole  # needs OpenCV
+            from ..manipulation.insert.hole_servoing import look_at_hole  # needs OpenCV
 
             seen = yield from look_at_hole(world, hole.id, self.path)
         return plan if seen is None else plan.seen_at(seen, SEEN)

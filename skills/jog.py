@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal, cast
 
-from ..trees.given import Given, Misfit
+from ..control.cartesian.twist import FASTEST, FASTEST_TURN, Twist
+from ..errors import PicktreeError
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, Skill, Steps
+from ..trees.values.port_values import Given, Misfit
 from ..world.causes import control, planning, safety
 from ..world.causes import world as world_causes
-from ..world.control.twist import FASTEST, FASTEST_TURN, Twist
-from ..world.errors import PicktreeError
 
 if TYPE_CHECKING:
+    from ..cell.world import World
     from ..world.values import Vector3
-    from ..world.world import World
 
 
 class Jog(Skill):

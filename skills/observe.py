@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from ..manipulation.place.exchanged_bins import notice_exchanges
 from ..trees.ports import In, Out, port
-from ..trees.references import Binding
 from ..trees.skill import CAMERA, Skill, Steps
+from ..trees.values.references import Binding
 from ..world.causes import Cause, Failure, Family, perception
-from ..world.manipulation.feeding import notice_exchanges
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..world.world import World
+    from ..cell.world import World
 
 
 class Observe(Skill):

@@ -5,35 +5,35 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, cast
 
-from ..trees.given import Given, Misfit
+from ..manipulation.carry.hold_check import released
+from ..manipulation.carry.in_hand_check import felt_in_hand
+from ..manipulation.carry.payload_belief import burden, is_fragile, weighed
+from ..manipulation.carry.weighing import Kept
+from ..manipulation.grasp.straight_lines import lower, withdraw
+from ..manipulation.motion.motion_watch import LandingWatch, PointWatch
+from ..manipulation.motion.replanning import Replans, planned
+from ..manipulation.pick.transfer_requests import lowering
+from ..manipulation.place.bin_spots import blocked, put_down_poses
+from ..manipulation.place.exchanged_bins import notice_exchanges
+from ..manipulation.place.release_poses import landings, levels, target_for
+from ..planning.requests import Plan, PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
+from ..trees.values.port_values import Given, Misfit
+from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure, control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
-from ..world.manipulation.anew import Replans, planned
-from ..world.manipulation.burden import burden, is_fragile, weighed
-from ..world.manipulation.feeding import notice_exchanges
-from ..world.manipulation.holding import released
-from ..world.manipulation.in_hand import felt_in_hand
-from ..world.manipulation.landings import landings, levels, target_for
-from ..world.manipulation.legs import lowering
-from ..world.manipulation.noticing import LandingWatch, PointWatch
-from ..world.manipulation.reaching import lower, withdraw
-from ..world.manipulation.spots import blocked, put_down_poses
-from ..world.manipulation.weighing import Kept
-from ..world.motion.requests import Plan, PoseGoal, Request
 from ..world.scene.description import Bin
-from ..world.scene.planning_scene import BeliefObject
 from ..world.shapes import bottom
 from ..world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ..cell.handover import Carriage, Landing
+    from ..cell.world import World
     from ..world.trajectory import Trajectory
-    from ..world.underway import Carriage, Landing
-    from ..world.world import World
 
 Room: TypeAlias = LandingWatch | PointWatch
 

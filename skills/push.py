@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from ..trees.given import Given, Misfit
+from ..manipulation.push.averaged_view import look_closely
+from ..manipulation.push.push_stroke import Pushed, Ready, go_looking, make, ready, refused, step_back, unfit
+from ..manipulation.push.pushed_object import Estimate, felt, seen, together
+from ..manipulation.push.singulation import Parting, crowded, has_room, partings
+from ..manipulation.push.stroke_planning import Aim, Stroke, asides, strokes
 from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, GRIPPER, Doing, Skill, Steps
+from ..trees.values.port_values import Given, Misfit
 from ..world.causes import Failure, control, perception, planning, push, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened, Plain
-from ..world.manipulation.looking import look_closely
-from ..world.manipulation.planar import Planar, moved, outline, planar
-from ..world.manipulation.pushing import Pushed, Ready, go_looking, make, ready, refused, step_back, unfit
-from ..world.manipulation.singulating import Parting, crowded, has_room, partings
-from ..world.manipulation.strokes import Aim, Stroke, asides, strokes
-from ..world.manipulation.tracking import Estimate, felt, seen, together
+from ..world.planar_geometry import Planar, moved, outline, planar
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..world.scene.planning_scene import BeliefObject
-    from ..world.world import World
+    from ..cell.world import World
+    from ..world.belief.planning_scene import BeliefObject
 
 PICTURES = 5
 """Taken of an object between two strokes."""

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..calibration.observations import SHOT, Shot
+from ..calibration.targets import Target, target_named
+from ..calibration.tiles import TileSeen
+from ..calibration.views import Viewpoint, viewpoints
+from ..planning.requests import NamedGoal, PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, Doing, Skill, Steps
-from ..world.calibration.observations import SHOT, Shot
-from ..world.calibration.targets import Target, target_named
-from ..world.calibration.views import Viewpoint, viewpoints
 from ..world.causes import Failure, control, perception, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
-from ..world.motion.requests import NamedGoal, PoseGoal, Request
-from ..world.perception.tiles import TileSeen
 
 if TYPE_CHECKING:
+    from ..cell.world import World
     from ..world.scene.description import CameraDescription
-    from ..world.world import World
 
 OFFERED = 3
 """Places that are tried for each view that is wanted: not all are within reach."""
@@ -124,7 +124,7 @@ class Survey(Skill):
         self, world: World, target: Target, camera: CameraDescription, pictures: int
     ) -> Doing[Shot | None]:
         """What several pictures from here show together; None when that is not the target."""
-        from ..world.perception.markers import averaged, find_tiles  # needs OpenCV
+        from ..calibration.target_detection import averaged, find_tiles  # needs OpenCV
 
         yield from world.control.settle()
         seen: list[tuple[TileSeen, ...]] = []
@@ -139,7 +139,7 @@ class Survey(Skill):
         return Shot(self.camera, on_hand, taken.image.intrinsics, world.control.tcp, camera.pose, together)
 
     def _seen(self, world: World, target: Target, pictures: int) -> Doing[bool]:
-        from ..world.perception.markers import find_tiles
+        from ..calibration.target_detection import find_tiles
 
         yield from world.control.settle()
         for _ in range(pictures):

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..calibration.observations import TOUCH, Touch
+from ..calibration.targets import target_named
+from ..calibration.touches import Contact, contacts, tips
+from ..planning.requests import PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
-from ..world.calibration.observations import TOUCH, Touch
-from ..world.calibration.targets import target_named
-from ..world.calibration.touches import Contact, contacts, tips
 from ..world.causes import Failure, control, grasp, planning, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened
-from ..world.motion.requests import PoseGoal, Request
 
 if TYPE_CHECKING:
+    from ..cell.world import World
     from ..world.values import Pose
-    from ..world.world import World
 
 CLEAR = 0.03
 """Of the fingers from a face before they touch it: more than what the target's place is known to, m."""

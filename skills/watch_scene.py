@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..cell.world import World
 from ..trees.controls.decorator import Decorator
 from ..trees.declaration import Resource
 from ..trees.flow import Ends, Flow, State
@@ -11,13 +12,12 @@ from ..trees.ports import In, port
 from ..trees.status import NodeStatus
 from ..world.causes import Failure, perception
 from ..world.journal import Plain
-from ..world.world import World
 
 if TYPE_CHECKING:
-    from ..trees.flow.walk import Walk
+    from ..cell.vision import Glance
+    from ..trees.flow.flow_walk import Walk
     from ..trees.mission import NodeSpec
     from ..trees.runtime import TreeWorld
-    from ..world.eyes import Glance
 
 UNSETTLED = 0.5
 """What was just let go falls and rolls: no picture is taken for so long, s."""

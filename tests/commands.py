@@ -32,10 +32,10 @@ from pathlib import Path
 from typing import NoReturn
 
 from picktree.__main__ import main
-from picktree.batch import local
-from picktree.batch.output import flush
-from picktree.batch.processes import die_with_parent
-from picktree.batch.worker import load, serve
+from picktree.batch.workers import local_executor as local
+from picktree.batch.workers.job_output import flush
+from picktree.batch.workers.processes import die_with_parent
+from picktree.batch.workers.worker import load, serve
 
 PATIENCE = 120.0
 """Wall s after which an event counts as one that never comes."""
@@ -188,7 +188,11 @@ def until(happened: Callable[[], object], what: str = "it") -> None:
 @cache
 def _load() -> None:
     """Load what commands load when they need it, once for all."""
-    for module in ("picktree.cli.app", "picktree.logs.report.report", "picktree.logs.studio"):
+    for module in (
+        "picktree.cli.app",
+        "picktree.analysis.report.report",
+        "picktree.analysis.render.renderer",
+    ):
         import_module(module)
     load()
     gc.unfreeze()

@@ -8,7 +8,7 @@ from collections.abc import Generator, Iterator
 import pytest
 from hypothesis import HealthCheck, settings
 
-from picktree.world.arithmetic import restart  # picktree before numpy: it chooses numpy's kernels
+from picktree.arithmetic import restart  # picktree before numpy: it chooses numpy's kernels
 
 from .needs import left_out
 from .other_process import OtherProcess

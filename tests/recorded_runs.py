@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from picktree.logs.result import RunResult
+    from picktree.logs.run_result import RunResult
 
     from .browser import Chromium
 
@@ -42,7 +42,7 @@ def picked(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     """Result of a run of `one_pick` without physics; do not change its files."""
     out = tmp_path_factory.mktemp("picked")
 
-    from picktree.logs.session import RunRequest, Session
+    from picktree.session.session import RunRequest, Session
 
     mission = EXAMPLES / "one_pick.yaml"
     return Session(RunRequest(mission, backend="kinematic", out=out)).run()
@@ -60,7 +60,7 @@ faults:
 def troubled_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of a run without physics in which the second item is snatched away; do not change the file."""
 
-    from picktree.logs.session import RunRequest, Session
+    from picktree.session.session import RunRequest, Session
 
     out = tmp_path_factory.mktemp("troubled")
     (out / "faults.yaml").write_text(TROUBLE, encoding="utf-8")

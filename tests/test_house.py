@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.world.rooms import rooms
+from picktree.files.rooms import rooms
 
 from .commands import call
 from .rooms import PACKAGES, PROJECT, ROOMS, ROOT
@@ -114,7 +114,7 @@ def test_make_target_of_the_readme_exists(target: str) -> None:
 
 
 def test_mission_of_the_readme_loads() -> None:
-    from picktree.trees.loader import parse_mission
+    from picktree.trees.loading.loader import parse_mission
 
     (mission,) = blocks("yaml")
     assert parse_mission(mission, Path("first.yaml")).name == "first mission"

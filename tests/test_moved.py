@@ -18,10 +18,10 @@ from picktree.moved import ALIASES, MODULES, NAMES, Aliases, install
 from .rooms import ROOT
 
 FILES = {
-    "house/__init__.py": "",
-    "house/kitchen/__init__.py": "def __getattr__(name): return aliases.find(__name__, name)\n",
-    "house/kitchen/stove.py": "class GasStove: pass\nclass Pan: pass\nclass Lid: pass\n",
-    "house/kitchen/table.py": "PLACE = 'kitchen'\n",
+    "cottage/__init__.py": "",
+    "cottage/kitchen/__init__.py": "def __getattr__(name): return aliases.find(__name__, name)\n",
+    "cottage/kitchen/stove.py": "class GasStove: pass\nclass Pan: pass\nclass Lid: pass\n",
+    "cottage/kitchen/table.py": "PLACE = 'kitchen'\n",
 }
 MOVED = {"hall.heating.oven": "kitchen.stove", "hall.bench": "nowhere", "kitchen.table": "kitchen.stove"}
 RENAMED = {
@@ -32,18 +32,18 @@ RENAMED = {
 
 
 @pytest.fixture
-def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Aliases]:
+def cottage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Aliases]:
     """The finder of a package with these files."""
     for name, text in FILES.items():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
-    aliases = Aliases("house", MOVED, RENAMED)
+    aliases = Aliases("cottage", MOVED, RENAMED)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "meta_path", [*sys.meta_path, aliases])
-    vars(importlib.import_module("house.kitchen"))["aliases"] = aliases
+    vars(importlib.import_module("cottage.kitchen"))["aliases"] = aliases
     yield aliases
-    for name in [name for name in sys.modules if name.partition(".")[0] == "house"]:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "cottage"]:
         del sys.modules[name]
 
 
@@ -61,62 +61,62 @@ def run(text: str) -> tuple[dict[str, object], list[str]]:
 @pytest.mark.parametrize(
     ("line", "name", "warning"),
     [
-        ("from house.hall.heating.oven import Oven", "GasStove",
-         "house.hall.heating.oven.Oven is deprecated: write from house.kitchen.stove import GasStove"),
-        ("from house.hall.heating.oven import Pan as Oven", "Pan",
-         "house.hall.heating.oven.Pan is deprecated: write from house.kitchen.stove import Pan"),
-        ("import house.hall.heating.oven as o; Oven = o.Oven", "GasStove",
-         "house.hall.heating.oven.Oven is deprecated: write from house.kitchen.stove import GasStove"),
-        ("from house.hall.heating import oven; Oven = oven.Oven", "GasStove",
-         "house.hall.heating.oven.Oven is deprecated: write from house.kitchen.stove import GasStove"),
+        ("from cottage.hall.heating.oven import Oven", "GasStove",
+         "cottage.hall.heating.oven.Oven is deprecated: write from cottage.kitchen.stove import GasStove"),
+        ("from cottage.hall.heating.oven import Pan as Oven", "Pan",
+         "cottage.hall.heating.oven.Pan is deprecated: write from cottage.kitchen.stove import Pan"),
+        ("import cottage.hall.heating.oven as o; Oven = o.Oven", "GasStove",
+         "cottage.hall.heating.oven.Oven is deprecated: write from cottage.kitchen.stove import GasStove"),
+        ("from cottage.hall.heating import oven; Oven = oven.Oven", "GasStove",
+         "cottage.hall.heating.oven.Oven is deprecated: write from cottage.kitchen.stove import GasStove"),
         # Moved, and not yet renamed.
-        ("from house.hall.heating.oven import Lid as Oven", "Lid",
-         "house.hall.heating.oven.Lid is deprecated: write from house.kitchen.stove import Lid"),
+        ("from cottage.hall.heating.oven import Lid as Oven", "Lid",
+         "cottage.hall.heating.oven.Lid is deprecated: write from cottage.kitchen.stove import Lid"),
         # Lost by a package that exists.
-        ("from house.kitchen import Pot as Oven", "Pan",
-         "house.kitchen.Pot is deprecated: write from house.kitchen.stove import Pan"),
+        ("from cottage.kitchen import Pot as Oven", "Pan",
+         "cottage.kitchen.Pot is deprecated: write from cottage.kitchen.stove import Pan"),
     ],
 )  # fmt: skip
 def test_an_old_name_is_the_new_one_and_warns_once(
-    line: str, name: str, warning: str, house: Aliases
+    line: str, name: str, warning: str, cottage: Aliases
 ) -> None:
-    assert "house.kitchen.stove" not in sys.modules
+    assert "cottage.kitchen.stove" not in sys.modules
     names, warned = run(line)
-    assert names["Oven"] is vars(sys.modules["house.kitchen.stove"])[name]
+    assert names["Oven"] is vars(sys.modules["cottage.kitchen.stove"])[name]
     assert warned == [warning]
     assert run(line)[1] == []
 
 
-def test_an_alias_imports_nothing_until_a_name_is_asked_of_it(house: Aliases) -> None:
-    assert run("import house.hall.heating.oven")[1] == []
-    assert "house.kitchen.stove" not in sys.modules
+def test_an_alias_imports_nothing_until_a_name_is_asked_of_it(cottage: Aliases) -> None:
+    assert run("import cottage.hall.heating.oven")[1] == []
+    assert "cottage.kitchen.stove" not in sys.modules
 
 
-def test_a_module_that_exists_is_itself(house: Aliases) -> None:
-    assert run("from house.kitchen.table import PLACE")[0]["PLACE"] == "kitchen"
+def test_a_module_that_exists_is_itself(cottage: Aliases) -> None:
+    assert run("from cottage.kitchen.table import PLACE")[0]["PLACE"] == "kitchen"
 
 
 @pytest.mark.parametrize(
     ("line", "error", "message"),
     [
-        ("from house.hall.heating.oven import Kettle", ImportError,
-         "cannot import name 'Kettle' from 'house.hall.heating.oven' (unknown location)"),
-        ("import house.hall.heating.oven as o; o.Kettle", AttributeError,
-         "module 'house.hall.heating.oven' is 'house.kitchen.stove' now, and has no attribute 'Kettle'"),
-        ("import house.kitchen; house.kitchen.Kettle", AttributeError,
-         "module 'house.kitchen' has no attribute 'Kettle'"),
-        ("from house.hall import heating; heating.fire", AttributeError,
-         "module 'house.hall.heating' has no attribute 'fire'"),
-        ("import house.cellar", ModuleNotFoundError, "No module named 'house.cellar'"),
-        ("import house.hall.heating.fire", ModuleNotFoundError,
-         "No module named 'house.hall.heating.fire'"),
-        ("import house.kitchen.table.leg", ModuleNotFoundError,
-         "No module named 'house.kitchen.table.leg'; 'house.kitchen.table' is not a package"),
-        ("from house.hall.bench import Seat", ModuleNotFoundError, "No module named 'house.nowhere'"),
+        ("from cottage.hall.heating.oven import Kettle", ImportError,
+         "cannot import name 'Kettle' from 'cottage.hall.heating.oven' (unknown location)"),
+        ("import cottage.hall.heating.oven as o; o.Kettle", AttributeError,
+         "module 'cottage.hall.heating.oven' is 'cottage.kitchen.stove' now, and has no attribute 'Kettle'"),
+        ("import cottage.kitchen; cottage.kitchen.Kettle", AttributeError,
+         "module 'cottage.kitchen' has no attribute 'Kettle'"),
+        ("from cottage.hall import heating; heating.fire", AttributeError,
+         "module 'cottage.hall.heating' has no attribute 'fire'"),
+        ("import cottage.cellar", ModuleNotFoundError, "No module named 'cottage.cellar'"),
+        ("import cottage.hall.heating.fire", ModuleNotFoundError,
+         "No module named 'cottage.hall.heating.fire'"),
+        ("import cottage.kitchen.table.leg", ModuleNotFoundError,
+         "No module named 'cottage.kitchen.table.leg'; 'cottage.kitchen.table' is not a package"),
+        ("from cottage.hall.bench import Seat", ModuleNotFoundError, "No module named 'cottage.nowhere'"),
         ("import kitchen.stove", ModuleNotFoundError, "No module named 'kitchen'"),
     ],
 )  # fmt: skip
-def test_an_unknown_name_is_unknown(line: str, error: type[Exception], message: str, house: Aliases) -> None:
+def test_an_unknown_name_is_unknown(line: str, error: type[Exception], message: str, cottage: Aliases) -> None:
     with pytest.raises(error) as raised:
         run(line)
     assert (type(raised.value), str(raised.value)) == (error, message)
@@ -131,7 +131,9 @@ def test_picktree_looks_for_old_names_last() -> None:
 def documented() -> Iterator[tuple[str, str]]:
     """Module and name of each import that documents, examples and templates show."""
     files = [ROOT / "README.md"]
-    files += [file for room in ("docs", "examples", "cli/templates") for file in (ROOT / room).rglob("*")]
+    files += [
+        file for room in ("docs", "examples", "cli/author/templates") for file in (ROOT / room).rglob("*")
+    ]
     for file in files:
         if file.suffix in (".md", ".py", ".ipynb"):
             found = re.findall(r"from picktree\.([\w.]+) import ([\w, ]+)", file.read_text(encoding="utf-8"))

@@ -7,13 +7,13 @@ from functools import cache
 
 import pytest
 
-from picktree.logs.records import Event, NodeStatus
-from picktree.logs.result import RunResult
 from picktree.logs.run_log import RunLog
-from picktree.logs.session import RunRequest, Session
-from picktree.trees.registry import Registry
+from picktree.logs.run_result import RunResult
+from picktree.logs.schema.records import Event, NodeStatus
+from picktree.session.session import RunRequest, Session
+from picktree.simulation.backends import Backend
+from picktree.trees.loading.registry import Registry
 from picktree.world.causes import all_causes, cause_named, matches
-from picktree.world.simulation.backends import Backend
 
 from .skills.cell import EXAMPLES
 

@@ -14,16 +14,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.cli.debug import DebugPrompt
-from picktree.logs.result import RunResult
-from picktree.logs.session import RunRequest, Session
-from picktree.trees.debugger import Debugger, Stop
-from picktree.trees.runner import NodeInfo, TickReport
-from picktree.world.robot.load import load_robot
-from picktree.world.scene.load import load_scene
-from picktree.world.simulation.backends import Backend
-from picktree.world.simulation.kinematic import KinematicHardware
-from picktree.world.simulation.physics import PhysicsHardware
+from picktree.cli.run.debugger_prompt import DebugPrompt
+from picktree.logs.run_result import RunResult
+from picktree.robots.loading import load_robot
+from picktree.session.session import RunRequest, Session
+from picktree.simulation.backends import Backend
+from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.trees.running.debugger import Debugger, Stop
+from picktree.trees.running.runner import NodeInfo, TickReport
+from picktree.world.scene.loading.scene_loading import load_scene
 
 from .rooms import ROOT, modules
 from .skills.cell import EXAMPLES, Cell, items, mission, sorting
@@ -32,7 +32,7 @@ BACKENDS: tuple[Backend, ...] = ("kinematic", "physics")
 ELSEWHERE = """\
 import sys
 from pathlib import Path
-from picktree.logs.session import RunRequest, Session
+from picktree.session.session import RunRequest, Session
 for backend in ("kinematic", "physics"):
     request = RunRequest(Path(sys.argv[1]), seed=3, out=Path(sys.argv[2]), backend=backend)
     print(Session(request).run().digest)
@@ -211,19 +211,24 @@ def test_every_generator_is_keyed() -> None:
             if isinstance(node, ast.Call) and "random." in ast.unparse(node.func):
                 calls.setdefault(where, []).append(ast.unparse(node))
     assert calls == {
-        "logs/explaining/reach.py": ["np.random.default_rng(0)"],  # of an analysis; no run depends on it
+        "analysis/explain/investigation/reachability.py": [
+            "np.random.default_rng(0)"
+        ],  # of an analysis; no run depends on it
         # Where inverse kinematics begins, and what a failure is looked into with, are always the same.
-        "world/motion/atlas.py": [
+        "planning/kinematics/ik_seeds.py": [
             "np.random.default_rng(0).uniform(size=(SIZE, model.n))",
             "np.random.default_rng(0)",
         ],
-        "world/motion/constrained.py": ["np.random.default_rng(seed)"],
-        "world/motion/goals.py": ["np.random.default_rng(seed)"],
-        "world/motion/obstructions.py": ["np.random.default_rng(0)"],
-        "world/motion/planner.py": ["np.random.default_rng([seed, attempt])"],
+        "planning/search/constrained_rrt.py": ["np.random.default_rng(seed)"],
+        "planning/search/goal_configurations.py": ["np.random.default_rng(seed)"],
+        "planning/failures/obstructions.py": ["np.random.default_rng(0)"],
+        "planning/search/joint_planner.py": ["np.random.default_rng([seed, attempt])"],
         # Samples of a robot file that is made; no run depends on them.
-        "world/setup/limits.py": ["np.random.default_rng([seed, 3])"],
-        "world/setup/poses.py": ["np.random.default_rng([seed, 1])", "np.random.default_rng([seed, 2])"],
-        "world/setup/self_collision.py": ["np.random.default_rng([seed, 0])"],
-        "world/streams.py": ["np.random.default_rng([self.seed, zlib.crc32(stream.encode()), n])"],
+        "commissioning/robot_setup/joint_limits.py": ["np.random.default_rng([seed, 3])"],
+        "commissioning/robot_setup/named_poses.py": [
+            "np.random.default_rng([seed, 1])",
+            "np.random.default_rng([seed, 2])",
+        ],
+        "commissioning/robot_setup/self_collision.py": ["np.random.default_rng([seed, 0])"],
+        "world/random_streams.py": ["np.random.default_rng([self.seed, zlib.crc32(stream.encode()), n])"],
     }

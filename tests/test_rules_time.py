@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.logs.session import RunRequest, Session
+from picktree.session.session import RunRequest, Session
 from picktree.world.scene.description import Thinking
 
 from .rooms import ROOT, modules
@@ -20,20 +20,20 @@ from .skills.cell import EXAMPLES, Cell, items, sorting
 
 MEASURING = {
     "trees/node.py",
-    "world/control/loop.py",
+    "control/execution/control_loop.py",
     "world/stopwatch.py",
-    "logs/session.py",
-    "logs/recorder.py",
-    "logs/log_file.py",
-    "logs/mcap_file.py",
-    "logs/request.py",
-    "logs/edits.py",
-    "logs/calibration/job.py",
-    "logs/live/view.py",
-    "logs/live/pace.py",
-    "logs/report/report.py",
-    "logs/resimulation/child.py",
-    "logs/video/filming.py",
+    "session/session.py",
+    "logs/recording/recorder.py",
+    "logs/recording/log_file.py",
+    "logs/mcap/writer.py",
+    "session/request.py",
+    "session/file_watch.py",
+    "commissioning/calibrate/job.py",
+    "session/live/live_view.py",
+    "session/live/real_time_pace.py",
+    "analysis/report/report.py",
+    "analysis/resim/resim_process.py",
+    "analysis/render/video/film.py",
 }
 """Who may look at a clock of this machine, to put what it says into the record or a folder's name; of a run
 that is watched, not to look at the mission's files at every tick, to pace it and to wait for viewers; once a

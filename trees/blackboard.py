@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from ..world.belief.planning_scene import PlanningScene
 from ..world.journal import Plain
-from ..world.scene.planning_scene import PlanningScene
-from .plain import plain_copy
-from .references import Reference, resolve
+from .values.plain_values import plain_copy
+from .values.references import Reference, resolve
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING, cast
 
-from .flow.plainly import leaf
+from .flow.default_flow import leaf
 from .node import Node
 from .status import NodeStatus
 
 if TYPE_CHECKING:
-    from ..world.world import World
+    from ..cell.world import World
     from .flow import Flow, State
-    from .flow.walk import Walk
+    from .flow.flow_walk import Walk
     from .mission import NodeSpec
 
 

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from ..errors import PicktreeError
 from ..world.causes import Cause, Family
-from ..world.errors import PicktreeError
 from .ports import In, Out, PortDeclaration, PortSpec, Required
 from .slots import Slot, SlotDeclaration
-from .types import PortType, convert
+from .values.port_types import PortType, convert
 
 if TYPE_CHECKING:
     from .node import Node

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from ..world.files.document import Document, Mark
-from ..world.files.expressions import Expression
+from ..files.expressions.expression import Expression
+from ..files.yaml.document import Document, Mark
 from .mission_files import name_of
 from .node import Node
 from .ports import PortDeclaration
-from .references import Binding
+from .values.references import Binding
 
 MAIN = "Main"
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final, Protocol
 
-from ..world.errors import PicktreeError
-from ..world.files.document import Document, nearest, open_document, read_document
-from ..world.files.shipped import is_file, shipped_names
+from ..errors import PicktreeError
+from ..files.shipped_files import is_file, shipped_names
+from ..files.yaml.document import Document, nearest, open_document, read_document
 
 LIBRARY: Final = Path(__file__).parent / "library"
 """Sub-trees that come with picktree."""

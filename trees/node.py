@@ -9,26 +9,33 @@ from typing import TYPE_CHECKING, ClassVar, cast
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from ..files.expressions.expression import Expression
 from ..world.causes import Cause, Failure, FailureReport, Family, internal, matches, tree, world
-from ..world.files.expressions import Expression
 from ..world.journal import Happened, Plain
-from .conditions import assign_after, settled_before
 from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
-from .flow.plainly import any_way
-from .given import Given, Misfit
-from .plain import plain_copy
+from .flow.default_flow import any_way
 from .ports import PortDeclaration
-from .references import Binding, Constant, Reference
-from .reports import pack, plain_evidence, report_from_plain, report_to_plain, unpack, with_attached
+from .pre_postconditions import assign_after, settled_before
 from .runtime import Runtime, TreeWorld, Wiring, evaluate
 from .status import NodeStatus
-from .traces import portable_trace, without_addresses
 from .transitions import Transition
-from .types import accept
+from .values.failure_reports import (
+    pack,
+    plain_evidence,
+    report_from_plain,
+    report_to_plain,
+    unpack,
+    with_attached,
+)
+from .values.plain_values import plain_copy
+from .values.port_types import accept
+from .values.port_values import Given, Misfit
+from .values.references import Binding, Constant, Reference
+from .values.tracebacks import portable_trace, without_addresses
 
 if TYPE_CHECKING:
     from .flow import Flow, State
-    from .flow.walk import Walk
+    from .flow.flow_walk import Walk
     from .mission import NodeSpec
 
 _PY_TREES: Mapping[NodeStatus, Status] = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Generic, Literal, Self, TypeAlias, TypeVar, cast, overload
 
 from ..world.journal import Plain
-from .types import ANY_NUMBER, PortType, Range
+from .values.port_types import ANY_NUMBER, PortType, Range
 
 if TYPE_CHECKING:
     from .node import Node

@@ -6,16 +6,16 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Protocol
 
+from ..files.expressions.expression import Expression, ExpressionError
 from ..world.causes import Failure, tree
-from ..world.files.expressions import Expression, ExpressionError
 from .blackboard import Blackboard, Namespace
-from .references import Binding, Reference, attribute
 from .transitions import Transitions
+from .values.references import Binding, Reference, attribute
 
 if TYPE_CHECKING:
+    from ..world.belief.planning_scene import PlanningScene
     from ..world.journal import Journal
     from ..world.protocols import Clock
-    from ..world.scene.planning_scene import PlanningScene
     from .mission import Assignment
 
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, ClassVar, Final, TypeAlias, TypeVar, cast
 
 from ..world.causes import Failure, FailureReport, internal, tree
 from .declaration import Resource
-from .flow.plainly import leaf
+from .flow.default_flow import leaf
 from .node import Node
 from .runtime import Runtime, Wiring
 from .status import NodeStatus
 
 if TYPE_CHECKING:
-    from ..world.world import World
+    from ..cell.world import World
     from .flow import Flow, State
-    from .flow.walk import Walk
+    from .flow.flow_walk import Walk
     from .mission import NodeSpec
 
 T = TypeVar("T")

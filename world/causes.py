@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from .errors import PicktreeError
+from ..errors import PicktreeError
 
 Evidence: TypeAlias = "Mapping[str, str | float | int | bool | None | list[float] | list[str]]"
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import ray
 
-from ...world.errors import PicktreeError
+from ...errors import PicktreeError
 
 _ANSWER = 5.0
 """Wall s within which a cluster's port answers."""

@@ -17,10 +17,10 @@ from multiprocessing.connection import Connection
 
 import ray
 
-from ...world.errors import PicktreeError
+from ...errors import PicktreeError
 from .connection import connect
-from .crew import Crew
 from .messages import STOP, News, Refused, Said, Settings
+from .worker_pool import Crew
 
 _JOIN = 45.0
 """Wall s within which this process is part of the cluster."""

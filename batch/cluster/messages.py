@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from ..executor import Event, Order
-from .installed import Installed
+from ..workers.executor import Event, Order
+from .installation import Installed
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,15 +11,15 @@ from string import Template
 from typing import Any
 from urllib.parse import quote
 
-from ...logs.report.report import write_report as write_run_report
-from ...logs.run import Run
-from ...world.errors import PicktreeError
-from ..findings import Worst
-from ..plan_record import read_plan
-from ..statistics import rate
-from ..store import NAME, Store
-from ..summary import summarise
-from ..views import CELL
+from ...analysis.report.report import write_report as write_run_report
+from ...analysis.run import Run
+from ...errors import PicktreeError
+from ..plan.plan_record import read_plan
+from ..results.store import NAME, Store
+from ..results.views import CELL
+from ..statistics.findings import Worst
+from ..statistics.rates import rate
+from ..statistics.summary import summarise
 
 _PAGE = Path(__file__).parent / "page"
 MOST_JOBS = 5_000

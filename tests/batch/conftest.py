@@ -7,10 +7,10 @@ from contextlib import nullcontext
 
 import pytest
 
-from picktree.batch import partings
-from picktree.batch import remake as remaking
-from picktree.batch.executor import Event, Executor, Order
-from picktree.batch.local import LocalExecutor
+from picktree.batch.statistics import seed_partings as partings
+from picktree.batch.workers import rerun_job as remaking
+from picktree.batch.workers.executor import Event, Executor, Order
+from picktree.batch.workers.local_executor import LocalExecutor
 
 
 @pytest.fixture(scope="package")

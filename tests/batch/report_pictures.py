@@ -10,11 +10,11 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.batch.batch import Batch
-from picktree.batch.local import LocalExecutor
-from picktree.batch.plan import Plan
+from picktree.batch.plan.plan import Plan
 from picktree.batch.report.report import write_report
-from picktree.cli.batch_progress import progress
+from picktree.batch.workers.batch import Batch
+from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.cli.batch.progress import progress
 
 from ..browser import Chromium
 

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.batch import Batch
-from picktree.batch.executor import Executor
-from picktree.batch.load import check_plan_file, load_plan
-from picktree.batch.local import LocalExecutor
-from picktree.batch.plan import Plan
-from picktree.logs.session import RunRequest, Session
-from picktree.world.errors import PicktreeError
-from picktree.world.files.document import read_document
+from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan_loading import check_plan_file, load_plan
+from picktree.batch.workers.batch import Batch
+from picktree.batch.workers.executor import Executor
+from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.errors import PicktreeError
+from picktree.files.yaml.document import read_document
+from picktree.session.session import RunRequest, Session
 
 from .trouble import troubled
 from .watching import Remembering

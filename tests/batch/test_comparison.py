@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.batch.comparison import Comparison, compare, compare_recipes
-from picktree.batch.comparison_text import json_text_of, text_of
-from picktree.batch.outcomes import Outcome, Recipe, read_recipe
-from picktree.batch.rows import JobRow, JobRows
-from picktree.logs.arithmetic_record import Arithmetic
-from picktree.world.errors import PicktreeError
+from picktree.batch.results.rows import JobRow, JobRows
+from picktree.batch.statistics.comparison import Comparison, compare, compare_recipes
+from picktree.batch.statistics.comparison_text import json_text_of, text_of
+from picktree.batch.statistics.recipe_outcomes import Outcome, Recipe, read_recipe
+from picktree.errors import PicktreeError
+from picktree.logs.schema.arithmetic_record import Arithmetic
 
 from .test_store import MISSED, SUCCESS, store
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.batch import Batch
-from picktree.batch.executor import Executor
-from picktree.batch.local import LocalExecutor
-from picktree.batch.plan import Limits, Plan
-from picktree.logs.run import Run
-from picktree.logs.session import RunRequest, Session
+from picktree.analysis.run import Run
+from picktree.batch.plan.plan import Limits, Plan
+from picktree.batch.workers.batch import Batch
+from picktree.batch.workers.executor import Executor
+from picktree.batch.workers.local_executor import LocalExecutor
+from picktree.session.session import RunRequest, Session
 
 from .trouble import troubled
 from .watching import Remembering

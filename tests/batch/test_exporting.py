@@ -12,13 +12,13 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from picktree.batch.exporting import export
-from picktree.batch.rows import JobRows, PickRow
-from picktree.batch.store import Store
-from picktree.batch.tables import TABLES
+from picktree.batch.results.exporting import export
+from picktree.batch.results.rows import JobRows, PickRow
+from picktree.batch.results.store import Store
+from picktree.batch.results.tables import TABLES
 from picktree.cli.app import answer
-from picktree.logs.extras import adding
-from picktree.world.errors import PicktreeError
+from picktree.errors import PicktreeError
+from picktree.logs.optional_libraries import adding
 
 from .test_store import ITEMS, SUCCESS, store
 
@@ -81,7 +81,7 @@ def test_nothing_is_left_of_an_export_that_fails(results: Store, tmp_path: Path)
 
 def test_parquet_needs_its_extra(results: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    monkeypatch.delitem(sys.modules, "picktree.batch.parquet_tables", raising=False)
+    monkeypatch.delitem(sys.modules, "picktree.batch.results.parquet_tables", raising=False)
     with results, pytest.raises(PicktreeError) as refused:
         export(results, "parquet", tmp_path / "out")
     assert str(refused.value) == f"An export to Parquet needs the extra 'parquet': {adding('parquet')}"

@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
-from picktree.batch import local
-from picktree.batch.batch import Batch
-from picktree.batch.local import LocalExecutor
-from picktree.batch.plan import Plan
-from picktree.batch.store import Store
+from picktree.batch.plan.plan import Plan
+from picktree.batch.results.store import Store
+from picktree.batch.workers import local_executor as local
+from picktree.batch.workers.batch import Batch
+from picktree.batch.workers.local_executor import LocalExecutor
 
 from ..commands import PATIENCE, forked_worker
 from .trouble import troubled

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.batch import Batch
-from picktree.batch.executor import Executor
-from picktree.batch.plan import Plan
-from picktree.batch.remake import remake
+from picktree.batch.plan.plan import Plan
+from picktree.batch.workers.batch import Batch
+from picktree.batch.workers.executor import Executor
+from picktree.batch.workers.rerun_job import remake
 from picktree.cli.app import answer
 
 from .watching import Remembering

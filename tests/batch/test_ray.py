@@ -15,17 +15,17 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.batch import Batch
-from picktree.batch.cluster import executor as ray_executor
-from picktree.batch.cluster.executor import RayExecutor
-from picktree.batch.cluster.installed import Installed, difference, installed
-from picktree.batch.executor import Executor
-from picktree.batch.local import LocalExecutor
-from picktree.batch.plan import Limits, Plan
+from picktree.analysis.run import Run
+from picktree.batch.cluster import ray_executor
+from picktree.batch.cluster.installation import Installed, difference, installed
+from picktree.batch.cluster.ray_executor import RayExecutor
+from picktree.batch.plan.plan import Limits, Plan
+from picktree.batch.workers.batch import Batch
+from picktree.batch.workers.executor import Executor
+from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.cli.app import answer
-from picktree.logs.extras import adding
-from picktree.logs.run import Run
-from picktree.world.errors import PicktreeError
+from picktree.errors import PicktreeError
+from picktree.logs.optional_libraries import adding
 
 from ..commands import until
 from ..needs import RAY, needs
@@ -40,7 +40,7 @@ PLAN = Plan("test", (ONE_PICK,), (0, 1, 2), backend="kinematic", keep="all")
 TABLE = "SELECT seed, status, digest, items_sorted, attempts FROM jobs ORDER BY number"
 TROUBLE = """\
 from picktree.trees.skill import Skill, Steps
-from picktree.world.world import World
+from picktree.cell.world import World
 from pathlib import Path
 import os, signal, time
 
@@ -222,9 +222,11 @@ def test_a_node_with_another_picktree_is_refused(
 
 def test_the_sources_of_a_worker_are_those_of_its_runs_and_of_batches() -> None:
     found = set(installed().sources)
-    assert {"batch/worker.py", "batch/cluster/foreman.py", "logs/resimulation/resim.py"} <= found
-    assert {"logs/explaining/explain.py", "skills/grasp.py", "world/control/loop.py"} <= found
-    assert [path for path in found if path.startswith(("cli/", "batch/report/", "logs/video/"))] == []
+    assert {"batch/workers/worker.py", "batch/cluster/node_worker.py", "analysis/resim/resim.py"} <= found
+    assert {"analysis/explain/explain.py", "skills/grasp.py", "control/execution/control_loop.py"} <= found
+    assert [
+        path for path in found if path.startswith(("cli/", "batch/report/", "analysis/render/video/"))
+    ] == []
 
 
 def test_what_sets_two_machines_apart_is_said() -> None:
@@ -263,7 +265,7 @@ def test_without_the_extra_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPa
 
 
 def test_ray_is_loaded_in_processes_of_its_own_alone() -> None:
-    load = "import sys, picktree.cli.app, picktree.batch.cluster.executor; sys.exit('ray' in sys.modules)"
+    load = "import sys, picktree.cli.app, picktree.batch.cluster.ray_executor; sys.exit('ray' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", load], check=False).returncode == 0
 
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from picktree.batch.batch import Batch
-from picktree.batch.executor import Executor
-from picktree.batch.plan import Plan
+from picktree.batch.plan.plan import Plan
 from picktree.batch.report.report import write_report
+from picktree.batch.workers.batch import Batch
+from picktree.batch.workers.executor import Executor
 
 from .watching import Remembering
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from picktree.batch.job import Job
-from picktree.batch.plan import Plan
-from picktree.batch.plan_record import write_plan
+from picktree.batch.plan.job import Job
+from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan_record import write_plan
 from picktree.batch.report.report import write_report
-from picktree.batch.rows import EpisodeRow, FailureRow, JobRows, PickRow, PlantedRow, TimingRow
-from picktree.batch.store import NAME, Store
+from picktree.batch.results.rows import EpisodeRow, FailureRow, JobRows, PickRow, PlantedRow, TimingRow
+from picktree.batch.results.store import NAME, Store
 
 from ..browser import Chromium
 from ..needs import CHROMIUM, needs

@@ -2,9 +2,9 @@ import math
 
 import pytest
 
-from picktree.batch.differences import paired_difference, unpaired_difference
-from picktree.batch.seeds import parse_seeds
-from picktree.batch.statistics import (
+from picktree.batch.plan.seeds import parse_seeds
+from picktree.batch.statistics.differences import paired_difference, unpaired_difference
+from picktree.batch.statistics.rates import (
     difference_of_paired_rates,
     difference_of_rates,
     equal_rates_p,
@@ -12,7 +12,7 @@ from picktree.batch.statistics import (
     paired,
     rate,
 )
-from picktree.world.errors import PicktreeError
+from picktree.errors import PicktreeError
 
 
 def test_wilsons_interval_is_that_of_the_textbook() -> None:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.job import Job
-from picktree.batch.plan import Plan
-from picktree.batch.rows import FailureRow, ItemRow, JobRow, JobRows, TimingRow
-from picktree.batch.store import NAME, Store
-from picktree.batch.summary import summarise
-from picktree.world.errors import PicktreeError
+from picktree.batch.plan.job import Job
+from picktree.batch.plan.plan import Plan
+from picktree.batch.results.rows import FailureRow, ItemRow, JobRow, JobRows, TimingRow
+from picktree.batch.results.store import NAME, Store
+from picktree.batch.statistics.summary import summarise
+from picktree.errors import PicktreeError
 
 SUCCESS = JobRow(
     status="success",

@@ -11,12 +11,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from picktree.batch import batch as module
-from picktree.batch.batch import Batch
-from picktree.batch.executor import Executor
-from picktree.batch.plan import Keep, Plan
-from picktree.batch.store import NAME, Store
-from picktree.world.errors import PicktreeError
+from picktree.batch.plan.plan import Keep, Plan
+from picktree.batch.results.store import NAME, Store
+from picktree.batch.workers import batch as module
+from picktree.batch.workers.batch import Batch
+from picktree.batch.workers.executor import Executor
+from picktree.errors import PicktreeError
 
 from .trouble import troubled
 from .watching import Remembering

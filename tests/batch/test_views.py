@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.rows import EpisodeRow, JobRows, PickRow, PlantedRow, TimingRow
-from picktree.batch.statistics import rate
-from picktree.batch.store import Store
-from picktree.batch.summary import summarise
+from picktree.batch.results.rows import EpisodeRow, JobRows, PickRow, PlantedRow, TimingRow
+from picktree.batch.results.store import Store
+from picktree.batch.statistics.rates import rate
+from picktree.batch.statistics.summary import summarise
 
 from .test_store import ITEMS, MISSED, SLIP, SUCCESS, store
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from picktree.trees.skill import Skill, Steps
-from picktree.world.world import World
+from picktree.cell.world import World
 
 HERE = Path({here!r})
 

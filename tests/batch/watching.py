@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from picktree.batch.batch import Ended
-from picktree.batch.job import Job
-from picktree.batch.rows import JobRow
+from picktree.batch.plan.job import Job
+from picktree.batch.results.rows import JobRow
+from picktree.batch.workers.batch import Ended
 
 
 @dataclass

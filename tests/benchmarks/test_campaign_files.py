@@ -7,10 +7,10 @@ from typing import get_args
 
 import pytest
 
-from picktree.batch.load import load_plan
-from picktree.world.faults.load import load_faults
-from picktree.world.faults.schema import FaultName
-from picktree.world.scene.load import load_scene
+from picktree.batch.plan.plan_loading import load_plan
+from picktree.simulation.fault_files.fault_loading import load_faults
+from picktree.simulation.fault_files.fault_schema import FaultName
+from picktree.world.scene.loading.scene_loading import load_scene
 
 CAMPAIGN = Path(__file__).parents[2] / "benchmarks" / "campaign"
 FILES = sorted((CAMPAIGN / "faults").glob("*.yaml"))

@@ -9,11 +9,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from picktree.batch.job import Job
-from picktree.batch.plan import Variant
-from picktree.batch.rows import JobRow, JobRows
-from picktree.batch.store import NAME, Store
-from picktree.world.faults.description import Expect
+from picktree.batch.plan.job import Job
+from picktree.batch.plan.plan import Variant
+from picktree.batch.results.rows import JobRow, JobRows
+from picktree.batch.results.store import NAME, Store
+from picktree.simulation.fault_files.fault_description import Expect
 
 Program = Callable[[str], ModuleType]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.world.files.allowances import silenced
-from picktree.world.files.marks import Fault, Mark, Severity
+from picktree.files.diagnostics.suppressions import silenced
+from picktree.files.marks import Fault, Mark, Severity
 
 KNOWN = ("P207", "P304", "P305")
 

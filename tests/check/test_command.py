@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from picktree.cli.app import answer
-from picktree.world.scene.load import load_scene
+from picktree.world.scene.loading.scene_loading import load_scene
 
 SCENE = "picktree: 1\nkind: scene\nrobot: panda\n"
 WRONG = SCENE + "goal: sorted = total\n"
@@ -258,9 +258,9 @@ def test_a_run_shows_the_faults_of_its_files_in_the_same_way(
         def __init__(self, request: dict[str, Any], *watchers: object, **others: object) -> None:
             load_scene(request["scene"])
 
-    module = ModuleType("picktree.logs.session")
+    module = ModuleType("picktree.session.session")
     module.RunRequest, module.Session = dict, Session  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "picktree.logs.session", module)
+    monkeypatch.setitem(sys.modules, "picktree.session.session", module)
     assert answer(["run", "m.yaml", "--scene", "a.yaml"]) == 2
     out, err = capsys.readouterr()
     assert out == ""

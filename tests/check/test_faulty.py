@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from picktree.cli.app import answer
-from picktree.cli.kinds import CHECKS
-from picktree.world.files.checking import check_files
+from picktree.cli.author.file_kinds import CHECKS
+from picktree.files.diagnostics.file_checks import check_files
 
 FOLDER = Path(__file__).parent / "faulty"
 NAMES = sorted(path.stem for path in FOLDER.glob("*.yaml"))

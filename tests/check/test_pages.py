@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.kinds import CHECKS
-from picktree.trees.xml.converting import convert_text
-from picktree.world.errors import PicktreeError
-from picktree.world.files.checking import Given, check_files
-from picktree.world.files.codes import Example, index, page, pages
-from picktree.world.files.marks import FileError
+from picktree.authoring.xml.converting import convert_text
+from picktree.cli.author.file_kinds import CHECKS
+from picktree.errors import PicktreeError
+from picktree.files.diagnostics.fault_codes import Example, index, page, pages
+from picktree.files.diagnostics.file_checks import Given, check_files
+from picktree.files.marks import FileError
 
 from ..rooms import ROOT, modules
 

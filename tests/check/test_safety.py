@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.kinds import CHECKS
-from picktree.world.files.checking import check_files
+from picktree.cli.author.file_kinds import CHECKS
+from picktree.files.diagnostics.file_checks import check_files
 
 HEAD = "picktree: 1\nkind: {}\n"
 SCENE = HEAD.format("scene") + "robot: panda\n"

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from picktree.logs.episodes.counting import CureCount, PlantedCount
-from picktree.logs.result import FormCount, ItemCount, PickCount, RunResult, WallSeconds
+from picktree.logs.episodes.episode_counts import CureCount, PlantedCount
+from picktree.logs.run_result import FormCount, ItemCount, PickCount, RunResult, WallSeconds
 
 RESULT = RunResult(
     status="success",
@@ -69,8 +69,8 @@ def stage(monkeypatch: pytest.MonkeyPatch) -> Stage:
         def run(self) -> RunResult:
             return stage.act()
 
-    module = ModuleType("picktree.logs.session")
+    module = ModuleType("picktree.session.session")
     module.RunRequest = dict  # type: ignore[attr-defined]
     module.Session = Session  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "picktree.logs.session", module)
+    monkeypatch.setitem(sys.modules, "picktree.session.session", module)
     return stage

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch import local
+from picktree.batch.workers import local_executor as local
 from picktree.cli.app import answer
 
 from ..commands import forked_worker

@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from picktree.batch.store import NAME, Store
+from picktree.batch.results.store import NAME, Store
 
 from ..batch.processes import alive
 from ..commands import PATIENCE, Command, Streams, Terminal, until
@@ -19,7 +19,7 @@ import os, time
 from pathlib import Path
 
 from picktree.trees.skill import Skill, Steps
-from picktree.world.world import World
+from picktree.cell.world import World
 
 
 class Work(Skill):

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from picktree.batch.batch import Ended
-from picktree.batch.job import Job
-from picktree.batch.plan import Variant
-from picktree.batch.rows import JobRow
-from picktree.cli.batch_count import Count, span
-from picktree.cli.batch_progress import Lines, LiveTable
+from picktree.batch.plan.job import Job
+from picktree.batch.plan.plan import Variant
+from picktree.batch.results.rows import JobRow
+from picktree.batch.workers.batch import Ended
+from picktree.cli.batch.progress import Lines, LiveTable
+from picktree.cli.batch.progress_text import Count, span
 
 NOON = datetime(2026, 3, 4, 12, 0).timestamp()
 REACHED = JobRow(

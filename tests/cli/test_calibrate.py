@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from picktree.cli.app import answer
-from picktree.world.scene.load import load_scene
+from picktree.world.scene.loading.scene_loading import load_scene
 
 SCENE = """\
 picktree: 1

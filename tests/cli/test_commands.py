@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from picktree.cli.app import answer
-from picktree.cli.output import program
-from picktree.logs.result import RunResult
-from picktree.logs.rotation import Rotation
-from picktree.world.errors import PicktreeError
+from picktree.cli.terminal.output import program
+from picktree.errors import PicktreeError
+from picktree.logs.recording.rotation import Rotation
+from picktree.logs.run_result import RunResult
 
 HEAVY = {
     "coal", "cv2", "fcl", "google", "mcap", "numpy", "ompl", "pinocchio", "py_trees", "pybullet", "pydantic",
@@ -173,9 +173,9 @@ class Session:
         os.write(1, b"printed in C\\n")
         return RESULT
 
-module = ModuleType("picktree.logs.session")
+module = ModuleType("picktree.session.session")
 module.RunRequest, module.Session = dict, Session
-sys.modules["picktree.logs.session"] = module
+sys.modules["picktree.session.session"] = module
 sys.exit(answer(["run", "m.yaml", "--json"]))
 """
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.cli.run import parse_parameters
-from picktree.trees.check import check_mission
-from picktree.trees.loader import load_mission
-from picktree.trees.settings import parameter_value
+from picktree.authoring.checking.check import check_mission
+from picktree.cli.run.run import parse_parameters
+from picktree.files.yaml.document import parse_document
+from picktree.trees.loading.loader import load_mission
+from picktree.trees.running.run_settings import parameter_value
 from picktree.world.causes import feed
-from picktree.world.files.document import parse_document
-from picktree.world.scene.load import load_scene
+from picktree.world.scene.loading.scene_loading import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "continuous.md").read_text("utf-8")

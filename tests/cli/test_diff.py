@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from picktree.cli.app import answer
-from picktree.logs.session import RunRequest, Session
+from picktree.session.session import RunRequest, Session
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FAULTS = """\

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from picktree.cli.app import answer
-from picktree.logs.recorder import Recorder
-from picktree.logs.records import NodeStatus, RunInfo, Tick, Transition, Tree, TreeNode
-from picktree.logs.session import RunRequest, Session
+from picktree.logs.recording.recorder import Recorder
+from picktree.logs.schema.records import NodeStatus, RunInfo, Tick, Transition, Tree, TreeNode
+from picktree.session.session import RunRequest, Session
 from picktree.world.journal import Happened
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

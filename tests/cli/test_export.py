@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from picktree.analysis.export.tables.tables import TABLES
 from picktree.cli.app import answer
-from picktree.logs.export.tables import TABLES
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 NOTE = "a log of format 1 has no transitions: what nodes did and how they failed is told in part"

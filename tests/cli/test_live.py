@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from picktree.cli.live import LinesView, LiveView, deepest_running, tree_rows
-from picktree.logs.result import RunResult
-from picktree.trees.runner import NodeInfo, NodeReport, TickReport
+from picktree.cli.terminal.progress import LinesView, LiveView, deepest_running, tree_rows
+from picktree.logs.run_result import RunResult
+from picktree.trees.running.runner import NodeInfo, NodeReport, TickReport
 from picktree.trees.status import NodeStatus
 
 STRUCTURE = (
@@ -131,7 +131,7 @@ m.yaml:3:1: error P207: [no markup]
 
 
 def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("picktree.cli.live._PERIOD", -1.0)
+    monkeypatch.setattr("picktree.cli.terminal.progress._PERIOD", -1.0)
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
     with LiveView(console) as view:
@@ -146,7 +146,7 @@ def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None
 def test_live_view_draws_the_tree_and_leaves_nothing_behind(
     result: RunResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.cli.live._PERIOD", -1.0)
+    monkeypatch.setattr("picktree.cli.terminal.progress._PERIOD", -1.0)
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
     with LiveView(console) as view:

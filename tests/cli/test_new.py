@@ -14,8 +14,8 @@ import pytest
 import yaml
 
 from picktree.cli.app import answer
-from picktree.cli.starting import STARTS, StartKind, write_start
-from picktree.world.errors import PicktreeError
+from picktree.cli.author.starter_files import STARTS, StartKind, write_start
+from picktree.errors import PicktreeError
 
 KINDS: tuple[StartKind, ...] = ("mission", "scene", "plugin")
 

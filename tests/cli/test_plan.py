@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from picktree.analysis.render.rasterizer import Picture
 from picktree.cli.app import answer
-from picktree.logs.raster import Picture
 
 
 def asked(capfd: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:

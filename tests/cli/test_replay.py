@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from picktree.analysis import Run
+from picktree.analysis.replay.cursor import Cursor
+from picktree.cli.analyse.replay_prompt import ReplayPrompt
+from picktree.cli.analyse.replay_screen import KEYS
 from picktree.cli.app import answer
-from picktree.cli.replay_prompt import ReplayPrompt
-from picktree.cli.replay_screen import KEYS
-from picktree.logs import Run
-from picktree.logs.records import Transition, Write
-from picktree.logs.stepping.cursor import Cursor
+from picktree.logs.schema.records import Transition, Write
 from picktree.world.journal import CandidatesRanked, CandidateTried, Happened, PlanMade
 from picktree.world.values import ObjectId, Pose
 

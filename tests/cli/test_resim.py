@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
+from picktree.analysis.compare.run_outcome import RunOutcome
+from picktree.analysis.resim.changes import Changes
+from picktree.analysis.resim.difference_reasons import Reason
+from picktree.analysis.resim.resim_comparison import Difference
+from picktree.analysis.resim.resim_result import Resimulation
 from picktree.cli.app import answer
-from picktree.logs.comparing.outcome import RunOutcome
-from picktree.logs.resimulation.changes import Changes
-from picktree.logs.resimulation.comparison import Difference
-from picktree.logs.resimulation.reasons import Reason
-from picktree.logs.resimulation.resimulation import Resimulation
 
 GRASP = "Main/Sequence/Grasp"
 SAME = Resimulation(
@@ -78,7 +78,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[[Resimulation], list[dict
             orders.append({"log": log, **options})
             return found
 
-        monkeypatch.setattr("picktree.logs.resimulation.resim.resimulate", resimulate)
+        monkeypatch.setattr("picktree.analysis.resim.resim.resimulate", resimulate)
         return orders
 
     return meet

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from picktree.analysis.resim import resim
+from picktree.analysis.resim import resim_process as child
 from picktree.cli.app import answer
-from picktree.cli.kinds import CHECKS
-from picktree.logs.resimulation import child, resim
-from picktree.world.files.checking import check_files
-from picktree.world.robot.load import load_robot
-from picktree.world.setup.proposal import Wish, propose
+from picktree.cli.author.file_kinds import CHECKS
+from picktree.commissioning.robot_setup.proposal import Wish, propose
+from picktree.files.diagnostics.file_checks import check_files
+from picktree.robots.loading import load_robot
 
 PANDA = "pybullet_data:franka_panda/panda.urdf"
 LIMIT = '<limit lower="-2" upper="2" effort="20" velocity="2"/>'

@@ -7,9 +7,9 @@ from contextlib import nullcontext
 
 import pytest
 
+from picktree.cell.operator_desk import Question
 from picktree.cli.app import answer
-from picktree.cli.operator_prompt import PersonAtTerminal
-from picktree.world.operator import Question
+from picktree.cli.run.operator_prompt import PersonAtTerminal
 
 QUESTION = Question("Main/Ask", "the can slips", ("go on", "give up"), "can_1", "the hand is empty")
 

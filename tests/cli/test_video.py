@@ -9,7 +9,7 @@ import av
 import pytest
 
 from picktree.cli.app import answer
-from picktree.logs.images import decode_colour
+from picktree.logs.recording.images import decode_colour
 
 from ..commands import Terminal
 

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
+from picktree.analysis.compare.run_outcome import RunOutcome
+from picktree.analysis.resim.changes import Changes
+from picktree.analysis.resim.resim_comparison import Difference
+from picktree.analysis.resim.whatif_result import Continuation, NodeFates
 from picktree.cli.app import answer
-from picktree.logs.comparing.outcome import RunOutcome
-from picktree.logs.resimulation.changes import Changes
-from picktree.logs.resimulation.comparison import Difference
-from picktree.logs.resimulation.continuation import Continuation, NodeFates
-from picktree.world.files.marks import Fault, Mark
+from picktree.files.marks import Fault, Mark
 
 OUTCOME = RunOutcome(
     log=Path("/runs/one/log.mcap"),
@@ -69,7 +69,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[[Continuation], list[dict
             orders.append({"log": log, "at": at, **options})
             return found
 
-        monkeypatch.setattr("picktree.logs.resimulation.whatif.what_if", what_if)
+        monkeypatch.setattr("picktree.analysis.resim.whatif.what_if", what_if)
         return orders
 
     return meet

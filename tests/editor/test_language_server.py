@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.trees.registry import Registry
-from picktree.trees.schema.mission import mission_schema
-from picktree.trees.schema.particular import one_mission
-from picktree.trees.schema.parts import to_text
-from picktree.world.files.document import read_document
+from picktree.authoring.schema.mission_context import one_mission
+from picktree.authoring.schema.mission_schema import mission_schema
+from picktree.authoring.schema.schema_parts import to_text
+from picktree.files.yaml.document import read_document
+from picktree.trees.loading.registry import Registry
 
 from .language_server import Diagnostic, LanguageServer, Proposal
 

@@ -9,8 +9,8 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from picktree.world.files.marks import FileError, Mark
-from picktree.world.files.reader import Node, read
+from picktree.files.marks import FileError, Mark
+from picktree.files.yaml.reader import Node, read
 
 from ..needs import packages
 from .yaml_texts import PIECES, SCALARS, TEXTS

@@ -23,13 +23,13 @@ from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from picktree.logs import topics
-from picktree.logs.arithmetic_probe import arithmetic
-from picktree.logs.resuming.resumption import ResumeRequest, Resumption
-from picktree.logs.session import LIMIT, RunRequest, Session
-from picktree.logs.topics import Topic
-from picktree.world.arithmetic import restart
-from picktree.world.simulation.backends import Backend
+from picktree.arithmetic import restart
+from picktree.logs.schema import topics
+from picktree.logs.schema.topics import Topic
+from picktree.session.arithmetic_probe import arithmetic
+from picktree.session.resume.resumption import ResumeRequest, Resumption
+from picktree.session.session import LIMIT, RunRequest, Session
+from picktree.simulation.backends import Backend
 
 HERE = Path(__file__).parent
 RECORD = HERE / "digests.json"

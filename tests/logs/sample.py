@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from picktree.logs.glb import write_glb
-from picktree.logs.json_records import encode
-from picktree.logs.meshes import shape_mesh
-from picktree.logs.recorder import Recorder
-from picktree.logs.records import (
+from picktree.logs.meshes.binary_gltf import write_glb
+from picktree.logs.meshes.triangle_meshes import shape_mesh
+from picktree.logs.recording.recorder import Recorder
+from picktree.logs.run_log import RunLog
+from picktree.logs.schema.json_records import encode
+from picktree.logs.schema.records import (
     FORMAT,
     Control,
     LinkMesh,
@@ -28,11 +29,10 @@ from picktree.logs.records import (
     TreeNode,
     Write,
 )
-from picktree.logs.run_log import RunLog
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.journal import CandidatesRanked, CandidateTried, Happened, ImageTaken, PlanMade
 from picktree.world.protocols import Intrinsics, RgbdImage
 from picktree.world.scene.description import Bin, Fixture
-from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from picktree.world.values import GripperState, JointState, ObjectId, Pose, Wrench
 

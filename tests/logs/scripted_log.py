@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
-from picktree.logs.recorder import Recorder
-from picktree.logs.records import NodeStatus, RunInfo, Tick, Transition, Tree, TreeNode, Write
-from picktree.logs.result import RunResult
+from picktree.logs.recording.recorder import Recorder
+from picktree.logs.run_result import RunResult
+from picktree.logs.schema.records import NodeStatus, RunInfo, Tick, Transition, Tree, TreeNode, Write
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.journal import CandidatesRanked, Happened, PlanMade
-from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 

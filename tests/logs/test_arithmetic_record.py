@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from picktree.logs.arithmetic_probe import arithmetic
-from picktree.logs.arithmetic_record import Arithmetic, departure
+from picktree.logs.schema.arithmetic_record import Arithmetic, departure
+from picktree.session.arithmetic_probe import arithmetic
 
 THEN = Arithmetic(
     versions={"numpy": "2.4.6", "glibc": "2.36"},

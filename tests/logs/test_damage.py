@@ -16,10 +16,10 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 
-from picktree.logs.recorder import Recorder
+from picktree.errors import PicktreeError
+from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
-from picktree.world.errors import PicktreeError
-from picktree.world.scene.planning_scene import PlanningScene
+from picktree.world.belief.planning_scene import PlanningScene
 
 
 def write(sample: ModuleType, path: Path) -> None:

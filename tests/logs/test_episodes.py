@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 import pytest
 from pydantic import TypeAdapter
 
-from picktree.logs.episodes.counting import cause_lines, counted
 from picktree.logs.episodes.episode import Episode, Planted
-from picktree.logs.episodes.following import Following, FollowingState
-from picktree.logs.records import Transition, Tree
+from picktree.logs.episodes.episode_counts import cause_lines, counted
+from picktree.logs.episodes.episode_tracker import Following, FollowingState
+from picktree.logs.schema.records import Transition, Tree
 from picktree.world.journal import Happened
 
 from .scripted_log import begins, ends, tree

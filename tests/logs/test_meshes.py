@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.logs.glb import read_glb, write_glb
-from picktree.logs.meshes import joined, load_mesh, shape_mesh
-from picktree.logs.robot_meshes import link_meshes
-from picktree.logs.thinning import thinned
-from picktree.world.errors import PicktreeError
+from picktree.errors import PicktreeError
+from picktree.logs.meshes.binary_gltf import read_glb, write_glb
+from picktree.logs.meshes.link_meshes import link_meshes
+from picktree.logs.meshes.mesh_decimation import thinned
+from picktree.logs.meshes.triangle_meshes import joined, load_mesh, shape_mesh
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from picktree.world.values import Pose
 

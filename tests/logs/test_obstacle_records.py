@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 from pydantic import TypeAdapter
 
-from picktree.logs.conversions import believed, real
-from picktree.logs.json_records import decode, encode
-from picktree.logs.messages import encode_scene, read_scene
-from picktree.logs.parts import parts_of
-from picktree.logs.records import Body, Scene
-from picktree.world.perception.lattice import body_of, cells_of, within
-from picktree.world.perception.merging import merged
+from picktree.logs.meshes.body_parts import parts_of
+from picktree.logs.recording.foxglove_messages import encode_scene, read_scene
+from picktree.logs.recording.journal_records import believed, real
+from picktree.logs.schema.json_records import decode, encode
+from picktree.logs.schema.records import Body, Scene
+from picktree.perception.voxels.box_merging import merged
+from picktree.perception.voxels.voxel_grid import body_of, cells_of, within
+from picktree.simulation.scoring.truth import TrueObstacle
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
 from picktree.world.scene.description import Fixture
-from picktree.world.scene.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
 from picktree.world.shapes import Box
-from picktree.world.simulation.truth import TrueObstacle
 from picktree.world.values import ObjectId, Pose
 
 CELLS = within(Box((0.08, 0.06, 0.3)), Pose.from_rpy((0.5, 0.2, 0.15), (0.0, 0.0, 0.5)))

@@ -12,13 +12,13 @@ from types import ModuleType
 import pytest
 from mcap.reader import make_reader
 
-from picktree.logs import ended_file
-from picktree.logs.ended_file import RawFile
-from picktree.logs.mcap_file import McapFile
-from picktree.logs.recorder import Recorder
+from picktree.errors import PicktreeError
+from picktree.logs.mcap import sealed_file as ended_file
+from picktree.logs.mcap.sealed_file import RawFile
+from picktree.logs.mcap.writer import McapFile
+from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
-from picktree.world.errors import PicktreeError
-from picktree.world.scene.planning_scene import PlanningScene
+from picktree.world.belief.planning_scene import PlanningScene
 
 ADVICE = "make room there, or give another folder with --out"
 
@@ -71,7 +71,7 @@ def test_a_folder_that_cannot_be_written_is_one_clear_error(sample: ModuleType, 
 def test_a_disk_that_is_nearly_full_is_one_clear_error_before_anything_is_written(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("picktree.logs.ended_file.ROOM", 10**18)
+    monkeypatch.setattr("picktree.logs.mcap.sealed_file.ROOM", 10**18)
     path = tmp_path / "runs" / "log.mcap"
     with pytest.raises(PicktreeError) as raised:
         Recorder(path, sample.RUN)
@@ -150,7 +150,7 @@ def test_a_disk_that_refuses_between_two_messages_is_told_at_the_next(
     channel = file.channel(TOPIC)
     file.message(channel, 0, b"{}")
     file.checkpoint()
-    monkeypatch.setattr("picktree.logs.ended_file.os.fsync", refuse)
+    monkeypatch.setattr("picktree.logs.mcap.sealed_file.os.fsync", refuse)
     file.keep_up(0.0)
     with pytest.raises(PicktreeError, match="any further: Input/output error"):
         file.finish()
@@ -171,8 +171,8 @@ TOPIC = OneTopic()
 @pytest.fixture
 def quick_beats(monkeypatch: pytest.MonkeyPatch) -> None:
     """The wall second, shortened to a twentieth."""
-    monkeypatch.setattr("picktree.logs.log_file._BEAT", 0.0125)
-    monkeypatch.setattr("picktree.logs.log_file._AGE", 0.025)
+    monkeypatch.setattr("picktree.logs.recording.log_file._BEAT", 0.0125)
+    monkeypatch.setattr("picktree.logs.recording.log_file._AGE", 0.025)
 
 
 @pytest.mark.usefixtures("quick_beats")

@@ -11,8 +11,8 @@ from types import ModuleType
 
 import pytest
 
-from picktree.logs.recorder import Recorder
-from picktree.world.scene.planning_scene import PlanningScene
+from picktree.logs.recording.recorder import Recorder
+from picktree.world.belief.planning_scene import PlanningScene
 
 MOMENTS = 300
 

@@ -12,13 +12,13 @@ import pytest
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 
-from picktree.logs import Run
-from picktree.logs.recorder import Recorder
-from picktree.logs.records import Tick, Transition, Write
-from picktree.logs.rotation import Rotation
+from picktree.analysis import Run
+from picktree.errors import PicktreeError
+from picktree.logs.recording.recorder import Recorder
+from picktree.logs.recording.rotation import Rotation
 from picktree.logs.run_log import RunLog, find_log
-from picktree.world.errors import PicktreeError
-from picktree.world.scene.planning_scene import PlanningScene
+from picktree.logs.schema.records import Tick, Transition, Write
+from picktree.world.belief.planning_scene import PlanningScene
 
 TICKS = 100
 RUNNING = Transition("/Main", "RUNNING", {"to": "home"}, "red_block_1")
@@ -259,7 +259,7 @@ def test_a_limit_that_a_file_cannot_keep_is_refused(sample: ModuleType, tmp_path
 def test_a_disk_that_is_full_at_a_rotation_leaves_the_files_before(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from picktree.logs import ended_file
+    from picktree.logs.mcap import sealed_file as ended_file
 
     real: Callable[[Path], ended_file.RawFile] = ended_file.open_raw
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from picktree.logs.true_state import EVERY, StateWriter, folded, read_state
+from picktree.logs.recording.true_state import EVERY, StateWriter, folded, read_state
 
 
 def body(name: str, x: float) -> dict[str, Any]:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.trees.check import check_mission
-from picktree.trees.rehearsal.rehearse import rehearse_files
-from picktree.world.files.document import parse_document
-from picktree.world.operator import OperatorDesk, Question
+from picktree.authoring.checking.check import check_mission
+from picktree.authoring.rehearsal.rehearse import rehearse_files
+from picktree.cell.operator_desk import OperatorDesk, Question
+from picktree.files.yaml.document import parse_document
 
 MISSION = """\
 picktree: 1

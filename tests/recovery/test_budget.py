@@ -5,14 +5,14 @@ from __future__ import annotations
 from textwrap import indent
 from typing import cast
 
+from picktree.cell.world import World
+from picktree.files.yaml.document import parse_document
 from picktree.recovery import NODES as RECOVERY
-from picktree.trees.builder import build
-from picktree.trees.loader import examine, parse_mission
-from picktree.trees.registry import Registry
+from picktree.trees.loading.loader import examine, parse_mission
+from picktree.trees.loading.registry import Registry
+from picktree.trees.running.builder import build
 from picktree.trees.status import NodeStatus
-from picktree.world.files.document import parse_document
 from picktree.world.journal import Plain
-from picktree.world.world import World
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from picktree.world.faults.devices import CameraDrop
-from picktree.world.faults.when import AtTime
-from picktree.world.scene.load import load_scene
-from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.simulation.fault_files.device_entries import CameraDrop
+from picktree.simulation.fault_files.occasions import AtTime
+from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.world.scene.loading.scene_loading import load_scene
 
 from ..skills.cell import Cell, mission
 

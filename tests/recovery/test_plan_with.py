@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from textwrap import indent
 from typing import cast
 
+from picktree.cell.world import World
+from picktree.planning.requests import BUDGET, NamedGoal, Offset, Request
+from picktree.planning.service.planner_overrides import Manner
 from picktree.recovery import NODES as RECOVERY
-from picktree.trees.builder import build
-from picktree.trees.loader import parse_mission
-from picktree.trees.registry import Registry
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
+from picktree.trees.running.builder import build
 from picktree.trees.skill import Skill, Steps
 from picktree.world.causes import Failure, planning
-from picktree.world.motion.manner import Manner
-from picktree.world.motion.requests import BUDGET, NamedGoal, Offset, Request
-from picktree.world.world import World
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from textwrap import indent
 from typing import cast
 
+from picktree.cell.world import World
 from picktree.recovery import Recover
-from picktree.trees.builder import build
-from picktree.trees.loader import parse_mission
-from picktree.trees.registry import Registry
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
+from picktree.trees.running.builder import build
 from picktree.trees.status import NodeStatus
-from picktree.world.world import World
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
 

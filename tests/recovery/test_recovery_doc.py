@@ -8,10 +8,10 @@ from textwrap import indent
 
 import pytest
 
-from picktree.trees.loader import examine
-from picktree.trees.registry import Registry
+from picktree.files.yaml.document import parse_document
+from picktree.trees.loading.loader import examine
+from picktree.trees.loading.registry import Registry
 from picktree.world.causes import all_causes, matches
-from picktree.world.files.document import parse_document
 
 PAGE = (Path(__file__).parents[2] / "docs" / "recovery.md").read_text("utf-8")
 SNIPPETS = re.findall(r"```yaml\n(.*?)```", PAGE, re.S)

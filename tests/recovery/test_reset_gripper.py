@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.world.faults.devices import GripperJam
-from picktree.world.faults.when import AtTime
+from picktree.simulation.fault_files.device_entries import GripperJam
+from picktree.simulation.fault_files.occasions import AtTime
+from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.shapes import Box
-from picktree.world.simulation.kinematic import KinematicHardware
 
 from ..skills.cell import Cell, items, mission
 

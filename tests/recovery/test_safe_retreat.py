@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from picktree.world.scene.planning_scene import BeliefObject
+from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose, Vector3
 
@@ -65,7 +65,7 @@ def test_out_of_what_is_believed_about_the_hand_and_to_the_pose() -> None:
 def test_with_no_way_out_it_says_what_it_is_in_and_what_was_tried_and_stays(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("picktree.world.manipulation.leaving.REACH", 0.03)
+    monkeypatch.setattr("picktree.manipulation.retreat.clearing.REACH", 0.03)
     made = cell()
     x, y, z = made.world.control.tcp.position
     believe(made, "ghost", (0.8, 0.8, 0.8), (x, y, z + 0.1))
@@ -136,8 +136,8 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(monkeypatch: py
     """The first motion home meets something that nobody knows of: the arm goes back, and home afterwards."""
     from dataclasses import replace
 
-    from picktree.world.control.motion import Motions
-    from picktree.world.control.softness import Softly
+    from picktree.control.execution.motions import Motions
+    from picktree.control.joints.soft_contact import Softly
 
     made = cell()
     assert do(made, "GoTo: {pose: rest}") == ("SUCCESS", "")

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.recovery.taking_stock import Stock, take_stock
-from picktree.world.faults.devices import CameraDrop, GripperJam
-from picktree.world.faults.when import AtTime
+from picktree.recovery.belief_restart import Stock, take_stock
+from picktree.simulation.fault_files.device_entries import CameraDrop, GripperJam
+from picktree.simulation.fault_files.occasions import AtTime
+from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.journal import Happened
-from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.values import ObjectId, Pose
 
 from ..skills.cell import LIMIT, Cell, items, mission

@@ -14,20 +14,20 @@ from textwrap import indent
 
 import numpy as np
 
-from picktree.logs.assembly import TICK, assemble
-from picktree.trees.builder import build
-from picktree.trees.loader import load_mission, parse_mission
+from picktree.robots.loading import load_robot
+from picktree.session.assembly import TICK, assemble
+from picktree.simulation.backends import Backend, build_hardware
+from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.simulation.scoring.scorer import Score, score
+from picktree.trees.loading.loader import load_mission, parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.trees.mission import Mission
-from picktree.trees.registry import Registry
-from picktree.trees.runner import TickReport
+from picktree.trees.running.builder import build
+from picktree.trees.running.runner import TickReport
 from picktree.trees.status import NodeStatus
 from picktree.world.journal import Happened
-from picktree.world.robot.load import load_robot
 from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.load import load_scene
-from picktree.world.simulation.backends import Backend, build_hardware
-from picktree.world.simulation.physics import PhysicsHardware
-from picktree.world.simulation.scorer import Score, score
+from picktree.world.scene.loading.scene_loading import load_scene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LIMIT = 240.0

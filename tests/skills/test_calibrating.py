@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.world.calibration import touches
-from picktree.world.calibration.observations import Shot
-from picktree.world.calibration.touches import Contact
-from picktree.world.faults.devices import CameraDrop
-from picktree.world.faults.when import AtTime
-from picktree.world.perception import markers
-from picktree.world.perception.tiles import TileSeen
+from picktree.calibration import target_detection as markers
+from picktree.calibration import touches
+from picktree.calibration.observations import Shot
+from picktree.calibration.tiles import TileSeen
+from picktree.calibration.touches import Contact
+from picktree.simulation.fault_files.device_entries import CameraDrop
+from picktree.simulation.fault_files.occasions import AtTime
+from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.protocols import RgbdImage
-from picktree.world.scene.load import load_scene
-from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Array, Pose, Vector3
 
 from .cell import Cell, mission

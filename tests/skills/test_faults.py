@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.logs.result import RunResult
 from picktree.logs.run_log import RunLog
-from picktree.logs.session import RunRequest, Session
-from picktree.world.simulation.backends import Backend
+from picktree.logs.run_result import RunResult
+from picktree.session.session import RunRequest, Session
+from picktree.simulation.backends import Backend
 
 from .cell import EXAMPLES
 

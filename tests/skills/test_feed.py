@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.world.manipulation.feeding import fill_of
-from picktree.world.perception.view import BinView
+from picktree.manipulation.place.exchanged_bins import fill_of
+from picktree.perception.fitting.view import BinView
 from picktree.world.scene.feed import Belt
 from picktree.world.values import ObjectId, Pose
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from picktree.trees.loader import load_mission
+from picktree.trees.loading.loader import load_mission
+from picktree.trees.loading.registry import Registry
 from picktree.trees.mission import Mission
-from picktree.trees.registry import Registry
 from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.load import load_scene
+from picktree.world.scene.loading.scene_loading import load_scene
 
 from .cell import EXAMPLES, Cell, Phases, halted_at
 

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picktree.control.execution.motions import Motions
+from picktree.manipulation.pick.candidate_stages import TRANSFER
+from picktree.manipulation.pick.transfer_requests import onward
+from picktree.perception.fitting.view import BinView
+from picktree.planning.requests import Offset, Request
+from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Steps
-from picktree.world.control.motion import Motions
+from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.journal import CandidatesRanked, Entry
-from picktree.world.manipulation.legs import onward
-from picktree.world.manipulation.stages import TRANSFER
-from picktree.world.motion.requests import Offset, Request
-from picktree.world.perception.view import BinView
-from picktree.world.scene.planning_scene import BeliefObject
 from picktree.world.shapes import Box
-from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.values import ObjectId
 
 from .cell import Cell, items, mission

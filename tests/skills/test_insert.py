@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
+from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import FailureReport
 from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.load import load_scene
-from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, mission

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.world.errors import PicktreeError
-from picktree.world.simulation.backends import Backend
+from picktree.errors import PicktreeError
+from picktree.simulation.backends import Backend
 
 from .cell import Cell, items, mission
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.trees.loader import parse_mission
-from picktree.trees.registry import Registry
-from picktree.world.errors import PicktreeError
+from picktree.errors import PicktreeError
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.world.protocols import SensorStamps
 
 from ..rooms import ROOT, modules
@@ -73,8 +73,8 @@ def test_only_a_retreat_acknowledges() -> None:
     ]
     assert sorted(said) == [
         "recovery/safe_retreat.py",
-        "world/control/monitor.py",
-        "world/manipulation/leaving.py",
+        "control/safety/safety_monitor.py",
+        "manipulation/retreat/clearing.py",
     ]
 
 
@@ -193,7 +193,7 @@ NODES = (Waits, WaitsWithTheArm, SeesToStops)
 RAISING = '''
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.world.causes import control
-from picktree.world.control.twist import Twist
+from picktree.control.cartesian.twist import Twist
 
 
 class Raising(Skill):

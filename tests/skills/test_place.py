@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picktree.perception.fitting.view import BinView
+from picktree.planning.requests import Plan, Request
+from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Failure, planning
-from picktree.world.motion.requests import Plan, Request
-from picktree.world.perception.view import BinView
 from picktree.world.shapes import bottom
-from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import ObjectId
 

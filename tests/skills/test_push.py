@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
+from picktree.files.marks import FileError
+from picktree.manipulation.push.singulation import has_room
+from picktree.manipulation.push.stroke_planning import Stroke
+from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.simulation.kinematic.bodies import Body
+from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import FailureReport
-from picktree.world.files.marks import FileError
-from picktree.world.manipulation.planar import planar, wrapped
-from picktree.world.manipulation.singulating import has_room
-from picktree.world.manipulation.strokes import Stroke
+from picktree.world.planar_geometry import planar, wrapped
 from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.load import load_scene
-from picktree.world.scene.planning_scene import BeliefObject
-from picktree.world.simulation.kinematic import KinematicHardware
-from picktree.world.simulation.kinematic_bodies import Body
+from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, items, mission

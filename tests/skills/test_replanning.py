@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from picktree.cell.vision import Eyes
+from picktree.manipulation.motion.replanning import MOST
+from picktree.perception.fitting.view import BinView
+from picktree.planning.service.trajectory_gate import Gate
+from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import Failure, perception, planning
-from picktree.world.eyes import Eyes
-from picktree.world.manipulation.anew import MOST
-from picktree.world.motion.gate import Gate
-from picktree.world.perception.view import BinView
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
-from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.values import ObjectId, Pose
 
 from .cell import Cell, items, mission

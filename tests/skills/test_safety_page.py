@@ -8,12 +8,12 @@ from typing import get_args
 
 import pytest
 
-from picktree.trees.check import check_mission
-from picktree.trees.loader import load_mission, parse_mission
-from picktree.trees.registry import Registry
+from picktree.authoring.checking.check import check_mission
+from picktree.control.execution.jog_motion import StoppedBy
+from picktree.files.yaml.document import parse_document
+from picktree.trees.loading.loader import load_mission, parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.world.causes import all_causes
-from picktree.world.control.jogging import StoppedBy
-from picktree.world.files.document import parse_document
 
 from .cell import Cell, items
 

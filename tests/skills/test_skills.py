@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Steps
+from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure, world
-from picktree.world.scene.planning_scene import BeliefObject
 from picktree.world.shapes import Box
-from picktree.world.simulation.kinematic import KinematicHardware
 from picktree.world.values import ObjectId
 
 from .cell import Cell, items, mission

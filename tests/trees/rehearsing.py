@@ -8,25 +8,25 @@ from pathlib import Path
 from textwrap import dedent, indent
 from typing import cast
 
+from picktree.authoring.rehearsal.cases.case import CaseFile
+from picktree.authoring.rehearsal.checking.case_checks import examine_cases
+from picktree.authoring.rehearsal.rehearse import rehearse
+from picktree.authoring.rehearsal.verdict.rehearsal_result import CaseResult, Rehearsal
+from picktree.cell.world import World
+from picktree.files.yaml.document import Document, parse_document
 from picktree.trees.condition import ConditionNode
 from picktree.trees.controls.decorator import Decorator
 from picktree.trees.declaration import Hand
-from picktree.trees.loader import parse_mission
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
-from picktree.trees.references import Binding, Constant
-from picktree.trees.registry import Registry
-from picktree.trees.rehearsal.case import CaseFile
-from picktree.trees.rehearsal.checks import examine_cases
-from picktree.trees.rehearsal.rehearse import rehearse
-from picktree.trees.rehearsal.result import CaseResult, Rehearsal
 from picktree.trees.skill import ARM, CAMERA, GRIPPER, Skill, Steps
 from picktree.trees.status import NodeStatus
+from picktree.trees.values.references import Binding, Constant
 from picktree.world.causes import Cause, Family, grasp, perception, place, planning, safety
-from picktree.world.files.document import Document, parse_document
 from picktree.world.values import ObjectId
-from picktree.world.world import World
 
 HERE = Path("cases.yaml")
 

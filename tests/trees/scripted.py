@@ -8,26 +8,26 @@ from pathlib import Path
 from textwrap import dedent
 from typing import TYPE_CHECKING, ClassVar, cast
 
-from picktree.trees.builder import build
-from picktree.trees.loader import parse_mission
+from picktree.files.expressions.type_inference import ANY, ValueType
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
-from picktree.trees.registry import Registry
-from picktree.trees.runner import TickReport, Tree
+from picktree.trees.running.builder import build
+from picktree.trees.running.runner import TickReport, Tree
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.trees.status import NodeStatus
-from picktree.world.attempts import Attempts
+from picktree.world.belief.attempts import Attempts
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.causes import Failure, cause_named, control, grasp, perception, safety
-from picktree.world.files.expression_types import ANY, ValueType
 from picktree.world.journal import Entry, Happened, Journal, Plain
-from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
+from picktree.world.random_streams import Streams
 from picktree.world.shapes import Box
-from picktree.world.streams import Streams
 from picktree.world.values import ObjectId, Pose
 
 if TYPE_CHECKING:
-    from picktree.world.world import World
+    from picktree.cell.world import World
 
 TICK = 0.05
 

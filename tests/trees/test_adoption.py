@@ -7,8 +7,8 @@ from typing import cast
 
 import pytest
 
-from picktree.trees.adoption import Adoption
 from picktree.trees.controls import NODES
+from picktree.trees.running.tree_adoption import Adoption
 from picktree.trees.status import NodeStatus
 from picktree.world.journal import Happened, Plain
 

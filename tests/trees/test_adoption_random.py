@@ -12,18 +12,18 @@ from typing import Any, TypeAlias, cast
 
 import pytest
 
+from picktree.cell.world import World
+from picktree.files.yaml.document import parse_document
 from picktree.recovery import NODES as RECOVERY
-from picktree.trees.builder import build
-from picktree.trees.loader import examine
+from picktree.trees.loading.loader import examine
+from picktree.trees.loading.registry import Registry
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
-from picktree.trees.registry import Registry
+from picktree.trees.running.builder import build
 from picktree.trees.skill import Steps
 from picktree.trees.status import NodeStatus
 from picktree.world.causes import Failure, grasp, perception, place, safety
-from picktree.world.files.document import parse_document
 from picktree.world.values import ObjectId
-from picktree.world.world import World
 
 from . import rehearsing
 from .random_missions import Author

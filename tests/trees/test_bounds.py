@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.trees.faults import MAX_FAULTS, MAX_NODES
-from picktree.trees.loader import Reading, examine
-from picktree.trees.registry import Registry
-from picktree.world.files.document import read_document
+from picktree.files.yaml.document import read_document
+from picktree.trees.loading.loader import Reading, examine
+from picktree.trees.loading.registry import Registry
+from picktree.trees.values.fault_collector import MAX_FAULTS, MAX_NODES
 
 from ..effort import counted
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.trees.assignments import MAX_ASSIGNMENTS, parse_assignments
+from picktree.files.expressions.expression import ExpressionError
+from picktree.trees.loading.assignments import MAX_ASSIGNMENTS, parse_assignments
 from picktree.trees.status import NodeStatus
-from picktree.world.files.expressions import ExpressionError
 
 from .scripted import Run, letters, start
 

@@ -8,12 +8,12 @@ from typing import cast
 
 import pytest
 
-from picktree.trees.builder import build
-from picktree.trees.debugger import Breakpoint, Debugger, Stop
-from picktree.trees.loader import parse_mission
-from picktree.trees.runner import Tree
+from picktree.cell.world import World
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.running.builder import build
+from picktree.trees.running.debugger import Breakpoint, Debugger, Stop
+from picktree.trees.running.runner import Tree
 from picktree.trees.status import NodeStatus
-from picktree.world.world import World
 
 from .scripted import FakeWorld, Run, registry, start
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, cast
 import py_trees
 import pytest
 
-from picktree.trees.builder import build
-from picktree.trees.loader import load_mission
-from picktree.trees.registry import Registry
+from picktree.trees.loading.loader import load_mission
+from picktree.trees.loading.registry import Registry
+from picktree.trees.running.builder import build
 from picktree.trees.status import NodeStatus
 
 from .scripted import FakeWorld, start
 
 if TYPE_CHECKING:
-    from picktree.world.world import World
+    from picktree.cell.world import World
 
 FOLDER = Path(__file__).parents[2] / "examples"
 EXAMPLES = [f for f in sorted(FOLDER.glob("*.yaml")) if "\nkind: mission\n" in f.read_text("utf-8")]

@@ -7,11 +7,11 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.trees.include import MAX_FILES
-from picktree.trees.loader import examine, load_mission, parse_mission, read_mission
+from picktree.files.yaml.document import FileError, load_document
+from picktree.trees.loading.include import MAX_FILES
+from picktree.trees.loading.loader import examine, load_mission, parse_mission, read_mission
 from picktree.trees.mission import Mission
 from picktree.trees.mission_files import RecordedFiles
-from picktree.world.files.document import FileError, load_document
 
 from .scripted import registry
 

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from picktree.trees.check import check_mission
+from picktree.authoring.checking.check import check_mission
+from picktree.files.expressions.parser import FUNCTIONS
+from picktree.files.yaml.document import parse_document
 from picktree.trees.declaration import COMMON_KEYS
-from picktree.trees.faults import MAX_NODES
-from picktree.trees.include import MAX_FILES
-from picktree.trees.loader import load_mission
+from picktree.trees.loading.include import MAX_FILES
+from picktree.trees.loading.loader import load_mission
 from picktree.trees.mission_files import library_names
-from picktree.trees.references import ATTRIBUTES
-from picktree.world.facts import FACTS
-from picktree.world.files.document import parse_document
-from picktree.world.files.expression_parser import FUNCTIONS
+from picktree.trees.values.fault_collector import MAX_NODES
+from picktree.trees.values.references import ATTRIBUTES
+from picktree.world.belief.facts import FACTS
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "language.md").read_text("utf-8")
 FILES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.trees.check import check_mission
-from picktree.trees.loader import examine
+from picktree.authoring.checking.check import check_mission
+from picktree.files.yaml.document import load_document, parse_document
+from picktree.trees.loading.loader import examine
+from picktree.trees.loading.registry import Registry
 from picktree.trees.mission_files import LIBRARY, library_names, path_of
-from picktree.trees.registry import Registry
-from picktree.world.files.document import load_document, parse_document
 
 
 @pytest.mark.parametrize("name", library_names())

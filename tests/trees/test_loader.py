@@ -7,8 +7,8 @@ from textwrap import dedent
 
 import pytest
 
-from picktree.trees.loader import load_mission, parse_mission
-from picktree.world.files.document import FileError
+from picktree.files.yaml.document import FileError
+from picktree.trees.loading.loader import load_mission, parse_mission
 
 from .scripted import FILE, mission, registry
 

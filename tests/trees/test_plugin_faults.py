@@ -10,8 +10,8 @@ from textwrap import dedent
 
 import pytest
 
+from picktree.files.yaml.document import FileError
 from picktree.world.causes import known_causes
-from picktree.world.files.document import FileError
 
 from .waving import WAVE, below, forgotten, mission
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from picktree.logs.mission_record import mission_files, plugin_versions
-from picktree.trees.check import check_mission
-from picktree.trees.loader import load_mission, parse_mission
-from picktree.trees.registry import Registry
+from picktree.authoring.checking.check import check_mission
+from picktree.errors import PicktreeError
+from picktree.files.yaml.document import FileError, load_document, parse_document
+from picktree.session.mission_files import mission_files, plugin_versions
+from picktree.trees.loading.loader import load_mission, parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.world.causes import cause_named
-from picktree.world.errors import PicktreeError
-from picktree.world.files.document import FileError, load_document, parse_document
 
 from .waving import WAVE, below, forgotten, mission
 
@@ -235,7 +235,7 @@ def test_a_plug_in_that_prints_leaves_stdout_to_the_answer(tmp_path: Path) -> No
     (tmp_path / "wave.py").write_text(WAVE + "print('hello')\n")
     program = f"""
 from pathlib import Path
-from picktree.trees.loader import load_mission
+from picktree.trees.loading.loader import load_mission
 print(load_mission(Path({str(tmp_path / "m.yaml")!r})).main.root.id)
 """
     (tmp_path / "m.yaml").write_text("picktree: 1\nkind: mission\nplugins: [wave.py]\ntrees: {Main: Wave}\n")

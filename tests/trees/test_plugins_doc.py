@@ -13,12 +13,12 @@ from typing import cast
 
 import pytest
 
+from picktree.cell.world import World
 from picktree.cli.app import answer
-from picktree.trees.builder import build
-from picktree.trees.loader import load_mission
-from picktree.trees.registry import Registry
-from picktree.world.files.codes import page
-from picktree.world.world import World
+from picktree.files.diagnostics.fault_codes import page
+from picktree.trees.loading.loader import load_mission
+from picktree.trees.loading.registry import Registry
+from picktree.trees.running.builder import build
 
 from .scripted import FakeWorld, Run, letters
 from .waving import forgotten

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from picktree.errors import PicktreeError
+from picktree.files.yaml.document import FileError
 from picktree.trees.condition import ConditionNode
 from picktree.trees.declaration import declare
-from picktree.trees.loader import parse_mission
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.trees.ports import In, port
-from picktree.trees.registry import Registry
-from picktree.trees.types import PortType, Range, accept, convert
-from picktree.world.errors import PicktreeError
-from picktree.world.files.document import FileError
+from picktree.trees.values.port_types import PortType, Range, accept, convert
 
 
 def fault_of(node: str) -> str:

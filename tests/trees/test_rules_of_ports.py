@@ -7,9 +7,9 @@ from textwrap import dedent, indent
 
 import pytest
 
-from picktree.trees.loader import parse_mission
-from picktree.trees.registry import Registry
-from picktree.world.files.document import FileError
+from picktree.files.yaml.document import FileError
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
 
 
 def faults(trees: str) -> list[str]:

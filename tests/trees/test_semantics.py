@@ -13,14 +13,14 @@ import pytest
 import yaml
 
 from picktree import recovery
+from picktree.cell.world import World
+from picktree.files.yaml.reader import resolve
 from picktree.trees import controls
-from picktree.trees.builder import build
-from picktree.trees.loader import parse_mission
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.trees.node import Node
-from picktree.trees.registry import Registry
+from picktree.trees.running.builder import build
 from picktree.trees.status import NodeStatus
-from picktree.world.files.reader import resolve
-from picktree.world.world import World
 
 from .scripted import FILE, AnyFacts, FakeWorld, Run
 

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Literal, cast
 
 import pytest
 
-from picktree.trees.builder import build
-from picktree.trees.loader import parse_mission
+from picktree.errors import PicktreeError
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
-from picktree.trees.registry import Registry
+from picktree.trees.running.builder import build
 from picktree.trees.skill import Skill, Steps
 from picktree.trees.status import NodeStatus
-from picktree.world.errors import PicktreeError
 
 from .scripted import FILE, NODES, FakeWorld, Run, letters, start
 
 if TYPE_CHECKING:
-    from picktree.world.world import World
+    from picktree.cell.world import World
 
 
 class Stubborn(Skill):

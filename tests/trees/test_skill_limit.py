@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, cast
 
 from picktree.skills.await_items import AwaitItems
-from picktree.trees.builder import build
-from picktree.trees.loader import parse_mission
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.trees.ports import In, port
-from picktree.trees.registry import Registry
+from picktree.trees.running.builder import build
 from picktree.trees.skill import Skill, Steps
 from picktree.trees.status import NodeStatus
 
 from .scripted import FILE, NODES, FakeWorld, Run
 
 if TYPE_CHECKING:
-    from picktree.world.world import World
+    from picktree.cell.world import World
 
 
 class Endless(Skill):

@@ -11,8 +11,8 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "sort_by_colour.yam
 PROGRAM = f"""
 import sys
 from pathlib import Path
-from picktree.trees.check import check_mission
-from picktree.world.files.document import open_document
+from picktree.authoring.checking.check import check_mission
+from picktree.files.yaml.document import open_document
 checked = check_mission(open_document(Path({str(EXAMPLE)!r}), "mission"))
 assert checked.mission is not None and "Grasp" in str(checked.mission.trees)
 print([name for name in {HEAVY!r} if name in sys.modules])

@@ -6,14 +6,14 @@ from textwrap import dedent
 
 import pytest
 
+from picktree.cell.world import World
+from picktree.files.yaml.document import FileError
 from picktree.trees.condition import ConditionNode
-from picktree.trees.loader import parse_mission
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.trees.ports import In, Out, port
-from picktree.trees.registry import Registry
 from picktree.trees.skill import Skill, Steps
-from picktree.world.files.document import FileError
 from picktree.world.values import ObjectId
-from picktree.world.world import World
 
 from ..effort import counted
 from .scripted import FILE, NODES

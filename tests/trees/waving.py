@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from textwrap import dedent, indent
 
-from picktree.trees.loader import parse_mission
+from picktree.trees.loading.loader import parse_mission
+from picktree.trees.loading.registry import Registry
 from picktree.trees.mission import Mission
-from picktree.trees.registry import Registry
 from picktree.world.causes import known_causes, restore_causes
 
 WAVE = '''\

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.world.facts import FACTS, facts
-from picktree.world.scene.planning_scene import PlanningScene
+from picktree.world.belief.facts import FACTS, facts
+from picktree.world.belief.planning_scene import PlanningScene
 
 
 @pytest.mark.parametrize("looked", [True, False])

@@ -4,7 +4,10 @@ from dataclasses import FrozenInstanceError, replace
 
 import pytest
 
-from picktree.world.attempts import Attempts
+from picktree.errors import PicktreeError
+from picktree.manipulation.place.dropped_objects import let_go
+from picktree.world.belief.attempts import Attempts
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.causes import (
     Cause,
     Failure,
@@ -15,13 +18,10 @@ from picktree.world.causes import (
     matches,
     register_cause,
 )
-from picktree.world.errors import PicktreeError
-from picktree.world.manipulation.dropping import let_go
+from picktree.world.random_streams import Streams
 from picktree.world.scene.description import Bin, Fixture
-from picktree.world.scene.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
-from picktree.world.streams import Streams
-from picktree.world.thinking import ThinkingAccount
+from picktree.world.thinking_time import ThinkingAccount
 from picktree.world.values import ObjectId, Pose
 
 TABLE = Fixture(ObjectId("table"), Box((1.0, 1.0, 0.04)), Pose((0.5, 0.0, -0.02)))

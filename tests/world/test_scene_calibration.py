@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.logs.assembly import assemble
-from picktree.world.files.document import FileError
-from picktree.world.robot.load import load_robot
-from picktree.world.robot.model import RobotModel
+from picktree.files.yaml.document import FileError
+from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
+from picktree.session.assembly import assemble
+from picktree.simulation.backends import build_hardware
+from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.scene.description import SceneDescription
-from picktree.world.scene.load import parse_scene
-from picktree.world.simulation.backends import build_hardware
-from picktree.world.simulation.kinematic import KinematicHardware
+from picktree.world.scene.loading.scene_loading import parse_scene
 from picktree.world.values import Pose
 
 HEAD = """\

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.world.files.document import FileError, read_document
+from picktree.files.yaml.document import FileError, read_document
 from picktree.world.scene.description import Spawn
 from picktree.world.scene.feed import At, Belt, Clear, Delivery, Every, Exchange
-from picktree.world.scene.load import check_scene, parse_scene
+from picktree.world.scene.loading.scene_loading import check_scene, parse_scene
 from picktree.world.shapes import Box
 
 SCENE = """\

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from picktree.world.errors import PicktreeError
-from picktree.world.files.document import FileError
+from picktree.errors import PicktreeError
+from picktree.files.yaml.document import FileError
 from picktree.world.scene.destinations import destination_rule
-from picktree.world.scene.load import load_scene, parse_scene, scene_names
+from picktree.world.scene.loading.scene_loading import load_scene, parse_scene, scene_names
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Sphere
 from picktree.world.values import Pose
 

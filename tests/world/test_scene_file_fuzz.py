@@ -8,13 +8,13 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.world.errors import PicktreeError
-from picktree.world.faults.load import parse_faults
-from picktree.world.files.document import FileError
-from picktree.world.robot.load import SHIPPED as ROBOTS
-from picktree.world.robot.load import parse_robot
-from picktree.world.scene.load import SHIPPED as SCENES
-from picktree.world.scene.load import parse_scene
+from picktree.errors import PicktreeError
+from picktree.files.yaml.document import FileError
+from picktree.robots.loading import SHIPPED as ROBOTS
+from picktree.robots.loading import parse_robot
+from picktree.simulation.fault_files.fault_loading import parse_faults
+from picktree.world.scene.loading.scene_loading import SHIPPED as SCENES
+from picktree.world.scene.loading.scene_loading import parse_scene
 
 SCENE = SCENES / "three_bins.yaml"
 FED = (

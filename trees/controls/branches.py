@@ -10,7 +10,7 @@ from ..slots import children
 from ..status import NodeStatus
 
 if TYPE_CHECKING:
-    from ..flow.walk import Walk
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 

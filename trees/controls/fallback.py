@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..flow import NOTHING, Ends, Failures, Flow, State, States, tidy
-from ..flow.trying import try_next
+from ..flow.fallback_flow import try_next
 from ..node import Control
-from ..reports import decisive
 from ..slots import children
 from ..status import NodeStatus
+from ..values.failure_reports import decisive
 
 if TYPE_CHECKING:
-    from ..flow.walk import Walk
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 

@@ -6,15 +6,15 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING, Literal, cast
 
 from ..flow import Ends, Flow, State, States, tidy
-from ..given import Given, Misfit
 from ..node import Node
 from ..ports import In, Out, port
-from ..reports import cannot_be_hidden
 from ..status import NodeStatus
+from ..values.failure_reports import cannot_be_hidden
+from ..values.port_values import Given, Misfit
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.walk import Walk
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..flow import NO_REPORT, Ends, Flow, State
-from ..reports import cannot_be_hidden
 from ..status import NodeStatus
+from ..values.failure_reports import cannot_be_hidden
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.walk import Walk
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...world.files.expressions import Expression
+from ...files.expressions.expression import Expression
 from ..condition import ConditionNode
 from ..flow import NO_REPORT, Ends, Flow, State
 from ..node import Node
-from ..plain import plain_copy
 from ..ports import In, Out, port
 from ..status import NodeStatus
-from ..types import show
+from ..values.plain_values import plain_copy
+from ..values.port_types import show
 
 if TYPE_CHECKING:
-    from ...world.world import World
-    from ..flow.walk import Walk
+    from ...cell.world import World
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 

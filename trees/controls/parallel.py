@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 from ...world.causes import Failure, FailureReport, tree
 from ..flow import Flow, State
-from ..flow.side_by_side import SideBySide
-from ..given import Given, Misfit
+from ..flow.parallel_flow import SideBySide
 from ..node import Control
 from ..ports import In, port
-from ..reports import with_attached
 from ..slots import children
 from ..status import NodeStatus
+from ..values.failure_reports import with_attached
+from ..values.port_values import Given, Misfit
 
 if TYPE_CHECKING:
-    from ..flow.walk import Walk
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 

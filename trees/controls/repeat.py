@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...world.files.expressions import Expression
+from ...files.expressions.expression import Expression
 from ..flow import Ends, Flow, State, States, tidy
-from ..given import Given
 from ..ports import In, port
 from ..status import NodeStatus
+from ..values.port_values import Given
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.walk import Walk
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 

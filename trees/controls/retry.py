@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from ...world.causes import FailureReport, internal, matches, tree
 from ..flow import UNREPORTED, Ends, Flow, Reasons, State, States, joined, tidy
-from ..given import Given, Misfit
 from ..ports import In, port
-from ..reports import with_attached
 from ..status import NodeStatus
+from ..values.failure_reports import with_attached
+from ..values.port_values import Given, Misfit
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.walk import Walk
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 from ...world.causes import tree
 from ..flow import NO_REPORT, Ends, Failures, Flow, State, States
-from ..flow.trying import try_next
+from ..flow.fallback_flow import try_next
 from ..node import Control
 from ..ports import In, port
-from ..reports import decisive
 from ..slots import children
 from ..status import NodeStatus
+from ..values.failure_reports import decisive
 
 if TYPE_CHECKING:
-    from ..flow.walk import Walk
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 

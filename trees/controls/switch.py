@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 from ...world.causes import Failure, tree
 from ..flow import Ends, Flow, State, States, tidy
-from ..given import Given, Misfit
 from ..node import Control, Node
 from ..ports import In, port
-from ..references import Reference
 from ..slots import optional_child, table
 from ..status import NodeStatus
-from ..types import show
+from ..values.port_types import show
+from ..values.port_values import Given, Misfit
+from ..values.references import Reference
 
 if TYPE_CHECKING:
-    from ..flow.walk import Walk
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 

@@ -11,7 +11,7 @@ from ..status import NodeStatus
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.walk import Walk
+    from ..flow.flow_walk import Walk
     from ..mission import NodeSpec
 
 _ROUNDING = 1e-9

@@ -5,9 +5,9 @@ skipped or still run, with the causes of its failures. `analysis` puts these tog
 linter's rules read what it finds. Faults of the program (internal.error) are left out: any node may have one.
 """
 
-from .ends import NEVER, Ends, Failures, Flow
-from .reasons import NO_REPORT, UNREPORTED, Reasons, joined
-from .state import NONE, NOTHING, Effect, State, States, tidy
+from .failure_reasons import NO_REPORT, UNREPORTED, Reasons, joined
+from .flow_state import NONE, NOTHING, Effect, State, States, tidy
+from .outcomes import NEVER, Ends, Failures, Flow
 
 __all__ = [
     "NEVER", "NONE", "NOTHING", "NO_REPORT", "UNREPORTED", "Effect", "Ends", "Failures", "Flow", "Reasons",

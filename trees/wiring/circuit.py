@@ -6,15 +6,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from ...world.files.document import Mark
-from ...world.files.expression_types import ValueType
-from ..calls import bottom_up
+from ...files.expressions.type_inference import ValueType
+from ...files.yaml.document import Mark
 from ..mission import MAIN, NodeSpec, TreeSpec
 from ..ports import PortDeclaration
-from ..references import Constant, Reference
-from .fitting import DEFAULT, misfit
-from .keys import Keys, Placed
-from .sources import Source, constant
+from ..subtree_calls import bottom_up
+from ..values.references import Constant, Reference
+from .key_writers import Keys, Placed
+from .type_fit import DEFAULT, misfit
+from .value_sources import Source, constant
 
 MAX_DEMANDS: Final = 60
 """On one input of a tree; more are not followed."""

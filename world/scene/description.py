@@ -7,10 +7,10 @@ from typing import Literal, TypeAlias
 
 from ..shapes import Box, Shape
 from ..values import Bounds, ObjectId, Pose, Vector3
-from .calibration import Calibration
+from .calibration_results import Calibration
+from .calibration_targets import Tile
 from .feed import Belt, Delivery, Exchange
 from .holes import CERTAIN, Hole, Uncertainty
-from .markers import Tile
 
 Form: TypeAlias = Literal["box", "cylinder", "sphere", "plate", "mesh"]
 

@@ -6,12 +6,12 @@ import itertools
 from collections.abc import Callable, Iterable, Mapping
 from typing import Protocol
 
+from ...files.expressions.expression import Expression
+from ...files.expressions.type_inference import ValueType
 from ..colours import ITEM_COLOURS
-from ..files.expression_types import ValueType
-from ..files.expressions import Expression
 from ..values import ObjectId
 from .description import Destination
-from .schema import FORMS
+from .scene_schema import FORMS
 
 
 class Sortable(Protocol):

@@ -1,0 +1,72 @@
+"""Two runs compared as a whole: one value, which `diff_text` and `diff_json` render."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from ...logs.schema import topics
+from ..run import Run
+from .alignment import Alignment, align
+from .first_difference import Difference, first_difference
+from .item_outcomes import ItemChange, item_changes
+from .run_outcome import RunOutcome, outcome_of
+from .run_settings import SetUp, compare_set_up
+from .time_spent import CountChange, TimeSpent, WayChange, causes, time_spent, ways
+
+Verdict: TypeAlias = Literal["identical", "cut", "alike", "apart"]
+"""`identical`: every simulated message is the same. `cut`: they are, until one log ends. `alike`: some values
+differ, but every node did the same at the same times. `apart`: the nodes did not."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunDiff:
+    """In what two runs differ; times are simulated s."""
+
+    verdict: Verdict
+    a: RunOutcome
+    b: RunOutcome
+    set_up: SetUp
+    first: Difference | None
+    """The first simulated value that differs. When the trees do, apart from what is told of their nodes."""
+    alignment: Alignment
+    """Holds where they part."""
+    time: TimeSpent
+    causes: tuple[CountChange, ...]
+    ways: tuple[WayChange, ...]
+    items: tuple[ItemChange, ...]
+
+    @property
+    def same(self) -> bool:
+        return self.verdict == "identical"
+
+
+def diff(a: Run, b: Run) -> RunDiff:
+    """Compare two runs of whatever missions, finished or cut; from the first tick on that both have, as of a
+    run and another that goes on from its checkpoint. Raises PicktreeError for a damaged log."""
+    alignment = align(a, b)
+    since = alignment.since or None
+    first = first_difference(a, b, since=since)
+    if first is not None and first.topic == topics.TREE.name:
+        told = (topics.TREE.name, topics.TICK.name)
+        first = first_difference(a, b, since=since, without=told) or first
+    return RunDiff(
+        _verdict(alignment, first),
+        outcome_of(a),
+        outcome_of(b),
+        compare_set_up(a, b),
+        first,
+        alignment,
+        time_spent(alignment),
+        causes(alignment),
+        ways(alignment),
+        item_changes(a, b, alignment),
+    )
+
+
+def _verdict(alignment: Alignment, first: Difference | None) -> Verdict:
+    if first is None:
+        return "identical"
+    if first.missing and first.ended:
+        return "cut"
+    return "alike" if alignment.pairs and alignment.parting is None else "apart"

@@ -1,0 +1,111 @@
+"""What two runs were started with: settings and files that differ."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from ...logs.schema.arithmetic_record import departure
+from ...logs.schema.records import RunInfo
+from ...session.environment import SOURCES, source_changes, sources_from_text
+from ..run import Run
+
+CONTEXT = 2
+"""Unchanged lines shown around a change of a file."""
+_NOT_SET_UP = ("checkpoint-", "refused-")
+"""Attachments that a run makes itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class ValueChange:
+    """A value by its name on both sides; None where there is none."""
+
+    name: str
+    a: object
+    b: object
+
+
+@dataclass(frozen=True, slots=True)
+class FileChange:
+    """A file in the log that the two runs do not share. `diff` are the lines of a unified diff without its
+    head; of picktree's sources, sentences; empty for a file that is no text, or that only one run has."""
+
+    name: str
+    how: Literal["changed", "only_a", "only_b"]
+    diff: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SetUp:
+    settings: tuple[ValueChange, ...]
+    """Those that differ: mission, scene, robot, seed, versions and so on."""
+    files: tuple[FileChange, ...]
+    arithmetic: str = ""
+    """A sentence when the two were computed with other arithmetic, or it was not recorded; else empty."""
+
+
+def compare_set_up(a: Run, b: Run) -> SetUp:
+    ours, theirs = _settings(a.info), _settings(b.info)
+    settings = tuple(
+        ValueChange(name, ours.get(name), theirs.get(name))
+        for name in dict.fromkeys((*ours, *theirs))
+        if ours.get(name) != theirs.get(name)
+    )
+    return SetUp(settings, tuple(_files(a, b)), departure(a.info.arithmetic, b.info.arithmetic, "in B"))
+
+
+def value_changes(a: Mapping[str, object], b: Mapping[str, object]) -> tuple[ValueChange, ...]:
+    """The values that differ, in the order of A."""
+    return tuple(
+        ValueChange(name, a.get(name), b.get(name))
+        for name in dict.fromkeys((*a, *b))
+        if a.get(name) != b.get(name)
+    )
+
+
+def _settings(info: RunInfo) -> dict[str, object]:
+    """By the names that people know; the version of picktree stands without a prefix."""
+    named: dict[str, object] = {
+        "mission": info.mission,
+        "scene": info.scene,
+        "robot": info.robot,
+        "seed": info.seed,
+        "backend": info.backend,
+        "tick": info.tick,
+        "revision": info.revision,
+    }
+    for prefix, values in (("set ", info.parameters), ("", info.physics), ("", info.versions)):
+        named.update({f"{prefix}{name}": value for name, value in values.items()})
+    return named
+
+
+def _files(a: Run, b: Run) -> Iterator[FileChange]:
+    in_a, in_b = _contents(a), _contents(b)
+    for name in dict.fromkeys((*in_a, *in_b)):
+        ours, theirs = in_a.get(name), in_b.get(name)
+        if theirs is None:
+            yield FileChange(name, "only_a", ())
+        elif ours is None:
+            yield FileChange(name, "only_b", ())
+        elif name == SOURCES:
+            changes = source_changes(sources_from_text(ours.decode()), sources_from_text(theirs.decode()))
+            if changes:
+                yield FileChange(name, "changed", changes)
+        elif ours != theirs:
+            yield FileChange(name, "changed", _unified(ours, theirs))
+
+
+def _contents(run: Run) -> dict[str, bytes]:
+    names = [name for name in run.log.attachments if not name.startswith(_NOT_SET_UP)]
+    return {name: run.log.attachment(name) for name in names}
+
+
+def _unified(a: bytes, b: bytes) -> tuple[str, ...]:
+    try:
+        ours, theirs = a.decode().splitlines(), b.decode().splitlines()
+    except UnicodeDecodeError:
+        return ()
+    lines = difflib.unified_diff(ours, theirs, n=CONTEXT, lineterm="")
+    return tuple(line for n, line in enumerate(lines) if n >= 2)

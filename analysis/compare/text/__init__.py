@@ -1,0 +1,1 @@
+"""A comparison of two runs, rendered as text and as JSON."""

@@ -1,0 +1,99 @@
+"""Where two runs part, as lines of text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from ....logs.schema.records import Values
+from ....logs.visits import HALTED, Visit
+from ..divergence import How, Parting
+from ..first_difference import Difference
+from ..message_fields import first_apart
+from ..run_settings import value_changes
+from ..value_text import value_text
+
+HOW: Mapping[How, str] = {
+    "type": "is of another type",
+    "inputs": "begins with other inputs",
+    "outcome": "ends otherwise",
+    "cause": "fails with another cause",
+    "length": "takes another time",
+    "order": "another node begins",
+    "end": "",
+}
+
+
+def parting_lines(parting: Parting) -> Iterator[str]:
+    a, b = parting.a, parting.b
+    same = a is not None and b is not None and parting.how not in ("order", "end")
+    if parting.how != "end":
+        yield f"they part at {parting.time:.2f} s: {_what(parting, a if same else None)}"
+    for side, visit in (("A", a), ("B", b)):
+        if visit is None:
+            yield f"  {side}  nothing more begins" if parting.how == "order" else f"  {side}  –"
+            continue
+        yield f"  {side}  {visit.path}{_about(visit)}"
+        yield f"     {_course(visit)}"
+    if a is not None and b is not None and same:
+        yield from _apart("read", a.inputs, b.inputs)
+        yield from _apart("evidence", a.evidence, b.evidence)
+    for side, visit in (("A", parting.next_a), ("B", parting.next_b)):
+        if visit is not None:
+            yield f"  then {side}  {visit.path}{_about(visit)} from {visit.start:.2f} s: {_ended(visit)}"
+        else:
+            yield f"  then {side}  nothing more begins"
+
+
+def first_value_lines(first: Difference) -> Iterator[str]:
+    """The first simulated value that differs."""
+    where = f"tick {first.tick}, {first.time:.2f} s, {first.topic}"
+    if first.missing:
+        side, value = ("B", first.b) if first.missing == "a" else ("A", first.a)
+        yield f"first message that differs: {where}: only in {side}"
+        yield f"  {side}  {value_text(value)}"
+        return
+    of = f" ({first.of})" if first.of else ""
+    yield f"first value that differs: {where} {first.field}{of}"
+    yield f"  A  {value_text(first.a)}"
+    yield f"  B  {value_text(first.b)}"
+
+
+def _apart(title: str, a: Values, b: Values) -> Iterator[str]:
+    """The values that differ; in lists the first element that does."""
+    if not a or not b:
+        for side, values in (("A", a), ("B", b)):
+            if values:
+                said = ", ".join(f"{name} {value_text(value)}" for name, value in values.items())
+                yield f"     {title} of {side}: {said}"
+        return
+    for change in value_changes(a, b):
+        found = first_apart(change.a, change.b, change.name)
+        if found is not None:
+            yield f"     {title} {found.path}: A {value_text(found.a)}, B {value_text(found.b)}"
+
+
+def _what(parting: Parting, same: Visit | None) -> str:
+    if same is None:
+        return HOW[parting.how]
+    also = "".join(f", {HOW[aspect]}" for aspect in parting.also)
+    return f"{same.path.rsplit('/', 1)[-1]} {HOW[parting.how]}{also}"
+
+
+def _about(visit: Visit) -> str:
+    said = [visit.item] if visit.item else []
+    if visit.attempt > 1:
+        said.append(f"attempt {visit.attempt}")
+    return f" ({', '.join(said)})" if said else ""
+
+
+def _course(visit: Visit) -> str:
+    return f"{visit.start:.2f} to {visit.end:.2f} s: {_ended(visit)}"
+
+
+def _ended(visit: Visit) -> str:
+    if visit.outcome == "RUNNING":
+        return "still runs when the log ends"
+    if visit.outcome == HALTED:
+        return "was halted"
+    said = ": ".join(part for part in (visit.cause, visit.message) if part)
+    return f"{visit.outcome}, {said}" if said else visit.outcome

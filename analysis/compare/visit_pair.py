@@ -1,0 +1,64 @@
+"""The same visit in two runs, and in what it differs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias, cast
+
+from ...logs.visits import Visit
+
+EPSILON: Final = 1e-6
+"""s. Times that are the same to this are the same."""
+
+Aspect: TypeAlias = Literal["type", "inputs", "outcome", "cause", "length"]
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """The same visit in both runs, each with the item, path and times that it has in its own."""
+
+    a: Visit
+    b: Visit
+    differs: tuple[Aspect, ...]
+    """In what, apart from when it began."""
+
+
+def differences(a: Visit, b: Visit, items: Mapping[str, str], *, resumed: bool) -> tuple[Aspect, ...]:
+    """`items`: what A calls the objects of B. `resumed`: one of them had begun before the runs are compared,
+    so that what it read is not known.
+
+    A visit that is cut off by the end of its log differs only when the other had ended by then.
+    """
+    found: list[Aspect] = []
+    if a.id != b.id:
+        found.append("type")
+    if not resumed and a.inputs != {port: renamed(value, items) for port, value in b.inputs.items()}:
+        found.append("inputs")
+    if "RUNNING" in (a.outcome, b.outcome):
+        open_, other = (a, b) if a.outcome == "RUNNING" else (b, a)
+        if other.outcome != "RUNNING" and other.end - other.start < open_.end - open_.start - EPSILON:
+            found.append("length")
+        return tuple(found)
+    if a.outcome != b.outcome:
+        found.append("outcome")
+    if (a.cause, a.origin == a.path) != (b.cause, b.origin == b.path):
+        found.append("cause")
+    if abs(a.duration - b.duration) > EPSILON:
+        found.append("length")
+    return tuple(found)
+
+
+def renamed(value: object, names: Mapping[str, str]) -> object:
+    """The value with every text that is a name of `names` replaced, in lists and mappings, too.
+
+    >>> renamed(["red_ball_1", {"object": "red_ball_2"}], {"red_ball_1": "red_ball_2", "red_ball_2": "x"})
+    ['red_ball_2', {'object': 'x'}]
+    """
+    if isinstance(value, str):
+        return names.get(value, value)
+    if isinstance(value, list):
+        return [renamed(one, names) for one in cast("list[object]", value)]
+    if isinstance(value, dict):
+        return {key: renamed(one, names) for key, one in cast("dict[str, object]", value).items()}
+    return value

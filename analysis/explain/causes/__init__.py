@@ -1,0 +1,1 @@
+"""Root causes: one family of explanations a file."""

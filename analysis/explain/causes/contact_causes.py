@@ -1,0 +1,102 @@
+"""What the arm touched when a force stopped it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ....world.shapes import extents
+from ....world.values import Vector3
+from ..investigation.case import Case, Finding
+from ..investigation.evidence import number, numbers, word
+from ..investigation.explanation import FailureStory
+from ..investigation.number_wording import distance, force, place, seconds
+from .item_whereabouts import EMPTY, way_since
+
+STOPPED = frozenset(
+    {"world.disturbed", "safety.force_limit", "safety.stop", "control.tracking", "control.timeout"}
+)
+BORNE = 2.0
+"""A load this far below nothing is a push from below, N."""
+AROUND = 0.15
+"""From the fingers' joints to what they, or what they hold, may touch, m."""
+CLOSE = 0.08
+"""An item nearer to the hand than that was touched rather than an unknown thing beside it, m."""
+
+
+def touched(case: Case, failure: FailureStory) -> Finding | None:
+    """What was near the hand when it was stopped, by the truth; None when the cause is no touch."""
+    if failure.cause not in STOPPED and not pressed_from_below(failure):
+        return None
+    stops = case.events("safety_stop", start=case.visit(failure).start, end=failure.time)
+    time = stops[-1].time if stops else failure.time
+    hand = case.hand(time)
+    felt = _felt(failure)
+    reasons = [f"at {seconds(time)} with the hand at {place(hand)}"] if hand else []
+    near: list[tuple[float, str]] = []
+    for true in case.truth.tracks:
+        body = case.truth.at(true, time)
+        if body is not None and hand is not None and failure.item not in case.believed.get(true, ()):
+            away = math.dist(hand, body.pose.position)
+            if away < AROUND:
+                near.append((away, true))
+    verb = f"the arm met something with {felt}" if felt else "the arm was stopped"
+    where = f" on its way with {failure.item}" if failure.item else ""
+    unknown = _obstacle_near(case, hand, time)
+    if unknown is not None and (not near or min(near)[0] > CLOSE):
+        title = f"{verb}{where}: {unknown}, which nobody had told the robot of, stood next to it"
+        reasons.append(_when_seen(case, time))
+        return Finding("contact.obstacle", unknown, title, tuple(reasons), failure.item, time)
+    if near:
+        away, true = min(near)
+        name = case.name_of(true)
+        moving = way_since(case, true, max(time - 2.0, 0.0), time)
+        reasons.append(f"{name} was {distance(away)} from the hand")
+        if moving is not None:
+            reasons.append(f"{name} moved by {distance(moving.way)} about then")
+        target = case.bin_at(case.truth.tracks[true].before(time) or case.truth.tracks[true].first)
+        if target:
+            doing = f"while {failure.item} was put there, " if failure.id == "Place" else ""
+            title = f"{target} is too crowded: {doing}{verb}, next to {name}"
+            return Finding("bin.crowded", target, title, tuple(reasons), failure.item, time)
+        title = f"{verb}{where}: {name} lay next to it"
+        return Finding("contact.item", true, title, tuple(reasons), failure.item, time)
+    title = f"{verb}{where}: nothing known was near"
+    about = failure.item or failure.node
+    return Finding(
+        word(failure, "stopped_by") or failure.cause, about, title, tuple(reasons), failure.item, time
+    )
+
+
+def _obstacle_near(case: Case, hand: Vector3 | None, time: float) -> str | None:
+    """The nearest thing about the hand that the robot was not told of, by the truth."""
+    near: list[tuple[float, str]] = []
+    for name in case.obstacles.tracks:
+        body = case.obstacles.at(name, time)
+        if body is not None and hand is not None:
+            low, high = extents(body.shape, np.eye(3))
+            local = body.pose.inverse().apply(np.array([hand]))[0]
+            near.append((float(np.linalg.norm(np.maximum(np.maximum(low - local, local - high), 0.0))), name))
+    away, name = min(near, default=(math.inf, ""))
+    return name if away < AROUND else None
+
+
+def _when_seen(case: Case, time: float) -> str:
+    """When the robot last looked before it."""
+    looks = case.events("image", start=0.0, end=time)
+    return f"it was looked for the last time at {seconds(looks[-1].time)}" if looks else "nobody had looked"
+
+
+def pressed_from_below(failure: FailureStory) -> bool:
+    """Whether what is said to have slipped is still between the fingers, and something bears its weight."""
+    width, load = number(failure, "width"), number(failure, "load")
+    return failure.cause == "grasp.slipped" and (width or 0.0) > EMPTY and (load or 0.0) < -BORNE
+
+
+def _felt(failure: FailureStory) -> str:
+    vector = numbers(failure, "force")
+    size = math.hypot(*vector) if vector else number(failure, "force")
+    if size is None and pressed_from_below(failure):
+        size = -(number(failure, "load") or 0.0)
+    return force(size) if size is not None else ""

@@ -1,0 +1,211 @@
+"""Items that were not where the robot believed them to be: taken away, moved, or never seen there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..investigation.body_tracks import apart
+from ..investigation.case import Case, Finding
+from ..investigation.evidence import number
+from ..investigation.explanation import FailureStory
+from ..investigation.number_wording import between, distance, force, place, seconds
+from .grip_history import grip_within
+
+MOVED = 0.015
+"""A true item that is this far from where it was when last seen has moved, m."""
+BEGUN = 0.008
+"""By this much it must have moved to count as moving already, m."""
+MISPLACED = 0.012
+"""A belief this far from the truth while the item was seen is wrong, m."""
+BESIDE = 0.12
+"""The hand this near to an item may have pushed it, m."""
+TOUCHED = 6.0
+"""Force at the wrist that tells of a touch, N: more than the hand's own weight gives when it is swung."""
+NOWHERE = "it is nowhere in the robot's world any more"
+STEP = 0.1
+"""Between two looks at where the hand was, s."""
+EMPTY = 0.002
+"""Fingers that are closer than this hold nothing, m."""
+SAMPLED = 1.05
+"""The truth is in the log about this often, s."""
+
+SEEKING = frozenset(
+    {
+        "grasp.missed", "grasp.slipped", "grasp.no_candidate", "world.unknown_object", "world.disturbed",
+        "perception.not_found", "perception.stale", "place.missed",
+    }
+)  # fmt: skip
+"""Causes that an item which is elsewhere may have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moving:
+    """An item's way between two samples of the truth."""
+
+    start: float
+    end: float
+    way: float
+    """From where it was when last seen to where it was in the end, m."""
+
+
+def elsewhere(case: Case, failure: FailureStory) -> Finding | None:
+    """Whether the item was truly elsewhere, or nowhere, when the hand reached for it or should hold it."""
+    if failure.cause not in SEEKING or not failure.item:
+        return None
+    item, true = failure.item, case.pairs.get(failure.item)
+    if true is None:
+        return None
+    reached = _reached(case, failure)
+    return _taken(case, failure, true, reached) or _moved(case, failure, item, true, reached)
+
+
+def _reached(case: Case, failure: FailureStory) -> float:
+    """When the fingers closed, else when it failed."""
+    visit = case.visit(failure)
+    grip = grip_within(case, visit.start, failure.time) if failure.cause.startswith("grasp.") else None
+    return failure.time if grip is None else grip.closed
+
+
+def _taken(case: Case, failure: FailureStory, true: str, reached: float) -> Finding | None:
+    gone = case.gone(true)
+    if gone is None or gone[1] > max(reached, failure.time) + SAMPLED:
+        return None
+    item = failure.item
+    was = case.belief.at(item, gone[0])
+    held = was is not None and was.attached
+    last = case.truth.tracks[true].bodies[-1].pose.position
+    title = f"{item} was taken {'out of the hand' if held else 'away'} {between(*gone)}: {NOWHERE}"
+    reasons = [f"its true place is in the log until {seconds(gone[0])} ({place(last)}), and then no more"]
+    reasons += _felt_nothing(failure)
+    reasons += _seen_empty(case, item, gone[0])
+    return Finding("item.gone", true, title, tuple(reasons), item, gone[0])
+
+
+def _moved(case: Case, failure: FailureStory, item: str, true: str, reached: float) -> Finding | None:
+    believed = case.belief.tracks[item].before(reached)
+    if believed is None or believed.attached or failure.cause == "grasp.slipped":
+        return None
+    moving = way_since(case, true, _settled(case, item, reached), reached)
+    now = None if moving is None else case.truth.tracks[true].before(moving.end)
+    if moving is None or now is None or apart(now, believed) < MISPLACED:
+        return None
+    pushed, told = by_the_arm(case, true, moving)
+    verb = "the arm pushed it" if pushed else "it had moved"
+    title = (
+        f"{item} was not where it was believed to be: {verb} by {distance(moving.way)} "
+        f"{between(moving.start, moving.end)}"
+    )
+    reasons = [
+        f"it was last seen at {seconds(believed.last_seen)}, and believed at {place(believed.pose.position)} "
+        f"when the hand got there at {seconds(reached)}"
+    ]
+    reasons.append(f"truly it was at {place(now.pose.position)}, {distance(apart(now, believed))} away")
+    reasons.append(told)
+    reasons += _felt_nothing(failure)
+    cause = "item.pushed_by_arm" if pushed else "item.moved"
+    lay = case.truth.tracks[true].before(moving.start)
+    inside = "" if lay is None else case.bin_at(lay)
+    if inside and not pushed and case.bin_at(now) != inside:
+        cause = "item.left_bin"
+        title = f"{item} left {inside} again after it had been placed, {between(moving.start, moving.end)}"
+    return Finding(cause, true, title, tuple(reasons), item, moving.start)
+
+
+def _settled(case: Case, item: str, until: float) -> float:
+    """Since when the belief has had the item where it has it at that time, s."""
+    changes = [at.time for at in case.changes(item, end=until)]
+    return changes[-1] if changes else 0.0
+
+
+def way_since(case: Case, true: str, seen: float, until: float) -> Moving | None:
+    """How a true item moved away between two times, if it did; None for one that was carried."""
+    track = case.truth.tracks[true]
+    bodies = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if seen <= t <= until + SAMPLED]
+    carried = max((t for t, _ in bodies if _carried(case, true, t)), default=None)
+    start = track.before(seen) if carried is None else track.after(carried + SAMPLED / 2)
+    if start is None:
+        return None
+    samples = [(t, apart(start, b)) for t, b in bodies if carried is None or t > carried]
+    if not samples:
+        return None
+    far = next((d for _, d in samples if d > MOVED), None)
+    if far is None:
+        return None
+    begun = next(t for t, way in samples if way > BEGUN)
+    rested = max((t for t, _ in samples if t < begun), default=seen)
+    way = next((d for t, d in reversed(samples) if t <= until), far)
+    return Moving(rested, max(begun, rested), max(way, far))
+
+
+def by_the_arm(case: Case, true: str, moving: Moving) -> tuple[bool, str]:
+    """Whether the arm moved the item, and what tells so."""
+    track = case.truth.tracks[true]
+    body, after = track.before(moving.start) or track.first, track.after(moving.end) or track.bodies[-1]
+    times = np.arange(moving.start, moving.end + 1e-6, STEP)
+    where = [(float(time), hand) for time in times if (hand := case.hand(float(time))) is not None]
+    hands = [hand for _, hand in where]
+    if not hands:
+        return False, "where the hand was then is not in the log"
+    nearest = min(math.dist(hand, body.pose.position) for hand in hands)
+    if nearest > BESIDE:
+        return False, f"something else than the arm moved it: the hand was {distance(nearest)} away, or more"
+    wrenches = case.run.wrenches
+    # Elsewhere on its way the hand is swung, and feels its own weight.
+    beside = np.array([time for time, hand in where if math.dist(hand, body.pose.position) <= BESIDE])
+    here = (np.abs(wrenches.times[:, None] - beside) <= STEP / 2).any(axis=1)
+    felt = float(np.linalg.norm(wrenches.forces[here], axis=1).max()) if bool(here.any()) else 0.0
+    if felt < TOUCHED:
+        return False, f"something else than the arm moved it: the hand felt no more than {force(felt)} then"
+    left = min(math.dist(hand, after.pose.position) for hand in hands)
+    if left > 2 * BESIDE and body.form not in ("sphere", "cylinder"):
+        return (
+            False,
+            f"something else than the arm moved it: the hand did not follow it ({distance(left)} away)",
+        )
+    return True, f"the hand was {distance(nearest)} from it then, and felt {force(felt)}"
+
+
+def misjudged(case: Case, failure: FailureStory) -> Finding | None:
+    """Whether the item lay still, and was believed somewhere else all the time."""
+    true = case.pairs.get(failure.item)
+    if true is None or failure.cause not in SEEKING or failure.cause == "grasp.slipped":
+        return None
+    reached = _reached(case, failure)
+    believed, body = case.belief.tracks[failure.item].before(reached), case.truth.at(true, reached)
+    if believed is None or body is None or believed.attached or apart(body, believed) < MISPLACED:
+        return None
+    settled = _settled(case, failure.item, reached)
+    reasons = (f"believed at {place(believed.pose.position)}, truly at {place(body.pose.position)}",)
+    off = distance(apart(body, believed))
+    if settled > believed.last_seen + SAMPLED:
+        title = f"{failure.item} lay {off} from where it was believed to have come to rest"
+        reasons = (*reasons, f"it had been let go at {seconds(settled)} and not been seen since")
+        return Finding("item.fell_elsewhere", true, title, reasons, failure.item, settled)
+    title = f"{failure.item} was believed {off} from where it lay when it was seen"
+    return Finding("perception.misjudged", true, title, reasons, failure.item, settled)
+
+
+def _carried(case: Case, true: str, time: float) -> bool:
+    """Whether the robot believed at that time that it held the item."""
+    for item in case.believed.get(true, ()):
+        body = case.belief.at(item, time)
+        if body is not None and body.attached:
+            return True
+    return False
+
+
+def _felt_nothing(failure: FailureStory) -> list[str]:
+    width = number(failure, "width")
+    if width is None or width > EMPTY:
+        return []
+    return [f"the fingers met ({max(width, 0.0) * 1000:.1f} mm) and hold nothing"]
+
+
+def _seen_empty(case: Case, item: str, since: float) -> list[str]:
+    for at in case.changes(item, since):
+        if at.record.data.get("after") is None:
+            return [f"at {seconds(at.time)} {at.record.data.get('reason')}, and the robot gave it up"]
+    return []

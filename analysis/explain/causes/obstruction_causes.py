@@ -1,0 +1,204 @@
+"""What stood in the way of hand and arm: fixtures, bins, neighbours, distance, a small budget."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+from ....manipulation.pick.candidate_stages import PLACE, ROOM, TRANSFER
+from ....world.values import Pose
+from ..investigation.case import Case, Finding
+from ..investigation.evidence import number, word, words
+from ..investigation.explanation import Choice, FailureStory
+from ..investigation.number_wording import counted, listed, place
+from ..investigation.reachability import reachable
+from .bin_causes import APPROACH, NOWHERE, full_bin, no_way_to_bin
+from .standing_fixtures import fixtures_around
+
+TOUCHES = re.compile(r"the hand would touch (.+)")
+PAIR = re.compile(r"(\S+) (?:only )?[\d.]+ mm (?:deep in|from) (\S+)")
+FAR = "is out of reach or in collision"
+
+
+def in_the_way(case: Case, failure: FailureStory) -> Finding | None:
+    """What a plan or a choice of grasps failed on; None when it was neither, or nothing tells."""
+    match failure.cause:
+        case "grasp.no_candidate":
+            return _held_another(failure) or _no_grasp(case, failure)
+        case "place.full":
+            return full_bin(case, failure, word(failure, "bin"))
+        case "place.occupied":
+            return _occupied(case, failure)
+        case "planning.budget":
+            return _budget(failure)
+        case "planning.no_ik":
+            return _no_reach(failure)
+        case _ if failure.cause.startswith("planning."):
+            return _touching(case, failure, _pairs(words(failure, "pairs")), ())
+        case _:
+            return None
+
+
+def _held_another(failure: FailureStory) -> Finding | None:
+    held = word(failure, "held")
+    if not held:
+        return None
+    title = f"the hand was not free for {failure.item}: it still held {held}"
+    return Finding("grasp.hand_not_free", held, title, (), failure.item, failure.time)
+
+
+def _no_grasp(case: Case, failure: FailureStory) -> Finding | None:
+    choice = next((c for c in reversed(failure.choices) if c.purpose != "plan"), None)
+    if choice is None or not choice.rejections:
+        return None
+    total = sum(r.count for r in choice.rejections)
+    touched: Counter[str] = Counter()
+    hindered: Counter[str] = Counter()
+    far = nowhere = 0
+    for rejection in choice.rejections:
+        reason, count = rejection.reason, rejection.count
+        match = TOUCHES.match(reason)
+        if rejection.stage in (ROOM, PLACE, TRANSFER) or NOWHERE in reason:
+            nowhere += count
+        elif match:
+            touched[(rejection.by or match.group(1)).split("/")[0]] += count
+        elif rejection.stage or FAR in reason:
+            far += count
+            if rejection.by:
+                hindered[rejection.by] += count
+    if nowhere >= max(far, touched.total()):
+        return no_way_to_bin(case, failure, nowhere, total)
+    if far >= touched.total():
+        return _far(case, failure, choice, far, total, hindered)
+    tried = tuple(
+        f"in {count} of {total} grasps the hand would touch {name}" for name, count in touched.most_common(4)
+    )
+    return _touching(case, failure, touched, tried)
+
+
+def _touching(
+    case: Case, failure: FailureStory, touched: Counter[str], reasons: tuple[str, ...]
+) -> Finding | None:
+    """By what it is that would be touched: something that was put there, a neighbour, a bin."""
+    if not touched:
+        return None
+    fixtures, bins = case.fixtures, case.bins
+    reasons = reasons or (failure.message,)
+    about = failure.item or failure.node.rsplit("/", 1)[-1]
+    most = [name for name, _ in touched.most_common()]
+    for name in most:
+        if name in fixtures:
+            title = f"{name} stands in the way of {_doing(failure)}"
+            return Finding("scene.blocked", name, title, reasons, failure.item, failure.time)
+    obstacles = [name for name in most if _role(case, name) == "obstacle"]
+    if obstacles:
+        title = f"something unknown ({obstacles[0]}) is seen in the way of {_doing(failure)}"
+        return Finding("scene.unknown_obstacle", obstacles[0], title, reasons, failure.item, failure.time)
+    neighbours = [name for name in most if name in case.belief.tracks and name != failure.item]
+    if neighbours and failure.cause == "planning.start_in_collision":
+        # The hand may just have let go of something there: where that lies is a guess.
+        begun = failure.node.rsplit("/", 1)[-1] + (f" of {failure.item}" if failure.item else "")
+        title = f"the hand stood, as believed, within {listed(neighbours, 3)} when {begun} was to begin"
+        return Finding("item.crowded", neighbours[0], title, reasons, neighbours[0], failure.time)
+    if neighbours:
+        title = f"{about} lies too close to {listed(neighbours, 3)}: there is no room for the hand"
+        return Finding("item.crowded", about, title, reasons, failure.item, failure.time)
+    walls = [name for name in most if name in bins]
+    if walls:
+        title = f"{about} lies too close to {walls[0]}: its walls are in the way of the hand"
+        return Finding("item.beside_bin", about, title, reasons, failure.item, failure.time)
+    if "table" in most:
+        title = f"the table is in the way of {_doing(failure)}"
+        return Finding("scene.blocked", "table", title, reasons, failure.item, failure.time)
+    return None
+
+
+def _doing(failure: FailureStory) -> str:
+    verb = {"Grasp": "the hand at", "Place": "placing", "GoTo": "the arm on its way"}.get(
+        failure.id, failure.id
+    )
+    return f"{verb} {failure.item}" if failure.item and failure.id in ("Grasp", "Place") else verb
+
+
+def _far(
+    case: Case, failure: FailureStory, choice: Choice, far: int, total: int, hindered: Counter[str]
+) -> Finding | None:
+    """`hindered`: how often the arm itself would touch what."""
+    lies = (
+        case.belief.tracks[failure.item].before(failure.time) if failure.item in case.belief.tracks else None
+    )
+    where = f" at {place(lies.pose.position)}" if lies else ""
+    poses = _grasp_poses(case, choice)
+    arm = case.arm
+    if arm is not None and poses and not reachable(arm, poses):
+        title = f"{failure.item} lies{where}, where the arm does not reach it from above"
+        reasons = (
+            f"{far} of {total} grasps were out of reach or in collision",
+            f"for {counted(min(len(poses), 12), 'of them that was tried', 'of them that were tried')} no "
+            "configuration of the arm exists, collisions aside",
+        )
+        return Finding("item.out_of_reach", failure.item, title, reasons, failure.item, failure.time)
+    reasons = tuple(f"in {n} of {total} grasps the arm would touch {by}" for by, n in hindered.most_common(3))
+    fixed = [name for name, _ in hindered.most_common() if name in case.fixtures]
+    if fixed:
+        title = f"{fixed[0]} stands in the way of the arm at {failure.item}"
+        return Finding("scene.blocked", fixed[0], title, reasons, failure.item, failure.time)
+    near = fixtures_around(case, lies) if lies else []
+    if near:
+        title = f"{near[0]} stands in the way of the arm at {failure.item}"
+        reasons = (
+            f"{far} of {total} grasps were out of reach or in collision",
+            f"the arm could reach {failure.item}{where}, were it not for what stands around it",
+        )
+        return Finding("scene.blocked", near[0], title, reasons, failure.item, failure.time)
+    title = f"the arm cannot get to {failure.item}{where} without touching something"
+    reasons = (f"{far} of {total} grasps were out of reach or in collision", *reasons)
+    return Finding("item.hemmed_in", failure.item, title, reasons, failure.item, failure.time)
+
+
+def _grasp_poses(case: Case, choice: Choice) -> list[Pose]:
+    """Of the TCP over the grasps that were tried, from where the hand would come down."""
+    made = [at.record for at in case.run.candidates if abs(at.time - choice.time) < 1e-6]
+    return [
+        Pose(c.position, c.orientation).shifted((0.0, 0.0, APPROACH))
+        for record in made
+        if record.object == choice.object
+        for c in record.tried
+    ]
+
+
+def _occupied(case: Case, failure: FailureStory) -> Finding | None:
+    by = word(failure, "by")
+    cause = "scene.blocked" if by in case.fixtures else "place.occupied"
+    title = f"{by or 'something'} stands where {failure.item} should go"
+    return Finding(cause, by or failure.node, title, (), failure.item, failure.time)
+
+
+def _budget(failure: FailureStory) -> Finding:
+    checks = number(failure, "checks")
+    used = f"{checks:.0f}" if checks is not None else "its"
+    title = f"the planner ran out of its budget before it found a way: {failure.message}"
+    reasons = (
+        f"{used} collision checks were spent; that nothing is in the way was never found out",
+        "the straight way was not free, so a way round had to be searched for",
+    )
+    return Finding("planner.budget", failure.node, title, reasons, failure.item, failure.time)
+
+
+def _no_reach(failure: FailureStory) -> Finding:
+    about = failure.item or failure.node
+    title = f"{_doing(failure)} is out of the arm's reach: {failure.message}"
+    cause = "bin.out_of_reach" if failure.id == "Place" else "item.out_of_reach"
+    return Finding(cause, about, title, (), failure.item, failure.time)
+
+
+def _pairs(pairs: Sequence[str]) -> Counter[str]:
+    """`panda_hand 3.2 mm deep in shelf`: what is touched, and how often."""
+    found = (PAIR.match(pair) for pair in pairs)
+    return Counter(match.group(2).split("/")[0] for match in found if match)
+
+
+def _role(case: Case, name: str) -> str:
+    track = case.belief.tracks.get(name)
+    return track.first.role if track else ""

@@ -1,0 +1,157 @@
+"""Causes that are the run's or the mission's own: limits of time, a kill, conditions, errors of code."""
+
+from __future__ import annotations
+
+from statistics import median
+
+from ....logs.visits import HALTED, Visit
+from ..investigation.case import Case, Finding
+from ..investigation.evidence import number, word
+from ..investigation.explanation import FailureStory, Outcome
+from ..investigation.failure_course import time_lost
+from ..investigation.number_wording import counted, listed, seconds
+
+
+def run_ended(case: Case, outcome: Outcome) -> Finding | None:
+    """Why the run ended when that was not the mission's doing."""
+    match outcome.status:
+        case "timeout":
+            title = f"the run was ended at its limit of simulated time, {seconds(outcome.end)}"
+            return Finding("run.limit", "", title, _under_way(case), "", outcome.end)
+        case "interrupted":
+            return Finding(
+                "run.interrupted", "", "the run was interrupted by hand", _under_way(case), "", outcome.end
+            )
+        case "paused":
+            title = "help was wanted, and nobody was there to answer"
+            return Finding("run.paused", "", title, _asked(case), "", outcome.end)
+        case "killed":
+            title = "the process that ran it was killed: its log has no end"
+            return Finding("run.killed", "", title, (*_under_way(case), *_recovered(case)), "", outcome.end)
+        case "crashed":
+            return Finding("run.crashed", "", outcome.sentence, _recovered(case), "", outcome.end)
+        case "failure":
+            return _condition(case)
+        case _:
+            return None
+
+
+def by_the_mission(case: Case, failure: FailureStory) -> Finding | None:
+    """Failures that are the mission's own making, or the program's."""
+    match failure.cause:
+        case "tree.timeout":
+            return _timeout(case, failure)
+        case "tree.missing_input":
+            title = f"{failure.node.rsplit('/', 1)[-1]} had no value to work with: {failure.message}"
+            return Finding("tree.missing_input", failure.node, title, (), failure.item, failure.time)
+        case "tree.no_case":
+            title = f"{failure.node.rsplit('/', 1)[-1]} has no case for it: {failure.message}"
+            return Finding("tree.no_case", failure.node, title, (), failure.item, failure.time)
+        case "internal.error":
+            title = f"the code of {failure.id} has a fault of its own: {failure.message}"
+            trace = word(failure, "traceback").strip().splitlines()
+            return Finding(
+                "internal.error", failure.node, title, tuple(trace[-3:]), failure.item, failure.time
+            )
+        case "safety.stop":
+            return _unacknowledged(case, failure)
+        case _:
+            return None
+
+
+def _under_way(case: Case) -> tuple[str, ...]:
+    lost = [f for f in case.failures if f.fate != "cured"]
+    spent = time_lost(case.failures)
+    reasons: list[str] = []
+    if case.failures:
+        reasons.append(
+            f"until then {counted(len(case.failures), 'failure')} had cost about {spent:.0f} s, "
+            f"and {len(lost)} of them were not cured"
+        )
+    running = [v for v in case.family.visits if v.outcome == "RUNNING" and not case.family.children(v)]
+    told = [f"{_name(v)} (for {v.duration:.1f} s)" for v in running]
+    return (*reasons, f"what ran then: {listed(told)}") if told else tuple(reasons)
+
+
+def _asked(case: Case) -> tuple[str, ...]:
+    """What a person is to say before it goes on, and how."""
+    result = case.run.result
+    if result is None or result.asked is None:
+        return ()
+    asked = result.asked
+    return (
+        f"{asked.node} asks: {asked.reason}",
+        f"it takes one of these answers: {', '.join(asked.choices)}",
+        f"go on with: {result.goes_on()}",
+    )
+
+
+def _recovered(case: Case) -> tuple[str, ...]:
+    return (case.run.recovered,) if case.run.recovered else ()
+
+
+def _condition(case: Case) -> Finding | None:
+    """A mission that failed without any cause: a condition was false."""
+    root = next((v for v in case.family.visits if v.parent is None and v.outcome == "FAILURE"), None)
+    if root is None or root.cause:
+        return None
+    visit = root
+    while True:
+        below = [v for v in case.family.children(visit) if v.outcome == "FAILURE" and not v.cause]
+        if not below:
+            break
+        visit = below[-1]
+    ports = case.ports(visit.path)
+    asked = ports.get("if", "") or visit.message or visit.path.rsplit("/", 1)[-1]
+    title = f"a condition did not hold, and the mission ends there: {asked}"
+    reasons = (f"{visit.path} was asked at {seconds(visit.end)}",)
+    return Finding("tree.condition", visit.path, title, reasons, visit.item, visit.end)
+
+
+def _timeout(case: Case, failure: FailureStory) -> Finding:
+    visit = case.visit(failure)
+    halted = [
+        v
+        for v in case.family.visits
+        if v.outcome == HALTED and v.last == visit.last and case.family.within(v, visit)
+    ]
+    allowed = number(failure, "seconds")
+    reasons = [f"stopped were: {listed([_name(v) for v in _leaves(case, halted)])}"] if halted else []
+    within = [
+        f for f in case.failures if f.number != failure.number and case.family.within(case.visit(f), visit)
+    ]
+    if within:
+        reasons.append(
+            f"{counted(len(within), 'failure')} before it took time: {listed([f.cause for f in within])}"
+        )
+    path = word(failure, "running") or visit.path
+    done = [v.duration for v in case.family.visits if v.path == path and v.outcome == "SUCCESS"]
+    if done:
+        reasons.append(f"where it succeeded it took {median(done):.1f} s ({counted(len(done), 'time')})")
+    name = path.rsplit("/", 1)[-1]
+    limit = f"{allowed:g} s" if allowed is not None else "its time"
+    title = f"{name} was given {limit}, and needs longer"
+    return Finding("tree.timeout", visit.path, title, tuple(reasons), failure.item, failure.time)
+
+
+def _unacknowledged(case: Case, failure: FailureStory) -> Finding | None:
+    """A motion that was refused because of a stop that nobody acknowledged."""
+    stops = case.events("safety_stop", end=failure.time)
+    if not stops:
+        return None
+    stop = stops[-1]
+    at = f" at {failure.item}" if failure.item else ""
+    title = f"the safety monitor stopped the arm{at}: {stop.record.message}"
+    reasons = (f"at {seconds(stop.time)}; every motion is refused until a SafeRetreat acknowledges the stop",)
+    about = failure.item or failure.node
+    cause = str(stop.record.data.get("cause", "safety.stop"))
+    return Finding(cause, about, title, reasons, failure.item, stop.time)
+
+
+def _leaves(case: Case, visits: list[Visit]) -> list[Visit]:
+    return [v for v in visits if not case.family.children(v)] or visits[-1:]
+
+
+def _name(visit: Visit) -> str:
+    name = visit.path.rsplit("/", 1)[-1]
+    return f"{name} of {visit.item}" if visit.item else name

@@ -1,0 +1,183 @@
+"""Items that are not where they belong though no failure says why."""
+
+from __future__ import annotations
+
+import math
+
+from ....simulation.scoring.scorer import REST_SPEED
+from ....world.scene.destinations import is_at
+from ..investigation.case import Case, Finding
+from ..investigation.explanation import FailureStory
+from ..investigation.number_wording import between, distance, listed, place, seconds
+from .item_whereabouts import NOWHERE, SAMPLED, way_since
+from .perception_causes import never_seen
+
+FALLING = 0.15
+"""What is let go over a bin has come down in it after this time, s."""
+PUSHED = 0.35
+"""What is pushed out of a bin is not further away than this a second later, m."""
+
+
+def why_not_sorted(case: Case, true: str) -> Finding | None:
+    """For an item that the scorer calls left or misplaced; None when the log does not tell."""
+    if not case.believed.get(true):
+        return _gone_before_seen(case, true) or never_seen(case, true)
+    done = _placed(case, true)
+    if done is None:
+        return _taken(case, true, "") or _not_tried(case, true)
+    time, item, into, node = done
+    return (
+        _wrong_bin(case, true, item, into, node)
+        or _taken(case, true, into)
+        or _not_seated(case, true, item, into, time)
+        or _left_bin(case, true, item, into, time)
+    )
+
+
+def after_wrong_bin(case: Case, failure: FailureStory) -> Finding | None:
+    """Whether the item had been placed where it does not belong before it failed."""
+    true = case.pairs.get(failure.item)
+    done = None if true is None else _placed(case, true, failure.time)
+    return None if true is None or done is None else _wrong_bin(case, true, done[1], done[2], done[3])
+
+
+def placed_at(case: Case, true: str) -> float | None:
+    """When it was last placed somewhere, as the robot believed; None when it never was."""
+    done = _placed(case, true)
+    return None if done is None else done[0]
+
+
+def _placed(case: Case, true: str, until: float = math.inf) -> tuple[float, str, str, str] | None:
+    """Of the last time that it was placed: time, believed item, into what, by which node."""
+    names = set(case.believed.get(true, ()))
+    found = [at for at in case.events("item_done", end=until) if str(at.record.data.get("object")) in names]
+    if not found:
+        return None
+    data = found[-1].record.data
+    return found[-1].time, str(data.get("object")), str(data.get("into", "")), found[-1].record.node
+
+
+def _gone_before_seen(case: Case, true: str) -> Finding | None:
+    gone = case.gone(true)
+    if gone is None:
+        return None
+    title = f"{case.name_of(true)} was taken away before it was ever seen"
+    reasons = (f"its true place is in the log until {seconds(gone[0])}, and then no more",)
+    return Finding("item.gone", true, title, reasons, true, gone[0])
+
+
+def _taken(case: Case, true: str, into: str) -> Finding | None:
+    gone = case.gone(true)
+    if gone is None:
+        return None
+    item = case.believed[true][-1]
+    where = f" out of {into}, where it had been placed" if into else ""
+    title = f"{item} was taken away{where}, {between(*gone)}: {NOWHERE}"
+    last = case.truth.tracks[true].bodies[-1].pose.position
+    reasons = (
+        f"its true place is in the log until {seconds(gone[0])} ({place(last)}), and then no more",
+        "nothing failed: the robot went on believing that it was there"
+        if not any(f.item == item for f in case.failures)
+        else "the robot believed otherwise",
+    )
+    return Finding("item.gone", true, title, reasons, item, gone[0])
+
+
+def _wrong_bin(case: Case, true: str, item: str, into: str, node: str) -> Finding | None:
+    real, believed = case.truth.tracks[true].bodies[-1], case.belief.tracks[item].bodies[-1]
+    belongs = case.destination(real)
+    if not into or not belongs or is_at(into, belongs):
+        return None
+    if (believed.colour, believed.kind) != (real.colour, real.kind) and case.destination(believed) == into:
+        title = (
+            f"{item} was taken for a {believed.colour} {believed.kind} and is a {real.colour} {real.kind}: "
+            f"it was placed into {into} and belongs into {belongs}"
+        )
+        return Finding("perception.mistaken", true, title, (), item, None)
+    name = node.rsplit("/", 1)[-1]
+    title = f"the mission takes items into {into} that belong into {belongs}: {name} of {item} says so"
+    told = case.ports(node).get("into", "")
+    reasons = (
+        f"{node} has into: {told}" if told else f"{node} placed it into {into}",
+        f"by the scene's rules a {real.colour} {real.kind} belongs into {belongs}",
+    )
+    return Finding("mission.wrong_bin", node, title, reasons, item, None)
+
+
+def _not_seated(case: Case, true: str, item: str, into: str, time: float) -> Finding | None:
+    """It was let go at a hole, and by the scorer's measure is not in it."""
+    score = case.scores[true]
+    if not any(str(hole.id) == into for fixture in case.fixtures.values() for hole in fixture.holes):
+        return None
+    if score.seat is not None and score.reason:
+        title = f"{item} is not in {into}: {score.reason}"
+        return Finding("insert.not_in", true, title, (), item, time)
+    ends = case.truth.tracks[true].bodies[-1].pose.position
+    title = f"{item} is not in {into}, where it was let go: in the end it is at {place(ends)}"
+    return Finding("insert.not_in", true, title, (), item, time)
+
+
+def _left_bin(case: Case, true: str, item: str, into: str, time: float) -> Finding | None:
+    """It had been placed where it belongs, and does not lie there in the end."""
+    track = case.truth.tracks[true]
+    later = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if t > time]
+    inside = [t for t, b in later if case.bin_at(b) == into]
+    lies = track.bodies[-1]
+    ends = case.bin_at(lies)
+    where = f"in {ends}" if ends else f"at {place(lies.pose.position)}"
+    reasons = [f"{item} was let go over {into} at {seconds(time)}, and truly lies {where}"]
+    if ends == into and case.scores[true].bin is None and track.last_speed > REST_SPEED:
+        title = f"{item} still moved in {into} when the mission ended"
+        moved = distance(math.dist(lies.pose.position, track.bodies[-2].pose.position))
+        reasons.append(f"it moved {moved} {between(track.times[-2], track.times[-1])}")
+        return Finding("place.not_at_rest", true, title, tuple(reasons), item, track.times[-1])
+    if not inside:
+        title = f"{item} fell beside {into} when it was placed"
+        return Finding("place.beside", true, title, tuple(reasons), item, time)
+    others = [case.name_of(id_) for id_ in case.truth.tracks if id_ != true and _lies_in(case, id_, into)]
+    if ends == into:
+        reasons.append(f"beside it lie {listed(others)}" if others else "nothing else lies there")
+        title = f"{item} lies above the rim of {into}, or does not come to rest there"
+        return Finding(*_crowded(into, true, others), title, tuple(reasons), item, time)
+    out, outside = next((t, b) for t, b in later if t > inside[-1] and case.bin_at(b) != into)
+    lay = next(b for t, b in later if t == inside[-1])
+    reasons.append(
+        f"it lay there, and {distance(math.dist(lies.pose.position, lay.pose.position))} away later"
+    )
+    placing = case.events("item_done", start=inside[-1] - FALLING, end=out + SAMPLED)
+    if math.dist(outside.pose.position, lay.pose.position) > PUSHED:
+        placing = []
+    came = [str(at.record.data.get("object")) for at in placing if at.record.data.get("into") == into]
+    came = [name for name in came if name != item]
+    when = between(inside[-1], out)
+    if came:
+        title = f"{into} is too small for all that belongs into it: {item} left it again {when}"
+        reasons.append(f"{listed(came)} came down into {into} about then and pushed it out")
+        return Finding("bin.crowded", into, title, tuple(reasons), item, inside[-1])
+    title = f"{item} left {into} again after it had been placed, {when}"
+    reasons.append("nothing was placed there about then: something else than the arm flung it out")
+    return Finding("item.left_bin", true, title, tuple(reasons), item, inside[-1])
+
+
+def _lies_in(case: Case, true: str, bin_id: str) -> bool:
+    return case.gone(true) is None and case.bin_at(case.truth.tracks[true].bodies[-1]) == bin_id
+
+
+def _crowded(bin_id: str, true: str, others: list[str]) -> tuple[str, str]:
+    """Cause and subject of an item that found no place in a bin."""
+    return ("bin.crowded", bin_id) if others else ("place.not_at_rest", true)
+
+
+def _not_tried(case: Case, true: str) -> Finding | None:
+    item = case.believed[true][-1]
+    if any(v.item in case.believed[true] for v in case.family.visits if v.id == "Grasp"):
+        return None
+    result = case.run.result
+    if result is None or result.status not in ("success", "incomplete"):
+        return None  # the run was over before its turn came
+    moving = way_since(case, true, case.belief.tracks[item].times[0], case.end)
+    title = f"the mission never tried {item}"
+    reasons = [f"the belief had it from {seconds(case.belief.tracks[item].times[0])} on"]
+    if moving is not None:
+        reasons.append(f"it was moved by {distance(moving.way)} {between(moving.start, moving.end)}")
+    return Finding("mission.not_tried", "", title, tuple(reasons), item, None)

@@ -1,0 +1,226 @@
+"""A run under investigation: its failures, and everything in its log that may tell where they came from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....logs.run_log import At
+from ....logs.schema.records import Body, Event
+from ....logs.visits import Visit
+from ....simulation.scoring.scorer import REST_SPEED, ItemScore, score
+from ....simulation.scoring.truth import TrueBody
+from ....world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
+from ....world.scene.destinations import destination_rule
+from ....world.values import ObjectId, Vector3
+from .body_tracks import Tracks, paired
+from .explanation import FailureStory
+from .reachability import arm_of
+from .recorded_scene import entry_of, scene_of
+from .visit_tree import Family
+
+if TYPE_CHECKING:
+    from ....planning.kinematics.inverse_kinematics import InverseKinematics
+    from ...run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a failure, or an item that is not where it belongs, came from. `about` and `cause` name it:
+    findings with the same are one."""
+
+    cause: str
+    about: str
+    title: str
+    reasons: tuple[str, ...] = ()
+    item: str = ""
+    """Id of the believed item, else of the true one."""
+    time: float | None = None
+    """When it happened, as near as that is known, s."""
+
+
+class Case:
+    """What is asked of a log again and again while causes are looked for. Truth is for the analyst only."""
+
+    def __init__(self, run: Run, family: Family, failures: Sequence[FailureStory]) -> None:
+        self.run = run
+        self.family = family
+        self.failures = tuple(failures)
+
+    @cached_property
+    def scene(self) -> SceneDescription | None:
+        return scene_of(self.run)
+
+    @cached_property
+    def belief(self) -> Tracks:
+        return Tracks(list(self.run.log.beliefs()))
+
+    @cached_property
+    def truth(self) -> Tracks:
+        """Of the items: an obstacle is none."""
+        return Tracks(list(self.run.log.truths()), "item")
+
+    @cached_property
+    def obstacles(self) -> Tracks:
+        """What really stood in the way without the robot's knowledge."""
+        return Tracks(list(self.run.log.truths()), "obstacle")
+
+    @cached_property
+    def pairs(self) -> Mapping[str, str]:
+        """True item of each believed one."""
+        return paired(self.belief, self.truth)
+
+    @cached_property
+    def believed(self) -> Mapping[str, tuple[str, ...]]:
+        """Believed items of each true one, the first seen first."""
+        found: dict[str, tuple[str, ...]] = {}
+        for item, true in self.pairs.items():
+            found[true] = (*found.get(true, ()), item)
+        return found
+
+    @cached_property
+    def departed(self) -> Mapping[str, str]:
+        """True items taken away with their bin, and which bin that was: they count as lying in it."""
+        exchanges = self.events("bin_exchanged")
+        found: dict[str, str] = {}
+        for true in self.truth.tracks if exchanges else ():
+            gone = self.truth.gone(true)
+            if gone is None:
+                continue
+            lay = self.bin_at(self.truth.tracks[true].bodies[-1])
+            times = [at.time for at in exchanges if at.record.data.get("bin") == lay]
+            if any(gone[0] - 1e-6 <= time <= gone[1] + 1e-6 for time in times):
+                found[true] = lay
+        return found
+
+    def gone(self, true: str) -> tuple[float, float] | None:
+        """Between which times a true item vanished, s; None when it is there at the end, or when it was taken
+        away with its bin."""
+        return None if true in self.departed else self.truth.gone(true)
+
+    @cached_property
+    def end(self) -> float:
+        return self.run.ticks.times[-1] if self.run.ticks.times else self.run.end
+
+    @cached_property
+    def arm(self) -> InverseKinematics | None:
+        return arm_of(self.run)
+
+    @cached_property
+    def scores(self) -> Mapping[str, ItemScore]:
+        """What the scorer says of each true item at the end; empty when the scene is not known."""
+        if self.scene is None:
+            return {}
+        bodies = [self._true_body(id_) for id_ in self.truth.tracks]
+        found = {str(item.id): item for item in score(bodies, self.scene).items}
+        moving = [replace(each, verdict="left", bin=None) for each in self._moving(found)]
+        return found | {str(each.id): each for each in moving}
+
+    def _moving(self, found: Mapping[str, ItemScore]) -> list[ItemScore]:
+        """Where the result counts fewer items as sorted than lie in their bins: those that moved most just
+        before the end. The log has no velocities, but the scorer knew them."""
+        result = self.run.result
+        lying = [each for each in found.values() if each.verdict == "sorted"]
+        number = 0 if result is None else len(lying) - result.items.sorted
+        fast = sorted(lying, key=lambda each: -self.truth.tracks[str(each.id)].last_speed)
+        return [
+            each for each in fast[: max(0, number)] if self.truth.tracks[str(each.id)].last_speed > REST_SPEED
+        ]
+
+    def name_of(self, true: str) -> str:
+        """How a reader knows a true item: by its believed name, else by what it is."""
+        names = self.believed.get(true, ())
+        if names:
+            return names[0]
+        first = self.truth.tracks[true].first
+        return f"the {first.colour} {first.kind} ({true})"
+
+    def entry(self, item: str) -> CatalogueEntry | None:
+        """What the catalogue says of a believed item's kind."""
+        track = self.belief.tracks.get(item)
+        return None if track is None else entry_of(self.scene, track.bodies[-1].kind)
+
+    def visit(self, failure: FailureStory) -> Visit:
+        return self.family.visits[failure.visit]
+
+    def events(self, *kinds: str, start: float = 0.0, end: float = math.inf) -> list[At[Event]]:
+        """Events of these kinds between two times, both inclusive, s."""
+        return [
+            at for at in self.run.events if at.record.kind in kinds and start - 1e-6 <= at.time <= end + 1e-6
+        ]
+
+    def changes(self, item: str, start: float = 0.0, end: float = math.inf) -> list[At[Event]]:
+        """Changes of the belief of an item."""
+        return [
+            at for at in self.events("belief", start=start, end=end) if at.record.data.get("object") == item
+        ]
+
+    def hand(self, time: float) -> Vector3 | None:
+        """Where the hand's fingers were, m; None when the log does not tell."""
+        at = self.run.log.transforms_at(time)
+        if at is None:
+            return None
+        fingers = [
+            t.pose.apply(np.zeros(3)) for t in at.record if "finger" in t.child and "tip" not in t.child
+        ]
+        if not fingers:
+            return None
+        x, y, z = np.mean(fingers, axis=0)
+        return (float(x), float(y), float(z))
+
+    def _true_body(self, id_: str) -> TrueBody:
+        track = self.truth.tracks[id_]
+        last = track.bodies[-1]
+        present = self.gone(id_) is None
+        entry = entry_of(self.scene, last.kind)
+        form = entry.form if entry else "box"
+        return TrueBody(
+            ObjectId(id_),
+            last.kind,
+            form,
+            last.shape,
+            last.colour,
+            last.pose,
+            present=present,
+            seat=last.seat,
+        )
+
+    @property
+    def fixtures(self) -> Mapping[str, Fixture]:
+        """Other than the table that things stand on."""
+        return {str(f.id): f for f in self.scene.fixtures if f.id != "table"} if self.scene else {}
+
+    @property
+    def bins(self) -> Mapping[str, Bin]:
+        return {str(b.id): b for b in self.scene.bins} if self.scene else {}
+
+    def believed_at(self, time: float) -> list[Body]:
+        """All bodies of the belief at that time."""
+        found = (self.belief.at(id_, time) for id_ in self.belief.tracks)
+        return [body for body in found if body is not None]
+
+    def ports(self, path: str) -> Mapping[str, str]:
+        """As the mission gives them to a node, the last version of it."""
+        nothing: Mapping[str, str] = {}
+        return next((n.ports for n in self.run.tree_at(self.end).nodes if n.path == path), nothing)
+
+    def destination(self, body: Body) -> str:
+        """The bin, hole or fixture with holes where it belongs by the scene's rules; empty when nowhere."""
+        if self.scene is None:
+            return ""
+        return str(destination_rule(self.scene.destinations)(body) or "")
+
+    def bin_at(self, body: Body) -> str:
+        """The bin within whose walls it is, or the hole where it is; empty when in none."""
+        if body.seat is not None and body.seat.over:
+            return str(body.seat.hole)
+        for each in self.scene.bins if self.scene else ():
+            x, y, _ = (each.pose.inverse() @ body.pose).position
+            if abs(x) <= each.size[0] / 2 and abs(y) <= each.size[1] / 2:
+                return str(each.id)
+        return ""

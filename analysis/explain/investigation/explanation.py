@@ -1,0 +1,209 @@
+"""What is found out about a run, as values: its failures, what became of them, and where they came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from ....logs.schema.records import Values
+from .episodes_of_log import Episodes
+
+Fate: TypeAlias = Literal["cured", "passed_over", "branched", "ended", "open"]
+"""What became of a failure.
+
+`cured`: recovery ran and what had failed then succeeded. `passed_over`: nothing cured it, and a loop went on
+with the next item. `branched`: a Fallback or another node went another way, as its mission says. `ended`: it
+reached the root, and the mission ended with it. `open`: the log ends before.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A node that ended because of a failure, from where it came up towards the root."""
+
+    path: str
+    id: str
+    time: float
+    """Simulated s at which it ended."""
+    outcome: str
+    """FAILURE; or what the node made of it: SUCCESS, RUNNING when it went on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Handling:
+    """One try to cure a failure."""
+
+    node: str
+    """Path of the node that recovers, such as a `Recover`."""
+    handler: str
+    """The pattern of `when`, `otherwise`, or what the node calls it."""
+    time: float
+    """Simulated s at which it began."""
+    attempt: int
+    """The run of the branch that had failed: 1 for the first."""
+    ended: str
+    """How the handler's own branch ended: SUCCESS, FAILURE, SKIPPED, HALTED, RUNNING."""
+    seconds: float
+    """Simulated s that it took."""
+    ran: str = ""
+    """What the handler ran, as a reader knows it: a sub-tree, or the nodes of a list."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rejection:
+    """A candidate of a grasp, a placement or a plan that was not taken, and why."""
+
+    name: str
+    reason: str
+    count: int = 1
+    """How many were rejected alike."""
+    stage: str = ""
+    """Of a grasp: the stage that it did not pass (`world.manipulation.stages`); empty in older logs."""
+    by: str = ""
+    """What was in the way: an id of the scene; empty when nothing was, or in older logs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What was chosen from shortly before a failure: how many reached each stage, and who dropped out."""
+
+    time: float
+    purpose: str
+    object: str
+    stages: tuple[tuple[str, int], ...]
+    rejections: tuple[Rejection, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FailureStory:
+    """One failure: where it came up, why, and what became of it."""
+
+    number: int
+    """Its place among the failures of the run, from 0."""
+    time: float
+    """Simulated s."""
+    tick: int
+    visit: int
+    """Number of the visit that failed by itself (`Run.visits`)."""
+    node: str
+    """Path of that visit's node."""
+    id: str
+    item: str
+    attempt: int
+    cause: str
+    sentence: str
+    """What the cause means, and the first remedy: of the cause, not of this failure."""
+    remedy: str
+    message: str
+    """What the node said."""
+    evidence: Values
+    chain: tuple[Link, ...]
+    """From the parent of the node upwards: who ended with it, up to who stopped it, or the root."""
+    handled_by: tuple[Handling, ...]
+    fate: Fate
+    fate_by: str
+    """Path of the node that decided it; empty when open."""
+    fate_at: float | None
+    """Simulated s."""
+    because_of: int | None
+    """Number of the earlier failure that it follows from, as a failing handler does from what it handles."""
+    choices: tuple[Choice, ...]
+    observed: tuple[str, ...]
+    """What the log tells of the moment, a sentence each: the belief, the hand, stops, changes, faults that
+    were planted, and, for the analyst only, where the truth differed from the belief."""
+    made_good_at: float | None = None
+    """When the item was placed after all, as the robot believed, though this failure was passed over; s."""
+    root_cause: int | None = None
+    """Place of its root cause among those of the run."""
+    episode: int | None = None
+    """Place of its episode among those of the run."""
+
+    @property
+    def cured(self) -> bool:
+        return self.fate == "cured"
+
+    @property
+    def seconds_lost(self) -> float | None:
+        """Simulated s from the failure until it was decided; None when that is open."""
+        return None if self.fate_at is None else self.fate_at - self.time
+
+
+@dataclass(frozen=True, slots=True)
+class RootCause:
+    """What ultimately went wrong, for one or more failures."""
+
+    cause: str
+    title: str
+    """In one sentence, with the item and the node."""
+    failures: tuple[int, ...]
+    """Numbers of the failures that it explains, the first of them first."""
+    ended_run: bool
+    """Whether the run failed, or its goal was missed, because of it."""
+    reasons: tuple[str, ...]
+    """What in the log speaks for it."""
+    item: str = ""
+    """Id of the believed item that it is about; of the true one when it was never seen."""
+    time: float | None = None
+    """When it happened, as near as that is known, simulated s."""
+    seconds_lost: float = 0.0
+    """Simulated s during which a failure that it explains was undecided."""
+    planted: tuple[str, ...] = ()
+    """Faults that were planted in the simulation and concern the same items. They are told beside the cause,
+    and the cause was found without them."""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemEvent:
+    time: float
+    what: str
+    """One line: seen, grasp failed with …, held, placed in …, lost from sight, …"""
+    node: str = ""
+    failure: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ItemStory:
+    """What happened to one item, as the robot believed."""
+
+    id: str
+    kind: str
+    colour: str
+    state: Literal["done", "held", "left", "gone"]
+    events: tuple[ItemEvent, ...]
+    truth: str = ""
+    """Where it really is in the end, in the scorer's words; for the analyst only."""
+
+
+@dataclass(frozen=True, slots=True)
+class LookAt:
+    """A moment worth a look, the most telling first."""
+
+    time: float
+    why: str
+    failure: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    status: str
+    """As in the result; `killed` when the log has none."""
+    sentence: str
+    end: float
+    """Simulated s."""
+    items_sorted: int | None
+    """By the scorer; None when the run was killed."""
+    items_total: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Why a run ended as it did."""
+
+    outcome: Outcome
+    failures: tuple[FailureStory, ...]
+    root_causes: tuple[RootCause, ...]
+    """Those that ended the run first, then by what they cost."""
+    items: tuple[ItemStory, ...]
+    look_at: tuple[LookAt, ...]
+    recovery: Episodes
+    """Which causes were seen, what was tried against each and what came of it; see `episodes.episode`."""

@@ -1,0 +1,167 @@
+"""The course of a failure: whom it took along, who dealt with it and how, and what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from ....logs.episodes.cure_names import Names
+from ....logs.run_log import At
+from ....logs.schema.records import Event
+from ....logs.visits import HALTED, Visit
+from .explanation import FailureStory, Fate, Handling, Link
+from .visit_tree import Family
+
+BRANCHING = frozenset(
+    {
+        "Fallback", "ReactiveFallback", "Parallel", "IfThenElse", "WhileDoElse", "Switch", "Inverter",
+        "ForceSuccess", "RoundRobin", "PipelineSequence",
+    }
+)  # fmt: skip
+"""Nodes that answer a failure of a child by going another way, and never by running it again."""
+AGAIN = "again"
+"""Handler of a node that just runs its child again."""
+GIVE_UP = "give_up"
+"""What a node runs before it fails for good."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """See the fields of the same names of a `FailureStory`."""
+
+    chain: tuple[Link, ...]
+    handled_by: tuple[Handling, ...]
+    fate: Fate
+    fate_by: str
+    fate_at: float | None
+
+
+class Courses:
+    """Follows failures upwards through the visits of a run."""
+
+    def __init__(self, family: Family, events: Sequence[At[Event]], end: float, names: Names) -> None:
+        """`end`: time of the log's last tick, s; `names` says what a cure is called."""
+        self._family = family
+        self._recoveries = [at for at in events if at.record.kind == "recovery"]
+        self._end = end
+        self._names = names
+
+    def of(self, source: Visit) -> Course:
+        chain: list[Link] = []
+        handlings: list[Handling] = []
+        failing, visit, parent = source, source, self._family.parent(source)
+        while parent is not None:
+            goes_up = _ended_by(parent, failing, self._family.came_from(parent), visit)
+            if goes_up:
+                handlings += self._given_up(parent, visit)
+                chain.append(Link(parent.path, parent.id, parent.end, parent.outcome))
+                visit, parent = parent, self._family.parent(parent)
+                continue
+            answered = "RUNNING" if parent.last > visit.last else parent.outcome
+            chain.append(Link(parent.path, parent.id, visit.end, answered))
+            if parent.id in BRANCHING and parent.outcome != "FAILURE":
+                return Course(tuple(chain), tuple(handlings), "branched", parent.path, visit.end)
+            if parent.id == "ForEach":
+                return Course(tuple(chain), tuple(handlings), "passed_over", parent.path, visit.end)
+            handling = self._handling(parent, visit)
+            handlings += [handling] if handling is not None else []
+            runs = [v for v in self._family.after(visit) if v.path == visit.path]
+            if runs and parent.outcome in ("SUCCESS", "RUNNING") and runs[-1].outcome == "SUCCESS":
+                return Course(tuple(chain), tuple(handlings), "cured", parent.path, runs[-1].end)
+            if parent.outcome == "FAILURE":
+                # It was answered, and the node failed after all: with a later failure, or the answer's.
+                if answered != "FAILURE":
+                    chain.append(Link(parent.path, parent.id, parent.end, "FAILURE"))
+                failing = visit = parent
+                parent = self._family.parent(parent)
+                continue
+            if parent.outcome == HALTED:
+                return self._halted(parent, chain, handlings)
+            if parent.outcome == "RUNNING":
+                return Course(tuple(chain), tuple(handlings), "open", "", None)
+            return Course(tuple(chain), tuple(handlings), "branched", parent.path, visit.end)
+        if visit.outcome != "FAILURE":
+            return Course(tuple(chain), tuple(handlings), "open", "", None)
+        return Course(tuple(chain), tuple(handlings), "ended", visit.path, visit.end)
+
+    def _halted(self, halted: Visit, chain: list[Link], handlings: list[Handling]) -> Course:
+        """It was being dealt with when somebody above stopped that: who, and whether he failed, decides."""
+        for above in self._family.above(halted):
+            if above.outcome == HALTED:
+                continue
+            if above.outcome == "RUNNING" and above.parent is None and self._end <= halted.end + 1e-6:
+                break
+            fate: Fate = "branched"
+            if above.outcome == "FAILURE" and above.last == halted.last:
+                upper = self.of(above)
+                chain.append(Link(above.path, above.id, above.end, "FAILURE"))
+                chain += upper.chain
+                return Course(
+                    tuple(chain),
+                    (*handlings, *upper.handled_by),
+                    upper.fate,
+                    upper.fate_by,
+                    upper.fate_at,
+                )
+            chain.append(Link(above.path, above.id, halted.end, above.outcome))
+            return Course(tuple(chain), tuple(handlings), fate, above.path, halted.end)
+        return Course(tuple(chain), tuple(handlings), "open", "", None)
+
+    def _handling(self, parent: Visit, failed: Visit) -> Handling | None:
+        """How the parent answered a failure of its child by something that may cure it."""
+        noted = next((at for at in self._recoveries if _answers(at, parent, failed)), None)
+        attempt = 1 + sum(
+            v.path == failed.path and v.number < failed.number for v in self._family.children(parent)
+        )
+        following = self._family.after(failed)
+        if noted is None:
+            if not any(v.path == failed.path for v in following):
+                return None
+            return Handling(parent.path, AGAIN, failed.end, attempt, "SUCCESS", 0.0)
+        cure = next((v for v in following if v.path != failed.path), None)
+        label = str(noted.record.data.get("handler", ""))
+        if cure is None:
+            return Handling(parent.path, label, noted.time, attempt, "RUNNING", self._end - noted.time)
+        ran = self._names.of(cure.path)
+        return Handling(parent.path, label, cure.start, attempt, cure.outcome, cure.duration, ran)
+
+    def _given_up(self, parent: Visit, failed: Visit) -> list[Handling]:
+        """What the parent still ran after the failure with which it then failed."""
+        if parent.last == failed.last and parent.id not in ("Recover", "RecoveryNode"):
+            return []
+        noted = next((at for at in self._recoveries if _answers(at, parent, failed)), None)
+        attempt = 1 + sum(
+            v.path == failed.path and v.number < failed.number for v in self._family.children(parent)
+        )
+        last = next((v for v in self._family.after(failed) if v.path != failed.path), None)
+        if last is None:
+            return []
+        label = GIVE_UP if noted is None else str(noted.record.data.get("handler", ""))
+        ran = self._names.of(last.path)
+        return [Handling(parent.path, label, last.start, attempt, last.outcome, last.duration, ran)]
+
+
+def time_lost(failures: Iterable[FailureStory]) -> float:
+    """Simulated s during which at least one of them was undecided; those that the log leaves open count
+    nothing."""
+    lost = until = 0.0
+    for story in sorted(failures, key=lambda story: story.time):
+        if story.fate_at is not None and story.fate_at > until:
+            lost += story.fate_at - max(story.time, until)
+            until = story.fate_at
+    return lost
+
+
+def _ended_by(parent: Visit, failing: Visit, came_from: Visit | None, visit: Visit) -> bool:
+    """Whether the parent ended with this very failure, which came up from `visit`."""
+    return (
+        parent.outcome == "FAILURE"
+        and parent.cause == failing.cause
+        and parent.origin == failing.origin
+        and came_from is not None
+        and came_from.number == visit.number
+    )
+
+
+def _answers(at: At[Event], parent: Visit, failed: Visit) -> bool:
+    return at.record.node == parent.path and abs(at.time - failed.end) < 1e-6

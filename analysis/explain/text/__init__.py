@@ -1,0 +1,1 @@
+"""An explanation, rendered as text and as JSON."""

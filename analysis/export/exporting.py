@@ -1,0 +1,83 @@
+"""Exporting a run: to a folder of tables, or to one file for Rerun."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from ...files.atomic_write import whole
+from ...logs.optional_libraries import extra
+from ...world.journal import Plain
+from ..run import Run
+from .tables.columns import Table
+from .tables.tables import TABLES
+
+Form: TypeAlias = Literal["csv", "parquet", "rerun"]
+_Write: TypeAlias = Callable[[Path, Table[Any], Any], int]
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What was written. `rows` by file; of a file that is no table, what it holds besides is no number."""
+
+    form: Form
+    output: Path
+    rows: Mapping[Path, int]
+    notes: tuple[str, ...] = ()
+    """What the log could not give."""
+
+    def to_text(self) -> str:
+        lines = [f"note: {note}" for note in self.notes]
+        if self.form == "rerun":
+            return "\n".join([*lines, str(self.output)])
+        width = max(len(str(path)) for path in self.rows)
+        return "\n".join(
+            [*lines, *(f"{path!s:<{width}}  {count:>7} rows" for path, count in self.rows.items())]
+        )
+
+    def to_json(self) -> dict[str, Plain]:
+        return {
+            "to": self.form,
+            "output": str(self.output.absolute()),
+            "tables": {path.stem: count for path, count in self.rows.items()},
+            "notes": list(self.notes),
+        }
+
+
+def export(run: Run, form: Form, output: Path) -> Exported:
+    """Write the run to `output`: a folder for tables, a file for Rerun.
+
+    Raises PicktreeError when it cannot be written or a library is missing; no half of a file remains.
+    """
+    notes = tuple(_notes(run))
+    if form == "rerun":
+        with extra("rerun", "rerun", "An export to Rerun"):
+            from .rerun.recording import write_rerun
+        with whole([output], output) as (beside,):
+            write_rerun(run, beside)
+        return Exported(form, output, {}, notes)
+    write = _writer(form)
+    paths = [output / f"{table.name}.{form}" for table in TABLES]
+    with whole(paths, output) as beside:
+        output.mkdir(parents=True, exist_ok=True)
+        counts = [write(path, table, table.rows(run)) for path, table in zip(beside, TABLES, strict=True)]
+    return Exported(form, output, dict(zip(paths, counts, strict=True)), notes)
+
+
+def _writer(form: Literal["csv", "parquet"]) -> _Write:
+    if form == "csv":
+        from .tables.csv_file import write_csv
+
+        return write_csv
+    with extra("parquet", "pyarrow", "An export to Parquet"):
+        from .tables.parquet_file import write_parquet
+    return write_parquet
+
+
+def _notes(run: Run) -> Iterator[str]:
+    if run.recovered:
+        yield run.recovered
+    if run.log.format < 2:
+        yield "a log of format 1 has no transitions: what nodes did and how they failed is told in part"

@@ -1,0 +1,230 @@
+"""The rows of each table, from a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+
+import orjson
+
+from ....logs.schema.records import Body
+from ...explain.investigation.explanation import ItemStory
+from ...run import Run
+from . import row_types as rows
+
+
+def ticks(run: Run) -> Iterator[rows.TickRow]:
+    for tick in run.ticks:
+        record = tick.record
+        tip = next((n for n in record.nodes if n.path == record.tip), None)
+        began = sum(1 for t in record.transitions if t.status == "RUNNING")
+        yield rows.TickRow(
+            tick=tick.number,
+            time=tick.time,
+            root_status=record.root_status,
+            tip=record.tip,
+            tip_id=tip.id if tip else "",
+            tip_message=tip.message if tip else "",
+            running=sum(1 for n in record.nodes if n.status == "RUNNING"),
+            began=began,
+            ended=len(record.transitions) - began,
+            writes=len(record.writes),
+        )
+
+
+def visits(run: Run) -> Iterator[rows.VisitRow]:
+    for v in run.visits:
+        yield rows.VisitRow(
+            visit=v.number,
+            path=v.path,
+            id=v.id,
+            item=v.item,
+            attempt=v.attempt,
+            parent=v.parent,
+            start=v.start,
+            end=v.end,
+            duration=v.duration,
+            first_tick=v.first,
+            last_tick=v.last,
+            outcome=v.outcome,
+            cause=v.cause,
+            origin=v.origin,
+            message=v.message,
+            inputs=_json(v.inputs),
+            evidence=_json(v.evidence),
+        )
+
+
+def plans(run: Run) -> Iterator[rows.PlanRow]:
+    for at in run.plans:
+        plan = at.record
+        yield rows.PlanRow(
+            time=at.time,
+            request=plan.request,
+            planner=plan.planner,
+            outcome=plan.outcome,
+            message=plan.message,
+            checks=plan.checks,
+            thinking=plan.thinking,
+            duration=plan.duration,
+            waypoints=len(plan.path),
+            tool_length=sum(map(math.dist, plan.tool_path, plan.tool_path[1:])),
+            path=_json(plan.path),
+            tool_path=_json(plan.tool_path),
+        )
+
+
+def candidates(run: Run) -> Iterator[rows.CandidateRow]:
+    for at in run.candidates:
+        for c in at.record.tried:
+            yield rows.CandidateRow(
+                at.time, at.record.purpose, at.record.object, c.name, c.verdict, c.score,
+                c.place, c.stage, c.by, c.gap, c.count,
+                *c.position, *c.orientation,
+            )  # fmt: skip
+
+
+def picks(run: Run) -> Iterator[rows.PickRow]:
+    events = (at.record.data for at in run.events if at.record.kind == "pick")
+    for pick, data in zip(run.picks, events, strict=True):
+        first = data.get("first_try")
+        yield rows.PickRow(
+            time=pick.time,
+            object=pick.object,
+            held=pick.held,
+            node=pick.node,
+            form=str(data.get("form", "")),
+            candidate=str(data.get("candidate", "")),
+            first_try=first if isinstance(first, bool) else None,
+            width=_number(data.get("width")),
+            load=_number(data.get("load")),
+        )
+
+
+def failures(run: Run) -> Iterator[rows.FailureRow]:
+    for f in run.failures:
+        yield rows.FailureRow(
+            failure=f.number,
+            time=f.time,
+            tick=f.tick,
+            visit=f.visit,
+            node=f.node,
+            id=f.id,
+            item=f.item,
+            attempt=f.attempt,
+            cause=f.cause,
+            message=f.message,
+            fate=f.fate,
+            fate_by=f.fate_by,
+            fate_at=f.fate_at,
+            seconds_lost=f.seconds_lost,
+            because_of=f.because_of,
+            handlers=_json([handling.handler for handling in f.handled_by]),
+            evidence=_json(f.evidence),
+        )
+
+
+def items(run: Run) -> Iterator[rows.ItemRow]:
+    done = {
+        str(at.record.data.get("object", "")): at.time for at in run.events if at.record.kind == "item_done"
+    }
+    for story in run.explanation.items:
+        picked = [pick for pick in run.picks if pick.object == story.id]
+        yield rows.ItemRow(
+            item=story.id,
+            kind=story.kind,
+            colour=story.colour,
+            state=story.state,
+            picks=len(picked),
+            held=sum(1 for pick in picked if pick.held),
+            failures=sum(1 for failure in run.failures if failure.item == story.id),
+            first_seen=_first(story),
+            done=done.get(story.id),
+        )
+
+
+def events(run: Run) -> Iterator[rows.EventRow]:
+    for at in run.events:
+        event = at.record
+        yield rows.EventRow(at.time, event.kind, event.message, event.node, _json(event.data))
+
+
+def objects(run: Run) -> Iterator[rows.ObjectRow]:
+    for at in run.log.beliefs():
+        yield from (_object(at.time, "belief", body) for body in at.record.bodies)
+    for at in run.log.truths():
+        yield from (_object(at.time, "truth", body) for body in at.record.bodies)
+
+
+def joints(run: Run) -> Iterator[rows.JointRow]:
+    for at in run.log.joints():
+        read = at.record
+        for name, position, velocity, effort in zip(
+            read.names, read.position, read.velocity, read.effort, strict=True
+        ):
+            yield rows.JointRow(at.time, name, position, velocity, effort)
+
+
+def wrenches(run: Run) -> Iterator[rows.WrenchRow]:
+    for at in run.log.wrenches():
+        force, torque = at.record.force, at.record.torque
+        yield rows.WrenchRow(at.time, force.x, force.y, force.z, torque.x, torque.y, torque.z)
+
+
+def controls(run: Run) -> Iterator[rows.ControlRow]:
+    for at in run.log.controls():
+        told = at.record
+        for k, joint in enumerate(run.joints.names[: run.controls.references.shape[1]]):
+            reference = told.reference[k] if told.reference else None
+            yield rows.ControlRow(
+                at.time, told.controller, joint, reference, told.error[k] if told.error else None
+            )
+
+
+def timings(run: Run) -> Iterator[rows.TimingRow]:
+    for at in run.log.timings():
+        t = at.record
+        yield rows.TimingRow(
+            at.time, t.total, t.physics, t.control, t.planning, t.perception, t.rendering, t.recording
+        )
+
+
+def about(run: Run) -> Iterator[rows.RunRow]:
+    """What the run was started with, and what came of it."""
+    told = asdict(run.info)
+    groups = {"parameter": "parameters", "physics": "physics", "version": "versions"}
+    for key, value in told.items():
+        if key not in groups.values():
+            yield rows.RunRow(key, str(value))
+    for prefix, group in groups.items():
+        for key, value in told[group].items():
+            yield rows.RunRow(f"{prefix}.{key}", str(value))
+    yield rows.RunRow("format", str(run.log.format))
+    yield rows.RunRow("end", repr(run.end))
+    yield rows.RunRow("recovered", run.recovered)
+    yield rows.RunRow("status", "killed" if run.result is None else run.result.status)
+    if run.result is not None:
+        yield rows.RunRow("message", run.result.message)
+        yield rows.RunRow("items.total", str(run.result.items.total))
+        yield rows.RunRow("items.sorted", str(run.result.items.sorted))
+        yield rows.RunRow("digest", run.result.digest)
+
+
+def _object(time: float, source: str, body: Body) -> rows.ObjectRow:
+    return rows.ObjectRow(
+        time, source, body.id, body.kind, body.colour, body.place, body.attached, body.confidence,
+        *body.pose.position, *body.pose.orientation,
+    )  # fmt: skip
+
+
+def _first(story: ItemStory) -> float | None:
+    return min((event.time for event in story.events), default=None)
+
+
+def _number(value: object) -> float | None:
+    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+
+
+def _json(value: Mapping[str, object] | object) -> str:
+    return orjson.dumps(value, option=orjson.OPT_NON_STR_KEYS).decode()

@@ -1,0 +1,211 @@
+"""Moments of a run in order of time, each with what is seen and what is said of it."""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from ...errors import PicktreeError
+from ...logs.run_log import At, RunLog
+from ...logs.schema.records import Scene, Tick, Tree
+from ...logs.visits import Following, Visit
+from .captions import Caption, Trouble
+from .followed_plans import Followed
+from .scene_view import Show, Shown
+
+R = TypeVar("R")
+
+_LEAD = 60.0
+"""From how long before the first moment on nodes are followed, s: others are shown without their item."""
+_SLACK = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """What is to be drawn, and written into it."""
+
+    shown: Shown
+    caption: Caption
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """A failure where it arose."""
+
+    time: float
+    trouble: Trouble
+
+
+class _Latest(Generic[R]):
+    """The last record at a time or before, for times that never go back."""
+
+    def __init__(self, first: At[R] | None, coming: Iterator[At[R]]) -> None:
+        self._now, self._coming = first, coming
+        self._next = next(coming, None)
+
+    def at(self, time: float) -> At[R] | None:
+        while self._next is not None and self._next.time <= time + _SLACK:
+            self._now, self._next = self._next, next(self._coming, None)
+        return self._now
+
+
+class Story:
+    """What nodes did from `start` to `end`, simulated s, and where that failed."""
+
+    def __init__(self, log: RunLog, start: float, end: float) -> None:
+        trees = list(log.trees())
+        following = Following(trees[0].record if trees else Tree(()))
+        coming = trees[1:]
+        self._times: list[float] = []
+        self._tips: list[tuple[str, str, str]] = []
+        failing: frozenset[str] = frozenset()
+        stated: list[Failed] = []
+        for at in log.ticks(max(0.0, start - _LEAD), end):
+            while coming and coming[0].time <= at.time:
+                following.follow(coming.pop(0).record)
+            following.take(at.time, at.record)
+            self._times.append(at.time)
+            self._tips.append(_tip(at.record))
+            found = _failures(at.record)
+            stated += [Failed(at.time, trouble) for path, trouble in found.items() if path not in failing]
+            failing = frozenset(found)
+        visits = following.finish()
+        self._visits: dict[str, list[Visit]] = {}
+        for visit in visits:
+            self._visits.setdefault(visit.path, []).append(visit)
+        arose = [Failed(v.end, Trouble(v.cause, v.message)) for v in visits if v.failed_itself]
+        told = arose if visits else stated  # logs of format 1 do not tell visits
+        self.failures = tuple(sorted(told, key=lambda failed: failed.time))
+
+    def doing(self, time: float) -> tuple[str, str]:
+        """The deepest node that runs with the item that it is about, and its message."""
+        number = bisect.bisect_right(self._times, time + _SLACK) - 1
+        if number < 0:
+            return "", ""
+        path, node, message = self._tips[number]
+        visits = self._visits.get(path, [])
+        begun = bisect.bisect_right(visits, time + _SLACK, key=lambda visit: visit.start) - 1
+        visit = visits[begun] if begun >= 0 else None
+        if visit is None or not visit.item:
+            return node, message
+        words = [visit.item]
+        into = visit.inputs.get("into")
+        if isinstance(into, str):
+            words.append(f"→ {into}")
+        if visit.attempt > 1:
+            words.append(f"· attempt {visit.attempt}")
+        return node, " ".join([*words, message]).strip()
+
+    def trouble(self, time: float, hold: float) -> Trouble | None:
+        """The last failure of the `hold` seconds before."""
+        number = bisect.bisect_right(self.failures, time + _SLACK, key=lambda failed: failed.time) - 1
+        if number < 0 or time - self.failures[number].time >= hold - _SLACK:
+            return None
+        return self.failures[number].trouble
+
+
+def moments(
+    log: RunLog,
+    times: Iterable[float],
+    span: tuple[float, float],
+    *,
+    show: Show = "belief",
+    hold: float = 2.0,
+    speed: float = 1.0,
+    bar: bool = False,
+) -> Iterator[Frame]:
+    """The moments at `times` (rising, simulated s) within `span`.
+
+    A failure is shown for `hold` simulated seconds; `speed` is said when it is not 1; `bar` adds how much of
+    the span has passed, and where it failed. Raises PicktreeError where the log holds nothing of what is to
+    be shown.
+    """
+    start, end = span
+    story = Story(log, start, end)
+    frames = _Latest(log.transforms_at(start), log.transforms(start, end))
+    beliefs = _Latest(log.belief_at(start), log.beliefs(start, end))
+    truths = _Latest(log.truth_at(start), log.truths(start, end))
+    followed = Followed(log.plans(max(0.0, start - 10.0), end))
+    items = Items(log, end)
+    note = " · ".join(_notes(show, speed))
+    long = max(end - start, 1e-9)
+    shares = ((failed.time - start) / long for failed in story.failures)
+    marks = tuple(share for share in shares if bar and share >= 0)
+    for time in times:
+        belief, truth = beliefs.at(time), truths.at(time)
+        solid = belief if show != "truth" else truth
+        if solid is None:
+            wanted = "truth" if show == "truth" else "belief"
+            raise PicktreeError(f"{log.path}: the log holds no {wanted} at {time:g} s or before")
+        transforms = frames.at(time)
+        node, message = story.doing(time)
+        yield Frame(
+            Shown(
+                {t.child: t.pose for t in transforms.record} if transforms else {},
+                _with_fixtures(solid.record, belief),
+                truth.record if show == "both" and truth else None,
+                plan.tool_path if (plan := followed.at(time)) else (),
+            ),
+            Caption(
+                time,
+                node,
+                message,
+                items.done(time),
+                note,
+                story.trouble(time, hold),
+                (time - start) / long if bar else None,
+                marks,
+            ),
+        )
+
+
+class Items:
+    """How many items were done by when."""
+
+    def __init__(self, log: RunLog, end: float) -> None:
+        done: dict[str, float] = {}
+        for at in log.events(end=end):
+            if at.record.kind == "item_done":
+                done.setdefault(str(at.record.data.get("object", at.record.message)), at.time)
+        self._times = sorted(done.values())
+        truth = log.truth_at(0.0) or next(log.truths(end=end), None)
+        self._all = sum(1 for body in truth.record.bodies if body.role == "item") if truth else 0
+
+    def done(self, time: float) -> str:
+        """In words."""
+        number = bisect.bisect_right(self._times, time + _SLACK)
+        if self._all >= max(1, len(self._times)):
+            return f"{number} of {self._all} items done"
+        return f"{number} item{'' if number == 1 else 's'} done"
+
+
+def _notes(show: Show, speed: float) -> Iterator[str]:
+    """What has to be said for the picture not to be misread."""
+    if show == "both":
+        yield "outlines: truth"
+    elif show == "truth":
+        yield "truth"
+    if speed != 1:
+        yield f"{speed:g}×"
+
+
+def _with_fixtures(scene: Scene, belief: At[Scene] | None) -> Scene:
+    """Fixtures stand in the belief, should they be missing beside the truth."""
+    return scene if scene.fixed or belief is None else Scene(scene.bodies, belief.record.fixed)
+
+
+def _tip(tick: Tick) -> tuple[str, str, str]:
+    """Path, name and message of the deepest node that runs; the outcome when none does."""
+    node = next((n for n in tick.nodes if n.path == tick.tip), None)
+    if node is not None:
+        return node.path, node.id, node.message
+    return "", "" if tick.root_status in ("RUNNING", "IDLE") else tick.root_status, ""
+
+
+def _failures(tick: Tick) -> dict[str, Trouble]:
+    """Of nodes whose statuses say so, without those that only pass one on from below."""
+    failing = {n.path: n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked}
+    above = {path.rpartition("/")[0] for path in failing}
+    return {path: Trouble(n.cause, n.message) for path, n in failing.items() if path not in above}

@@ -1,0 +1,251 @@
+"""Light on what a picture shows: sun with soft shadows, sky, and corners that see little of the sky."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...logs.meshes.triangle_meshes import unit
+from ...world.values import Array, Vector3
+from .rasterizer import Corners, Floats, draw_depth, unpacked
+
+_SUN_DISTANCE = 30.0
+"""In m. Far enough for parallel light, near enough for single precision."""
+_SOFT = 0.009
+"""Half the width of a shadow's edge, m."""
+_OPEN_RADIUS = 0.05
+"""From how far away a surface takes light from another, m."""
+_GAMMA = 2.2
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Light and background."""
+
+    background: tuple[float, float, float] = (0.955, 0.962, 0.972)
+    floor: float = -0.04
+    """Height of the ground on which shadows fall, m."""
+    sun: Vector3 = (0.5, 0.7, 1.1)
+    """Direction towards the light."""
+    key: float = 0.58
+    sky: float = 0.46
+    ground: float = 0.26
+    gloss: float = 0.10
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Some samples of a picture: pixel of each (n,), number of its colour (n,; 0: nothing, 1: the ground),
+    and in the camera's right, down, forward its normal (3, n) and position (3, n) in m."""
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    number: NDArray[np.intp]
+    normal: Floats
+    position: Floats
+
+    @classmethod
+    def of(
+        cls,
+        pixel: tuple[NDArray[np.intp], NDArray[np.intp]],
+        place: tuple[Floats, Floats],
+        marks: Floats,
+        depth: Floats,
+    ) -> Samples:
+        """`place`: rays' right and down at depth 1. Marks (n, 3) and depth (n,) as rasterised."""
+        number, normal = unpacked(marks)
+        return cls(*pixel, number, normal, np.stack([place[0] * depth, place[1] * depth, depth]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShadowMap:
+    """Distance (side, side) in m from the sun of what is nearest to it, its least and most over a shadow's
+    edge, and where it differs from the map of what never moves."""
+
+    nearest: Floats
+    least: Floats
+    most: Floats
+    changed: NDArray[np.bool_]
+
+
+class Shadows:
+    """Which samples the sun reaches, by a map of what is nearest to it."""
+
+    def __init__(self, sun: Array, low: Array, high: Array, eye: Array, axes: Array, side: int) -> None:
+        """`sun` points towards it; the map covers the box `low` … `high`; all in the world. `eye` and `axes`
+        are the camera's, `side` is the map's in texels."""
+        ends = np.stack([low, high])
+        corners = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
+        middle = (low + high) / 2
+        right = unit(np.cross([0.0, 1.0, 0.0], sun))
+        world_axes = np.stack([right, np.cross(-sun, right), -sun])
+        place = middle + sun * _SUN_DISTANCE
+        seen = (corners - place) @ world_axes.T
+        half = float(np.abs(seen[:, :2] / seen[:, 2:]).max()) * 1.02
+        self._fov = 2 * math.atan(half)
+        self._between = (float(seen[:, 2].min()) - 1.0, float(seen[:, 2].max()) + 1.0)
+        self._focal, self._side = side / 2 / half, side
+        self._texel = _SUN_DISTANCE / self._focal
+        self._from_camera = np.eye(4)
+        self._from_camera[:3, :3] = world_axes @ axes.T
+        self._from_camera[:3, 3] = world_axes @ (eye - place)
+        self._sun = (axes @ sun).astype(np.float32)
+        self._fixed = np.full((side, side), self._between[1], np.float32)
+
+    def keep(self, fixed: Corners) -> None:
+        """What casts shadows in every picture."""
+        draw_depth(fixed, self._fixed, self._from_camera, self._fov, self._between)
+
+    def cast(self, moving: Corners) -> ShadowMap:
+        """The map with what moves."""
+        nearest = self._fixed.copy()
+        draw_depth(moving, nearest, self._from_camera, self._fov, self._between)
+        reach = math.ceil(_SOFT / self._texel)
+        window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+        changed = cv2.dilate((nearest < self._fixed - np.float32(1e-3)).view(np.uint8), window)
+        return ShadowMap(
+            nearest,
+            cv2.erode(nearest, window).astype(np.float32, copy=False),
+            cv2.dilate(nearest, window).astype(np.float32, copy=False),
+            changed.view(np.bool_),
+        )
+
+    def texels(self, samples: Samples) -> NDArray[np.intp]:
+        """Where on the flat map each sample lies, (n,)."""
+        u, v, _ = self._seen(samples)
+        return self._flat(u, v)
+
+    def lit(self, cast: ShadowMap, samples: Samples) -> Floats:
+        """Share 0 … 1 of the sun that reaches each sample."""
+        u, v, depth = self._seen(samples)
+        # Farther points of a slanted surface are farther from the sun by themselves.
+        facing = np.maximum(along(self._sun, samples.normal), np.float32(0.15))
+        slope = np.sqrt(1 / (facing * facing) - 1)
+        depth -= 0.002 + np.minimum(slope * np.float32(_SOFT + self._texel), 0.03)
+        flat = self._flat(u, v)
+        lit = (depth <= np.take(cast.least, flat)).astype(np.float32)
+        edge = np.flatnonzero((lit == 0) & (depth <= np.take(cast.most, flat)))
+        if len(edge):
+            lit[edge] = self._reached(cast.nearest, u[edge], v[edge], depth[edge], samples, edge)
+        side = np.float32(self._side)
+        lit[(u < 0) | (v < 0) | (u >= side) | (v >= side)] = 1  # nothing beyond the map casts a shadow
+        return lit
+
+    def _seen(self, samples: Samples) -> tuple[Floats, Floats, Floats]:
+        """Column and row on the map, and distance in m from the sun."""
+        x, y, z = samples.position
+        turn, place = self._from_camera[:3, :3].astype(np.float32), self._from_camera[:3, 3].tolist()
+        depth = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + np.float32(place[2])
+        scale = np.float32(self._focal) / depth
+        middle = np.float32(self._side / 2)
+        u = (turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z + np.float32(place[0])) * scale + middle
+        v = (turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + np.float32(place[1])) * scale + middle
+        return u, v, depth
+
+    def _flat(self, u: Array | Floats, v: Array | Floats) -> NDArray[np.intp]:
+        most = np.float32(self._side - 1)
+        row, column = (np.minimum(np.maximum(a, 0), most).astype(np.int32) for a in (v, u))
+        return (row * self._side + column).astype(np.intp)
+
+    def _reached(
+        self, nearest: Floats, u: Floats, v: Floats, depth: Floats, samples: Samples, edge: NDArray[np.intp]
+    ) -> Floats:
+        """The share for samples near a shadow's edge, from some places around each."""
+        radius = _SOFT / self._texel
+        taps = [(r * radius, t) for r, n in ((0.3, 5), (0.65, 8), (0.95, 11)) for t in turns(n)]
+        # Turned from pixel to pixel, so that few taps make no bands.
+        turned = (samples.columns[edge] * 5 + samples.rows[edge] * 3) % 4
+        spin = turned.astype(np.float32) * np.float32(0.21)
+        cosine, sine = np.cos(spin), np.sin(spin)
+        reached = np.zeros(len(edge), np.float32)
+        for r, t in taps:
+            du, dv = np.float32(r * math.cos(t)), np.float32(r * math.sin(t))
+            flat = self._flat(u + (du * cosine - dv * sine), v + (du * sine + dv * cosine))
+            reached += depth <= np.take(nearest, flat)
+        return reached / np.float32(len(taps))
+
+
+class Sky:
+    """How much of the sky each pixel sees, judged by its neighbours on the picture only."""
+
+    def __init__(self, width: int, height: int, focal: float) -> None:
+        """Of the pictures that are looked at; `focal` in pixels."""
+        self._focal = focal
+        self._right = ((np.arange(width) + 0.5 - width / 2) / focal).astype(np.float32)
+        self._down = ((np.arange(height) + 0.5 - height / 2) / focal).astype(np.float32).reshape(-1, 1)
+
+    def reach(self, depth: float) -> float:
+        """How many pixels away something nearest at that depth (m) may change what a pixel sees."""
+        return _OPEN_RADIUS * self._focal / depth + 1.5
+
+    def open(self, marks: Floats, depth: Floats, window: tuple[slice, slice]) -> Floats:
+        """Share 0 … 1 for the pixels of a window (rows, columns), of marks (h, w, 3) and depth (h, w)."""
+        rows, columns = window
+        number, normal = unpacked(marks[window].reshape(-1, 3))
+        own = depth[window]
+        nx, ny, nz = normal.reshape(3, *own.shape)
+        # 1/depth is linear on a plane, so that it may be interpolated.
+        near = np.float32(1) / depth
+        right, down = self._right[columns], self._down[rows]
+        column = np.arange(columns.start, columns.stop, dtype=np.float32)
+        row = np.arange(rows.start, rows.stop, dtype=np.float32).reshape(-1, 1)
+        # A few directions, turned from pixel to pixel, so that few taps make no bands.
+        spin = ((column * 7 + row * 13) % 4) * np.float32(math.pi / 8)
+        reach = np.float32(_OPEN_RADIUS * self._focal) * near[window]
+        cosine, sine = reach * np.cos(spin), reach * np.sin(spin)
+        x, y = right * own, down * own
+        closed = np.zeros_like(own)
+        per_pixel = np.float32(1 / self._focal)
+        for share, turn in ((r, t) for r, n in ((0.2, 4), (0.5, 5), (0.95, 6)) for t in turns(n)):
+            a, b = np.float32(share * math.cos(turn)), np.float32(share * math.sin(turn))
+            du, dv = a * cosine - b * sine, a * sine + b * cosine
+            there = cv2.remap(near, column + du, row + dv, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            z = 1 / there
+            tx = (right + du * per_pixel) * z - x
+            ty = (down + dv * per_pixel) * z - y
+            tz = z - own
+            length = np.sqrt(tx * tx + ty * ty + tz * tz) + np.float32(1e-6)
+            rise = (tx * nx + ty * ny + tz * nz) / length - np.float32(0.12)
+            fade = np.minimum(np.maximum(2 - length * np.float32(1 / _OPEN_RADIUS), 0), 1)
+            closed += np.maximum(rise, 0) * fade
+        openness = np.clip(1 - np.float32(1.7 / 15) * closed, 0.25, 1)
+        openness[(number == 0).reshape(own.shape)] = 1
+        return cv2.GaussianBlur(openness, (0, 0), 0.9).astype(np.float32)
+
+
+def shaded(
+    samples: Samples, lit: Floats, openness: Floats, look: Look, axes: Array, table: Floats, behind: Floats
+) -> Floats:
+    """Colour (n, 3), 0 … 1, of samples that the sun reaches by `lit` and the sky by `openness`.
+
+    `axes` are the camera's in the world, `table` the colours by number, `behind` (n, 3) the background.
+    """
+    sun = axes @ unit(np.array(look.sun))
+    halfway = unit(sun + axes @ -axes[2])
+    up = along((axes @ np.array([0.0, 0.0, 1.0])).astype(np.float32), samples.normal)
+    ambient = look.ground + (look.sky - look.ground) * (0.5 + 0.5 * up)
+    light = ambient * openness + look.key * np.maximum(along(sun.astype(np.float32), samples.normal), 0) * lit
+    colour = np.take(table, samples.number, axis=0) * (light ** np.float32(1 / _GAMMA))[:, None]
+    shine = np.maximum(along(halfway.astype(np.float32), samples.normal), 0) ** 24
+    colour += (np.float32(look.gloss) * shine * lit)[:, None]
+    ground = np.flatnonzero(samples.number <= 1)
+    dark = np.where(
+        samples.number[ground] == 1, 1 - 0.2 * (1 - lit[ground]) - 0.35 * (1 - openness[ground]), 1
+    )
+    colour[ground] = behind[ground] * dark[:, None]
+    return colour.astype(np.float32)
+
+
+def turns(n: int) -> list[float]:
+    """n angles spread over a turn, rad."""
+    return [2 * math.pi * k / n + 0.3 * n for k in range(n)]
+
+
+def along(direction: Floats, normal: Floats) -> Floats:
+    """Component of the normals (3, n) in that direction, (n,)."""
+    a, b, c = direction
+    return a * normal[0] + b * normal[1] + c * normal[2]

@@ -1,0 +1,156 @@
+"""Which surface is seen at each sample of a picture, by OpenCV's software rasteriser.
+
+It needs neither a display nor a GPU. A surface is told by its depth and its *mark*: three channels that
+hold the normal, and in the first one also the number of the colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...logs.meshes.triangle_meshes import Mesh
+from ...world.values import Array
+
+Picture: TypeAlias = NDArray[np.uint8]
+Floats: TypeAlias = NDArray[np.float32]
+
+FAR = 20.0
+"""Depth in m where nothing is seen."""
+NEAR = 0.1
+_STEP = 4.0
+"""Between two colours' numbers in the first channel: wider than a normal's component, -1 … 1."""
+
+
+class Palette:
+    """Colours by number; 0 is nothing, 1 is the ground."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[tuple[int, ...], int] = {(-1,): 0, (-2,): 1}
+
+    def numbers(self, colours: Array) -> NDArray[np.int64]:
+        """A number for each colour (n, 3), new ones for new colours."""
+        found, where = np.unique(np.round(colours * 255).astype(np.int64), axis=0, return_inverse=True)
+        known = [self._numbers.setdefault(tuple(c), len(self._numbers)) for c in found.tolist()]
+        return np.array(known, np.int64)[where.ravel()]
+
+    def table(self) -> Floats:
+        """The colours (n, 3) by number, 0 … 1."""
+        rows = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0), *list(self._numbers)[2:]]
+        return (np.array(rows) / 255.0).astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """A mesh made ready: three rows for each triangle. Positions and normals (3n, 3) in its own frame,
+    numbers of colours (3n,)."""
+
+    positions: Floats
+    normals: Floats
+    numbers: Floats
+
+    @classmethod
+    def of(cls, mesh: Mesh, palette: Palette) -> Model:
+        numbers = palette.numbers(mesh.colours) if len(mesh.faces) else np.zeros(0)
+        return cls(
+            mesh.vertices[mesh.faces].reshape(-1, 3).astype(np.float32),
+            mesh.normals.reshape(-1, 3).astype(np.float32),
+            numbers.repeat(3).astype(np.float32),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corners:
+    """Corners of triangles as the camera has them: positions (3n, 3) in right, down, forward, and marks."""
+
+    positions: Floats
+    marks: Floats
+
+    def with_(self, more: Corners) -> Corners:
+        return Corners(
+            np.concatenate([self.positions, more.positions]), np.concatenate([self.marks, more.marks])
+        )
+
+
+def placed(models: Iterable[tuple[Model, Array, Array]]) -> Corners:
+    """All models, each with a rotation (3, 3) and a place (3,) that lead from its frame to the camera's."""
+    positions: list[Floats] = []
+    marks: list[Floats] = []
+    for model, rotation, place in models:
+        turn = rotation.T.astype(np.float32)
+        positions.append(model.positions @ turn + place.astype(np.float32))
+        mark = model.normals @ turn
+        mark[:, 0] += model.numbers * np.float32(_STEP)
+        marks.append(mark)
+    if not positions:
+        return Corners(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32))
+    return Corners(np.concatenate(positions), np.concatenate(marks))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surfaces:
+    """What is seen at each sample: depth (h, w) in m, marks (h, w, 3)."""
+
+    depth: Floats
+    marks: Floats
+
+    @classmethod
+    def none(cls, width: int, height: int) -> Surfaces:
+        return cls(np.full((height, width), FAR, np.float32), np.zeros((height, width, 3), np.float32))
+
+    def copy(self) -> Surfaces:
+        return Surfaces(self.depth.copy(), self.marks.copy())
+
+    def draw(self, corners: Corners, fov: float) -> None:
+        """What of the triangles is nearer than what was seen so far. `fov` is vertical, rad."""
+        if len(corners.positions):
+            cv2.triangleRasterize(
+                corners.positions,
+                _triangles(corners),
+                corners.marks,
+                self.marks,
+                self.depth,
+                _CAMERA,
+                fov,
+                NEAR,
+                FAR,
+                _SETTINGS,
+            )
+
+
+def draw_depth(
+    corners: Corners, depth: Floats, from_camera: Array, fov: float, between: tuple[float, float]
+) -> None:
+    """Depth alone, `between` two depths in m, as seen by another camera: `from_camera` (4, 4) leads into its
+    right, down, forward."""
+    if len(corners.positions):
+        world = (_CAMERA.astype(np.float64) @ from_camera).astype(np.float32)
+        cv2.triangleRasterizeDepth(
+            corners.positions, _triangles(corners), depth, world, fov, *between, _SETTINGS
+        )
+
+
+def unpacked(marks: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Numbers of colours (n,) and normals (3, n) of marks (n, 3)."""
+    normals = np.ascontiguousarray(marks.T)
+    number = np.rint(normals[0] * np.float32(1 / _STEP))
+    normals[0] -= number * np.float32(_STEP)
+    return number.astype(np.intp), normals
+
+
+def _triangles(corners: Corners) -> NDArray[np.int32]:
+    return np.arange(len(corners.positions), dtype=np.int32).reshape(-1, 3)
+
+
+_CAMERA = np.diag(np.array([1.0, -1.0, -1.0, 1.0], np.float32))
+"""From right, down, forward to OpenCV's right, up, backward."""
+_SETTINGS = (
+    cv2.TriangleRasterizeSettings()
+    .setShadingType(cv2.RASTERIZE_SHADING_SHADED)
+    .setCullingMode(cv2.RASTERIZE_CULLING_NONE)
+)

@@ -1,0 +1,235 @@
+"""Pictures of meshes: what never moves is drawn once, and what moves into each picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...logs.meshes.triangle_meshes import Mesh, joined, unit
+from ...world.values import Array, Pose
+from .lighting import Look, Samples, ShadowMap, Shadows, Sky, shaded
+from .rasterizer import Corners, Floats, Model, Palette, Picture, Surfaces, placed
+from .viewpoint import View
+
+_CONTRAST = 9
+"""Steps of 255 between neighbours from which on a pixel is sampled finely."""
+_MAP = 1024
+"""Side of the shadow map, texels."""
+_NEARER = np.float32(0.99995)
+"""The rasteriser changes depths that it passes by, too, by some millionths."""
+_TALL, _MARGIN = 1.25, 0.3
+"""Shadows are cast from up to this height, and from this far around what stands still, m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Still:
+    """What never moves: as rasterised, with its light, and finished."""
+
+    surfaces: Surfaces
+    shadows: Shadows
+    texels: NDArray[np.intp]
+    """Place of each pixel on the shadow map, (h, w)."""
+    openness: Floats
+    """(h/2, w/2)."""
+    picture: Picture
+
+
+class Studio:
+    """Draws pictures of one size from one view.
+
+    Each pixel is shaded once; where neighbours differ, `fine` × `fine` samples of it are averaged
+    (Mitchell 1987, "Generating antialiased images at low sampling densities"). Where what moves is neither
+    seen nor casts a shadow, the picture of what never moves is taken.
+    """
+
+    def __init__(
+        self, fixed: Mesh, view: View, size: tuple[int, int], look: Look | None = None, fine: int = 2
+    ) -> None:
+        self.view, self.size = view, size
+        self._look, self._fine = look or Look(), fine
+        self._eye, self._axes = view.eye(), view.axes()
+        self._palette = Palette()
+        self._fixed = fixed
+        self._fixed_corners = self._placed([(self.model(fixed), Pose())])
+        width, height = size
+        focal = view.focal(height)
+        self._right = (((np.arange(width * fine) + 0.5) / fine - width / 2) / focal).astype(np.float32)
+        self._down = (((np.arange(height * fine) + 0.5) / fine - height / 2) / focal).astype(np.float32)
+        fall = np.linspace(1.015, 0.965, height, dtype=np.float32)[:, None]
+        self._background = np.minimum(fall * np.array(self._look.background, np.float32), 1.0)
+        self._sky = Sky(width // 2, height // 2, focal / 2)
+        self._still: _Still | None = None
+
+    def model(self, mesh: Mesh) -> Model:
+        """A mesh that is drawn again and again, made ready once."""
+        return Model.of(mesh, self._palette)
+
+    def picture(self, moving: Sequence[tuple[Model, Pose]]) -> Picture:
+        """RGB (h, w, 3) of what never moves and of these models in the world."""
+        if self._still is None:
+            self._still = self._drawn_still(moving)
+        still = self._still
+        corners = self._placed(moving)
+        picture = still.picture.copy()
+        if not len(corners.positions):
+            return picture
+        surfaces = still.surfaces.copy()
+        surfaces.draw(corners, self.view.fov)
+        frame = _Frame(surfaces, self._fine, still.shadows.cast(corners))
+        covered = (frame.depth < _every(still.surfaces.depth, self._fine) * _NEARER).view(np.uint8)
+        if covered.any():
+            nearest = float(frame.depth[covered.view(np.bool_)].min())
+            reach = 2 * math.ceil(self._sky.reach(nearest))
+            window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+            covered = cv2.dilate(covered, window).astype(np.uint8, copy=False)
+        changed = covered.view(np.bool_) | np.take(frame.cast.changed, still.texels)
+        frame.openness[:] = still.openness
+        window = _around(covered[1::2, 1::2])
+        frame.openness[window] = self._sky.open(frame.small_marks, frame.small_depth, window)
+        self._shade(picture, frame, still.shadows, changed)
+        return picture
+
+    def _drawn_still(self, moving: Sequence[tuple[Model, Pose]]) -> _Still:
+        """The fixed part, with the ground and a shadow map large enough for what moves at first."""
+        low, high = self._bounds(moving)
+        shadows = Shadows(unit(np.array(self._look.sun)), low, high, self._eye, self._axes, _MAP)
+        shadows.keep(self._fixed_corners)
+        surfaces = Surfaces.none(self.size[0] * self._fine, self.size[1] * self._fine)
+        if self._eye[2] > self._look.floor:
+            ground = self._placed([(_ground(low, high, self._look.floor), Pose())])
+            surfaces.draw(self._fixed_corners.with_(ground), self.view.fov)
+        else:
+            surfaces.draw(self._fixed_corners, self.view.fov)
+        frame = _Frame(surfaces, self._fine, shadows.cast(self._placed([])))
+        whole = (slice(0, self.size[1] // 2), slice(0, self.size[0] // 2))
+        frame.openness[:] = self._sky.open(frame.small_marks, frame.small_depth, whole)
+        every = np.ones(frame.depth.shape, np.bool_)
+        texels = shadows.texels(self._samples(frame, every)).reshape(every.shape)
+        picture = np.empty((*every.shape, 3), np.uint8)
+        self._shade(picture, frame, shadows, every)
+        return _Still(surfaces, shadows, texels, frame.openness, picture)
+
+    def _placed(self, models: Sequence[tuple[Model, Pose]]) -> Corners:
+        axes, eye = self._axes, self._eye
+        return placed(
+            (model, axes @ pose.rotation(), axes @ (np.array(pose.position) - eye)) for model, pose in models
+        )
+
+    def _bounds(self, moving: Sequence[tuple[Model, Pose]]) -> tuple[Array, Array]:
+        """Ends of a box in the world around everything, some way above it, and the ground below.
+
+        Where something stands still, what moves has no say: else processes that begin with different frames
+        of a film would draw different shadows.
+        """
+        around = self._fixed.vertices
+        if not len(around):
+            places = [m.positions @ p.rotation().T + np.array(p.position) for m, p in moving]
+            around = np.concatenate([np.zeros((1, 3)), *places])
+        floor = self._look.floor
+        margin = np.array([_MARGIN, _MARGIN, 0.0])
+        low, high = around.min(axis=0) - margin, around.max(axis=0) + margin
+        low[2], high[2] = min(low[2], floor), max(high[2], floor + _TALL)
+        return low, high
+
+    def _samples(self, frame: _Frame, wanted: NDArray[np.bool_]) -> Samples:
+        """One sample for each of these pixels (h, w)."""
+        rows, columns = np.nonzero(wanted)
+        place = (_along_side(self._right, self._fine)[columns], _along_side(self._down, self._fine)[rows])
+        return Samples.of((rows, columns), place, frame.marks[rows, columns], frame.depth[rows, columns])
+
+    def _shade(self, picture: Picture, frame: _Frame, shadows: Shadows, wanted: NDArray[np.bool_]) -> None:
+        """Draw these pixels (h, w) anew."""
+        samples = self._samples(frame, wanted)
+        openness = frame.wide_openness
+        picture[samples.rows, samples.columns] = _bytes(self._lit(samples, frame, shadows, openness))
+        fine = self._fine
+        if fine < 2:
+            return
+        window = np.ones((3, 3), np.uint8)
+        contrast = cv2.split(cv2.subtract(cv2.dilate(picture, window), cv2.erode(picture, window)))
+        most = cv2.max(cv2.max(contrast[0], contrast[1]), contrast[2])
+        rows, columns = np.nonzero((most > _CONTRAST) & wanted)
+        if not len(rows):
+            return
+        down, right = np.repeat(np.arange(fine), fine), np.tile(np.arange(fine), fine)
+        y = (rows[:, None] * fine + down).ravel()
+        x = (columns[:, None] * fine + right).ravel()
+        many = (rows.repeat(fine * fine), columns.repeat(fine * fine))
+        surfaces = frame.surfaces
+        samples = Samples.of(
+            many, (self._right[x], self._down[y]), surfaces.marks[y, x], surfaces.depth[y, x]
+        )
+        colours = np.clip(self._lit(samples, frame, shadows, openness), 0, 1)
+        colours = colours.reshape(len(rows), fine * fine, 3)
+        picture[rows, columns] = _bytes(np.einsum("pki->pi", colours) / np.float32(fine * fine))
+
+    def _lit(self, samples: Samples, frame: _Frame, shadows: Shadows, openness: Floats) -> Floats:
+        return shaded(
+            samples,
+            shadows.lit(frame.cast, samples),
+            openness[samples.rows, samples.columns],
+            self._look,
+            self._axes,
+            self._palette.table(),
+            self._background[samples.rows],
+        )
+
+
+class _Frame:
+    """One picture's surfaces, with those of every pixel and of every second pixel."""
+
+    def __init__(self, surfaces: Surfaces, fine: int, cast: ShadowMap) -> None:
+        self.surfaces, self.cast = surfaces, cast
+        self.depth = _every(surfaces.depth, fine)
+        self.marks = _every(surfaces.marks, fine)
+        height, width = (side // 2 * 2 for side in self.depth.shape)
+        self.small_depth = np.ascontiguousarray(self.depth[1:height:2, 1:width:2])
+        self.small_marks = self.marks[1:height:2, 1:width:2]
+        self.openness = np.ones_like(self.small_depth)
+
+    @cached_property
+    def wide_openness(self) -> Floats:
+        """For every pixel."""
+        height, width = self.depth.shape
+        return cv2.resize(self.openness, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.float32)
+
+
+def render(mesh: Mesh, view: View, size: tuple[int, int], look: Look | None = None, fine: int = 2) -> Picture:
+    """RGB (h, w, 3) of one mesh in the world."""
+    studio = Studio(joined([]), view, size, look, fine)
+    return studio.picture([(studio.model(mesh), Pose())])
+
+
+def _every(samples: Floats, fine: int) -> Floats:
+    """The sample that stands for each pixel."""
+    return samples[fine // 2 :: fine, fine // 2 :: fine]
+
+
+def _along_side(samples: Floats, fine: int) -> Floats:
+    return samples[fine // 2 :: fine]
+
+
+def _around(mask: NDArray[np.uint8]) -> tuple[slice, slice]:
+    """The smallest window (rows, columns) with all that is set; at least one pixel."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return slice(0, 1), slice(0, 1)
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def _ground(low: Array, high: Array, height: float) -> Model:
+    """The part of the ground on which shadows may lie."""
+    (x0, y0), (x1, y1) = low[:2] - 0.8, high[:2] + 0.8
+    corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y0), (x1, y1), (x0, y1)]
+    positions = np.array([(x, y, height) for x, y in corners], np.float32)
+    return Model(positions, np.tile(np.array([0, 0, 1], np.float32), (6, 1)), np.ones(6, np.float32))
+
+
+def _bytes(colours: Floats) -> Picture:
+    return np.clip(colours * np.float32(255) + np.float32(0.5), 0, 255).astype(np.uint8)

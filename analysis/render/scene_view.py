@@ -1,0 +1,140 @@
+"""A moment of a run as a picture: the robot, what it believes, the truth, and where it means to go."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...logs.meshes.binary_gltf import read_glb
+from ...logs.meshes.body_parts import parts_of
+from ...logs.meshes.triangle_meshes import Mesh, joined, part_mesh, shape_mesh
+from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
+from ...logs.schema.records import Block, Body, LinkMesh, Part, Scene
+from ...world.colours import COLOURS
+from ...world.shapes import Shape
+from ...world.values import Array, Pose
+from .rasterizer import Model, Picture
+from .renderer import Studio
+from .viewpoint import View
+
+Show: TypeAlias = Literal["belief", "truth", "both"]
+
+TRUTH_LINE = (216, 90, 0)
+PATH_LINE = (0, 140, 160)
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What is to be seen. Poses are in the world."""
+
+    links: Mapping[str, Pose]
+    """Of the robot's links and of what moves with them, by name."""
+    solid: Scene
+    """Bodies that are drawn as they are."""
+    outlined: Scene | None = None
+    """Bodies of which the outline is drawn, also through what hides them."""
+    path: tuple[tuple[float, float, float], ...] = ()
+    """Where the tool is planned to go."""
+
+
+class Scenery:
+    """Draws moments of one run, in one size and from one view."""
+
+    def __init__(
+        self, robot: tuple[LinkMesh, ...], view: View, size: tuple[int, int], *, fine: int = 2
+    ) -> None:
+        self._robot_meshes = {mesh.link: read_glb(mesh.glb) for mesh in robot}
+        self._view, self._size, self._fine = view, size, fine
+        self._fixed: tuple[Part, ...] | None = None
+        self._studio = Studio(joined([]), view, size)
+        self._robot: dict[str, Model] = {}
+        self._bodies: dict[tuple[Shape, str, tuple[Block, ...]], Model] = {}
+
+    def picture(self, shown: Shown) -> Picture:
+        """RGB (h, w, 3)."""
+        if self._fixed is None or shown.solid.fixed != self._fixed:
+            self._build(shown.solid.fixed)
+        links = shown.links
+        moving = [(model, links[link]) for link, model in self._robot.items() if link in links]
+        moving += [(self._body(body), _pose(body, links)) for body in shown.solid.bodies]
+        return self._drawn_over(self._studio.picture(moving), shown)
+
+    def single(self, shown: Shown) -> Picture:
+        """The same as `picture`, in less time when it is to be the only one."""
+        links = shown.links
+        parts = [mesh.placed(links[link]) for link, mesh in self._robot_meshes.items() if link in links]
+        parts += [_part(part).placed(part.pose) for part in shown.solid.fixed]
+        parts += [_body_mesh(b).placed(_pose(b, links)) for b in shown.solid.bodies]
+        studio = Studio(joined(parts), self._view, self._size, fine=self._fine)
+        return self._drawn_over(studio.picture([]), shown)
+
+    def _drawn_over(self, picture: Picture, shown: Shown) -> Picture:
+        """With the lines that nothing hides."""
+        if len(shown.path) > 1:
+            self._line(picture, np.array(shown.path))
+        for body in shown.outlined.bodies if shown.outlined else ():
+            for shape, pose in parts_of(body):
+                self._outline(picture, _mesh(shape, body.colour).placed(body.pose @ pose).vertices)
+        return picture
+
+    def _build(self, fixed: tuple[Part, ...]) -> None:
+        self._fixed = fixed
+        parts = [_part(part).placed(part.pose) for part in fixed]
+        self._studio = Studio(joined(parts), self._view, self._size, fine=self._fine)
+        self._robot = {link: self._studio.model(mesh) for link, mesh in self._robot_meshes.items()}
+        self._bodies = {}
+
+    def _body(self, body: Body) -> Model:
+        key = (body.shape, body.colour, body.blocks)
+        if key not in self._bodies:
+            self._bodies[key] = self._studio.model(_body_mesh(body))
+        return self._bodies[key]
+
+    def _pixels(self, points: Array) -> NDArray[np.int32] | None:
+        """In sixteenths of a pixel, (n, 2); None when one is behind the camera."""
+        seen = self._view.project(points, self._size)
+        if (seen[:, 2] <= 0.05).any():
+            return None
+        return np.round((seen[:, :2] - 0.5) * 16).astype(np.int32)
+
+    def _outline(self, picture: Picture, points: Array) -> None:
+        """The border of a convex body."""
+        pixels = self._pixels(points)
+        if pixels is not None:
+            border = cv2.convexHull(pixels)
+            cv2.polylines(picture, [border], True, TRUTH_LINE, self._wide(1), cv2.LINE_AA, 4)
+
+    def _line(self, picture: Picture, points: Array) -> None:
+        pixels = self._pixels(points)
+        if pixels is not None:
+            wide = self._wide(1.5)
+            cv2.polylines(picture, [pixels], False, (255, 255, 255), wide + 2, cv2.LINE_AA, 4)
+            cv2.polylines(picture, [pixels], False, PATH_LINE, wide, cv2.LINE_AA, 4)
+            end = (int(pixels[-1, 0]), int(pixels[-1, 1]))
+            cv2.circle(picture, end, 16 * (wide + 2), PATH_LINE, cv2.FILLED, cv2.LINE_AA, 4)
+
+    def _wide(self, pixels: float) -> int:
+        """A line's width on this picture, of that on one 600 pixels high."""
+        return max(1, round(pixels * self._size[1] / 600))
+
+
+def _mesh(shape: Shape, colour: str) -> Mesh:
+    return shape_mesh(shape, COLOURS.get(colour, UNKNOWN_COLOUR))
+
+
+def _part(part: Part) -> Mesh:
+    return part_mesh(part.shape, part.holes, COLOURS.get(part.colour, UNKNOWN_COLOUR))
+
+
+def _body_mesh(body: Body) -> Mesh:
+    return joined(_mesh(shape, body.colour).placed(pose) for shape, pose in parts_of(body))
+
+
+def _pose(body: Body, links: Mapping[str, Pose]) -> Pose:
+    """What is held moves with the hand between two messages of the belief."""
+    return links.get(body.id, body.pose)

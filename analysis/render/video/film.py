@@ -1,0 +1,162 @@
+"""A film of a run, from its log alone."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from ....errors import PicktreeError
+from ....logs.run_log import RunLog
+from ..frames import moments
+from ..rasterizer import Picture
+from ..scene_view import Show
+from ..viewpoint import VIEWS, View
+from .encoding import require_encoder, write_gif, write_mp4
+from .frame_workers import Painters, Setup
+
+ENDINGS: Final = (".mp4", ".gif")
+HOLD = 2.0
+"""How long a failure stands in the film, s of the film."""
+_FEW = 60
+"""Frames for which further processes are not worth their start."""
+_SAMPLE = 5
+"""Pictures from which a GIF's colours are taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class FilmRequest:
+    """What a film shows and how. None takes what suits the kind of file."""
+
+    start: float = 0.0
+    """Simulated s."""
+    end: float | None = None
+    """Simulated s; None: of the last message."""
+    speed: float = 1.0
+    """Simulated seconds in a second of the film."""
+    fps: int | None = None
+    size: tuple[int, int] | None = None
+    """Pixels."""
+    view: View = VIEWS["corner"]
+    show: Show = "belief"
+    processes: int = 1
+    """How many draw; more than one only from a program whose main module may be imported again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """What was written."""
+
+    path: Path
+    frames: int
+    fps: int
+    size: tuple[int, int]
+    bytes: int
+    wall: float
+    """Seconds that it took."""
+
+    @property
+    def seconds(self) -> float:
+        """Length of the film, s."""
+        return self.frames / self.fps
+
+    def to_text(self) -> str:
+        return (
+            f"{self.path}: {self.seconds:.1f} s, {self.frames} frames of {self.size[0]} × {self.size[1]}, "
+            f"{self.bytes / 1e6:.1f} MB, made in {self.wall:.0f} s"
+        )
+
+    def to_json(self) -> dict[str, object]:
+        return {
+            "path": str(self.path),
+            "seconds": self.seconds,
+            "frames": self.frames,
+            "fps": self.fps,
+            "size": list(self.size),
+            "bytes": self.bytes,
+            "wall": self.wall,
+        }
+
+
+def film(
+    log: RunLog,
+    output: Path,
+    request: FilmRequest | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Film:
+    """Make the film `output`, an .mp4 or .gif. `progress` is told how many frames are done, of how many.
+
+    Whatever stops it leaves no file behind. Raises PicktreeError for a kind of file that is not known, a
+    span without a picture, and where the file cannot be written.
+    """
+    began = time.monotonic()
+    request = request or FilmRequest()
+    ending = output.suffix.lower()
+    if ending not in ENDINGS:
+        raise PicktreeError(f"{output}: a film is a file that ends in {' or '.join(ENDINGS)}")
+    require_encoder()
+    moving = ending == ".gif"
+    fps = request.fps or (10 if moving else 20)
+    size = request.size or ((640, 400) if moving else (960, 600))
+    if not moving and (size[0] % 2 or size[1] % 2):
+        raise PicktreeError(f"size {size[0]}x{size[1]}: the sides of an MP4 must be even")
+    start, end = _span(log, request)
+    count = max(1, round((end - start) / request.speed * fps))
+    times = [min(start + k * request.speed / fps, end) for k in range(count)]
+
+    def pictures(some: list[float], painters: Painters) -> Iterator[Picture]:
+        hold, speed = HOLD * request.speed, request.speed
+        frames = moments(log, some, (start, end), show=request.show, hold=hold, speed=speed, bar=True)
+        return painters.pictures(frames)
+
+    setup = Setup(log.robot_model(), request.view, size)
+    partial = output.with_name(f".{output.name}.partial")
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        partial.touch()
+    except OSError as error:
+        raise _refused(output, error) from None
+    try:
+        with Painters(setup, request.processes if count > _FEW else 1) as painters:
+            drawn = _counted(pictures(times, painters), count, progress)
+            if moving:
+                sample = list(pictures(times[:: max(1, math.ceil(count / _SAMPLE))], Painters(setup, 1)))
+                frames = write_gif(partial, drawn, size, fps, sample)
+            else:
+                frames = write_mp4(partial, drawn, size, fps)
+        written = partial.stat().st_size
+        partial.replace(output)
+    except OSError as error:
+        raise _refused(output, error) from None
+    finally:
+        partial.unlink(missing_ok=True)
+    return Film(output, frames, fps, size, written, time.monotonic() - began)
+
+
+def _refused(output: Path, error: OSError) -> PicktreeError:
+    return PicktreeError(f"{output} cannot be written: {(error.strerror or str(error)).lower()}")
+
+
+def _span(log: RunLog, request: FilmRequest) -> tuple[float, float]:
+    end = log.end if request.end is None else min(request.end, log.end)
+    if not request.speed > 0:
+        raise PicktreeError(f"speed {request.speed:g}: it must be more than 0")
+    if request.start >= log.end:
+        raise PicktreeError(
+            f"{log.path}: the run lasted {log.end:.2f} s; there is nothing from {request.start:g} s on"
+        )
+    if request.start < 0 or request.start >= end:
+        raise PicktreeError(f"from {request.start:g} s to {end:g} s there is nothing to film")
+    return request.start, end
+
+
+def _counted(
+    pictures: Iterable[Picture], count: int, progress: Callable[[int, int], None] | None
+) -> Iterator[Picture]:
+    for number, picture in enumerate(pictures, 1):
+        yield picture
+        if progress is not None:
+            progress(number, count)

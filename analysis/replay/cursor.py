@@ -1,0 +1,239 @@
+"""A cursor over a run: at one tick, moved by ticks, changes, failures, nodes, items and times."""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, TypeAlias, TypeVar
+
+from ...errors import PicktreeError
+from ...logs.run_log import At
+from ...logs.schema.records import Control, Event, Joints, Plan, Scene, Tree, TreeNode, WrenchReading
+from ...logs.visits import Visit
+from ..run import Run, TickAt
+from .node_names import fitting
+from .replay_course import Course, Move, Written, course_of
+
+Edge: TypeAlias = Literal["begin", "end"]
+R = TypeVar("R")
+
+_SLACK = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What happened after the tick `since`, up to and with the tick `to`, each in order."""
+
+    since: int
+    """-1: from the beginning on."""
+    to: int
+    moves: tuple[Move, ...]
+    writes: tuple[Written, ...]
+    belief: tuple[At[Event], ...]
+    """Changes of the belief."""
+    events: tuple[At[Event], ...]
+    """All others."""
+    plans: tuple[At[Plan], ...]
+
+
+class Cursor:
+    """Stands at a tick of a run; it begins at the last tick at `at` (simulated s) or before.
+
+    Movements raise PicktreeError with a sentence, and stay where they are, when there is nothing to go to.
+    """
+
+    def __init__(self, run: Run, at: float = 0.0) -> None:
+        self.run = run
+        self.number = run.ticks.number_at(at)
+
+    # Where it stands.
+
+    def __len__(self) -> int:
+        """How many ticks there are."""
+        return len(self.run.ticks)
+
+    @property
+    def time(self) -> float:
+        """Simulated s."""
+        return self.run.ticks.times[self.number]
+
+    @property
+    def tick(self) -> TickAt:
+        return self.run.ticks[self.number]
+
+    @property
+    def tree(self) -> Tree:
+        """The tree that was ticked."""
+        return self.run.tree_at(self.time)
+
+    @cached_property
+    def course(self) -> Course:
+        return course_of(self.run)
+
+    # Movements.
+
+    def to_tick(self, number: int) -> None:
+        if not 0 <= number < len(self):
+            raise PicktreeError(f"there is no tick {number}: the log has ticks 0 to {len(self) - 1}")
+        self.number = number
+
+    def to_time(self, time: float) -> None:
+        """To the last tick at `time` (simulated s) or before; beyond an end of the log to that end."""
+        self.number = self.run.ticks.number_at(time)
+
+    def step(self, ticks: int = 1) -> None:
+        """So many ticks on, or back when negative; at most to the end of the log."""
+        target = min(max(self.number + ticks, 0), len(self) - 1)
+        if target == self.number and ticks:
+            raise PicktreeError("this is the last tick" if ticks > 0 else "this is the first tick")
+        self.number = target
+
+    def next_change(self, *, back: bool = False) -> None:
+        """To the next tick in which a node began or ended."""
+        self._go([move.tick for move in self.course.moves], "change", back=back)
+
+    def next_failure(self, *, back: bool = False) -> Visit:
+        """To the next tick in which a node failed by itself; the visit that did."""
+        self._go([visit.last for visit in self.failures], "failure", back=back)
+        return next(visit for visit in self.failures if visit.last == self.number)
+
+    def next_of(self, node: str, edge: Edge = "begin", *, back: bool = False) -> Visit:
+        """To the next tick in which a node began or ended. `node` is a path, the end of one, a type, or a
+        pattern of paths with `*`; all nodes that it fits count."""
+        paths = {one.path for one in fitting(node, self.nodes)}
+        visits = [visit for visit in self.course.visits if visit.path in paths]
+        if edge == "end":
+            visits = [visit for visit in visits if visit.outcome != "RUNNING"]
+        where: Callable[[Visit], int] = lambda visit: visit.first if edge == "begin" else visit.last  # noqa: E731
+        self._go(sorted(where(visit) for visit in visits), f"{edge} of {node}", back=back)
+        return next(visit for visit in visits if where(visit) == self.number)
+
+    def next_stop(self, stops: Collection[tuple[str, Edge]], *, back: bool = False) -> None:
+        """To the next tick in which one of these nodes (by path) began or ended."""
+        edges = [
+            move.tick
+            for move in self.course.moves
+            if (move.transition.path, "begin" if move.transition.status == "RUNNING" else "end") in stops
+        ]
+        self._go(edges, "breakpoint that is met", back=back)
+
+    def next_item(self, item: str, *, back: bool = False) -> Visit:
+        """To the next tick in which a node began that is about this object."""
+        visits = [visit for visit in self.course.visits if visit.item == item]
+        if not visits:
+            raise PicktreeError(f"no node was about {item!r}")
+        self._go([visit.first for visit in visits], f"node about {item}", back=back)
+        return next(visit for visit in visits if visit.first == self.number)
+
+    # What is there.
+
+    @cached_property
+    def failures(self) -> tuple[Visit, ...]:
+        """The visits that failed by themselves, in the order of the failures; within a tick from below."""
+        failed = [visit for visit in self.course.visits if visit.failed_itself]
+        return tuple(sorted(failed, key=lambda visit: (visit.last, -visit.path.count("/"))))
+
+    @property
+    def failure(self) -> Visit | None:
+        """The last failure at the cursor or before; of several in one tick the lowest."""
+        before = [visit for visit in self.failures if visit.last <= self.number]
+        return next((visit for visit in before if visit.last == before[-1].last), None)
+
+    @property
+    def visits(self) -> tuple[Visit, ...]:
+        """Those that are under way at the cursor, or begin or end there; the outermost first."""
+        return tuple(
+            visit
+            for visit in self.course.visits
+            if visit.first <= self.number and (self.number <= visit.last or visit.outcome == "RUNNING")
+        )
+
+    def last_visit(self, path: str) -> Visit | None:
+        """The last visit of a node that began at the cursor or before."""
+        begun = [v for v in self.course.visits if v.path == path and v.first <= self.number]
+        return begun[-1] if begun else None
+
+    @property
+    def blackboard(self) -> Mapping[str, object]:
+        """All values by their full keys."""
+        end = bisect.bisect_right(self.course.writes, self.number, key=lambda written: written.tick)
+        return {one.write.key: one.write.value for one in self.course.writes[:end]}
+
+    @property
+    def belief(self) -> Scene | None:
+        at = self.run.log.belief_at(self.time)
+        return at.record if at else None
+
+    @property
+    def joints(self) -> Joints | None:
+        return next((at.record for at in self.run.log.joints(self.time, self.time)), None)
+
+    @property
+    def wrench(self) -> WrenchReading | None:
+        return next((at.record for at in self.run.log.wrenches(self.time, self.time)), None)
+
+    @property
+    def control(self) -> Control | None:
+        """None in older logs."""
+        return next((at.record for at in self.run.log.controls(self.time, self.time)), None)
+
+    @cached_property
+    def fingers(self) -> tuple[str, ...]:
+        """Names of the gripper's joints, each at a half of its opening; empty when the log does not tell."""
+        if "robot.yaml" not in self.run.log.attachments:
+            return ()
+        import yaml
+
+        try:
+            robot: Any = yaml.safe_load(self.run.log.attachment("robot.yaml"))
+            return tuple(str(name) for name in robot["gripper"]["joints"])
+        except (yaml.YAMLError, KeyError, TypeError):
+            return ()
+
+    def changes(self, since: int | None = None) -> Changes:
+        """What happened since the tick of that number; by default, and when that lies ahead, in this tick."""
+        if since is None or since >= self.number:
+            since = self.number - 1
+        begin = self.run.ticks.times[since] if since >= 0 else -1.0
+        events = _between(self.run.events, begin, self.time)
+        return Changes(
+            since,
+            self.number,
+            _of_ticks(self.course.moves, since, self.number),
+            _of_ticks(self.course.writes, since, self.number),
+            tuple(at for at in events if at.record.kind == "belief"),
+            tuple(at for at in events if at.record.kind != "belief"),
+            _between(self.run.plans, begin, self.time),
+        )
+
+    @property
+    def nodes(self) -> Sequence[TreeNode]:
+        """Of all trees of the run: some nodes may come up only in an edited mission."""
+        found = {node.path: node for at in self.run.trees for node in at.record.nodes}
+        return tuple(found.values())
+
+    def _go(self, numbers: Sequence[int], what: str, *, back: bool) -> None:
+        """To the nearest of the ticks with these rising numbers that lies ahead, or behind."""
+        if back:
+            place = bisect.bisect_left(numbers, self.number) - 1
+        else:
+            place = bisect.bisect_right(numbers, self.number)
+        if not 0 <= place < len(numbers):
+            raise PicktreeError(f"there is no {what} {'before' if back else 'after'} {self.time:.2f} s")
+        self.number = numbers[place]
+
+
+def _between(records: Sequence[At[R]], begin: float, end: float) -> tuple[At[R], ...]:
+    """Those after `begin`, up to `end`."""
+    first = bisect.bisect_right(records, begin + _SLACK, key=lambda at: at.time)
+    return tuple(records[first : bisect.bisect_right(records, end + _SLACK, key=lambda at: at.time)])
+
+
+M = TypeVar("M", Move, Written)
+
+
+def _of_ticks(ones: tuple[M, ...], since: int, to: int) -> tuple[M, ...]:
+    first = bisect.bisect_right(ones, since, key=lambda one: one.tick)
+    return ones[first : bisect.bisect_right(ones, to, key=lambda one: one.tick)]

@@ -1,0 +1,51 @@
+"""Nodes by what people call them: a path, the end of one, a type, or a pattern."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from typing import Protocol, TypeVar
+
+from ...errors import PicktreeError
+from ...files.spelling import nearest
+
+
+class Named(Protocol):
+    @property
+    def path(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def id(self) -> str:
+        """Registered name, such as `Grasp`."""
+        ...
+
+
+N = TypeVar("N", bound=Named)
+
+
+def fitting(text: str, nodes: Sequence[N]) -> list[N]:
+    """The nodes of that path, or else with a path that ends so, or else of that type; with `*` in it those
+    whose path or end of a path it matches. Raises PicktreeError, with what may have been meant, for none."""
+    if "*" in text:
+        found = [n for n in nodes if fnmatchcase(n.path, text) or fnmatchcase(n.path, f"*/{text}")]
+        if found:
+            return found
+    for fits in (
+        [node for node in nodes if node.path == text],
+        [node for node in nodes if node.path.endswith(f"/{text}")],
+        [node for node in nodes if node.id == text],
+    ):
+        if fits:
+            return fits
+    hint = nearest(text, [*(node.name for node in nodes), *(node.path for node in nodes)])
+    raise PicktreeError(f"no node fits {text!r}" + (f" ({hint})" if hint.startswith("did") else ""))
+
+
+def one_fitting(text: str, nodes: Sequence[N], *, most: int = 10) -> N:
+    """The only such node. Raises PicktreeError with the names of `most` of them when there are several."""
+    found = fitting(text, nodes)
+    if len(found) > 1:
+        named = ", ".join(node.path for node in found[:most]) + (", …" if len(found) > most else "")
+        raise PicktreeError(f"{len(found)} nodes fit {text!r}: {named}")
+    return found[0]

@@ -1,0 +1,1 @@
+"""What several panels of a report share: packing, motions, ticks, texts."""

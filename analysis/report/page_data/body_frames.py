@@ -1,0 +1,145 @@
+"""What moved in a run, tick by tick: frames of links and cameras, bodies as believed, bodies as they were."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....logs.schema.records import Body
+from ....world.values import Array
+from ...run import Run
+from .poses import row
+
+Flags = NDArray[np.bool_]
+Span = tuple[int, int]
+"""First and last tick, both included."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frames:
+    """Every frame of `/tf` in the world at each tick: (n, 7), NaN where it is not there."""
+
+    tracks: Mapping[str, Array]
+    ticks: int
+
+    def track(self, name: str) -> Array:
+        found = self.tracks.get(name)
+        return np.full((self.ticks, 7), np.nan) if found is None else found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A body as it is thought to be from one tick on."""
+
+    tick: int
+    body: Body
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Believed:
+    """One body of the belief over the run."""
+
+    id: str
+    track: Array
+    """(n, 7) in the world, NaN where the robot knows nothing of it."""
+    held: Flags
+    looks: tuple[Look, ...]
+
+    @property
+    def present(self) -> Flags:
+        return ~np.isnan(self.track[:, 0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sampled:
+    """One true body at the times at which the simulator's truth was written down."""
+
+    body: Body
+    ticks: NDArray[np.int64]
+    poses: Array
+    """(samples, 7)."""
+
+
+def frames_of(run: Run) -> Frames:
+    number = {time: k for k, time in enumerate(run.ticks.times)}
+    tracks: dict[str, Array] = {}
+    for at in run.log.transforms():
+        tick = number.get(at.time)
+        if tick is None:
+            continue
+        for transform in at.record:
+            track = tracks.get(transform.child)
+            if track is None:
+                track = tracks[transform.child] = np.full((len(number), 7), np.nan)
+            track[tick] = row(transform.pose)
+    return Frames(tracks, len(number))
+
+
+def believed_of(run: Run, frames: Frames) -> list[Believed]:
+    """In the order in which they were first believed."""
+    ticks = len(run.ticks)
+    looks: dict[str, list[Look]] = {}
+    held: dict[str, Flags] = {}
+    for at in run.log.beliefs():
+        tick = run.ticks.number_at(at.time)
+        for flags in held.values():
+            flags[tick:] = False
+        for body in at.record.bodies:
+            seen = looks.setdefault(body.id, [])
+            if not seen or _differs(seen[-1].body, body):
+                seen.append(Look(tick, body))
+            held.setdefault(body.id, np.zeros(ticks, dtype=np.bool_))[tick:] = body.attached
+    return [Believed(name, frames.track(name), held[name], tuple(found)) for name, found in looks.items()]
+
+
+def truths_of(run: Run) -> list[Sampled]:
+    """Up to the tick at which a fault took a body away."""
+    bodies: dict[str, Body] = {}
+    found: dict[str, list[tuple[int, tuple[float, ...]]]] = {}
+    taken = _taken(run)
+    for at in run.log.truths():
+        tick = run.ticks.number_at(at.time)
+        for body in at.record.bodies:
+            if tick > taken.get(body.id, tick):
+                continue
+            bodies[body.id] = body
+            samples = found.setdefault(body.id, [])
+            if samples and samples[-1][0] == tick:
+                samples.pop()
+            samples.append((tick, row(body.pose)))
+    for name, tick in taken.items():
+        if name in found and found[name][-1][0] < tick:
+            found[name].append((tick, found[name][-1][1]))
+    return [
+        Sampled(
+            bodies[name], np.array([tick for tick, _ in samples]), np.array([pose for _, pose in samples])
+        )
+        for name, samples in found.items()
+    ]
+
+
+def _taken(run: Run) -> dict[str, int]:
+    """The tick at which it was taken away, by the true body's id."""
+    taken: dict[str, int] = {}
+    for at in run.events:
+        data = at.record.data
+        if at.record.kind == "fault" and (data.get("fault") == "remove" or data.get("gone")):
+            taken[str(data.get("item") or data.get("obstacle") or "")] = run.ticks.number_at(at.time)
+    return taken
+
+
+def spans(flags: Flags) -> list[Span]:
+    """Where they are true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(first), int(after) - 1) for first, after in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _differs(a: Body, b: Body) -> bool:
+    return _look(a) != _look(b)
+
+
+def _look(body: Body) -> tuple[object, ...]:
+    return body.shape, body.colour, body.kind, body.role, body.place, body.blocks

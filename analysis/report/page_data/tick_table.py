@@ -1,0 +1,111 @@
+"""All ticks of a run at once: the status of each node and what was written to the blackboard.
+
+The ticks are read as plain JSON here, several times as fast as into records: a report reads all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+
+from ....errors import PicktreeError
+from ....logs.schema import topics
+from ....logs.schema.records import Write
+from ...run import Run
+from .node_order import RunNode, nodes_of
+
+STATUSES: Final = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+"""A status by its code."""
+ABSENT: Final = 255
+"""The code of a node that is not in the tree of that tick."""
+TICKED: Final = 8
+"""Added to the code where the tick reached the node."""
+
+_Json: TypeAlias = Mapping[str, Any]
+_CODES: Final = {status: code for code, status in enumerate(STATUSES)}
+
+
+@dataclass(frozen=True, slots=True)
+class TickWrite:
+    """A write to the blackboard, with the number of its tick."""
+
+    tick: int
+    write: Write
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What a failing node said in a tick."""
+
+    cause: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TickTable:
+    nodes: tuple[RunNode, ...]
+    times: NDArray[np.float64]
+    """(ticks,) simulated s."""
+    codes: NDArray[np.uint8]
+    """(nodes, ticks): status codes, `TICKED` added; or `ABSENT`."""
+    writes: tuple[TickWrite, ...]
+    said: Mapping[tuple[int, int], Said]
+    """By node and tick: of failures."""
+
+    @property
+    def statuses(self) -> NDArray[np.uint8]:
+        """(nodes, ticks): the codes without `TICKED`."""
+        return np.where(self.codes == ABSENT, ABSENT, self.codes % TICKED).astype(np.uint8)
+
+
+_TABLES: WeakKeyDictionary[Run, TickTable] = WeakKeyDictionary()
+
+
+def tick_table(run: Run) -> TickTable:
+    """Read once for each run. Raises PicktreeError where the log is damaged."""
+    table = _TABLES.get(run)
+    if table is None:
+        table = _TABLES[run] = _read(run)
+    return table
+
+
+def _read(run: Run) -> TickTable:
+    nodes = nodes_of(at.record for at in run.trees)
+    numbers = {node.path: number for number, node in enumerate(nodes)}
+    times: list[float] = []
+    writes: list[TickWrite] = []
+    said: dict[tuple[int, int], Said] = {}
+    columns: list[NDArray[np.uint8]] = []
+    for time, tick in _ticks(run):
+        number = len(times)
+        times.append(time)
+        column = np.full(len(nodes), ABSENT, dtype=np.uint8)
+        for node in tick["nodes"]:
+            row = numbers.get(node["path"])
+            if row is None:
+                continue
+            column[row] = _CODES.get(node["status"], 0) + (TICKED if node["ticked"] else 0)
+            if node["status"] == "FAILURE" and node["ticked"]:
+                said[row, number] = Said(node.get("cause", ""), node.get("message", ""))
+        columns.append(column)
+        for write in tick.get("writes", ()):
+            writes.append(TickWrite(number, Write(write["key"], write["value"], write["node"])))
+    codes = np.array(columns, dtype=np.uint8).reshape(len(times), len(nodes)).T
+    return TickTable(nodes, np.array(times), np.ascontiguousarray(codes), tuple(writes), said)
+
+
+def _ticks(run: Run) -> Iterator[tuple[float, _Json]]:
+    for message in run.log.messages([topics.TICK.name]):
+        time = message.time / 1e9
+        try:
+            tick = orjson.loads(message.data)
+            assert isinstance(tick["nodes"], list)
+        except (ValueError, KeyError, TypeError, AssertionError) as error:
+            raise PicktreeError(f"{run.path}: {message.topic} at {time:.2f} s: unreadable: {error}") from None
+        yield time, tick

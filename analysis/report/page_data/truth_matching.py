@@ -1,0 +1,93 @@
+"""The truth between the seconds at which it was written down, and which true body is which believed one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ....world.values import Array
+from .body_frames import Believed, Sampled
+from .poses import between, composed, filled, inverse
+
+RIDES = 0.03
+"""A held body that is truly within this distance (m) of where it is believed moves with the hand."""
+FAR = 0.3
+"""Distances (m) beyond it tell nothing more of which body is which."""
+NEVER = 10.0
+"""What an item costs that would be an obstacle, m."""
+UNLIKE = 0.1
+"""What another kind or another colour counts for in a match, m each."""
+
+
+def matched(believed: Sequence[Believed], truths: Sequence[Sampled]) -> list[int | None]:
+    """For each true body the believed one (its number), or None: with the least sum of mean distances."""
+    from scipy.optimize import linear_sum_assignment
+
+    costs = np.array([[_cost(one, truth) for one in believed] for truth in truths])
+    found: list[int | None] = [None] * len(truths)
+    if not costs.size:
+        return found
+    for truth, column in zip(*linear_sum_assignment(costs), strict=True):
+        if costs[truth, column] < FAR + UNLIKE:
+            found[int(truth)] = int(column)
+    return found
+
+
+def _cost(one: Believed, truth: Sampled) -> float:
+    poses = one.track[truth.ticks]
+    there = ~np.isnan(poses[:, 0])
+    body = one.looks[-1].body
+    if body.role != truth.body.role:
+        return NEVER
+    unlike = UNLIKE * ((body.kind != truth.body.kind) + (body.colour != truth.body.colour))
+    if not there.any():
+        return FAR + UNLIKE + unlike
+    apart = np.linalg.norm(poses[there, :3] - truth.poses[there, :3], axis=1)
+    return float(np.median(np.minimum(apart, FAR))) + unlike
+
+
+def track(truth: Sampled, one: Believed | None, ticks: int) -> Array:
+    """Where a true body was at each tick: (n, 7), NaN before its first and after its last sample.
+
+    Between two samples it moves with the believed one while both agree that it is in the hand, and straight
+    from one to the other else; it was not recorded there.
+    """
+    found = np.full((ticks, 7), np.nan)
+    poses = None if one is None else filled(one.track)
+    for k in range(len(truth.ticks)):
+        first = int(truth.ticks[k])
+        last = int(truth.ticks[k + 1]) if k + 1 < len(truth.ticks) else ticks - 1
+        if k + 1 == len(truth.ticks):
+            found[first] = truth.poses[k]
+            continue
+        span = np.arange(first, last + 1)
+        share = (span - first) / max(last - first, 1)
+        start, end = (np.tile(truth.poses[n], (len(span), 1)) for n in (k, k + 1))
+        held = np.zeros(len(span), dtype=np.bool_) if one is None else one.held[span]
+        if poses is None or not held.any():
+            found[span] = between(start, end, share)
+        else:
+            found[span] = _in_hand(poses[span], held, start, end, share)
+    return found
+
+
+def _in_hand(poses: Array, held: np.ndarray, start: Array, end: Array, share: Array) -> Array:
+    """From one sample to the next, in which the robot holds the body all the time or a part of it."""
+    before = composed(inverse(poses[:1]), start[:1])
+    after = composed(inverse(poses[-1:]), end[-1:])
+    rides_before = held[0] and np.linalg.norm(before[0, :3]) < RIDES
+    rides_after = held[-1] and np.linalg.norm(after[0, :3]) < RIDES
+    ones = np.ones((len(poses), 1))
+    if rides_before and rides_after:
+        return composed(poses, between(ones * before, ones * after, share))
+    if rides_after:  # taken in between
+        taken = int(np.argmax(held))
+        riding = composed(poses, ones * after)
+        return np.where(np.arange(len(poses))[:, None] < taken, start, riding)
+    if rides_before:  # let go of, or lost
+        let_go = int(np.argmin(held)) if not held.all() else 0
+        riding = composed(poses, ones * before)
+        rest = np.clip((np.arange(len(poses)) - let_go) / max(len(poses) - 1 - let_go, 1), 0.0, 1.0)
+        return between(riding, end, rest)
+    return between(start, end, share)

@@ -1,0 +1,168 @@
+"""What the blackboard and the belief held at each moment."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import orjson
+
+from ....logs.schema.records import Body
+from ....world.values import Pose
+from ...run import Run
+from ..page_data.body_motion import Deviation, Motion, deviations, motion_of
+from ..page_data.packing import Packable, Section, quantised
+from ..page_data.string_table import Words
+from ..page_data.tick_table import TickTable, tick_table
+
+_STILL: Final = 2e-4
+"""A change of a believed position below this is none, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """An object as it is believed from a moment on; `body` is None when it is believed no more."""
+
+    time: float
+    id: str
+    body: Body | None
+
+
+def pack_board(run: Run) -> Section:
+    table = tick_table(run)
+    seen = sightings(run)
+    if not table.writes and not seen:
+        return Section("board", {"empty": "The log holds neither a blackboard nor a belief."})
+    return Section(
+        "board", {"writes": _writes(table), "belief": _belief(seen), "truth": _truth(motion_of(run))}
+    )
+
+
+def sightings(run: Run) -> tuple[Sighting, ...]:
+    """Every change of the belief in an item, in the order of time."""
+    found: list[Sighting] = []
+    present: dict[str, Body] = {}
+    for at in run.log.beliefs():
+        now = {body.id: body for body in at.record.bodies}
+        for name in [name for name in present if name not in now]:
+            del present[name]
+            found.append(Sighting(at.time, name, None))
+        for name, body in now.items():
+            before = present.get(name)
+            if before is None or _differs(before, body):
+                present[name] = body
+                found.append(Sighting(at.time, name, body))
+    return tuple(found)
+
+
+def _differs(before: Body, after: Body) -> bool:
+    moved = math.dist(before.pose.position, after.pose.position) > _STILL
+    turned = before.pose.orientation != after.pose.orientation and _angle(before.pose, after.pose) > 0.005
+    return moved or turned or any(
+        getattr(before, name) != getattr(after, name)
+        for name in ("kind", "colour", "role", "place", "attached", "confidence", "last_seen")
+    )  # fmt: skip
+
+
+def _angle(a: Pose, b: Pose) -> float:
+    """Between two orientations, rad."""
+    dot = abs(sum(p * q for p, q in zip(a.orientation, b.orientation, strict=True)))
+    return 2.0 * math.acos(min(dot, 1.0))
+
+
+def yaw_and_tilt(pose: Pose) -> tuple[float, float]:
+    """About the vertical, and of the object's own z axis from it; rad."""
+    x, y, z, w = pose.orientation
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return yaw, math.acos(max(-1.0, min(1.0, 1 - 2 * (x * x + y * y))))
+
+
+def _writes(table: TickTable) -> Packable:
+    words = Words()
+    return {
+        "tick": np.array([written.tick for written in table.writes], dtype=np.uint32),
+        "key": words.numbers([written.write.key for written in table.writes]),
+        "value": words.numbers([_json(written.write.value) for written in table.writes]),
+        "node": words.numbers([written.write.node for written in table.writes]),
+        "words": list(words.texts),
+    }
+
+
+def _json(value: object) -> str:
+    return orjson.dumps(value).decode()
+
+
+def _belief(seen: Sequence[Sighting]) -> Packable:
+    """Column by column: positions in m, angles in rad, NaN for an object that is believed no more."""
+    words = Words()
+    bodies = [sighting.body for sighting in seen]
+    nothing = (math.nan,) * 7
+    numbers = np.array([nothing if body is None else _numbers(body) for body in bodies]).reshape(len(seen), 7)
+    steps = (1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-2, 1e-2)
+    names = ("x", "y", "z", "yaw", "tilt", "confidence", "last_seen")
+    texts = {
+        name: words.numbers(["" if body is None else str(getattr(body, name)) for body in bodies])
+        for name in ("kind", "colour", "role", "place")
+    }
+    return {
+        "time": np.array([sighting.time for sighting in seen], dtype=np.float64),
+        "object": words.numbers([sighting.id for sighting in seen]),
+        "there": np.array([body is not None for body in bodies], dtype=np.uint8),
+        "attached": np.array([body is not None and body.attached for body in bodies], dtype=np.uint8),
+        **texts,
+        **{name: quantised(numbers[:, k], steps[k]) for k, name in enumerate(names)},
+        "words": list(words.texts),
+    }
+
+
+def _numbers(body: Body) -> tuple[float, ...]:
+    return (*body.pose.position, *yaw_and_tilt(body.pose), body.confidence, body.last_seen)
+
+
+def _truth(motion: Motion) -> Packable:
+    """`distance` in mm by object; of a believed object that was not there any more, NaN. `unknown`: what
+    was there and the robot did not believe in, whenever that is something else than before."""
+    told = sorted(deviations(motion), key=lambda one: one.tick)
+    believed = [one for one in told if one.object]
+    words = Words()
+    return {
+        "tick": np.array([one.tick for one in believed], dtype=np.uint32),
+        "object": words.numbers([one.object for one in believed]),
+        "true": words.numbers([one.body.id for one in believed]),
+        "distance": quantised(np.array([1000.0 * one.distance for one in believed]), 0.1),
+        "gone": _gone(motion),
+        "unknown": [{"tick": tick, "bodies": list(bodies)} for tick, bodies in unknown_bodies(told, motion)],
+        "words": list(words.texts),
+    }
+
+
+def _gone(motion: Motion) -> list[Packable]:
+    """Since when a believed object stands for nothing, by its id: a fault took it away."""
+    last = max((int(truth.ticks[-1]) for truth in motion.truths), default=0)
+    return [
+        {"object": motion.believed[partner].id, "tick": int(truth.ticks[-1])}
+        for truth, partner in zip(motion.truths, motion.partners, strict=True)
+        if partner is not None and int(truth.ticks[-1]) < last
+    ]
+
+
+def unknown_bodies(told: Sequence[Deviation], motion: Motion) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Ticks at which other bodies are unknown to the robot than before, and which they are from then on."""
+    ends = {truth.body.id: int(truth.ticks[-1]) for truth in motion.truths}
+    last = max(ends.values(), default=0)
+    unknown: dict[str, str] = {}
+    before: tuple[str, ...] = ()
+    for tick, group in itertools.groupby(told, key=lambda one: one.tick):
+        for one in group:
+            unknown.pop(one.body.id, None)
+            gone = tick == ends[one.body.id] < last
+            if not one.object and not gone:
+                unknown[one.body.id] = f"{one.body.colour} {one.body.kind} ({one.body.id})"
+        bodies = tuple(unknown[name] for name in sorted(unknown))
+        if bodies != before:
+            before = bodies
+            yield tick, bodies

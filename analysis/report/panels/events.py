@@ -1,0 +1,83 @@
+"""What the list of events shows: what happened, plans and changes of the belief among it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from ....logs.schema.records import Plan
+from ...run import Run
+from ..page_data.packing import Section
+from ..page_data.string_table import Words
+
+_REPEATED: Final = frozenset({"image"})
+"""Kinds that have a panel of their own."""
+_RANKS: Final = {"failure": 1, "recovery": 2, "handled": 3}
+"""What follows from what within one tick."""
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    time: float
+    """Simulated s."""
+    kind: str
+    text: str
+    node: str
+
+
+def pack_events(run: Run) -> Section:
+    found = happenings(run)
+    if not found:
+        return Section("events", {"empty": "The log tells of no event."})
+    words = Words()
+    return Section(
+        "events",
+        {
+            "time": np.array([one.time for one in found], dtype=np.float64),
+            "kind": words.numbers([one.kind for one in found]),
+            "text": words.numbers([one.text for one in found]),
+            "node": words.numbers([one.node for one in found]),
+            "words": list(words.texts),
+        },
+    )
+
+
+def happenings(run: Run) -> tuple[Happening, ...]:
+    """In the order of time; in one tick failures before what is done about them."""
+    found = [*_events(run), *_plans(run), *_lines(run)]
+    return tuple(sorted(found, key=lambda one: (one.time, _RANKS.get(one.kind, 0))))
+
+
+def _events(run: Run) -> Iterator[Happening]:
+    for at in run.events:
+        event = at.record
+        if event.kind not in _REPEATED:
+            yield Happening(at.time, event.kind, event.message, event.node)
+
+
+def _plans(run: Run) -> Iterator[Happening]:
+    for at in run.plans:
+        kind = "plan" if at.record.outcome == "found" else "no plan"
+        yield Happening(at.time, kind, plan_words(at.record), "")
+
+
+def plan_words(plan: Plan) -> str:
+    """A plan in one line."""
+    cost = f"{plan.checks} checks by {plan.planner}" if plan.planner else f"{plan.checks} checks"
+    if plan.outcome == "found":
+        return f"{plan.request}: {plan.duration:.2f} s of motion, {cost}"
+    said = f": {plan.message}" if plan.message else ""
+    return f"{plan.request}: {plan.outcome}{said} ({cost})"
+
+
+def _lines(run: Run) -> Iterator[Happening]:
+    """Lines for people that no event tells: failures, and what the mission itself says."""
+    told = {(at.time, at.record.message) for at in run.events}
+    for at in run.lines:
+        line = at.record
+        if (at.time, line.message) not in told:
+            kind = "failure" if line.level in ("ERROR", "FATAL") else "log"
+            yield Happening(at.time, kind, line.message, line.name)

@@ -1,0 +1,106 @@
+"""What run a report is of, and what all panels share: the times of its ticks, its failures, its landmarks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...explain.investigation.explanation import Outcome
+from ...run import Run
+from ..page_data.packing import Packable, Section
+
+_WORDS = {"success": "success", "paused": "open", "interrupted": "open", "killed": "open"}
+"""Of the outcome's colour; anything else is a failure."""
+
+
+def pack_run(run: Run) -> Section:
+    explanation = run.explanation
+    failures: list[Packable] = [
+        {
+            "time": story.time,
+            "tick": story.tick,
+            "node": story.node,
+            "cause": story.cause,
+            "item": story.item,
+            "fate": story.fate,
+        }
+        for story in explanation.failures
+    ]
+    done: list[Packable] = [
+        {"time": at.time, "label": at.record.message} for at in run.events if at.record.kind == "item_done"
+    ]
+    faults: list[Packable] = [
+        {"time": at.time, "label": at.record.message} for at in run.events if at.record.kind == "fault"
+    ]
+    return Section(
+        "run",
+        {
+            "mission": run.info.mission,
+            "remark": f"{run.info.scene} · seed {run.info.seed}",
+            "outcome": _outcome(explanation.outcome),
+            "facts": [[name, value] for name, value in _facts(run)],
+            "notes": list(_notes(run)),
+            "times": np.array(run.ticks.times, dtype=np.float64),
+            "failures": failures,
+            "done": done,
+            "faults": faults,
+        },
+    )
+
+
+def summary(run: Run) -> str:
+    """The run in one line."""
+    outcome = run.explanation.outcome
+    items = _items(outcome)
+    return f"{run.info.mission}, seed {run.info.seed}: {outcome.status}" + (f", {items}" if items else "")
+
+
+def _outcome(outcome: Outcome) -> Packable:
+    return {
+        "word": outcome.status,
+        "kind": _WORDS.get(outcome.status, "failure"),
+        "sentence": outcome.sentence,
+        "items": _items(outcome),
+    }
+
+
+def _items(outcome: Outcome) -> str:
+    if outcome.items_total is None:
+        return ""
+    return f"{outcome.items_sorted} of {outcome.items_total} items sorted"
+
+
+def _facts(run: Run) -> list[tuple[str, str]]:
+    """Name and value, in the order in which they are worth reading."""
+    info, result = run.info, run.result
+    rows = [
+        ("Outcome", run.explanation.outcome.sentence),
+        ("Mission", info.mission),
+        ("Scene", info.scene),
+        ("Robot", info.robot),
+        ("Seed", str(info.seed)),
+        ("Backend", info.backend),
+        ("Simulated", f"{run.end:.2f} s in {len(run.ticks)} ticks of {info.tick:g} s"),
+    ]
+    if info.parameters:
+        rows.append(("Parameters", ", ".join(f"{name}={value}" for name, value in info.parameters.items())))
+    if result is not None:
+        picks = result.picks
+        rows.append(("Grasps", f"{picks.held} of {picks.tried} held"))
+        rows.append(("Thinking", "charged" if result.thinking_charged else "takes no simulated time"))
+        rows.append(("Digest", result.digest))
+    rows.append(("picktree", " ".join(filter(None, (info.versions.get("picktree", ""), info.revision)))))
+    rows.append(("Log", str(run.path)))
+    return rows
+
+
+def _notes(run: Run) -> list[str]:
+    """What a reader must know before they believe the page."""
+    notes: list[str] = []
+    if run.recovered:
+        notes.append(run.recovered)
+    if run.log.format < 2:
+        notes.append(
+            "A log of format 1: it does not tell when nodes began and ended. Failures and lanes are what the "
+            "statuses of its ticks tell."
+        )
+    return notes

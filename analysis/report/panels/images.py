@@ -1,0 +1,133 @@
+"""What the camera saw: its images at their times, small enough for the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ....logs.run_log import At, Shot
+from ...run import Run
+from ..page_data.packing import Packable, Section
+
+BUDGET: Final = 1_000_000
+"""Bytes of all images together; base64 makes a third more of them."""
+_QUALITIES: Final = (80, 60, 45)
+_SMALLEST: Final = 160
+"""Width below which an image would tell nothing, pixels."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """One shot as the page shows it: WebP files."""
+
+    camera: str
+    time: float
+    colour: bytes
+    depth: bytes
+    nearest: float
+    """Depth in m of the first colour of the scale, and of the last."""
+    farthest: float
+
+
+def pack_images(run: Run, budget: int = BUDGET) -> Section:
+    """All shots, or as many as `budget` bytes hold, evenly over the run."""
+    shots = [shot for camera in run.log.cameras for shot in run.log.shots(camera)]
+    if not shots:
+        return Section("images", {"empty": "No camera took an image in this run."})
+    shots.sort(key=lambda at: at.time)
+    pictures = fitting(shots, budget)
+    findings = {
+        round(at.time, 3): at.record.data.get("findings") for at in run.events if at.record.kind == "image"
+    }
+    left_out = len(shots) - len(pictures)
+    return Section(
+        "images",
+        {
+            "images": [_packed(picture, findings.get(round(picture.time, 3))) for picture in pictures],
+            "note": f"{left_out} of {len(shots)} images are left out to keep this page small."
+            if left_out
+            else "",
+        },
+    )
+
+
+def fitting(shots: Sequence[At[Shot]], budget: int) -> list[Picture]:
+    """The shots in the best quality that `budget` allows; fewer of them when even the smallest are too
+    many, the first and the last among them."""
+    some = [shots[k] for k in range(0, len(shots), max(len(shots) // 8, 1))]
+    for width, quality in _looks(shots[0].record.colour.shape[1]):
+        mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
+        if 1.1 * mean * len(shots) <= budget:
+            return _pictures(shots, width, quality)
+    width, quality = _looks(shots[0].record.colour.shape[1])[-1]
+    mean = sum(map(_size, _pictures(some, width, quality))) / len(some)
+    count = max(int(budget / (1.1 * mean)), 1)
+    chosen = sorted({round(float(k)) for k in np.linspace(0, len(shots) - 1, count)})
+    return _pictures([shots[k] for k in chosen], width, quality)
+
+
+def _looks(width: int) -> list[tuple[int, int]]:
+    """Width and quality, from the best to the least."""
+    whole = min(width, 640)
+    small = [(max(whole // 2, _SMALLEST), 60)] if whole > _SMALLEST else []
+    return [*((whole, quality) for quality in _QUALITIES), *small]
+
+
+def _size(picture: Picture) -> int:
+    return len(picture.colour) + len(picture.depth)
+
+
+def _pictures(shots: Sequence[At[Shot]], width: int, quality: int) -> list[Picture]:
+    return [_picture(shot, width, quality) for shot in shots]
+
+
+def _picture(at: At[Shot], width: int, quality: int) -> Picture:
+    shot = at.record
+    known = shot.depth[shot.depth > 0.0]
+    nearest, farthest = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    colour = cv2.cvtColor(shot.colour, cv2.COLOR_RGB2BGR).astype(np.uint8)
+    return Picture(
+        shot.camera,
+        at.time,
+        _webp(colour, width, quality),
+        _webp(_coloured(shot.depth, nearest, farthest), width, quality),
+        nearest,
+        farthest,
+    )
+
+
+def _coloured(depth: NDArray[np.float32], nearest: float, farthest: float) -> NDArray[np.uint8]:
+    """Depth as BGR: bright is near, black is unknown."""
+    span = max(farthest - nearest, 1e-6)
+    levels = np.clip(255.0 * (farthest - depth) / span, 0.0, 255.0).astype(np.uint8)
+    coloured = cv2.applyColorMap(levels, cv2.COLORMAP_VIRIDIS).astype(np.uint8)
+    coloured[depth <= 0.0] = 0
+    return coloured
+
+
+def _webp(image: NDArray[np.uint8], width: int, quality: int) -> bytes:
+    height = max(round(image.shape[0] * width / image.shape[1]), 1)
+    if width < image.shape[1]:
+        image = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA).astype(np.uint8)
+    done, data = cv2.imencode(".webp", image, (cv2.IMWRITE_WEBP_QUALITY, quality))
+    if not done:
+        raise ValueError("the image cannot be encoded")
+    return data.tobytes()
+
+
+def _packed(picture: Picture, findings: object) -> Packable:
+    found = [str(line) for line in findings] if isinstance(findings, list) else []  # pyright: ignore
+    return {
+        "camera": picture.camera,
+        "time": picture.time,
+        "colour": np.frombuffer(picture.colour, dtype=np.uint8),
+        "depth": np.frombuffer(picture.depth, dtype=np.uint8),
+        "nearest": picture.nearest,
+        "farthest": picture.farthest,
+        "findings": found,
+    }

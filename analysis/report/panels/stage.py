@@ -1,0 +1,187 @@
+"""The scene in motion for the panel that shows it in 3-D: the robot, belief, truth, plans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ....errors import PicktreeError
+from ....robots.loading import parse_robot
+from ....world.values import Array, Pose
+from ...run import Run
+from ..page_data.body_frames import Believed, Frames, Sampled, spans
+from ..page_data.body_motion import motion_of
+from ..page_data.packing import Packable, Quantised, Section, quantised
+from ..page_data.poses import composed, continuous, filled, inverse, row
+from ..page_data.truth_matching import track
+from .models import packed_body, packed_link, packed_part, packed_shape, rgb
+
+METRES, TURNS = 1e-4, 2e-5
+"""Grain of positions, and of the components of quaternions."""
+LINGERS = 0.4
+"""How long the path of a motion is shown beyond its planned end, s."""
+CONSIDERED = 2.0
+"""How long the candidates of a choice are shown, s."""
+
+
+def pack_stage(run: Run) -> Section:
+    motion = motion_of(run)
+    frames, believed, truths, partners = motion.frames, motion.believed, motion.truths, motion.partners
+    models = run.log.robot_model()
+    links = [model.link for model in models if model.link in frames.tracks]
+    return Section(
+        "stage",
+        {
+            "models": [packed for m in models if m.link in links and (packed := packed_link(m)) is not None],
+            "links": list(links),
+            "chain": [_pose_track(track) for track in _chain(frames, links)],
+            "tool": _tool(run, links),
+            "objects": [_object(one) for one in believed],
+            "truths": [
+                _truth(truth, None if partner is None else believed[partner], partner, frames.ticks)
+                for truth, partner in zip(truths, partners, strict=True)
+            ],
+            "fixed": _fixed(run),
+            "plans": _plans(run),
+            "choices": _choices(run),
+            "cameras": _cameras(run, frames),
+        },
+    )
+
+
+def _chain(frames: Frames, links: Sequence[str]) -> list[Array]:
+    """Each link in the frame of the one before it, the first in the world: that way little changes."""
+    tracks = [filled(frames.track(link)) for link in links]
+    return [tracks[k] if k == 0 else composed(inverse(tracks[k - 1]), tracks[k]) for k in range(len(tracks))]
+
+
+def _pose_track(track: Array) -> Packable:
+    smooth = continuous(track)
+    return {"p": _grained(smooth[:, :3], METRES), "q": _grained(smooth[:, 3:], TURNS)}
+
+
+def _grained(values: Array, grain: float) -> Quantised:
+    return quantised(values, grain)
+
+
+def _tool(run: Run, links: Sequence[str]) -> Packable:
+    """The point between the fingers: a link's place in the chain and a pose in it."""
+    if not links:
+        return None
+    try:
+        text = run.log.attachment("robot.yaml").decode("utf-8", "replace")
+        robot = parse_robot(text, run.path)
+    except (PicktreeError, OSError):
+        return {"link": len(links) - 1, "at": list(row(Pose()))}
+    if robot.tcp_link not in links:
+        return {"link": len(links) - 1, "at": list(row(Pose()))}
+    return {"link": links.index(robot.tcp_link), "at": list(row(robot.tcp_in_link))}
+
+
+def _object(one: Believed) -> Packable:
+    return {
+        "id": one.id,
+        "looks": [
+            {
+                "tick": look.tick,
+                "shape": packed_body(look.body),
+                "colour": rgb(look.body.colour),
+                "kind": look.body.kind,
+                "role": look.body.role,
+                "place": look.body.place,
+            }
+            for look in one.looks
+        ],
+        "present": [list(span) for span in spans(one.present)],
+        "held": [list(span) for span in spans(one.held)],
+        "track": _pose_track(filled(one.track)),
+    }
+
+
+def _truth(truth: Sampled, one: Believed | None, partner: int | None, ticks: int) -> Packable:
+    poses = track(truth, one, ticks)
+    return {
+        "id": truth.body.id,
+        "kind": truth.body.kind,
+        "shape": packed_shape(truth.body.shape),
+        "colour": rgb(truth.body.colour),
+        "object": partner,
+        "present": [list(span) for span in spans(~np.isnan(poses[:, 0]))],
+        "track": _pose_track(filled(poses)),
+    }
+
+
+def _fixed(run: Run) -> Packable:
+    scene = run.log.belief_at(run.end) or run.log.truth_at(run.end)
+    parts = scene.record.fixed if scene is not None else ()
+    return [
+        {
+            "id": part.id.split("/")[0],
+            "shape": packed_part(part),
+            "colour": rgb(part.colour),
+            "pose": list(row(part.pose)),
+        }
+        for part in parts
+    ]
+
+
+def _plans(run: Run) -> Packable:
+    """Each with the time from its request to its end, or to the next one."""
+    found: list[Packable] = []
+    for k, at in enumerate(run.plans):
+        plan = at.record
+        end = at.time + plan.thinking + plan.duration + LINGERS
+        if k + 1 < len(run.plans):
+            end = min(end, run.plans[k + 1].time)
+        if len(plan.tool_path) > 1:
+            points = quantised(np.array(plan.tool_path), 1e-3)
+            found.append({"from": at.time, "to": end, "request": plan.request, "path": points})
+    return found
+
+
+def _choices(run: Run) -> Packable:
+    """Candidates of grasps and placements, for as long as they are of interest."""
+    found: list[Packable] = []
+    for k, at in enumerate(run.candidates):
+        end = at.time + CONSIDERED
+        if k + 1 < len(run.candidates):
+            end = min(end, run.candidates[k + 1].time)
+        tried = at.record.tried
+        found.append(
+            {
+                "from": at.time,
+                "to": end,
+                "object": at.record.object,
+                "poses": quantised(
+                    np.array([(*c.position, *c.orientation) for c in tried]).reshape(-1, 7), 1e-3
+                ),
+                "accepted": np.array([c.verdict == "accepted" for c in tried], dtype=np.uint8),
+            }
+        )
+    return found
+
+
+def _cameras(run: Run, frames: Frames) -> Packable:
+    """Optical frames: z looks out of the camera, y down the image."""
+    from ....logs.recording import foxglove_messages as messages
+    from ....logs.schema import topics
+
+    found: list[Packable] = []
+    for camera in run.log.cameras:
+        raw = run.log.last(topics.calibration_topic(camera).name, run.end)
+        frame = f"camera/{camera}"
+        if raw is None or frame not in frames.tracks:
+            continue
+        seen = messages.read_calibration(raw.data)
+        found.append(
+            {
+                "name": camera,
+                "width": seen.width,
+                "height": seen.height,
+                "focal": [seen.fx, seen.fy],
+                "centre": [seen.cx, seen.cy],
+                "track": _pose_track(filled(frames.track(frame))),
+            }
+        )
+    return found

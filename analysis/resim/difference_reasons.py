@@ -1,0 +1,136 @@
+"""Why a run may come out otherwise than its record says: what is not as it was."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...errors import PicktreeError
+from ...logs.schema.arithmetic_record import Arithmetic, departure
+from ...session import environment as circumstances
+from ...session.recipe_files import ROBOT_MESHES
+from ...world.scene.loading.scene_loading import load_scene
+from ..run import Run
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """One thing that is not as it was; empty where there is no value."""
+
+    what: str
+    recorded: str
+    now: str
+
+    def __str__(self) -> str:
+        if not (self.recorded or self.now):
+            return self.what
+        return f"{self.what}: {self.recorded or 'none'} then, {self.now or 'none'} now"
+
+
+def reasons(run: Run, now: Arithmetic) -> tuple[Reason, ...]:
+    """Return what differs, the likeliest first; empty when everything in the log is as it was.
+
+    `now` is the arithmetic of the process that has run it again.
+    """
+    recorded = run.info.arithmetic
+    departed = departure(recorded, now)
+    return (
+        *_altered(run),
+        *_sources(run),
+        *([Reason(departed, "", "")] if departed else []),
+        *_compared(run.info.versions, circumstances.versions(run.info.versions)),
+        *_modules(run),
+        *_meshes(run),
+        *(() if recorded else _compared(run.info.machine, circumstances.machine())),
+    )
+
+
+def notes(run: Run) -> tuple[str, ...]:
+    """Files that were edited where they stood. The run is made from those of the log."""
+    found: list[str] = []
+    for name, (digest, path) in _files(run).items():
+        now = _now(name, Path(path)) if path and name in run.log.attachments else None
+        if now is not None and now != digest:
+            found.append(f"{path} was edited since; what the log holds was run")
+    return tuple(found)
+
+
+def _now(name: str, path: Path) -> str | None:
+    """The hash of what would be run today; None when there is no such file."""
+    if name != "scene.yaml":
+        return _hash(path)
+    try:  # with what stands in its bases
+        return hashlib.sha256(load_scene(str(path)).text.encode()).hexdigest()
+    except PicktreeError:
+        return _hash(path)
+
+
+def _altered(run: Run) -> Iterator[Reason]:
+    """Files that are not in the log as they were put there."""
+    for name, (digest, _) in _files(run).items():
+        if name in run.log.attachments:
+            held = hashlib.sha256(run.log.attachment(name)).hexdigest()
+            if held != digest:
+                yield Reason(f"{name} in the log is not what was run", "", "")
+
+
+def _sources(run: Run) -> Iterator[Reason]:
+    """picktree's own; without them in the log, its revision."""
+    now = circumstances.sources()
+    try:
+        before = circumstances.sources_from_text(run.log.attachment(circumstances.SOURCES).decode())
+    except PicktreeError:
+        if run.info.revision != circumstances.revision():
+            yield Reason("revision of picktree", run.info.revision, circumstances.revision())
+        return
+    changes = circumstances.source_changes(before, now)
+    yield from (Reason(change, "", "") for change in changes)
+    if changes and run.info.revision != circumstances.revision():
+        yield Reason("revision of picktree", run.info.revision, circumstances.revision())
+
+
+def _modules(run: Run) -> Iterator[Reason]:
+    """Plug-ins that are installed, whose sources the log holds."""
+    for name in run.log.attachments:
+        if name.startswith("module/") and name.endswith(".py"):
+            module = name.removeprefix("module/").removesuffix(".py")
+            try:
+                spec = importlib.util.find_spec(module)
+            except (ImportError, ValueError):
+                spec = None
+            source = Path(spec.origin) if spec and spec.origin else None
+            now = _hash(source) if source else None
+            if now != hashlib.sha256(run.log.attachment(name)).hexdigest():
+                yield Reason(f"the plug-in {module} is another now", "", "")
+
+
+def _meshes(run: Run) -> Iterator[Reason]:
+    """Of a robot that comes with an installed package: their content is not in the log."""
+    for name, (digest, path) in _files(run).items():
+        if name.startswith(ROBOT_MESHES) and name not in run.log.attachments:
+            now = _hash(Path(path))
+            if now is not None and now != digest:
+                yield Reason(f"the robot's mesh {path} is another now", "", "")
+
+
+def _compared(before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[Reason]:
+    """An older log does not tell everything: what it does not know is no reason."""
+    for name, value in before.items():
+        if now.get(name, "") != value:
+            yield Reason(name, value, now.get(name, ""))
+
+
+def _files(run: Run) -> dict[str, tuple[str, str]]:
+    """Hash and path by the name in the log."""
+    pairs = {name: words.partition(" ") for name, words in run.info.files.items()}
+    return {name: (digest, path) for name, (digest, _, path) in pairs.items()}
+
+
+def _hash(path: Path) -> str | None:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,181 @@
+"""Comparing a run with its record while it runs, message by message."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from ...logs.mcap.reader import RawMessage
+from ...logs.recording.digest import Digest
+from ...logs.schema import topics
+from ...session.resume.digest_messages import simulated_messages
+from ..compare.message_fields import FieldDifference
+from ..run import Run
+from .message_agreement import disagreement, of_common_nodes, what_happens
+
+Missing: TypeAlias = Literal["", "recorded", "now"]
+_NO_FIELD = FieldDifference("", "", None, None)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The first message that is not as recorded."""
+
+    tick: int
+    """Number of the tick to whose time it belongs, 0 for the first of the log."""
+    time: float
+    """Simulated s."""
+    topic: str
+    missing: Missing
+    """The side that has no such message there."""
+    field: str
+    """Where in the message, such as `nodes[3].status`; empty when it is missing, or only its bytes differ."""
+    of: str
+    """What the innermost list element on the way is called: a node's path, a frame, a key; else empty."""
+    recorded: object
+    """The values of the field, as JSON has them; None where there is none."""
+    now: object
+
+
+class Comparison:
+    """Is shown every simulated message of a run (`take`), and holds it against the record.
+
+    `until`: simulated s up to which it is compared, inclusive; by default to the record's end. When the
+    record is of a run that was cut off, what comes after its last whole tick is not compared.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        until: float | None = None,
+        settings: Collection[str] | None = None,
+        *,
+        since: float | None = None,
+        other_tree: bool = False,
+    ) -> None:
+        """`settings`: the run was changed on purpose, and these parameters of the mission are set otherwise:
+        what nodes are told is not compared then, only what happens. None: the same run. `since`: it goes on
+        from there (simulated s), and with `other_tree` its tree is another."""
+        self.difference: Difference | None = None
+        self.trees: Difference | None = None
+        """In what the trees differ. What happens is compared nevertheless."""
+        self.ticks = 0
+        """That agree."""
+        self.exact = True
+        """Whether what agrees does so in its bytes, not only in its values."""
+        self.on_difference: Callable[[], None] = lambda: None
+        self._run = run
+        self._times = run.ticks.times
+        self._whole = until is None and not is_cut(run)
+        end = self._times[-1] if not self._whole and self._times else None
+        self.until = end if until is None else until if end is None else min(until, end)
+        """Simulated s up to which is compared; None: to the end, wherever that is."""
+        self._expected = _to_the_end(simulated_messages(run.log, since, self.until), cut=is_cut(run))
+        self._schemas = {name: topic.schema for name, topic in run.log.topics.items()}
+        self._older = not run.info.machine
+        self._unknown = self._not_known_then()
+        self._settings = settings
+        self._other_tree = other_tree
+        self._now = -1
+        self._taken: Counter[str] = Counter()
+        continues = run.info.continues
+        self._digest = Digest(bytes.fromhex(continues.digest)) if continues else Digest()
+
+    @property
+    def digest(self) -> str:
+        """Of what was compared, as it is now, in hex."""
+        return self._digest.hex
+
+    def take(self, topic: str, time: int, data: bytes) -> None:
+        """The next message of the run, `time` in simulated ns."""
+        if self.difference is not None or topic in self._unknown:
+            return
+        if self.until is not None and time > round(self.until * 1e9) + 1000:
+            return
+        expected = next(self._expected, None)
+        if expected is None:
+            if self._whole:
+                self._differ(topic, time, "recorded")
+            return
+        if time != self._now:
+            self._now = time
+            self._taken.clear()
+        if (expected.topic, expected.time) != (topic, time):
+            self._unpaired(expected, topic, time)
+            return
+        self._taken[topic] += 1
+        recorded = expected.data
+        if topic == topics.TICK.name and recorded != data:
+            if self._other_tree:
+                recorded, data = of_common_nodes(recorded, data)
+            if self._settings is not None:
+                recorded, data = (what_happens(tick, self._settings) for tick in (recorded, data))
+        found = disagreement(topic, self._schemas[topic], recorded, data, older=self._older)
+        if found is not None:
+            apart = self._difference(topic, time, "", found)
+            if topic == topics.TREE.name:
+                self.trees, self._other_tree = self.trees or apart, True
+                return
+            self._stop(apart)
+            return
+        self.exact = self.exact and data == expected.data
+        self._digest.add(topic, time, data)
+        self.ticks += topic == topics.TICK.name
+
+    def finish(self) -> None:
+        """The run has ended: what the record still holds is missing."""
+        if self.difference is None:
+            left = next(self._expected, None)
+            if left is not None:
+                self._differ(left.topic, left.time, "now")
+
+    def _not_known_then(self) -> frozenset[str]:
+        """Simulated topics of today that an older log does not know."""
+        if not self._older:
+            return frozenset()
+        known = set(self._run.log.topics)
+        return frozenset(topic.name for topic in topics.FIXED if topic.name not in known)
+
+    def _unpaired(self, expected: RawMessage, topic: str, time: int) -> None:
+        if expected.time != time:
+            early = expected.time < time
+            self._differ(*((expected.topic, expected.time, "now") if early else (topic, time, "recorded")))
+            return
+        recorded = sum(1 for _ in self._run.log.messages([topic], time / 1e9, time / 1e9))
+        if recorded > self._taken[topic]:
+            self._differ(expected.topic, time, "now")
+        else:
+            self._differ(topic, time, "recorded")
+
+    def _differ(self, topic: str, time: int, missing: Missing) -> None:
+        self._stop(self._difference(topic, time, missing))
+
+    def _difference(
+        self, topic: str, time: int, missing: Missing, field: FieldDifference = _NO_FIELD
+    ) -> Difference:
+        seconds = time / 1e9
+        tick = self._run.ticks.number_at(seconds) if self._times else 0
+        return Difference(tick, seconds, topic, missing, field.path, field.of, field.a, field.b)
+
+    def _stop(self, difference: Difference) -> None:
+        self.difference = difference
+        self.on_difference()
+
+
+def is_cut(run: Run) -> bool:
+    """Whether the record ends before the run came to an end of its own."""
+    status = run.log.result.get("status", "")
+    return bool(run.recovered) or status not in ("success", "incomplete", "failure", "timeout", "paused")
+
+
+def _to_the_end(messages: Iterator[RawMessage], *, cut: bool) -> Iterator[RawMessage]:
+    """Without the truth that an interrupted run writes in the end, wherever in a tick that comes."""
+    last: RawMessage | None = None
+    for message in messages:
+        if last is not None:
+            yield last
+        last = message
+    if last is not None and not (cut and last.topic == topics.TRUTH.name):
+        yield last

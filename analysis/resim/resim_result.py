@@ -1,0 +1,195 @@
+"""What came of running a recorded run again, rendered once as text and once as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..compare.run_outcome import RunOutcome
+from .difference_reasons import Reason
+from .resim_comparison import Difference
+
+_LONGEST = 100
+"""Characters of a value that are shown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resimulation:
+    """A record and a run of the same, or of the same but for `changes`."""
+
+    log: Path
+    recovered: str
+    """A sentence when the record had not been finished, else empty."""
+    cut: bool
+    """The recorded run did not come to an end of its own."""
+    changes: tuple[str, ...]
+    """What was changed on purpose, in a sentence each."""
+    until: float | None
+    """Simulated s up to which was compared; None: to the end."""
+    last_tick: int
+    """Number of the last tick of the record that was compared, 0 for its first."""
+    ticks: int
+    """That are the same, from the first on."""
+    recorded_ticks: int
+    """Within what was compared."""
+    seconds: float
+    """Simulated time of the last tick that was compared or, with a difference, of the last that agrees."""
+    digest: str
+    """Of the messages that agree."""
+    exact: bool
+    """They agree in their bytes; else, as with an older log, in their values."""
+    difference: Difference | None
+    trees: Difference | None
+    """In what the trees differ, as they were loaded."""
+    reasons: tuple[Reason, ...]
+    notes: tuple[str, ...]
+    parting: tuple[str, ...]
+    """Where the two runs take different ways, as lines; only with changes."""
+    outcomes: tuple[RunOutcome, RunOutcome] | None
+    """Of the record and of the run; only with changes."""
+    warnings: str
+    """Of the checker, about another mission, as lines."""
+    kept: Path | None
+    """The new log, when it was to be kept."""
+
+    @property
+    def identical(self) -> bool:
+        """Whether everything happened as recorded. A changed mission may have another tree for all that."""
+        return self.difference is None and (self.trees is None or bool(self.changes))
+
+    def to_text(self) -> str:
+        """For a terminal, without a line's end."""
+        lines = [f"changed     {line}" for line in self.changes]
+        if self.recovered:
+            lines.append(f"the log     {self.recovered}")
+        apart = self.difference or (None if self.changes else self.trees)
+        if apart is None:
+            lines.append(self._same())
+        else:
+            lines += difference_lines(apart)
+            if apart.tick:
+                lines.append(f"the {self.ticks} ticks before are the same")
+            lines += self._why()
+        if self.outcomes is not None:
+            lines += ["", *table(*self.outcomes, "recorded", "now")]
+        if self.difference is not None:
+            lines += self.parting
+        lines += [f"note        {note}" for note in self.notes]
+        if self.kept is not None:
+            lines.append(f"new log     {self.kept}")
+        return "\n".join(lines)
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "identical": self.identical,
+            "exact": self.exact,
+            "ticks": self.ticks,
+            "recorded_ticks": self.recorded_ticks,
+            "seconds": round(self.seconds, 6),
+            "digest": self.digest,
+            "log": str(self.log),
+            "recovered": self.recovered,
+            "cut": self.cut,
+            "until": self.until,
+            "changes": list(self.changes),
+            "difference": difference_json(self.difference),
+            "trees": difference_json(self.trees),
+            "reasons": [{"what": r.what, "recorded": r.recorded, "now": r.now} for r in self.reasons],
+            "notes": list(self.notes),
+            "parting": list(self.parting),
+            "new_log": None if self.kept is None else str(self.kept),
+        }
+
+    def to_json_text(self) -> str:
+        return json.dumps(self.to_json(), ensure_ascii=False, indent=2) + "\n"
+
+    def _same(self) -> str:
+        what = "the same" if self.changes else "identical"
+        if self.cut and self.ticks == self.recorded_ticks:
+            what += " up to where the recorded run was cut off"
+        elif self.until is not None:
+            what += f" up to tick {self.last_tick}"
+        said = f"{what}: {self.ticks} ticks, {self.seconds:.2f} simulated s"
+        if self.changes:
+            return said
+        return f"{said}, digest {self.digest[:16]}" if self.exact else f"{said}, in all that this log tells"
+
+    def _why(self) -> Iterator[str]:
+        first = "besides" if self.changes else "likely why"
+        for n, reason in enumerate(self.reasons):
+            yield f"{first if n == 0 else '':<10}  {reason}"
+        if not self.reasons and not self.changes:
+            yield "likely why  nothing in the log is otherwise: not picktree, its libraries, the arithmetic."
+            yield "            What is left is a clock, the order of a set or a global generator in a"
+            yield "            plug-in, or a fault of picktree"
+
+
+def difference_lines(apart: Difference) -> Iterator[str]:
+    field = f" {apart.field}" if apart.field else ""
+    of = f" ({apart.of})" if apart.of else ""
+    yield f"different from tick {apart.tick} on, {apart.time:.2f} s: {apart.topic}{field}{of}"
+    if apart.missing:
+        only = "now" if apart.missing == "recorded" else "recorded"
+        yield f"  there is such a message only {only}"
+    elif not apart.field:
+        yield "  the bytes differ, the values do not"
+    else:
+        recorded, now = _shown(apart.recorded, apart.now)
+        yield f"  recorded  {recorded}"
+        yield f"  now       {now}"
+
+
+def table(a: RunOutcome, b: RunOutcome, name_a: str, name_b: str) -> Iterator[str]:
+    """Two outcomes side by side."""
+    rows = [("", name_a, name_b)]
+    rows += [(what, say_a, say_b) for (what, say_a), (_, say_b) in zip(_rows(a), _rows(b), strict=True)]
+    causes = sorted({*a.failures, *b.failures})
+    rows += [(f"  {cause}", str(a.failures.get(cause, 0)), str(b.failures.get(cause, 0))) for cause in causes]
+    wide = max(len(row[0]) for row in rows)
+    middle = max(len(row[1]) for row in rows)
+    for what, one, other in rows:
+        yield f"{what:<{wide}}  {one:<{middle}}  {other}".rstrip()
+
+
+def _rows(outcome: RunOutcome) -> list[tuple[str, str]]:
+    sorted_ = "–" if outcome.items_sorted is None else f"{outcome.items_sorted} of {outcome.items_total}"
+    return [
+        ("status", outcome.status),
+        ("items sorted", sorted_),
+        ("items done, as believed", str(outcome.items_done)),
+        ("grasps held", f"{outcome.picks_held} of {outcome.picks_tried}"),
+        ("simulated time", f"{outcome.end:.2f} s"),
+        ("recoveries", str(outcome.recoveries)),
+        ("failures", str(sum(outcome.failures.values()))),
+    ]
+
+
+def difference_json(apart: Difference | None) -> dict[str, Any] | None:
+    if apart is None:
+        return None
+    return {
+        "tick": apart.tick,
+        "time": round(apart.time, 6),
+        "topic": apart.topic,
+        "missing": apart.missing,
+        "field": apart.field,
+        "of": apart.of,
+        "recorded": apart.recorded,
+        "now": apart.now,
+    }
+
+
+def _shown(one: object, other: object) -> tuple[str, str]:
+    """Both values as text, cut around where they differ."""
+    a, b = (v if isinstance(v, str) else json.dumps(v, ensure_ascii=False, default=str) for v in (one, other))
+    same = next((n for n, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
+    begin = max(0, same - _LONGEST // 2) if max(len(a), len(b)) > _LONGEST else 0
+    return _cut(a, begin), _cut(b, begin)
+
+
+def _cut(text: str, begin: int) -> str:
+    end = begin + _LONGEST
+    return ("…" if begin else "") + text[begin:end] + ("…" if len(text) > end else "")

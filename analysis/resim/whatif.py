@@ -1,0 +1,167 @@
+"""What if: a recorded run goes on from a checkpoint with something changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from ...errors import PicktreeError
+from ...logs.run_result import RunResult
+from ...logs.schema.arithmetic_record import departure
+from ...session.arithmetic_probe import arithmetic
+from ...session.observer import Watcher
+from ...session.recipe import Recipe
+from ...session.resume.older_checkpoints import tally_of
+from ...session.resume.recorded_recipe import Recorded
+from ...session.run_tally import Tally
+from ...session.session import Session
+from ...simulation.faults.injector import new_states
+from ..compare.alignment import align
+from ..compare.run_outcome import KILLED, RunOutcome
+from ..compare.text.divergence_text import parting_lines
+from ..run import Run
+from .changes import Changed, Changes, apply
+from .moment_syntax import parse_tick
+from .resim_comparison import Comparison, is_cut
+from .whatif_result import Continuation, NodeFates
+
+
+def what_if(
+    where: str | Path,
+    at: str,
+    *,
+    changes: Changes | None = None,
+    out: Path | None = None,
+    watcher: Watcher | None = None,
+) -> Continuation:
+    """Let the run of a log go on from its last checkpoint at or before `at` (a tick or a time, see
+    `parse_tick`), from its beginning where there is none, and compare with how it went.
+
+    The new run's folder is made in `out`, by default in `runs`. Raises PicktreeError (FileError with the
+    errors of the checker).
+    """
+    changes = changes or Changes()
+    if changes.seed is not None or changes.scene is not None:
+        raise PicktreeError("a what-if goes on with the seed and the scene of the run; `resim` takes others")
+    with Run(where) as run, Recorded(run) as recorded:
+        run.log.require_beginning()
+        tick = parse_tick(at, run, "--at")
+        found = recorded.last_checkpoint(run.ticks.times[tick])
+        name, state = found or ("", None)
+        recipe = recorded.recipe() if state is None else recorded.from_checkpoint(name, state)
+        changed = apply(changes, recipe)
+        recipe = _started(recipe, changed, changes)
+        begin = recipe.start.state.time if recipe.start else None
+        comparison = Comparison(
+            run,
+            settings=changes.settings if changes else None,
+            since=begin,
+            other_tree=changed.other_tree,
+        )
+        session = Session(
+            recipe,
+            watcher,
+            out=out,
+            revisions=None if changes.mission else recorded.edits(-1.0 if begin is None else begin),
+            tap=comparison.take,
+            operator=recorded.answers(-1.0 if begin is None else begin),
+        )
+        result = session.run()
+        if result.status != "interrupted":
+            comparison.finish()
+        first = 0 if begin is None else run.ticks.number_at(begin)
+        adoption = session.adoption
+        return Continuation(
+            log=run.path.absolute(),
+            at_tick=tick,
+            at=run.ticks.times[tick],
+            checkpoint=name,
+            start_tick=first,
+            start=run.ticks.times[first],
+            items_done=recipe.start.state.items_done if recipe.start else 0,
+            changes=changed.told,
+            nodes=NodeFates(len(adoption.kept), adoption.fresh, adoption.gone) if adoption else None,
+            cut=is_cut(run),
+            ticks=comparison.ticks,
+            recorded_ticks=len(run.ticks) - (first + 1 if begin is not None else 0),
+            exact=comparison.exact,
+            difference=comparison.difference or comparison.trees,
+            recorded=_recorded(run),
+            now=_now(result, session.tally),
+            status=result.status,
+            parting=_parting(run, result.log, begin),
+            arithmetic=departure(run.info.arithmetic, arithmetic()),
+            warnings=changed.warnings,
+            new_log=result.log,
+        )
+
+
+def _started(recipe: Recipe, changed: Changed, changes: Changes) -> Recipe:
+    """The changed recipe, its checkpoint made to fit."""
+    start = changed.recipe.start
+    if start is None:
+        return changed.recipe
+    state = start.state
+    if changes.faults is not None or changes.no_faults:
+        before = (recipe.faults, state.faults)
+        faults = new_states(changed.recipe.faults, recipe.seed, state.time, before)
+        state = replace(state, faults=faults)
+    names = tuple(name for name in changes.settings if "." not in name)
+    start = replace(start, state=state, adopt=changed.other_tree, changed=names)
+    return replace(changed.recipe, start=start)
+
+
+def _parting(run: Run, log: Path, begin: float | None) -> tuple[str, ...]:
+    with Run(log) as other:
+        # What both logs hold of the moment of the checkpoint is no part of what came after it.
+        since = 0.0 if begin is None else begin + run.info.tick / 2
+        parting = align(run, other, since=since).parting
+        return () if parting is None else tuple(parting_lines(parting))
+
+
+def _recorded(run: Run) -> RunOutcome:
+    result = run.result
+    if result is not None:
+        return _outcome(result, result.failures, tally_of(run, run.end), run.path, run.recovered)
+    tally = tally_of(run, run.end)
+    return RunOutcome(
+        log=run.path,
+        recovered=run.recovered,
+        status=KILLED,
+        message="",
+        end=run.ticks.times[-1],
+        items_total=None,
+        items_sorted=None,
+        items_done=tally.done,
+        picks_tried=tally.tried,
+        picks_held=tally.held,
+        failures=dict(tally.failures),
+        recoveries=sum(tally.recovered.values()),
+        digest="",
+    )
+
+
+def _now(result: RunResult, tally: Tally) -> RunOutcome:
+    return _outcome(result, result.failures, tally, result.log, "")
+
+
+def _outcome(
+    result: RunResult, failures: Mapping[str, int], tally: Tally, log: Path, recovered: str
+) -> RunOutcome:
+    """Of the run as a whole, what was before the checkpoint included."""
+    return RunOutcome(
+        log=log,
+        recovered=recovered,
+        status=result.status,
+        message=result.message,
+        end=result.sim_seconds,
+        items_total=result.items.total,
+        items_sorted=result.items.sorted,
+        items_done=tally.done,
+        picks_tried=result.picks.tried,
+        picks_held=result.picks.held,
+        failures=dict(failures),
+        recoveries=sum(result.recoveries.values()),
+        digest=result.digest,
+    )

@@ -1,0 +1,1 @@
+"""Tools on the language: checks, rehearsal, drawing, schemas, the reference, XML."""

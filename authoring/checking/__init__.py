@@ -1,0 +1,1 @@
+"""A mission checked as a whole."""

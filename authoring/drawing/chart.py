@@ -1,0 +1,118 @@
+"""What a picture shows of a mission, as plain values: trees of nodes with their ports and labelled branches.
+
+The texts are as the mission file writes them. Nothing here knows how a picture looks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+from ...trees.declaration import Kind
+
+PortRole: TypeAlias = Literal["literal", "reference", "output"]
+"""A value, a key of the blackboard that is read, a key that is written."""
+
+BranchRole: TypeAlias = Literal["child", "choice", "cure"]
+"""A plain child, one of several by its label, or what is done after a failure."""
+
+Symbol: TypeAlias = Literal[
+    "action", "branch", "clock", "condition", "control", "decorator", "fallback", "force", "loop", "not",
+    "parallel", "recover", "sequence", "subtree",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class ChartPort:
+    """A port of a node with what the file gives it, or (of a tree) with its type."""
+
+    key: str
+    value: str
+    role: PortRole
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """A precondition or postcondition: `_skipIf` and its expression."""
+
+    key: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChartNode:
+    """One node. `calls` names the tree that a sub-tree node stands for; its branches are in that tree."""
+
+    id: str
+    name: str
+    """Its last part in paths: `Observe#2`."""
+    kind: Kind
+    symbol: Symbol
+    place: str = ""
+    """File and line."""
+    doc: str = ""
+    calls: str = ""
+    written_as_list: bool = False
+    """A Sequence that the file writes as a bare list, and that is called as the slot it fills."""
+    ports: tuple[ChartPort, ...] = ()
+    defaults: tuple[ChartPort, ...] = ()
+    """Inputs that the file does not give."""
+    before: tuple[Rule, ...] = ()
+    after: tuple[Rule, ...] = ()
+    breakpoint: Literal["before", "after"] | None = None
+    causes: tuple[str, ...] = ()
+    uses: tuple[str, ...] = ()
+    branches: tuple[Branch, ...] = ()
+
+    @property
+    def given_name(self) -> str:
+        """The name, where it says more than the ID: the author's, or the number of an equal sibling."""
+        if self.written_as_list or self.name == self.id:
+            return ""
+        return self.name.removeprefix(self.id) if self.name.startswith(f"{self.id}#") else self.name
+
+    def iterate(self) -> Iterator[ChartNode]:
+        """This node and all below it in the same tree, parents first."""
+        yield self
+        for branch in self.branches:
+            yield from branch.node.iterate()
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A child with what leads to it: `when grasp.missed`, `otherwise`, `else`; empty for a plain child."""
+
+    label: str
+    role: BranchRole
+    node: ChartNode
+
+
+@dataclass(frozen=True, slots=True)
+class ChartTree:
+    """One tree of the mission and its ports."""
+
+    name: str
+    place: str
+    ports: tuple[ChartPort, ...]
+    root: ChartNode
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """All trees of a mission: `Main` first, then the others in the order in which they are called."""
+
+    title: str
+    file: str
+    scene: str = ""
+    goal: str = ""
+    trees: tuple[ChartTree, ...] = field(default=())
+
+    def tree(self, name: str) -> ChartTree:
+        return next(tree for tree in self.trees if tree.name == name)
+
+    @property
+    def size(self) -> int:
+        """How many nodes are written in all trees."""
+        return sum(1 for tree in self.trees for _ in tree.root.iterate())

@@ -1,0 +1,135 @@
+"""A chart as an SVG file: self-contained, for light and dark screens, with text that can be selected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from ....trees.status import NodeStatus
+from ..chart import Chart, Symbol
+from ..layout.cards import TITLE, Card
+from ..layout.columns import page
+from ..layout.frames import Frame, Tile, expanded, frame_of
+from ..layout.text_metrics import width
+from ..symbols import MEANINGS
+from .icons import definitions, use
+from .markup import escape
+from .palette import style
+from .shapes import card_svg, classes, edge_svg, header_svg, pill_svg, tooltip
+
+MARGIN: Final = 24
+_TOP: Final = 62
+"""Height of the title and the line below it."""
+_BOTTOM: Final = 26
+"""Height of the legend."""
+_LEGEND_GAP: Final = 18.0
+
+
+def svg(chart: Chart, *, expand: bool = False, statuses: Mapping[str, NodeStatus] | None = None) -> str:
+    """The picture. `expand`: each call is written out where it stands, instead of each tree once.
+
+    `statuses`, by the nodes' paths in the running tree, colours an expanded picture.
+    """
+    frames = [expanded(chart)] if expand else [frame_of(tree) for tree in chart.trees]
+    sheet = page([(frame.width, frame.height) for frame in frames])
+    drawn = [
+        _Drawing(statuses or {}, links=not expand).frame(
+            frame, MARGIN + spot.x, _TOP + spot.y, frame.tree.name
+        )
+        for frame, spot in zip(frames, sheet.spots, strict=True)
+    ]
+    legend = _legend(chart)
+    across = max(sheet.width, _heading_width(chart), _legend_width(legend)) + 2 * MARGIN
+    down = _TOP + sheet.height + MARGIN + _BOTTOM
+    rows = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="drawing" viewBox="0 0 {across} {down}" '
+        f'width="{across}" height="{down}">',
+        f"<title>{escape(chart.title)}</title>",
+        f"<style>\n{style()}</style>",
+        f"<defs>{definitions([*legend, 'out'])}</defs>",
+        f'<rect class="ground" width="{across}" height="{down}"/>',
+        f'<text class="heading" x="{MARGIN}" y="30">{escape(chart.title)}</text>',
+        f'<text class="remark" x="{MARGIN}" y="48">{escape(_remark(chart))}</text>',
+        *drawn,
+        _legend_svg(legend, down - 18),
+        "</svg>\n",
+    ]
+    return "\n".join(rows)
+
+
+class _Drawing:
+    def __init__(self, statuses: Mapping[str, NodeStatus], *, links: bool) -> None:
+        self._statuses = statuses
+        self._links = links
+
+    def frame(self, frame: Frame, x: int, y: int, path: str) -> str:
+        """`path` is that of the sub-tree's node in the running tree."""
+        called = frame.call is not None
+        look = " called" if called else ""
+        mark = "" if called else f' id="tree-{frame.tree.name}"'
+        title = f"<title>{escape(tooltip(frame.call))}</title>" if frame.call is not None else ""
+        rows = [
+            f'<g class="frame{look}{self._status(path)}"{mark} transform="translate({x} {y})">',
+            f'<rect class="sheet" width="{frame.width}" height="{frame.height}" rx="8"/>',
+            f'<g class="subtree">{title}{header_svg(frame.header, frame.call, frame.width)}</g>',
+            *(edge_svg(edge) for edge in frame.edges()),
+            *(part for tile in frame.tiles for part in self._tile(tile, f"{path}/{tile.path}")),
+            "</g>",
+        ]
+        return "\n".join(rows)
+
+    def _tile(self, tile: Tile, path: str) -> Iterator[str]:
+        if tile.pill is not None:
+            top = tile.middle - tile.pill.height // 2
+            yield f'<g transform="translate({tile.x} {top})">{pill_svg(tile.pill)}</g>'
+        if isinstance(tile.body, Frame):
+            yield self.frame(tile.body, tile.body_x, tile.body_y, path)
+        else:
+            yield self._card(tile.body, tile.body_x, tile.body_y, path)
+
+    def _card(self, card: Card, x: int, y: int, path: str) -> str:
+        node = card.node
+        inner = f"<title>{escape(tooltip(node))}</title>{card_svg(card)}"
+        if node.calls and self._links:
+            inner = f'<a href="#tree-{node.calls}">{inner}</a>'
+        look = f"node {classes(node)}{self._status(path)}"
+        return f'<g class="{look}" data-path="{escape(path)}" transform="translate({x} {y})">{inner}</g>'
+
+    def _status(self, path: str) -> str:
+        status = self._statuses.get(path)
+        return "" if status is None else f" {status.value.lower()}"
+
+
+def _remark(chart: Chart) -> str:
+    parts = [chart.file]
+    parts += [f"scene {chart.scene}"] if chart.scene else []
+    parts += [f"goal {chart.goal}"] if chart.goal else []
+    return " · ".join(parts)
+
+
+def _heading_width(chart: Chart) -> int:
+    return round(max(width(chart.title, 20.0, "bold"), width(_remark(chart), 11.0)))
+
+
+def _legend(chart: Chart) -> list[Symbol]:
+    """The symbols that occur, in one order."""
+    used = {node.symbol for tree in chart.trees for node in tree.root.iterate()} | {"subtree"}
+    return [symbol for symbol in MEANINGS if symbol in used]
+
+
+def _legend_svg(symbols: list[Symbol], y: int) -> str:
+    rows: list[str] = []
+    x = float(MARGIN)
+    for symbol in symbols:
+        text = MEANINGS[symbol]
+        rows.append(f'{use(symbol, x, y - 11)}<text class="remark" x="{x + 19:g}" y="{y}">{text}</text>')
+        x += _entry_width(text)
+    return f'<g class="legend">{"".join(rows)}</g>'
+
+
+def _legend_width(symbols: list[Symbol]) -> int:
+    return round(sum(_entry_width(MEANINGS[symbol]) for symbol in symbols))
+
+
+def _entry_width(text: str) -> float:
+    return round(19 + width(text, TITLE) + _LEGEND_GAP)

@@ -1,0 +1,176 @@
+"""A node as a card: its lines of text, and the size that they need. All lengths are in pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+from ..chart import Branch, BranchRole, ChartNode, ChartPort, ChartTree, Rule
+from .text_metrics import Face, width, wrapped
+
+SpanClass: TypeAlias = Literal["id", "name", "key", "literal", "reference", "output", "rule", "doc", "label"]
+
+TITLE: Final = 12.0
+SMALL: Final = 11.0
+HEAD_LINE: Final = 16
+LINE: Final = 15
+PADDING: Final = 5
+SIDE: Final = 9
+ICON: Final = 14
+ICON_ROOM: Final = 21
+"""From the icon's left edge to the title."""
+LEAST: Final = 26
+"""Height of a card without lines."""
+PILL_LINE: Final = 14
+PILL_SIDE: Final = 8
+PILL_GAP: Final = 12
+_MOST: Final = 240.0
+"""Width of a text before it is broken."""
+_MOST_LABEL: Final = 190.0
+_FLAG_ROOM: Final = 16
+_SIZES: Final[dict[SpanClass, tuple[float, Face]]] = {
+    "id": (TITLE, "bold"), "name": (TITLE, "regular"), "key": (SMALL, "regular"), "rule": (SMALL, "mono"),
+    "literal": (SMALL, "mono"), "reference": (SMALL, "mono"), "output": (SMALL, "mono"),
+    "doc": (SMALL, "regular"), "label": (SMALL, "bold"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A piece of a line; `x` counts from where the line begins."""
+
+    text: str
+    look: SpanClass
+    x: float
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    spans: tuple[Span, ...]
+    arrow: float | None = None
+    """Where the arrow of an output stands."""
+
+    @property
+    def width(self) -> float:
+        return max((span.x + _width(span.text, span.look) for span in self.spans), default=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Pill:
+    """The label of a branch, which stands before its card."""
+
+    lines: tuple[str, ...]
+    role: BranchRole
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """A node's box: head lines beside the icon, then ports, conditions and assignments."""
+
+    node: ChartNode
+    head: tuple[Line, ...]
+    lines: tuple[Line, ...]
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """The head of a tree's frame: its name and ports, or those of the node that calls it."""
+
+    name: str
+    head: tuple[Line, ...]
+    lines: tuple[Line, ...]
+    width: int
+    height: int
+
+
+def card(node: ChartNode) -> Card:
+    if node.written_as_list:
+        return Card(node, (), (), LEAST, LEAST)
+    head, lines = _head(node), _lines(node)
+    flag = _FLAG_ROOM if node.breakpoint else 0
+    return Card(node, head, lines, _across(head, lines, flag), _down(head, lines))
+
+
+def pill(branch: Branch) -> Pill | None:
+    """None for a plain child."""
+    if not branch.label:
+        return None
+    lines = wrapped(branch.label, _MOST_LABEL, SMALL, "bold")
+    across = max(_width(line, "label") for line in lines) + 2 * PILL_SIDE
+    return Pill(lines, branch.role, math.ceil(across), PILL_LINE * len(lines) + 4)
+
+
+def header(tree: ChartTree, call: ChartNode | None = None) -> Header:
+    """Of a tree that is drawn on its own, or where `call` stands."""
+    if call is not None:
+        head, lines = _head(call), _lines(call)
+    else:
+        head = (Line((Span(tree.name, "id", 0.0),)),)
+        lines = tuple(line for port in tree.ports for line in _port(port, doc=port.doc))
+    flag = _FLAG_ROOM if call is not None and call.breakpoint else 0
+    return Header(tree.name, head, lines, _across(head, lines, flag), _down(head, lines))
+
+
+def _head(node: ChartNode) -> tuple[Line, ...]:
+    title, name = node.id, node.given_name
+    if name and _width(f"{title} {name}", "id") <= _MOST:
+        x = _width(title, "id") + (1.0 if name.startswith("#") else 5.0)
+        return (Line((Span(title, "id", 0.0), Span(name, "name", x))),)
+    broken = [Line((Span(part, "id", 0.0),)) for part in wrapped(title, _MOST, TITLE, "bold")]
+    if name:
+        broken += [Line((Span(part, "name", 0.0),)) for part in wrapped(name, _MOST, TITLE)]
+    return tuple(broken)
+
+
+def _lines(node: ChartNode) -> tuple[Line, ...]:
+    found = [line for rule in node.before for line in _rule(rule)]
+    found += [line for port in node.ports for line in _port(port)]
+    found += [line for rule in node.after for line in _rule(rule)]
+    return tuple(found)
+
+
+def _rule(rule: Rule) -> list[Line]:
+    return _entry(Span(rule.key, "key", 0.0), rule.text, "rule", arrow=False)
+
+
+def _port(port: ChartPort, doc: str = "") -> list[Line]:
+    output = port.role == "output"
+    key = Span(port.key if output else f"{port.key}:", "key", 0.0)
+    lines = _entry(key, port.value, port.role, arrow=output)
+    if doc:
+        lines += [Line((Span(part, "doc", 12.0),)) for part in wrapped(doc, _MOST, SMALL, lines=2)]
+    return lines
+
+
+def _entry(key: Span, text: str, look: SpanClass, *, arrow: bool) -> list[Line]:
+    """A key, and its value beside it in one or more lines."""
+    size, face = _SIZES[look]
+    at = _width(key.text, key.look) + 5.0
+    x = at + (ICON + 2 if arrow else 0)
+    first, *more = wrapped(text, max(_MOST - x, 110.0), size, face)
+    return [
+        Line((key, Span(first, look, x)), at if arrow else None),
+        *(Line((Span(part, look, x),)) for part in more),
+    ]
+
+
+def _across(head: tuple[Line, ...], lines: tuple[Line, ...], flag: int) -> int:
+    title = ICON_ROOM + max(line.width for line in head) + flag
+    return math.ceil(max([title, *(line.width for line in lines)]) + 2 * SIDE)
+
+
+def _down(head: tuple[Line, ...], lines: tuple[Line, ...]) -> int:
+    """An even height, so that boxes that stand level have their middles at the same pixel."""
+    below = LINE * len(lines) + PADDING - 2 if lines else 0
+    height = max(HEAD_LINE * len(head) + 2 * PADDING, LEAST) + below
+    return height + height % 2
+
+
+def _width(text: str, look: SpanClass) -> float:
+    size, face = _SIZES[look]
+    return width(text, size, face)

@@ -1,0 +1,170 @@
+"""A tree as a frame: its cards at their places, and the edges between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+from ..chart import Branch, BranchRole, Chart, ChartNode, ChartTree
+from .cards import PILL_GAP, Card, Header, Pill, card, header, pill
+from .graphviz_layout import BESIDE, Box, arrange
+
+INSET: Final = 16
+"""Between a frame and what it holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """A node at its place: `x`, `y` of its pill, or of its body where it has none, within the frame."""
+
+    path: str
+    """The node's path within its tree: `Repeat/Sequence/Observe`."""
+    pill: Pill | None
+    room: int
+    """For the pill, and for those of its siblings, so that what follows stands flush."""
+    body: Card | Frame
+    x: int
+    y: int
+    height: int
+    parent: int | None
+    role: BranchRole
+
+    @property
+    def body_x(self) -> int:
+        return self.x + self.room
+
+    @property
+    def body_y(self) -> int:
+        return self.y + (self.height - self.body.height) // 2
+
+    @property
+    def middle(self) -> int:
+        return self.y + self.height // 2
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A tree with its header; `call` is the node that it is drawn in place of, None for a tree of its own."""
+
+    tree: ChartTree
+    call: ChartNode | None
+    header: Header
+    tiles: tuple[Tile, ...]
+
+    @cached_property
+    def width(self) -> int:
+        across = max(tile.body_x + tile.body.width for tile in self.tiles) + INSET
+        return max(across, self.header.width + 2 * (INSET // 2))
+
+    @cached_property
+    def height(self) -> int:
+        down = max(tile.y + tile.height for tile in self.tiles) + INSET
+        return down + down % 2
+
+    def edges(self) -> Iterator[Edge]:
+        for tile in self.tiles:
+            if tile.parent is not None:
+                above = self.tiles[tile.parent]
+                start = above.body_x + above.body.width
+                yield Edge(start, above.middle, tile.x - BESIDE, tile.x, tile.middle, tile.role, tile.body_x)
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """From the right of a parent, straight to `turn`, then over to the child, through its pill."""
+
+    x: int
+    y: int
+    turn: int
+    to_x: int
+    to_y: int
+    role: BranchRole
+    body_x: int
+
+
+def frame_of(tree: ChartTree) -> Frame:
+    """The tree with its calls as cards."""
+    return _Framing(None).frame(tree, None)
+
+
+def expanded(chart: Chart) -> Frame:
+    """The chart's first tree with every call written out."""
+    return _Framing(chart).frame(chart.trees[0], None)
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A node, the branch that leads to it, and its parent's number among all steps."""
+
+    node: ChartNode
+    branch: Branch | None
+    parent: int | None
+    path: str
+
+
+class _Framing:
+    def __init__(self, chart: Chart | None) -> None:
+        self._chart = chart
+        self._tiles: dict[str, tuple[Tile, ...]] = {}
+        """By tree: each is laid out once, wherever it is called."""
+
+    def frame(self, tree: ChartTree, call: ChartNode | None) -> Frame:
+        if tree.name not in self._tiles:
+            self._tiles[tree.name] = self._lay_out(tree)
+        head = header(tree, call)
+        top = head.height + INSET
+        tiles = tuple(_moved(tile, INSET, top) for tile in self._tiles[tree.name])
+        return Frame(tree, call, head, tiles)
+
+    def _lay_out(self, tree: ChartTree) -> tuple[Tile, ...]:
+        steps = list(_steps(tree.root))
+        pills = [pill(step.branch) if step.branch else None for step in steps]
+        rooms = _rooms([step.parent for step in steps], pills)
+        bodies = [self._body(step.node) for step in steps]
+        boxes = [
+            Box(room + body.width, max(body.height, label.height if label else 0), step.parent)
+            for step, label, room, body in zip(steps, pills, rooms, bodies, strict=True)
+        ]
+        return tuple(
+            Tile(
+                step.path, label, room, body, spot.x, spot.y, box.height, step.parent,
+                step.branch.role if step.branch else "child",
+            )
+            for step, label, room, body, box, spot in zip(
+                steps, pills, rooms, bodies, boxes, arrange(boxes), strict=True
+            )
+        )  # fmt: skip
+
+    def _body(self, node: ChartNode) -> Card | Frame:
+        if self._chart is None or not node.calls:
+            return card(node)
+        return self.frame(self._chart.tree(node.calls), node)
+
+
+def _steps(root: ChartNode) -> Iterator[_Step]:
+    """All nodes, parents first."""
+    waiting = [_Step(root, None, None, root.name)]
+    count = 0
+    while waiting:
+        step = waiting.pop()
+        yield step
+        number, count = count, count + 1
+        waiting += [
+            _Step(branch.node, branch, number, f"{step.path}/{branch.node.name}")
+            for branch in reversed(step.node.branches)
+        ]
+
+
+def _rooms(parents: Sequence[int | None], pills: Sequence[Pill | None]) -> list[int]:
+    """What stands before each body: nothing, or the widest pill among its siblings'."""
+    widest: dict[int | None, int] = {}
+    for parent, label in zip(parents, pills, strict=True):
+        if label is not None:
+            widest[parent] = max(widest.get(parent, 0), label.width + PILL_GAP)
+    return [widest[parent] if label is not None else 0 for parent, label in zip(parents, pills, strict=True)]
+
+
+def _moved(tile: Tile, x: int, y: int) -> Tile:
+    return replace(tile, x=tile.x + x, y=tile.y + y)

@@ -1,0 +1,48 @@
+"""The linter: what is well-formed and yet a mistake. Its rules stand in the files of this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from ...files.yaml.document import Fault
+from ...trees.loading.scene_names import Surroundings
+from ...trees.mission import Mission
+from .endless_loops import endless, unbounded_recovery, vain_attempts
+from .held_at_end import left_in_hand
+from .mission_survey import Survey
+from .needless_nodes import needless_defaults, without_effect
+from .resource_conflicts import at_the_same_time, started_anew
+from .unhandled_causes import needless_handlers, unhandled
+from .unreachable_nodes import unreachable
+from .unused_ports import breakpoints, unused_files, unused_ports, unused_trees
+from .unwritten_keys import never_read, read_before_written
+
+RULES: tuple[Callable[[Survey], Iterable[Fault]], ...] = (
+    read_before_written,
+    never_read,
+    unhandled,
+    needless_handlers,
+    unreachable,
+    endless,
+    unbounded_recovery,
+    vain_attempts,
+    without_effect,
+    needless_defaults,
+    left_in_hand,
+    at_the_same_time,
+    started_anew,
+    unused_trees,
+    unused_ports,
+    unused_files,
+    breakpoints,
+)
+
+
+def lint(mission: Mission, known: Surroundings | None = None) -> tuple[Fault, ...]:
+    """What the rules find in a mission without errors; `known` are the names of its scene and robot.
+
+    In the order of the file. Only what stands in the mission's own file: others are judged by themselves.
+    """
+    survey = Survey(mission, known)
+    found = dict.fromkeys(fault for rule in RULES for fault in rule(survey))
+    return tuple(sorted(found, key=lambda fault: (fault.mark, fault.code)))

@@ -1,0 +1,144 @@
+"""Loops that never end, and attempts that cannot turn out otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ...files.expressions.expression import Expression
+from ...files.yaml.document import Fault
+from ...trees.controls import ForEach, KeepRunningUntilFailure, Repeat, RetryUntilSuccessful
+from ...trees.mission import NodeSpec
+from .branch_effects import changes_of, depends_on, is_steady
+from .mission_survey import Survey
+from .node_context import Context, contexts
+
+
+def endless(survey: Survey) -> Iterator[Fault]:
+    """P321, P322: a loop that nothing ends."""
+    for spec, context in contexts(survey):
+        if (
+            context.stopped
+            or "_while" in spec.preconditions
+            or not _judged(survey, spec)
+            or spec.node is None
+        ):
+            continue
+        if issubclass(spec.node, Repeat):
+            yield from _repeat(survey, spec, context)
+        elif issubclass(spec.node, RetryUntilSuccessful) and survey.walk.number(spec, "num_attempts") == -1:
+            child = survey.summary(spec.children[0])
+            if child.succeeds or child.skipped:
+                message = "num_attempts is -1: it ends only when its child succeeds"
+            else:
+                message = f"it never ends: num_attempts is -1, and {spec.children[0].name} never succeeds"
+            yield survey.fault(
+                spec, message, "a number of attempts, or a Timeout", code="P321", at="num_attempts"
+            )
+        elif _never_fails(survey, spec):
+            message = f"it never ends: {spec.children[0].name} cannot fail"
+            yield survey.fault(spec, message, "a Repeat with 'num_cycles' or 'while'", code="P321")
+
+
+def _never_fails(survey: Survey, spec: NodeSpec) -> bool:
+    """Whether it is to run until its child fails, and that cannot be."""
+    until_failure = spec.node is not None and issubclass(spec.node, KeepRunningUntilFailure)
+    return until_failure and not survey.summary(spec.children[0]).certain_failure
+
+
+def _judged(survey: Survey, spec: NodeSpec) -> bool:
+    return survey.own(spec.mark) and survey.started(spec)
+
+
+def _repeat(survey: Survey, spec: NodeSpec, context: Context) -> Iterator[Fault]:
+    if survey.walk.number(spec, "num_cycles") != -1:
+        return
+    part, child = spec.children[0], survey.summary(spec.children[0])
+    condition = survey.walk.literal(spec, "while")
+    constant = isinstance(condition, Expression) and survey.walk.shape(condition).constant
+    if condition is None or constant:
+        at = "while" if constant else "num_cycles"
+        given = "'while' always holds" if constant else "num_cycles is -1 and there is no 'while'"
+        if child.certain_failure or child.skipped:
+            message = f"it ends only when {part.name} fails: {given}"
+        else:
+            message = f"it never ends: {given}, and {part.name} cannot fail"
+        yield survey.fault(spec, message, "a number of cycles, a 'while', or a Timeout", code="P321", at=at)
+        return
+    if not isinstance(condition, Expression) or constant is not None or context.beside:
+        return
+    if not changes_of((part,), survey.mission.trees).decides(condition):
+        message = f"nothing in {part.name} changes '{condition}': once begun, the loop goes on for ever"
+        yield survey.fault(spec, message, "a number of cycles besides", code="P322", at="while")
+
+
+def unbounded_recovery(survey: Survey) -> Iterator[Fault]:
+    """P325: a loop goes on while items are left, and passes over what fails with them."""
+    for spec, context in contexts(survey):
+        if context.stopped or "_while" in spec.preconditions or not _judged(survey, spec):
+            continue
+        if spec.node is None or not issubclass(spec.node, Repeat):
+            continue
+        condition = survey.walk.literal(spec, "while")
+        if survey.walk.number(spec, "num_cycles") != -1 or not isinstance(condition, Expression):
+            continue
+        below = tuple(_everything(spec.children[0], survey))
+        passing = next((s for s in below if _passes_over(survey, s)), None)
+        if passing is None or not _OF_ITEMS & condition.names:
+            continue
+        if not any(s.node is not None and s.node.gives_up for s in below):
+            message = f"{passing.name} passes over what fails, and '{condition}' still holds: an item that "
+            message += "cannot be had keeps the loop going for ever"
+            yield survey.fault(spec, message, "a number of cycles, or SetAside", code="P325", at="while")
+
+
+_OF_ITEMS = frozenset(("items_left", "items_to_do"))
+
+
+def _passes_over(survey: Survey, spec: NodeSpec) -> bool:
+    continues = spec.node is not None and issubclass(spec.node, ForEach)
+    return continues and survey.walk.literal(spec, "on_failure") == "continue"
+
+
+def _everything(spec: NodeSpec, survey: Survey) -> Iterator[NodeSpec]:
+    """The node and all below it, in sub-trees too."""
+    seen: set[str] = set()
+    todo = [spec]
+    while todo:
+        for each in todo.pop().iterate():
+            yield each
+            if each.node is None and each.id not in seen:
+                seen.add(each.id)
+                todo.append(survey.mission.trees[each.id].root)
+
+
+def vain_attempts(survey: Survey) -> Iterator[Fault]:
+    """P323: what fails once fails each time."""
+    trees, found = survey.mission.trees, set[int]()
+    for spec, context in contexts(survey):
+        if context.beside or id(spec) in found or not _judged(survey, spec):
+            continue
+        tried, cures = _attempts(survey, spec)
+        if tried is None or not survey.summary(tried).certain_failure:
+            continue
+        changed = changes_of(cures, trees)
+        if is_steady(tried, trees) and not depends_on(tried, trees, changed):
+            found.add(id(spec))
+            message = f"trying again changes nothing: {tried.name} answers alike each time"
+            hint = "something must act, or time pass, between two attempts"
+            yield survey.fault(spec, message, hint, code="P323")
+
+
+def _attempts(survey: Survey, spec: NodeSpec) -> tuple[NodeSpec | None, tuple[NodeSpec, ...]]:
+    """What a node tries several times, and what it does in between."""
+    if spec.node is None:
+        return None, ()
+    if issubclass(spec.node, RetryUntilSuccessful):
+        several = survey.walk.number(spec, "num_attempts") not in (0, 1)
+        return (spec.children[0], ()) if several else (None, ())
+    slots = spec.node.declaration.slots
+    if any(slot.of == "cause" for slot in slots) and survey.walk.number(spec, "attempts") != 1:
+        tried = spec.slots["do"][0][1]
+        return tried, tuple(child for child in spec.children if child is not tried)
+    if spec.node.declaration.port("number_of_retries") and survey.walk.number(spec, "number_of_retries") != 0:
+        return spec.children[0], spec.children[1:]
+    return None, ()

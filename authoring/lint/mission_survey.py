@@ -1,0 +1,135 @@
+"""What all rules look at: the mission, where its nodes stand, and how it may go."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from ...files.yaml.document import Fault, Mark
+from ...trees.flow import Flow
+from ...trees.flow.failure_reasons import joined
+from ...trees.flow.flow_state import EMPTY, KEPT
+from ...trees.flow.flow_walk import Walk
+from ...trees.loading.scene_names import Surroundings
+from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec
+from ...trees.subtree_calls import bottom_up, reachable
+from .key_usage import Usage
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a node stands in the text: its tree, its path in it, and the nodes above it."""
+
+    spec: NodeSpec
+    path: str
+    tree: TreeSpec
+    above: tuple[NodeSpec, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """In which ways a node ended in any of the states that it was reached in. `certain`: only those ways that
+    some node declares."""
+
+    succeeds: bool
+    fails: bool
+    skipped: bool
+    runs: bool
+    certain_failure: bool
+    causes: int
+
+
+class Survey:
+    """One mission, walked through once; a rule asks it and yields faults."""
+
+    def __init__(self, mission: Mission, known: Surroundings | None) -> None:
+        self.mission = mission
+        self.known = known
+        self.file = mission.document.root.mark.file
+        self.walk = Walk(mission)
+        if MAIN in mission.trees and not mission.library:
+            self.walk.enter(mission.main)
+        # The remaining trees are judged by themselves, callers first: from those the others are entered.
+        for name in reversed(bottom_up(mission.trees)):
+            if name not in self.walk.entered and self.own(mission.trees[name].mark):
+                self.walk.enter(mission.trees[name], EMPTY | KEPT)
+        self._places = {id(place.spec): place for tree in mission.trees.values() for place in _placed(tree)}
+        self.usage = {name: Usage(tree, mission.trees) for name, tree in mission.trees.items()}
+
+    def own(self, mark: Mark) -> bool:
+        """Whether it stands in the mission's own file; others are judged when they are checked."""
+        return mark.file == self.file
+
+    @cached_property
+    def used(self) -> frozenset[str]:
+        """The trees that `Main` comes to; of a library all."""
+        return frozenset(self.mission.trees) if self.mission.library else reachable(self.mission.trees)
+
+    def trees(self) -> Iterator[TreeSpec]:
+        """Those of the mission's own file, in its order."""
+        return (tree for tree in self.mission.trees.values() if self.own(tree.mark))
+
+    def places(self) -> Iterator[Place]:
+        """The nodes of the mission's own file, parents first."""
+        for tree in self.trees():
+            for spec in tree.root.iterate():
+                yield self._places[id(spec)]
+
+    def place(self, spec: NodeSpec) -> Place:
+        return self._places[id(spec)]
+
+    def fault(
+        self, spec: NodeSpec, message: str, hint: str = "", *, code: str, at: str = "", error: bool = False
+    ) -> Fault:
+        """A finding at a node, or at the value under its key `at`."""
+        mark = spec.places.get(at, spec.mark) if at else spec.mark
+        path = self._places[id(spec)].path
+        return Fault(mark, path, message, hint, code, "error" if error else "warning")
+
+    # How the mission and its nodes may go.
+
+    @property
+    def main(self) -> Flow | None:
+        """How the mission ends; None for a library."""
+        return None if self.mission.library else self.walk.ends.get(MAIN)
+
+    def reached(self, spec: NodeSpec) -> bool:
+        """Whether the node is ticked in any way that the mission may go."""
+        return id(spec) in self.walk.reached
+
+    def started(self, spec: NodeSpec) -> bool:
+        """Whether it is, and its preconditions let it start."""
+        return id(spec) in self.walk.started
+
+    def summary(self, spec: NodeSpec) -> Summary:
+        """How the node ends, of all that was found."""
+        flows = self._flows.get(id(spec), [])
+        failures = [pair for flow in flows for pair in flow.failure.items()]
+        reasons = joined(why for _, why in failures) if failures else None
+        return Summary(
+            any(flow.success for flow in flows),
+            bool(failures),
+            any(flow.skipped for flow in flows),
+            any(flow.running for flow in flows),
+            any(not state.doubtful and why.loud for state, why in failures),
+            reasons.any if reasons else 0,
+        )
+
+    @cached_property
+    def _flows(self) -> dict[int, list[Flow]]:
+        found: dict[int, list[Flow]] = {}
+        for name in self.mission.trees:
+            for frame in self.walk.frames_of(name):
+                for (spec, _), flow in frame.memo.items():
+                    found.setdefault(spec, []).append(flow)
+        return found
+
+
+def _placed(tree: TreeSpec) -> Iterator[Place]:
+    todo: list[tuple[NodeSpec, str, tuple[NodeSpec, ...]]] = [(tree.root, tree.name, ())]
+    while todo:
+        spec, above, parents = todo.pop()
+        path = f"{above}/{spec.name}"
+        yield Place(spec, path, tree, parents)
+        todo += [(child, path, (*parents, spec)) for child in reversed(spec.children)]

@@ -1,0 +1,66 @@
+"""Decorators without effect, defaults that are never used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ...files.yaml.document import Fault
+from ...trees.controls import Delay, ForceFailure, ForceSuccess, RetryUntilSuccessful, Switch, Timeout
+from ...trees.values.references import ATTRIBUTE_TYPES, Reference
+from .mission_survey import Place, Survey
+
+
+def without_effect(survey: Survey) -> Iterator[Fault]:
+    """P324: a decorator that changes nothing about its child."""
+    for place in survey.places():
+        spec = place.spec
+        if spec.node is None or not survey.started(spec) or spec.node.kind != "decorator":
+            continue
+        part = spec.children[0]
+        child, message, at = survey.summary(part), "", ""
+        if issubclass(spec.node, ForceSuccess) and not child.fails:
+            message = f"{part.name} never fails"
+        elif issubclass(spec.node, ForceFailure) and not child.succeeds:
+            message = f"{part.name} never succeeds"
+        elif issubclass(spec.node, Timeout) and survey.walk.number(spec, "msec") == 0:
+            message, at = "a time of 0 is without limit", "msec"
+        elif issubclass(spec.node, Timeout) and not child.runs:
+            message = f"{part.name} always ends at once"
+        elif issubclass(spec.node, Delay) and survey.walk.number(spec, "delay_msec") == 0:
+            message, at = "it waits no time", "delay_msec"
+        elif issubclass(spec.node, RetryUntilSuccessful):
+            if survey.walk.number(spec, "num_attempts") == 1:
+                message, at = "one attempt is no retry", "num_attempts"
+            elif survey.reached(part) and not child.fails:
+                message = f"{part.name} never fails"
+        if message:
+            yield survey.fault(spec, f"{spec.id} has no effect: {message}", code="P324", at=at)
+
+
+def needless_defaults(survey: Survey) -> Iterator[Fault]:
+    """P326: a default although all values that can come have a case."""
+    for place in survey.places():
+        spec = place.spec
+        if spec.node is None or not issubclass(spec.node, Switch) or "default" not in spec.slots:
+            continue
+        possible = _values(place)
+        cases = {name for name, _ in spec.slots["cases"]}
+        if possible and cases.issuperset(possible):
+            message = f"the default is never used: {spec.ports['variable']} is one of {', '.join(possible)}"
+            yield survey.fault(spec, message, "each of them has a case", code="P326", at="default")
+
+
+def _values(place: Place) -> tuple[str, ...]:
+    """All values that the variable of a Switch may have, as its cases would write them; empty: not known."""
+    bound = place.spec.ports.get("variable")
+    if not isinstance(bound, Reference):
+        return ()
+    if bound.attributes:
+        return _BOOL if ATTRIBUTE_TYPES[bound.attributes[-1]].kind == "bool" else ()
+    port = next((port for port in place.tree.ports if port.key == bound.key), None)
+    if port is None or port.direction != "in" or port.type.many or port.type.optional:
+        return ()
+    return _BOOL if port.type.name == "bool" else tuple(map(str, port.choices or ()))
+
+
+_BOOL = ("true", "false")

@@ -1,0 +1,129 @@
+"""Two users of the arm, the gripper or a camera at the same time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from typing import TypeAlias
+
+from ...files.yaml.document import Fault
+from ...trees.controls import (
+    Fallback,
+    ForceFailure,
+    ForceSuccess,
+    IfThenElse,
+    Inverter,
+    KeepRunningUntilFailure,
+    Parallel,
+    ReactiveFallback,
+    ReactiveSequence,
+    Repeat,
+    RetryUntilSuccessful,
+    Sequence,
+    Timeout,
+    WhileDoElse,
+)  # fmt: skip
+from ...trees.declaration import Resource
+from ...trees.mission import NodeSpec
+from .mission_survey import Survey
+
+Users: TypeAlias = Mapping[Resource, NodeSpec]
+
+
+def at_the_same_time(survey: Survey) -> Iterator[Fault]:
+    """P331: two children of a Parallel that use the same."""
+    for place in survey.places():
+        spec = place.spec
+        if spec.node is None or not issubclass(spec.node, Parallel):
+            continue
+        said: set[int] = set()
+        for first, second in combinations(spec.children, 2):
+            mine, others = users(survey, first), users(survey, second)
+            shared = next((one for one in mine if one in others and not _both(one, mine, others)), None)
+            if shared is None or id(second) in said:
+                continue
+            said.add(id(second))
+            message = f"{others[shared].name} and {mine[shared].name} use the {shared} at the same time"
+            yield survey.fault(second, message, "one after the other, in a Sequence", code="P331", error=True)
+
+
+def started_anew(survey: Survey) -> Iterator[Fault]:
+    """P332: what a reactive node starts again at each tick takes away what a later child works with."""
+    for place in survey.places():
+        spec = place.spec
+        if spec.node is None or not issubclass(spec.node, ReactiveSequence | ReactiveFallback):
+            continue
+        for index, part in enumerate(spec.children[:-1]):
+            first = _first_user(survey, part)
+            if first is None or first.node is None:
+                continue
+            later: dict[Resource, NodeSpec] = {}
+            for other in reversed(spec.children[index + 1 :]):
+                later |= users(survey, other)
+            resource = next((one for one in first.node.uses if one in later), None)
+            if resource is not None:
+                user = later[resource].name
+                message = f"{first.name} is started anew at each tick and takes the {resource} from {user}"
+                hint = f"a condition before it, or {spec.id.removeprefix('Reactive')} in place of {spec.id}"
+                yield survey.fault(part, message, hint, code="P332")
+
+
+def _both(resource: Resource, mine: Users, others: Users) -> bool:
+    """Whether two branches may use it at once: one of them leaves it to others all the while."""
+    return any(_shares(users[resource], resource) for users in (mine, others))
+
+
+def _shares(spec: NodeSpec, resource: Resource) -> bool:
+    return spec.node is not None and resource in spec.node.shares
+
+
+def users(survey: Survey, spec: NodeSpec) -> Users:
+    """What a branch uses, with the first node in it that does, before it one that does not share it; what is
+    never reached does not count."""
+    found: dict[Resource, NodeSpec] = {}
+    for part in spec.iterate():
+        if not survey.started(part):
+            continue
+        if part.node is None:
+            below = users(survey, survey.mission.trees[part.id].root)
+            added = {one: part for one, user in below.items() if not _shares(user, one)}
+            added |= {one: user for one, user in below.items() if one not in added}
+        else:
+            added = dict.fromkeys(part.node.uses, part)
+        for resource, user in added.items():
+            if resource not in found or (_shares(found[resource], resource) and not _shares(user, resource)):
+                found[resource] = user
+    return found
+
+
+_STARTS_FIRST = (
+    Sequence, ReactiveSequence, Fallback, ReactiveFallback, IfThenElse, WhileDoElse, Inverter, ForceFailure,
+    ForceSuccess, Timeout, RetryUntilSuccessful, KeepRunningUntilFailure,
+)  # fmt: skip
+
+
+def _first_user(survey: Survey, spec: NodeSpec) -> NodeSpec | None:
+    """The leaf that uses something and that the branch begins with, whatever holds."""
+    if spec.preconditions:
+        return None
+    if spec.node is None:
+        return _first_user(survey, survey.mission.trees[spec.id].root)
+    if not spec.children:
+        return spec if spec.node.uses else None
+    if issubclass(spec.node, Sequence):
+        first = next((part for part in spec.children if not _passes_by(survey, part)), None)
+        return _first_user(survey, first) if first is not None else None
+    repeats = issubclass(spec.node, Repeat) and "while" not in spec.ports
+    if (
+        issubclass(spec.node, _STARTS_FIRST)
+        or repeats
+        or any(slot.of == "cause" for slot in spec.node.declaration.slots)
+    ):
+        return _first_user(survey, spec.children[0])
+    return None
+
+
+def _passes_by(survey: Survey, spec: NodeSpec) -> bool:
+    """Whether it ends at once and always lets the next begin, as Log does."""
+    summary = survey.summary(spec)
+    return not summary.runs and not summary.fails

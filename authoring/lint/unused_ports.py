@@ -1,0 +1,93 @@
+"""Sub-trees, ports and files that nothing uses."""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Iterator
+
+from ...files.yaml.document import Document, Fault
+from ...trees.mission import MAIN, TreeSpec
+from ...trees.mission_files import IN_LIBRARY
+from ...trees.subtree_calls import called_by
+from .mission_survey import Survey
+
+
+def unused_trees(survey: Survey) -> Iterator[Fault]:
+    """P340: a sub-tree that the mission does not come to."""
+    for tree in survey.trees():
+        if tree.name in survey.used:
+            continue
+        users = [other.name for other in survey.trees() if tree.name in called_by(other)]
+        message = f"nothing uses the sub-tree {tree.name!r}"
+        message += f" but {', '.join(users)}, which nothing uses" if users else ""
+        hint = "'library: true' makes a file of sub-trees for others" if len(survey.mission.trees) > 1 else ""
+        yield Fault(tree.mark, f"trees.{tree.name}", message, hint, "P340", "warning")
+
+
+def unused_ports(survey: Survey) -> Iterator[Fault]:
+    """P341, P342: an input that nothing in the tree reads, an output that nothing writes."""
+    for tree in survey.trees():
+        usage = survey.usage[tree.name]
+        what = "the mission" if tree.name == MAIN else f"the tree {tree.name!r}"
+        for port in tree.ports:
+            if port.direction == "in" and port.key not in usage.reads:
+                message = f"nothing in {what} reads its input {port.key!r}"
+                yield _port_fault(tree, port.key, message, "P341")
+            elif port.direction == "out" and port.key not in usage.writes:
+                message = f"nothing in {what} writes its output {port.key!r}"
+                yield _port_fault(tree, port.key, message, "P342")
+
+
+def _port_fault(tree: TreeSpec, key: str, message: str, code: str) -> Fault:
+    mark = tree.places.get(key, tree.mark)
+    return Fault(mark, f"trees.{tree.name}.ports.{key}", message, "", code, "warning")
+
+
+def unused_files(survey: Survey) -> Iterator[Fault]:
+    """P343: an included file of whose trees none is used."""
+    document, names = survey.mission.document, survey.mission.files
+    entries = document.data.get("include")
+    documents = dict(zip(names, survey.mission.included, strict=True))
+    homes = {tree.name: tree.mark.file for tree in survey.mission.trees.values()}
+    called = {name for tree in survey.trees() for name in called_by(tree) if name in homes}
+    for index, entry in enumerate(entries if isinstance(entries, list) else ()):
+        name = _normal(str(entry), "")
+        files = {str(found.path) for found in _with_included(name, documents)}
+        if files and not any(homes[tree] in files for tree in called):
+            yield document.fault(
+                ("include", index),
+                f"nothing uses a tree of {str(entry)!r}",
+                code="P343",
+                severity="warning",
+            )
+
+
+def _with_included(name: str, documents: dict[str, Document]) -> Iterator[Document]:
+    """The file of that name, and those that it includes in turn."""
+    todo, seen = [name], set[str]()
+    while todo:
+        current = todo.pop()
+        document = documents.get(current)
+        if document is None or current in seen:
+            continue
+        seen.add(current)
+        yield document
+        entries = document.data.get("include")
+        folder = posixpath.dirname(current)
+        todo += [_normal(str(entry), folder) for entry in (entries if isinstance(entries, list) else ())]
+
+
+def _normal(entry: str, folder: str) -> str:
+    """The name of an included file as the mission counts it; see `Includes`."""
+    if entry.startswith(IN_LIBRARY) and not entry.endswith((".yaml", ".yml")):
+        return entry
+    return posixpath.normpath(posixpath.join(folder, entry))
+
+
+def breakpoints(survey: Survey) -> Iterator[Fault]:
+    """P344: a breakpoint that was left in the file."""
+    for place in survey.places():
+        if place.spec.breakpoint is not None:
+            message = f"a breakpoint stands here, {place.spec.breakpoint} {place.spec.name}"
+            hint = "only 'run --debug' stops at it"
+            yield survey.fault(place.spec, message, hint, code="P344", at="breakpoint")

@@ -1,0 +1,170 @@
+"""What is known of a node, in words: the one source of the terminal's page, of JSON, and of docs/nodes.md."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from ...trees.declaration import Kind, NodeDeclaration
+from ...trees.node import Node
+from ...trees.ports import PortDeclaration, Required
+from ...trees.skill import Skill
+from ...trees.slots import SlotDeclaration
+from ...world.causes import Cause
+from ...world.journal import Plain
+from .port_rules import one_needed_of
+from .port_wording import default_words, expression_words, flowing, hand_words, type_words
+
+TITLES: Final[Mapping[Kind, str]] = {
+    "action": "Actions",
+    "condition": "Conditions",
+    "control": "Control nodes",
+    "decorator": "Decorators",
+    "subtree": "Sub-trees",
+}
+"""Of the kinds, in the order in which an author meets them."""
+
+
+@dataclass(frozen=True, slots=True)
+class PortEntry:
+    """One input or output."""
+
+    key: str
+    direction: str
+    """in or out"""
+    type: str
+    """As people say it: `number in N, or as "20 N"`."""
+    doc: str
+    required: bool
+    default: str
+    """As a file would say it; empty when there is none."""
+    unit: str
+    choices: tuple[str, ...]
+    names: str
+    """What in scene or robot it names: camera, pose, bin, …; empty when nothing."""
+    bounds: str
+    may_use: str
+    """Of an expression: which names it knows."""
+
+
+@dataclass(frozen=True, slots=True)
+class SlotEntry:
+    """Where children stand."""
+
+    key: str
+    form: str
+    doc: str
+    required: bool
+
+
+@dataclass(frozen=True, slots=True)
+class CauseEntry:
+    """Why the node itself may fail; a family has `members`."""
+
+    name: str
+    sentence: str
+    remedy: str
+    members: tuple[CauseEntry, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NodeEntry:
+    """One node."""
+
+    id: str
+    kind: str
+    summary: str
+    doc: str
+    ports: tuple[PortEntry, ...]
+    slots: tuple[SlotEntry, ...]
+    causes: tuple[CauseEntry, ...]
+    uses: tuple[str, ...]
+    hand_after: str
+    """A sentence, empty when the hand stays as it is."""
+    limit: str
+    """After which simulated time it is stopped; empty when it never is."""
+    rule: str
+    """What its keys have to do with one another; empty when nothing."""
+    example: str
+
+    @property
+    def inputs(self) -> tuple[PortEntry, ...]:
+        return tuple(port for port in self.ports if port.direction == "in")
+
+    @property
+    def outputs(self) -> tuple[PortEntry, ...]:
+        return tuple(port for port in self.ports if port.direction == "out")
+
+
+def node_entry(node: NodeDeclaration, causes: Iterable[Cause], of: type[Node] | None = None) -> NodeEntry:
+    """`causes`: all that there are, to tell what a family means. `of`: its class; None for a sub-tree."""
+    needed = one_needed_of(of) if of is not None else None
+    known = tuple(causes)
+    doc = flowing(node.doc)
+    return NodeEntry(
+        node.id,
+        node.kind,
+        _first_sentence(doc),
+        doc,
+        tuple(_port(port) for port in node.ports),
+        tuple(_slot(slot) for slot in node.slots),
+        tuple(_cause(cause, known) for cause in node.causes),
+        tuple(str(resource.value) for resource in node.uses),
+        hand_words(node),
+        of.limit_words() if of is not None and issubclass(of, Skill) else "",
+        f"{needed.sentence[0].upper()}{needed.sentence[1:]}." if needed else "",
+        node.example,
+    )
+
+
+def cause_entry(cause: Cause) -> CauseEntry:
+    return CauseEntry(cause.name, cause.sentence, cause.remedy)
+
+
+def _port(port: PortDeclaration) -> PortEntry:
+    choices: Iterable[Plain] = port.choices or ()
+    return PortEntry(
+        port.key,
+        port.direction,
+        type_words(port),
+        port.doc,
+        port.required,
+        "" if isinstance(port.default, Required) else default_words(port),
+        port.unit or "",
+        tuple(map(str, choices)),
+        port.names or "",
+        port.within.words(),
+        expression_words(port),
+    )
+
+
+def _slot(slot: SlotDeclaration) -> SlotEntry:
+    match slot.arity:
+        case "one":
+            form = "a node, or a list of nodes that is run as a Sequence"
+        case "many" if slot.least == slot.most:
+            form = f"a list of {slot.least} nodes"
+        case "many" if slot.most is not None:
+            form = f"a list of {slot.least} to {slot.most} nodes"
+        case "many":
+            form = "a list of nodes" if slot.least <= 1 else f"a list of at least {slot.least} nodes"
+        case "table" if slot.of == "cause":
+            form = "a mapping: a cause, a family of causes as grasp.*, or *; and what handles it"
+        case "table":
+            form = "a mapping: a value, and the node for it"
+    return SlotEntry(slot.key, form, slot.doc, slot.required)
+
+
+def _cause(cause: object, known: tuple[Cause, ...]) -> CauseEntry:
+    if isinstance(cause, Cause):
+        return cause_entry(cause)
+    prefix = f"{cause}".removesuffix("*")
+    members = tuple(cause_entry(one) for one in known if one.name.startswith(prefix))
+    return CauseEntry(f"{cause}", "any of the family", "", members)
+
+
+def _first_sentence(doc: str) -> str:
+    found = re.match(r".*?[.!?](?=\s|$)", doc)
+    return found[0] if found else doc.partition("\n")[0]

@@ -1,0 +1,117 @@
+"""Declarations in the words of people: what a port takes, its default; for editors and the reference."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from ...files.quantities import example
+from ...trees.declaration import NodeDeclaration
+from ...trees.ports import PortDeclaration, Required
+from ...trees.values.port_types import Name
+from ...world.belief.facts import FACTS
+
+_ONE: dict[Name, str] = {
+    "string": "text", "int": "whole number", "float": "number", "bool": "true or false",
+    "object": "id of an object", "expression": "expression", "any": "any value",
+}  # fmt: skip
+_MANY: dict[Name, str] = {
+    "string": "list of texts", "int": "list of whole numbers", "float": "list of numbers",
+    "bool": "list of true or false", "object": "list of ids of objects", "expression": "list of expressions",
+    "any": "list",
+}  # fmt: skip
+_NAMED = {
+    "camera": "name of a camera of the scene",
+    "pose": "name of a pose of the robot",
+    "bin": "name of a bin of the scene",
+    "hole": "name of a hole of the scene, or of a fixture with holes",
+    "fixture": "name of a fixture or bin of the scene",
+    "kind": "name of a kind of the scene's catalogue",
+    "colour": "name of a colour",
+}
+
+_ASSIGNMENTS = "Assignments, as `tries := tries + 1`, several with `;`: made when the node "
+COMMON_DOCS: Mapping[str, str] = {
+    "name": "What the node is called in pictures, logs and paths; its ID unless given.",
+    "_failureIf": "An expression: when it holds as the node would start, it is FAILURE instead.",
+    "_successIf": "An expression: when it holds as the node would start, it is SUCCESS instead.",
+    "_skipIf": "An expression: when it holds as the node would start, it is SKIPPED, as if it were absent.",
+    "_while": "An expression, asked at every tick: when it does not hold, the node is halted and SKIPPED.",
+    "_onHalted": _ASSIGNMENTS + "is halted while it runs.",
+    "_onFailure": _ASSIGNMENTS + "ends in FAILURE.",
+    "_onSuccess": _ASSIGNMENTS + "ends in SUCCESS.",
+    "_post": _ASSIGNMENTS + "ends or is halted, whatever the outcome.",
+    "breakpoint": "Where `picktree run --debug` stops: `before` the node starts, or `after` its end.",
+}
+"""What may stand under every node, by key."""
+
+
+def type_words(port: PortDeclaration) -> str:
+    """What the port takes: `number in m, or as "30 mm"`, `name of a camera of the scene`."""
+    if port.names is not None and not port.type.many:
+        words = _NAMED[port.names]
+    else:
+        words = (_MANY if port.type.many else _ONE)[port.type.name]
+    if port.unit:
+        words += f" in {port.unit}"
+        words += f', or as "{unit_example(port.unit)}"' if port.direction == "in" else ""
+    return f"{words}, or null" if port.type.optional else words
+
+
+def unit_example(unit: str) -> str:
+    """A quantity with a unit, where a bare number is in `unit`."""
+    return "2 s" if unit == "ms" else example(unit)
+
+
+def default_words(port: PortDeclaration) -> str:
+    """The default as a file would say it; `none` for one that means "not given", empty when there is none."""
+    match port.default:
+        case Required():
+            return ""
+        case None | "" | []:
+            return "none"
+        case bool() as flag:
+            return str(flag).lower()
+        case int() | float() as number:
+            return f"{number:g} {port.unit}" if port.unit else f"{number:g}"
+        case other:
+            return str(other)
+
+
+def expression_words(port: PortDeclaration) -> str:
+    """What an expression may use; empty for other ports."""
+    if port.type.name != "expression":
+        return ""
+    return f"of the blackboard's keys and the facts {', '.join(FACTS)}"
+
+
+def uses_words(node: NodeDeclaration) -> str:
+    """`arm and gripper`; empty for a node that uses nothing."""
+    return listed([str(resource.value) for resource in node.uses])
+
+
+def hand_words(node: NodeDeclaration) -> str:
+    """What is in the hand after success; empty when the node does not change it."""
+    match node.hand_after:
+        case "full":
+            return "After success the hand holds the object."
+        case "empty":
+            return "After success the hand is empty."
+        case "kept":
+            return "What the hand holds after success is in a safe place."
+        case "unchanged":
+            return ""
+
+
+def flowing(doc: str) -> str:
+    """A docstring without the line breaks that fit it to the code; paragraphs stay."""
+    paragraphs = re.split(r"\n\s*\n", doc)
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+
+
+def listed(words: list[str]) -> str:
+    """
+    >>> listed(["arm", "gripper", "camera"])
+    'arm, gripper and camera'
+    """
+    return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))

@@ -1,0 +1,123 @@
+"""Rehearsing a mission: its real tree is ticked, its leaves answer as each case says."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+from ...errors import PicktreeError
+from ...files.diagnostics.fault_codes import pages
+from ...files.diagnostics.suppressions import silenced
+from ...files.yaml.document import Document, FileError, load_document, nearest
+from ...trees.loading.loader import load_mission
+from ...trees.mission import Mission
+from ...trees.running.builder import build
+from ...trees.status import NodeStatus
+from ...world.journal import Plain
+from .cases.case import Case, CaseFile
+from .checking.case_checks import examine_cases
+from .stage.answer_choice import Prompter
+from .stage.mission_staging import Staging, scene_of, stage_mission
+from .stage.rehearsal_world import TICK, RehearsalWorld
+from .stage.trace import Trace
+from .verdict.coverage import Reached, coverage
+from .verdict.rehearsal_result import CaseResult, Rehearsal
+from .verdict.trace_text import short_names
+from .verdict.verdict import Outcome, differences
+
+MOST_TICKS = 10_000
+"""Of a case that does not say how many it may take."""
+
+
+def rehearse_files(mission: Path, cases: Path | None = None, names: Collection[str] = ()) -> Rehearsal:
+    """As `rehearse`, of files. Without a cases file it is the one of the mission's name in `cases` beside it.
+
+    Raises FileError with all faults of the mission, of its scene or of the cases.
+    """
+    if cases is None:
+        cases = mission.parent / "cases" / mission.name
+        if mission.is_file() and not cases.is_file():
+            raise PicktreeError(f"there are no cases {cases}; name the file with --cases")
+    loaded = load_mission(mission)
+    found = examine_cases(load_document(cases, "cases"), loaded)
+    if found.errors:
+        raise FileError(found.errors)
+    document = found.cases.document
+    codes = [page.code for page in pages()]
+    warnings = silenced(found.faults, document.text, str(document.path), codes, complete=False)
+    return replace(rehearse(loaded, found.cases, names), warnings=warnings)
+
+
+def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> Rehearsal:
+    """Rehearse all cases of the file, or those of these names. The cases were checked for this mission.
+
+    Raises PicktreeError for an unknown name, and for a faulty scene of the mission.
+    """
+    known = [case.name for case in cases.cases]
+    for name in names:
+        if name not in known:
+            raise PicktreeError(f"{cases.document.path} has no case {name!r}; {nearest(name, known)}")
+    staging = stage_mission(mission, scene_of(mission))
+    reached = Reached()
+    results = tuple(
+        rehearse_case(staging, case, cases.document, reached)
+        for case in cases.cases
+        if not names or case.name in names
+    )
+    short = short_names([mission.main.name, *(role.path for role in staging.roles.all)])
+    return Rehearsal(
+        mission.name,
+        cases.document.path,
+        results,
+        coverage(staging, reached),
+        complete=len(results) == len(cases.cases),
+        warnings=(),
+        names=short,
+    )
+
+
+def rehearse_case(staging: Staging, case: Case, document: Document, reached: Reached) -> CaseResult:
+    """Rehearse one case, and add what it reaches."""
+    world = _world(staging, case)
+    parameters = cast("Mapping[str, Plain]", case.parameters)
+    tree = build(staging.mission, world, parameters)
+    trace = world.trace
+    tree.on_start.append(trace.begun)
+    trace.writes = tree.blackboard.take_writes
+    most = min(case.expect.ticks or MOST_TICKS, case.halt_after or MOST_TICKS)
+    while True:
+        trace.tick = world.clock.ticks + 1
+        tree.step()
+        trace.flush()
+        if tree.status is not NodeStatus.RUNNING or world.contradictions or trace.tick >= most:
+            break
+        world.clock.ticks += 1
+    if trace.tick == case.halt_after and tree.status is NodeStatus.RUNNING:
+        trace.flush(tree.halt().writes)
+    outcome = Outcome(trace.tick, tree.status, tree.failure, tree, world)
+    reached.take(staging, trace)
+    return CaseResult(
+        name=case.name,
+        doc=case.doc,
+        mark=document.key_mark(case.loc),
+        status=tree.status.value,
+        cause=tree.failure.cause.name if tree.failure else "",
+        message=tree.failure.message if tree.failure else "",
+        ticks=trace.tick,
+        seconds=round(trace.tick * TICK, 9),
+        differences=differences(document, case, outcome),
+        runs=tuple(trace.runs),
+        handled=tuple(trace.handled),
+        events=tuple(trace.events),
+        unused=tuple(document.mark(loc) for loc in world.prompter.unused() if loc[:1] == ("cases",)),
+    )
+
+
+def _world(staging: Staging, case: Case) -> RehearsalWorld:
+    played = (role.path for role in staging.roles.all if role.played)
+    world = RehearsalWorld(staging.scene, Prompter(case.scripts), Trace(played))
+    world.belief.change(case.objects)
+    world.belief.pin(case.facts)
+    return world

@@ -1,0 +1,1 @@
+"""The stage of a rehearsal: its world, its stand-ins, its trace."""

@@ -1,0 +1,42 @@
+"""Which answer a leaf gives when it is started."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ....files.node_patterns import node_matches
+from ....files.yaml.document import Location
+from ..cases.case import Answer, Script
+
+
+@dataclass(slots=True)
+class _Turns:
+    script: Script
+    given: int = 0
+
+
+class Prompter:
+    """Counts the starts for each pattern; the first pattern that fits a node is the one that counts."""
+
+    def __init__(self, scripts: Iterable[Script]) -> None:
+        self._turns = [_Turns(script) for script in scripts]
+
+    def answer(self, path: str) -> Answer | None:
+        """The next answer of the leaf at that path; None when the case says nothing of it."""
+        turns = next((t for t in self._turns if node_matches(t.script.pattern, path)), None)
+        if turns is None or not turns.script.answers:
+            return None
+        number, turns.given = turns.given, turns.given + 1
+        if number < len(turns.script.answers):
+            return turns.script.answers[number]
+        return turns.script.otherwise or turns.script.answers[-1]
+
+    def unused(self) -> tuple[Location, ...]:
+        """Where answers stand that no leaf has given."""
+        return tuple(
+            answer.loc
+            for turns in self._turns
+            for number, answer in enumerate(turns.script.everything)
+            if number >= turns.given
+        )

@@ -1,0 +1,95 @@
+"""A mission made ready for rehearsals: its leaves replaced, its other nodes and its expressions watched."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+from ....files.expressions.expression import Expression
+from ....trees.mission import Assignment, Mission, NodeSpec, TreeSpec
+from ....trees.node import Node
+from ....trees.values.references import Binding, Constant
+from ....world.scene.description import SceneDescription
+from ....world.scene.loading.scene_loading import load_scene
+from .node_roles import Roles, is_played, roles_of
+from .recorded_expressions import WatchedExpression
+from .stand_ins import stand_in, witnessed
+
+_Watched: TypeAlias = defaultdict[str, dict[str, WatchedExpression]]
+
+
+@dataclass(frozen=True, slots=True)
+class Staging:
+    """What all cases of a mission share. `expressions` by the node's path in its tree and by key."""
+
+    mission: Mission
+    """The mission that is built: the author's, with other classes behind its nodes."""
+    roles: Roles
+    """Of the author's mission."""
+    scene: SceneDescription | None
+    expressions: Mapping[str, Mapping[str, WatchedExpression]]
+    texts: Mapping[str, str]
+    """Of a node as it is built: its path in the tree that the file writes down."""
+
+
+def stage_mission(mission: Mission, scene: SceneDescription | None) -> Staging:
+    """Make a mission ready; `scene` gives bins, kinds and destinations."""
+    watched: _Watched = defaultdict(dict)
+    trees = {name: _tree(tree, watched) for name, tree in mission.trees.items()}
+    roles = roles_of(mission)
+    texts = {role.path: role.text for role in roles.all}
+    return Staging(replace(mission, trees=trees), roles, scene, watched, texts)
+
+
+def scene_of(mission: Mission) -> SceneDescription | None:
+    """The mission's scene, None when it names none. Raises PicktreeError (FileError) for a faulty one."""
+    if mission.scene is None:
+        return None
+    return load_scene(mission.scene, mission.document.path.parent)
+
+
+def _tree(tree: TreeSpec, watched: _Watched) -> TreeSpec:
+    return replace(tree, root=_node(tree.root, tree.name, watched))
+
+
+def _node(spec: NodeSpec, above: str, watched: _Watched) -> NodeSpec:
+    text = f"{above}/{spec.name}"
+
+    def watch(key: str, expression: Expression) -> Expression:
+        watched[text][key] = WatchedExpression.of(expression)
+        return watched[text][key]
+
+    played = spec.node is not None and is_played(spec.node)
+
+    def binding(key: str, bound: Binding) -> Binding:
+        # Nobody asks the expressions of a leaf whose place is taken.
+        if not played and isinstance(bound, Constant) and isinstance(bound.value, Expression):
+            return Constant(watch(key, bound.value), bound.text)
+        return bound
+
+    slots = {
+        key: tuple((label, _node(child, text, watched)) for label, child in filled)
+        for key, filled in spec.slots.items()
+    }
+    return replace(
+        spec,
+        node=_class(spec.node),
+        ports={key: binding(key, bound) for key, bound in spec.ports.items()},
+        slots=slots,
+        preconditions={key: watch(key, value) for key, value in spec.preconditions.items()},
+        postconditions={
+            key: tuple(
+                Assignment(one.key, watch(f"{key} {n}", one.value)) for n, one in enumerate(assignments)
+            )
+            for key, assignments in spec.postconditions.items()
+        },
+        breakpoint=None,
+    )
+
+
+def _class(node: type[Node] | None) -> type[Node] | None:
+    if node is None:
+        return None
+    return stand_in(node) if is_played(node) else witnessed(node)

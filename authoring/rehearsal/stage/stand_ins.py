@@ -1,0 +1,147 @@
+"""Stand-ins, which take the place of a mission's leaves, and witnesses, who look on at its other nodes."""
+
+from __future__ import annotations
+
+import types
+from functools import cache
+from typing import Any, ClassVar, cast
+
+from ....trees.node import Node
+from ....trees.ports import PortDeclaration
+from ....trees.status import NodeStatus
+from ....trees.values.port_types import convert
+from ....trees.values.references import Constant
+from ....world.causes import Failure, cause_named
+from ..cases.case import Answer
+from .node_roles import follows_from_belief
+from .rehearsal_belief import Contradiction
+from .rehearsal_world import RehearsalWorld
+
+
+class StandIn(Node, abstract=True):
+    """Answers as the case says, with the ports and causes of the leaf in whose place it is.
+
+    Nothing of the leaf's own code runs, so that neither a robot nor a scene of flesh is needed.
+    """
+
+    stands_for: ClassVar[type[Node]]
+    _answer: Answer | None = None
+    _ticks_left: int = 0
+
+    def on_start(self) -> None:
+        self._answer = self._stage.prompter.answer(self.path)
+        self._ticks_left = self._answer.ticks if self._answer else 0
+
+    def on_tick(self) -> NodeStatus:
+        answer = self._answer
+        if answer is not None and answer.status == "RUNNING":
+            return NodeStatus.RUNNING
+        if self._ticks_left > 0:
+            self._ticks_left -= 1
+            return NodeStatus.RUNNING
+        try:
+            return self._succeed(None) if answer is None else self._end(answer)
+        except Contradiction as contradiction:
+            self._stage.contradictions.append(f"{self.path}: {contradiction}")
+            return NodeStatus.SUCCESS
+
+    def step(self) -> NodeStatus:
+        before = self.state
+        state = super().step()
+        trace = self._stage.trace
+        trace.stepped(self.path, before, state)
+        if state is not NodeStatus.RUNNING:
+            trace.ended(self.path, state, self.failure)
+        return state
+
+    def halt(self) -> None:
+        if self.state is NodeStatus.RUNNING:
+            self._stage.trace.halted(self.path)
+        super().halt()
+
+    @property
+    def _stage(self) -> RehearsalWorld:
+        return cast("RehearsalWorld", self.world)
+
+    def _end(self, answer: Answer) -> NodeStatus:
+        belief = self._stage.belief
+        if answer.status == "SUCCESS":
+            state = self._succeed(answer)
+            belief.apply(answer.then)
+            return state
+        self._write(answer)
+        cause = cause_named(answer.cause) if answer.cause else None
+        if cause is not None:
+            belief.failed(cause)
+        belief.apply(answer.then)
+        if cause is not None:
+            raise Failure(cause, answer.message or cause.sentence.rstrip("."))
+        return NodeStatus(answer.status)
+
+    def _succeed(self, answer: Answer | None) -> NodeStatus:
+        # Who says what the hand holds, says it instead of the leaf's declaration.
+        if answer is None or answer.then.hand is None:
+            inputs = {port.key: self.input(port.key) for port in self.declaration.inputs}
+            given = {key: Constant(value, None) for key, value in inputs.items()}
+            hand, _ = self.stands_for.hand_with({**self.wiring.ports, **given})
+            self._stage.belief.succeeded(self.declaration, hand, inputs, of_itself=answer is None)
+            emptied = self.stands_for.empties_with(inputs)
+            if emptied:
+                self._stage.belief.take_away(emptied)
+        self._write(answer)
+        for port in self.declaration.outputs:
+            if port.key in self.wiring.ports and (answer is None or port.key not in answer.outputs):
+                self.output(port.key, self._believed(port))
+        return NodeStatus.SUCCESS
+
+    def _write(self, answer: Answer | None) -> None:
+        for key, value in answer.outputs.items() if answer else ():
+            port = self.declaration.port(key)
+            if port is not None and key in self.wiring.ports:
+                self.output(key, convert(value, port.type, port.unit, port.choices, port.within))
+
+    def _believed(self, port: PortDeclaration) -> object:
+        if not follows_from_belief(port, self.declaration.uses):
+            raise Contradiction(f"{self.declaration.id} succeeds without its output {port.key!r}")
+        return self._stage.belief.to_do()
+
+
+class Witness(Node, abstract=True):
+    """Mixed into a node of the language, which does its own work: tells the trace what comes of it."""
+
+    def step(self) -> NodeStatus:
+        before = self.state
+        state = super().step()
+        trace = cast("RehearsalWorld", self.world).trace
+        trace.stepped(self.path, before, state)
+        if self.kind == "condition":
+            trace.says(self.path, state)
+        report = self.failure
+        if state is NodeStatus.FAILURE:
+            if report is not None and report.node == self.path:
+                trace.failed(report)
+            return state
+        by_handlers = any(slot.of == "cause" for slot in self.declaration.slots)
+        for node in self.below:
+            if node.ticked and node.state is NodeStatus.FAILURE and node.failure is not None:
+                trace.took_up(self.path, node.failure, by_handlers=by_handlers)
+        return state
+
+
+@cache
+def stand_in(node: type[Node]) -> type[Node]:
+    """The class that takes the leaf's place."""
+    kept = {name: getattr(node, name) for name in ("declaration", "kind", "causes", "uses", "hand_after")}
+    return _made(node.__name__, (StandIn,), {**kept, "stands_for": node})
+
+
+@cache
+def witnessed(node: type[Node]) -> type[Node]:
+    """The node's own class, with a witness."""
+    return _made(node.__name__, (Witness, node), {})
+
+
+def _made(name: str, bases: tuple[type[Node], ...], members: dict[str, Any]) -> type[Node]:
+    return cast(
+        "type[Node]", types.new_class(name, bases, {"abstract": True}, lambda body: body.update(members))
+    )

@@ -1,0 +1,113 @@
+"""What of a mission's text the cases have reached: nodes, branches of recovery and choice, both answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+from ....files.yaml.document import Mark
+from ....trees.declaration import POSTCONDITIONS
+from ....world.causes import all_causes, matches
+from ..stage.mission_staging import Staging
+from ..stage.node_roles import Role
+from ..stage.trace import Trace
+
+PointKind: TypeAlias = Literal["node", "branch", "expression", "answer"]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One thing that a case can reach. `node` is the path in the tree of the file that `mark` is in."""
+
+    kind: PointKind
+    mark: Mark
+    node: str
+    missed: str
+    """What is to be said when no case reaches it: `never starts`."""
+    reached: bool
+
+
+@dataclass(frozen=True, slots=True)
+class CauseRaised:
+    """One cause that a leaf declares, and whether some case lets it fail so."""
+
+    mark: Mark
+    node: str
+    cause: str
+    raised: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """All points in the order of the mission's text. Causes are counted apart: no mission needs them all."""
+
+    points: tuple[Point, ...]
+    causes: tuple[CauseRaised, ...]
+
+    @property
+    def missed(self) -> tuple[Point, ...]:
+        return tuple(point for point in self.points if not point.reached)
+
+    @property
+    def full(self) -> bool:
+        return not self.missed
+
+    @property
+    def reached(self) -> int:
+        return len(self.points) - len(self.missed)
+
+    @property
+    def percent(self) -> int:
+        """Rounded down, so that 100 means all."""
+        return 100 * self.reached // len(self.points) if self.points else 100
+
+
+@dataclass(slots=True)
+class Reached:
+    """What cases have reached so far, by paths in the file's trees; expressions remember it themselves."""
+
+    started: set[str] = field(default_factory=set[str])
+    raised: set[tuple[str, str]] = field(default_factory=set[tuple[str, str]])
+    answered: set[tuple[str, str]] = field(default_factory=set[tuple[str, str]])
+
+    def take(self, staging: Staging, trace: Trace) -> None:
+        """Add what one case has reached."""
+        texts = staging.texts
+        self.started |= {texts[path] for path in trace.started if path in texts}
+        self.raised |= {(texts[path], cause) for path, cause in trace.raised if path in texts}
+        self.answered |= {(texts[run.path], run.outcome) for run in trace.runs}
+
+
+def coverage(staging: Staging, reached: Reached) -> Coverage:
+    """What was reached of all that there is; what no call of a tree leads to does not count."""
+    roles = {role.text: role for role in staging.roles.all}
+    points = [point for role in roles.values() for point in _points(staging, reached, role)]
+    causes = [cause for role in roles.values() if role.played for cause in _causes(reached, role)]
+    return Coverage(tuple(sorted(points, key=lambda p: p.mark)), tuple(causes))
+
+
+def _points(staging: Staging, reached: Reached, role: Role) -> Iterator[Point]:
+    mark, text = role.spec.mark, role.text
+    missed = f"'{role.branch}' is never used" if role.branch else "never starts"
+    yield Point("branch" if role.branch else "node", mark, text, missed, text in reached.started)
+    if role.played and role.spec.node is not None and role.spec.node.kind == "condition":
+        for answer in ("SUCCESS", "FAILURE"):
+            yield Point("answer", mark, text, f"never {answer}", (text, answer) in reached.answered)
+    for key, expression in staging.expressions.get(text, {}).items():
+        name = key.split()[0]
+        place = role.spec.places.get(name, mark)
+        if name in POSTCONDITIONS:
+            yield Point("expression", place, text, f"'{name}' never runs", bool(expression.seen))
+        elif expression.names:
+            for answer in (True, False):
+                missed = f"'{key}: {expression}' is never {str(answer).lower()}"
+                yield Point("expression", place, text, missed, answer in expression.seen)
+
+
+def _causes(reached: Reached, role: Role) -> Iterator[CauseRaised]:
+    declared = [str(cause) for cause in role.causes]
+    for cause in all_causes():
+        if any(matches(pattern, cause) for pattern in declared):
+            raised = (role.text, cause.name) in reached.raised
+            yield CauseRaised(role.spec.mark, role.text, cause.name, raised)

@@ -1,0 +1,119 @@
+"""A rehearsal as one JSON object."""
+
+from __future__ import annotations
+
+import json
+
+from ....files.yaml.document import Mark
+from ....world.journal import Plain
+from ..stage.events import Ended, Event, Failed, Handled, LeafRun, Noted, Settled, Started, Wrote
+from .coverage import Coverage
+from .rehearsal_result import CaseResult, Rehearsal
+
+
+def to_json(rehearsal: Rehearsal) -> dict[str, Plain]:
+    """The whole result, traces included."""
+    return {
+        "mission": rehearsal.mission,
+        "file": str(rehearsal.file),
+        "passed": rehearsal.passed,
+        "complete": rehearsal.complete,
+        "warnings": [
+            {"place": _place(w.mark), "code": w.code, "where": w.where, "message": w.message, "hint": w.hint}
+            for w in rehearsal.warnings
+        ],
+        "cases": [_case(case) for case in rehearsal.cases],
+        "coverage": _coverage(rehearsal.coverage),
+    }
+
+
+def to_json_text(rehearsal: Rehearsal) -> str:
+    """One object, with a line's end."""
+    return json.dumps(to_json(rehearsal), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
+
+
+def _case(case: CaseResult) -> dict[str, Plain]:
+    return {
+        "name": case.name,
+        "doc": case.doc,
+        "place": _place(case.mark),
+        "passed": case.passed,
+        "status": case.status,
+        "cause": case.cause or None,
+        "message": case.message,
+        "ticks": case.ticks,
+        "seconds": case.seconds,
+        "differences": [
+            {"place": _place(d.mark), "where": d.where, "message": d.message, "tick": d.tick}
+            for d in case.differences
+        ],
+        "unused_answers": [_place(mark) for mark in case.unused],
+        "leaves": [_run(run) for run in case.runs],
+        "handled": [_handled(one) for one in case.handled],
+        "events": [_event(event) for event in case.events],
+    }
+
+
+def _run(run: LeafRun) -> dict[str, Plain]:
+    return {
+        "node": run.path,
+        "tick": run.tick,
+        "last": run.last,
+        "outcome": run.outcome,
+        "cause": run.cause or None,
+        "message": run.message,
+    }
+
+
+def _handled(one: Handled) -> dict[str, Plain]:
+    return {
+        "tick": one.tick,
+        "cause": one.cause,
+        "failed": one.failed,
+        "by": one.by,
+        "handler": one.handler or None,
+    }
+
+
+def _event(event: Event) -> dict[str, Plain]:
+    match event:
+        case Started(tick, run):
+            return {"tick": tick, "kind": "started", "node": run.path}
+        case Ended(tick, run):
+            return {
+                "tick": tick,
+                "kind": "ended",
+                "node": run.path,
+                "outcome": run.outcome,
+                "cause": run.cause or None,
+            }
+        case Settled(tick, path, status):
+            return {"tick": tick, "kind": "answered", "node": path, "outcome": status.value}
+        case Wrote(tick, path, key, value):
+            return {"tick": tick, "kind": "wrote", "node": path, "key": key, "value": value}
+        case Failed(tick, path, cause, message):
+            return {"tick": tick, "kind": "failed", "node": path, "cause": cause, "message": message}
+        case Handled():
+            return {"kind": "handled", **_handled(event)}
+        case Noted(tick, path, kind, message):
+            return {"tick": tick, "kind": "noted", "node": path, "about": kind, "message": message}
+
+
+def _coverage(coverage: Coverage) -> dict[str, Plain]:
+    return {
+        "percent": coverage.percent,
+        "reached": coverage.reached,
+        "total": len(coverage.points),
+        "missed": [
+            {"place": _place(p.mark), "node": p.node, "kind": p.kind, "message": p.missed}
+            for p in coverage.missed
+        ],
+        "causes": [
+            {"place": _place(c.mark), "node": c.node, "cause": c.cause, "raised": c.raised}
+            for c in coverage.causes
+        ],
+    }
+
+
+def _place(mark: Mark) -> dict[str, Plain]:
+    return {"file": mark.file, "line": mark.line, "column": mark.column}

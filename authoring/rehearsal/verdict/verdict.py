@@ -1,0 +1,168 @@
+"""Holding what came of a case against what it expects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+from ....files.node_patterns import node_matches
+from ....files.yaml.document import Document, Location, Mark, where
+from ....trees.blackboard import Namespace
+from ....trees.running.runner import Tree
+from ....trees.running.subtree import SubTree
+from ....trees.status import NodeStatus
+from ....trees.values.port_types import show
+from ....trees.values.references import Reference, attribute
+from ....world.causes import FailureReport, cause_named, matches
+from ..cases.case import Case, Expectation, TakenUp
+from ..stage.rehearsal_world import RehearsalWorld
+from .start_order import compare_order
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One thing that is otherwise than expected: where the file says so, and the tick in which it shows."""
+
+    mark: Mark
+    where: str
+    """The value's place in its case: `expect.order[3]`."""
+    message: str
+    tick: int | None = None
+
+    def __str__(self) -> str:
+        when = f" (tick {self.tick})" if self.tick is not None else ""
+        return f"{self.mark}: {self.where}: {self.message}{when}"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a case has ended."""
+
+    ticks: int
+    status: NodeStatus
+    failure: FailureReport | None
+    tree: Tree
+    world: RehearsalWorld
+
+
+def differences(document: Document, case: Case, outcome: Outcome) -> tuple[Difference, ...]:
+    """All that is otherwise than the case expects; what cannot be in any case comes first."""
+    return tuple(_Comparison(document, case, outcome).all())
+
+
+class _Comparison:
+    def __init__(self, document: Document, case: Case, outcome: Outcome) -> None:
+        self._document, self._case, self._outcome = document, case, outcome
+        self._trace = outcome.world.trace
+
+    def all(self) -> Iterator[Difference]:
+        expect, outcome = self._case.expect, self._outcome
+        for sentence in outcome.world.contradictions:
+            yield self._at(self._case.loc, f"this cannot be: {sentence}", outcome.ticks)
+        for sentence in dict.fromkeys(self._trace.faults):
+            yield self._at(self._case.loc, f"a fault of the program: {sentence}", outcome.ticks)
+        yield from self._end(expect)
+        if expect.order is not None:
+            found = compare_order(expect.order, self._trace.runs, (*expect.loc, "order"))
+            if found is not None:
+                yield self._at(found.loc, found.message, found.tick)
+        for wanted in expect.handled:
+            yield from self._handled(wanted)
+        for number, pattern in enumerate(expect.never):
+            first = next((p for p in self._trace.started if node_matches(pattern, p)), None)
+            if first is not None:
+                loc = (*expect.loc, "never", number)
+                yield self._at(loc, f"{first} has started", self._trace.started[first])
+        yield from self._facts(expect.facts, (*expect.loc, "facts"))
+        yield from self._objects(expect, (*expect.loc, "objects"))
+        for key, value in expect.blackboard.items():
+            yield from self._blackboard(key, value, (*expect.loc, "blackboard", key))
+
+    def _at(self, loc: Location, message: str, tick: int | None = None) -> Difference:
+        return Difference(self._document.mark(loc), where(loc[2:]) or self._case.name, message, tick)
+
+    def _end(self, expect: Expectation) -> Iterator[Difference]:
+        outcome, failure = self._outcome, self._outcome.failure
+        if expect.status is not None and outcome.status.value != expect.status:
+            why = f": {failure.cause} at {failure.node}: {failure.message}" if failure else ""
+            message = f"{expect.status} is expected, but the mission is {outcome.status.value}{why}"
+            yield self._at((*expect.loc, "status"), message, outcome.ticks)
+        if expect.cause is not None and (failure is None or not matches(expect.cause, failure.cause)):
+            got = f"it fails with {failure.cause}" if failure else f"it is {outcome.status.value}"
+            got += " without a cause" if outcome.status is NodeStatus.FAILURE and failure is None else ""
+            yield self._at((*expect.loc, "cause"), f"{expect.cause} is expected, but {got}", outcome.ticks)
+        if expect.ticks is not None and expect.status is None and outcome.status is NodeStatus.RUNNING:
+            yield self._at((*expect.loc, "ticks"), "the mission still runs", outcome.ticks)
+
+    def _handled(self, wanted: TakenUp) -> Iterator[Difference]:
+        of_cause = [h for h in self._trace.handled if matches(wanted.cause, cause_named(h.cause))]
+        found = [
+            h
+            for h in of_cause
+            if (not wanted.by or node_matches(wanted.by, h.by))
+            and (not wanted.handler or h.handler == wanted.handler)
+        ]
+        by = f" by {wanted.by}" if wanted.by else ""
+        by += f" with {wanted.handler!r}" if wanted.handler else ""
+        if wanted.times is not None and len(found) != wanted.times:
+            message = f"{wanted.cause} is taken up{by} {_times(len(found))}, not {_times(wanted.times)}"
+            yield self._at(wanted.loc, message, found[-1].tick if found else None)
+        elif not found:
+            other = of_cause[0] if of_cause else None
+            got = "nobody takes it up"
+            if other is not None:
+                got = f"{other.by} takes it up" + (f" with {other.handler!r}" if other.handler else "")
+            message = f"{wanted.cause} is not taken up{by}: {got}"
+            yield self._at(wanted.loc, message, other.tick if other else None)
+
+    def _facts(self, wanted: Mapping[str, object], loc: Location) -> Iterator[Difference]:
+        facts = self._outcome.world.facts()
+        for name, value in wanted.items():
+            if not _same(facts.get(name), value):
+                yield self._at((*loc, name), f"it is {show(facts.get(name))}, not {show(value)}")
+
+    def _objects(self, expect: Expectation, loc: Location) -> Iterator[Difference]:
+        scene = self._outcome.world.scene
+        for name, entry in expect.objects.items():
+            known = scene.find(name)
+            if entry is None or known is None:
+                if (entry is None) != (known is None):
+                    says = "is still in the belief" if known else "is not in the belief"
+                    yield self._at((*loc, name), f"{name!r} {says}")
+                continue
+            for field in sorted(entry.model_fields_set):
+                value, wanted = attribute(scene, name, field), getattr(entry, field)
+                if not _same(value, wanted):
+                    yield self._at((*loc, name, field), f"it is {show(value)}, not {show(wanted)}")
+
+    def _blackboard(self, key: str, wanted: object, loc: Location) -> Iterator[Difference]:
+        owner, _, name = key.rpartition("/")
+        spaces = namespaces(self._outcome.tree, owner)
+        written = [space for space in spaces if space.has(name)]
+        if not written:
+            yield self._at(loc, f"nothing has written {name!r}")
+        for space in written:
+            value = space.read(Reference(name), self._outcome.world.scene)
+            if not _same(value, wanted):
+                yield self._at(loc, f"it is {show(value)}, not {show(wanted)}")
+                return
+
+
+def namespaces(tree: Tree, owner: str) -> list[Namespace]:
+    """Of the sub-trees that fit the pattern; of `Main` when it is empty."""
+    root = cast("SubTree", tree.root)
+    subtrees = [node for node in tree.nodes if isinstance(node, SubTree)]
+    return [node.inside for node in subtrees if node_matches(owner, node.path)] if owner else [root.inside]
+
+
+def _times(number: int) -> str:
+    return "once" if number == 1 else f"{number} times"
+
+
+def _same(value: object, wanted: object) -> bool:
+    """Equal as YAML means it: true is not 1, but 1 is 1.0."""
+    if isinstance(value, list) and isinstance(wanted, Sequence) and not isinstance(wanted, str):
+        values, all_wanted = cast("list[object]", value), cast("Sequence[object]", wanted)
+        return len(values) == len(all_wanted) and all(map(_same, values, all_wanted))
+    return isinstance(value, bool) == isinstance(wanted, bool) and value == wanted

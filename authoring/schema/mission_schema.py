@@ -1,0 +1,200 @@
+"""The schema of mission files: of all missions, or of one whose sub-trees, plug-ins and scene are known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ...trees.loading.registry import Registry
+from ...trees.mission import MAIN
+from ...trees.ports import PortDeclaration
+from ...trees.values.port_types import NAMES_IN_FILES
+from ..reference.port_rules import one_needed_of
+from .cause_schema import causes_schema
+from .node_ids import Ids
+from .node_schema import (
+    bare_docs,
+    common_definitions,
+    common_properties,
+    needs_body,
+    node_schema,
+    tree_schema,
+)
+from .port_schema import Known
+from .schema_parts import DRAFT, ID_PATTERN, Schema, header, if_bare, ref
+
+_TYPES = (*NAMES_IN_FILES, *(f"list of {name}" for name in NAMES_IN_FILES))
+
+
+@dataclass(frozen=True, slots=True)
+class Particular:
+    """What is known of a mission: its sub-trees with their ports, and the names of its scene and robot.
+
+    closed: there are no other sub-trees, nodes and causes than those that are known.
+    """
+
+    closed: bool = False
+    scenes: tuple[str, ...] = ()
+    """Those that come with picktree."""
+    trees: Mapping[str, tuple[PortDeclaration, ...]] = field(
+        default_factory=dict[str, "tuple[PortDeclaration, ...]"]
+    )
+    known: Known = field(default_factory=Known)
+
+
+def mission_schema(registry: Registry, particular: Particular) -> Schema:
+    """JSON Schema of a mission that may use the registry's nodes."""
+    declared = registry.declarations()
+    classes = {name: node for name in registry.ids() if (node := registry.find(name)) is not None}
+    together = {name: one_needed_of(node) for name, node in classes.items()}
+    needing = [node.id for node in declared if needs_body(node, together[node.id])]
+    needing += [name for name, ports in particular.trees.items() if any(p.required for p in ports)]
+    ids = Ids(tuple(node.id for node in declared), tuple(particular.trees), tuple(needing), particular.closed)
+    single = ids.single()
+    definitions: dict[str, Schema] = {
+        "tree": _tree(ids),
+        "treePort": _tree_port(),
+        "node": single,
+        "child": single | {"type": ["object", "array", "string"], "items": ref("node"), "minItems": 1},
+        "bare": {"title": "node"}
+        | ids.bare()
+        | bare_docs(node for node in declared if node.id not in needing),
+        "unknown": {"properties": common_properties()},
+        "causes": causes_schema(registry.causes, registry.patterns, closed=ids.closed),
+        **common_definitions(),
+        **{
+            f"node.{node.id}": node_schema(node, together[node.id], ids, particular.known)
+            for node in declared
+        },
+        **{
+            f"tree.{name}": tree_schema(name, ports, particular.known)
+            for name, ports in particular.trees.items()
+        },
+    }
+    return {
+        "$schema": DRAFT,
+        "title": "picktree mission",
+        "description": "A mission: behaviour trees that say what the robot does, and what may cure failures.",
+        "type": "object",
+        "properties": _head(particular.scenes) | {"trees": _trees()},
+        "required": ["picktree", "kind", "trees"],
+        "additionalProperties": False,
+        "if": {"properties": {"library": {"const": True}}, "required": ["library"]},
+        "then": {"properties": {"scene": False, "goal": False}},
+        "else": {"properties": {"trees": {"required": [MAIN]}}},
+        "definitions": definitions,
+    }
+
+
+def _head(scenes: tuple[str, ...]) -> dict[str, Schema]:
+    found: dict[str, Schema] = {
+        "name": {
+            "type": ["string", "null"],
+            "minLength": 1,
+            "description": "What the mission is called in results and reports; the file's name unless given.",
+        },
+        "scene": {
+            "type": ["string", "null"],
+            "minLength": 1,
+            "description": "Where it happens: a shipped scene, or a scene file beside this one.",
+            "examples": list(scenes),
+        },
+        "goal": {
+            "type": ["string", "null"],
+            "minLength": 1,
+            "description": "When a run counts as a success, beside the root's SUCCESS: an expression of the "
+            "numbers of items total, sorted, misplaced, left and outstanding (those that a feed still owes). "
+            "Every item at its destination and none outstanding unless given.",
+            "examples": ["misplaced == 0 and left <= 1"],
+        },
+        "library": {
+            "type": ["boolean", "null"],
+            "description": "Whether this file holds sub-trees for others to include, and no 'Main'.",
+        },
+        "include": {
+            "type": ["array", "null"],
+            "items": {"type": "string", "minLength": 1},
+            "description": "Files whose trees are used here: beside this one, or 'library/recovery' of the "
+            "built-in ones.",
+        },
+        "plugins": {
+            "type": ["array", "null"],
+            "items": {"type": "string", "minLength": 1},
+            "description": "Modules, or Python files beside this one, that bring nodes of your own.",
+        },
+    }
+    return header("mission") | found
+
+
+def _trees() -> Schema:
+    said = "a tree's ID is a letter or '_', then letters, digits and '_'"
+    return {
+        "type": "object",
+        "description": "The trees by name. A run ticks 'Main'; the others are used as nodes by their names.",
+        "propertyNames": {
+            "title": "SubTree",
+            "description": "A tree of your own, used as a node by its name.",
+            "pattern": ID_PATTERN,
+            "patternErrorMessage": said,
+        },
+        "properties": {
+            MAIN: {
+                "allOf": [ref("tree")],
+                "description": "The tree that a run ticks. Its ports "
+                "are the mission's parameters: `picktree run --set name=value`.",
+            }
+        },
+        "additionalProperties": ref("tree"),
+    }
+
+
+def _tree(ids: Ids) -> Schema:
+    ports: Schema = {
+        "type": ["object", "null"],
+        "description": "What is handed to the tree, by name: type, default, unit, documentation.",
+        "propertyNames": {
+            "pattern": r"^(?!(?:name|breakpoint)(?![\s\S]))[A-Za-z][A-Za-z0-9_]*(?![\s\S])",
+            "patternErrorMessage": "a port's name is a letter, then letters, digits and '_'",
+        },
+        "additionalProperties": ref("treePort"),
+    }
+    with_ports: Schema = {"minProperties": 2, "maxProperties": 2}
+    return {
+        "type": ["object", "string"],
+        "properties": ids.properties() | {"ports": ports},
+        "if": {"type": "object", "required": ["ports"]},
+        "then": with_ports,
+        "else": {"minProperties": 1, "maxProperties": 1},
+        "allOf": [if_bare()],
+    } | ids.others()
+
+
+def _tree_port() -> Schema:
+    types = "|".join(_TYPES)
+    return {
+        "type": ["object", "string"],
+        "pattern": rf"^(?:{types})(?![\s\S])",
+        "patternErrorMessage": f"a type is one of {', '.join(_TYPES)}",
+        "description": "A port of this tree; a bare text is its type.",
+        "properties": {
+            "type": {"enum": list(_TYPES), "description": "What it takes; 'object' is the id of an object."},
+            "default": {
+                "description": "What it is when the caller gives nothing; without it the port must be given."
+            },
+            "doc": {
+                "type": "string",
+                "description": "A line for people: what it is, and what 0 or -1 means.",
+            },
+            "unit": {
+                "type": "string",
+                "description": 'Of a number: a value may then be written with a unit, as "30 mm".',
+                "examples": ["m", "rad", "s", "ms", "N"],
+            },
+            "choices": {"type": "array", "description": "The only values allowed."},
+            "direction": {
+                "enum": ["in", "out"],
+                "description": "'out': the tree writes it. 'in' unless given.",
+            },
+        },
+        "additionalProperties": False,
+    }

@@ -1,0 +1,168 @@
+"""A node as a schema: its ports, its children in all forms that a mission may give them, its doc."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ...trees.declaration import BREAKPOINT, COMMON_KEYS, POSTCONDITIONS, PRECONDITIONS, NodeDeclaration
+from ...trees.ports import PortDeclaration
+from ...trees.slots import SlotDeclaration
+from ...world.causes import Cause
+from ..reference.port_rules import OneNeeded
+from ..reference.port_wording import COMMON_DOCS, flowing, hand_words, uses_words
+from .draft_07 import schemas
+from .key_conditions import one_needed
+from .node_ids import Ids
+from .port_schema import Known, port_schema
+from .schema_parts import NAME_PATTERN, Schema, if_bare, ref
+
+
+def common_definitions() -> dict[str, Schema]:
+    """What may stand under every node, by key."""
+    forms: dict[str, Schema] = {
+        "name": {
+            "type": ["string", "null"],
+            "pattern": NAME_PATTERN,
+            "patternErrorMessage": "a name is a text without '/' and '#', 60 characters at most",
+        },
+        BREAKPOINT: {"enum": ["before", "after"]},
+    }
+    forms |= {key: {"type": ["string", "boolean"]} for key in PRECONDITIONS}
+    forms |= {key: {"type": "string", "minLength": 1} for key in POSTCONDITIONS}
+    return {
+        f"key.{key}": forms[key] | {"description": doc.replace("`", ""), "markdownDescription": doc}
+        for key, doc in COMMON_DOCS.items()
+    }
+
+
+def common_properties() -> dict[str, Schema]:
+    return {key: ref(f"key.{key}") for key in COMMON_KEYS}
+
+
+def node_schema(node: NodeDeclaration, needed: OneNeeded | None, ids: Ids, known: Known) -> Schema:
+    """What may stand under the node's ID."""
+    main = node.slot("do")
+    properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in node.ports}
+    properties |= {slot.key: slot_schema(slot) for slot in node.slots}
+    properties |= common_properties()
+    if main is not None and main.least <= 1:
+        properties = ids.properties() | properties
+    required = [p.key for p in node.ports if p.required]
+    required += [s.key for s in node.slots if s.required and s is not main]
+    found: Schema = {
+        "title": node.id,
+        "description": flowing(node.doc),
+        "markdownDescription": node_markdown(node),
+        "properties": properties,
+    }
+    ported = bool(required) or needed is not None
+    if main is not None:
+        found |= _with_main(node, main, ids, ported=ported)
+    else:
+        found |= {"additionalProperties": False, "type": ["object"] if ported else ["object", "null"]}
+    if needed is not None:
+        also = one_needed(needed.keys, f"{node.id}: {needed.sentence}")
+        found |= {"allOf": [*schemas(found.get("allOf")), also]}
+    return found | ({"required": required} if required else {})
+
+
+def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: Known) -> Schema:
+    """What may stand under the name of a sub-tree of the mission."""
+    required = [p.key for p in ports if p.required]
+    properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in ports}
+    return {
+        "title": name,
+        "description": f"The sub-tree {name} of this mission.",
+        "type": ["object"] if required else ["object", "null"],
+        "properties": properties | common_properties(),
+        "additionalProperties": False,
+        **({"required": required} if required else {}),
+    }
+
+
+def needs_body(node: NodeDeclaration, needed: OneNeeded | None) -> bool:
+    """Whether a bare ID is not enough."""
+    keys = (*node.ports, *node.slots)
+    return needed is not None or any(key.required for key in keys)
+
+
+def slot_schema(slot: SlotDeclaration) -> Schema:
+    """What may stand at a slot: a node, a list of nodes, a table of them."""
+    said: Schema = {"description": slot.doc}
+    most: Schema = {"maxItems": slot.most} if slot.most is not None else {}
+    match slot.arity:
+        case "one":
+            return {"allOf": [ref("child")]} | said
+        case "many" if slot.least > 1:
+            return {"type": "array", "items": ref("node"), "minItems": slot.least} | most | said
+        case "many":
+            return {"allOf": [ref("child")]} | most | said
+        case "table" if slot.of == "cause":
+            return {"allOf": [ref("causes")]} | said
+        case "table":
+            return {
+                "type": "object",
+                "minProperties": 1,
+                "propertyNames": {"pattern": NAME_PATTERN},
+                "additionalProperties": ref("child"),
+            } | said
+
+
+def node_markdown(node: NodeDeclaration) -> str:
+    """What hovering over the node shows."""
+    parts = [flowing(node.doc)]
+    if node.causes:
+        parts.append("Fails with " + ", ".join(_cause(cause.name, cause) for cause in node.causes) + ".")
+    if node.uses:
+        parts.append(f"Uses {uses_words(node)}.")
+    if hand_words(node):
+        parts.append(hand_words(node))
+    return "\n\n".join(parts)
+
+
+def _cause(name: str, cause: object) -> str:
+    return f"`{name}`" if isinstance(cause, Cause) else f"`{name}.*`"
+
+
+def _with_main(node: NodeDeclaration, main: SlotDeclaration, ids: Ids, *, ported: bool) -> Schema:
+    """The forms in which the children may stand: under `do`, as a list, or as the one key that is a node.
+
+    ported: some port must be given, so that the children cannot stand by themselves.
+    """
+    types = ["object"]
+    found: Schema = {"type": types}
+    if not ported:
+        # A list or a bare ID is the value of `do`; then there is no place for ports.
+        types.append("array")
+        found |= {"items": ref("node"), "minItems": max(main.least, 1)}
+        if main.arity == "many" and main.most is not None:
+            found["maxItems"] = main.most
+        if main.least <= 1:
+            types.append("string")
+            found["allOf"] = [if_bare()]
+        if not main.required:
+            types.append("null")
+    keys = [*(p.key for p in node.ports), *(s.key for s in node.slots), *COMMON_KEYS]
+    nothing_else: Schema = {"propertyNames": {"enum": keys, "errorMessage": f"{node.id} has no such port"}}
+    found |= {
+        "if": {"propertyNames": {"enum": keys}},
+        "then": {"required": ["do"]} if main.required else {},
+        "else": nothing_else,
+    }
+    if main.least <= 1:
+        found["else"] = {
+            "if": {"required": ["do"]},
+            "then": nothing_else,
+            "else": ids.only_child(node.id, keys),
+        }
+    return found
+
+
+def bare_docs(nodes: Iterable[NodeDeclaration]) -> Schema:
+    """Of a bare ID: what hovering over it shows."""
+    return {
+        "allOf": [
+            {"if": {"const": node.id}, "then": {"title": node.id, "markdownDescription": node_markdown(node)}}
+            for node in nodes
+        ]
+    }

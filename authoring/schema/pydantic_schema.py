@@ -1,0 +1,133 @@
+"""JSON Schema of the files that pydantic models read: scenes, robots, faults, cases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import cast, get_args
+
+from pydantic import BaseModel
+
+from ...files.quantities import example
+from .attribute_docs import attribute_docs
+from .draft_07 import model_name, schema, schemas, tidy, unless_null
+from .key_conditions import exactly_one
+from .schema_parts import DRAFT, Schema, header
+
+_BOUNDS = (("exclusiveMinimum", "more than"), ("minimum", "at least"), ("maximum", "at most"))
+
+
+def model_schema(kind: str, root: type[BaseModel]) -> Schema:
+    """The schema of a kind of file whose content, the header aside, is that model."""
+    raw = schema(root.model_json_schema())
+    models = {model.__name__: model for model in _models(root)}
+    found = _documented(raw, root)
+    found["title"] = f"picktree {kind}"
+    found["properties"] = header(kind) | schema(found["properties"])
+    found["required"] = ["picktree", "kind", *cast("list[str]", found.get("required", []))]
+    found["definitions"] = {
+        model_name(name): _documented(schema(part), models[name])
+        for name, part in schema(raw.get("$defs")).items()
+    }
+    return {"$schema": DRAFT} | found
+
+
+def _models(root: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """The root and all models that its fields use."""
+    waiting, seen = [root], set[type[BaseModel]]()
+    while waiting:
+        model = waiting.pop()
+        if model not in seen:
+            seen.add(model)
+            yield model
+            for field in model.model_fields.values():
+                for part in (field.annotation, *field.metadata):
+                    waiting += _inside(part)
+
+
+def _inside(part: object) -> Iterator[type[BaseModel]]:
+    """The models in an annotation, or in what a validator says that it reads."""
+    part = getattr(part, "json_schema_input_type", part)
+    if isinstance(part, type):
+        if issubclass(part, BaseModel):
+            yield part
+        return
+    metadata: tuple[object, ...] = getattr(part, "__metadata__", ())
+    for below in (*get_args(part), *metadata):
+        yield from _inside(below)
+
+
+def _documented(raw: Schema, model: type[BaseModel]) -> Schema:
+    """The schema of one model, each of its keys with what is known of it in words."""
+    docs = attribute_docs(model)
+    names = {field.alias or name: name for name, field in model.model_fields.items()}
+    required = cast("list[str]", raw.get("required", []))
+    found = tidy({key: value for key, value in raw.items() if key not in ("properties", "$defs")})
+    found["title"] = model_name(model.__name__)
+    found["properties"] = {
+        key: _key(
+            schema(part),
+            model.model_fields[names[key]].description or docs.get(names[key], ""),
+            required=key in required,
+        )
+        for key, part in schema(raw.get("properties")).items()
+    }
+    keys: tuple[str, ...] = getattr(model, "one_of", ())
+    if keys:
+        found["allOf"] = exactly_one(keys)
+    return found
+
+
+def _key(raw: Schema, doc: str, *, required: bool) -> Schema:
+    found = tidy(raw)
+    if "$ref" in found:
+        found = {"allOf": [{"$ref": found["$ref"]}]}  # beside a $ref nothing else counts
+    default = raw.get("default")
+    if default is not None and not isinstance(default, dict):
+        # Apart from the type: language servers would write it out wherever the mapping around it is begun.
+        parts = [*schemas(found.get("allOf")), {"default": default}]
+        found |= {"allOf": parts}
+    facts = [_bounds(raw), _unit(raw), "required" if required else _default(raw)]
+    line = "; ".join(filter(None, facts))
+    said: Schema = {"description": doc, "markdownDescription": f"{doc}\n\n*{line}*" if line else doc}
+    return found | said
+
+
+def _number(raw: Schema) -> Schema:
+    """The number that a value is, or that a list has of one sort."""
+    one = unless_null(raw)
+    parts = [*schemas(one.get("prefixItems")), *([schema(one["items"])] if "items" in one else [])]
+    return parts[0] if parts and all(part == parts[0] for part in parts) else one
+
+
+def _unit(raw: Schema) -> str:
+    unit = str(_number(raw).get("unit", ""))
+    return f'a bare number is in {unit}; or with a unit, as "{example(unit)}"' if unit else ""
+
+
+def _bounds(raw: Schema) -> str:
+    number = _number(raw)
+    unit = str(number.get("unit", ""))
+    return ", ".join(f"{words} {_shown(number[key], unit)}" for key, words in _BOUNDS if key in number)
+
+
+def _default(raw: Schema) -> str:
+    default = cast("object", raw.get("default"))
+    if default in (None, "", []) or isinstance(default, dict):
+        return ""
+    return f"default: {_shown(default, str(_number(raw).get('unit', '')))}"
+
+
+def _shown(value: object, unit: str) -> str:
+    """A value with its unit as a file may say it; angles in degrees, which people read."""
+    match value:
+        case bool():
+            return str(value).lower()
+        case int() | float() if unit == "rad" and abs(value) > 0.01:
+            return f"{math.degrees(value):g} deg"
+        case int() | float():
+            return f"{value:g} {unit}".rstrip()
+        case list():
+            return f"[{', '.join(_shown(part, unit) for part in cast('list[object]', value))}]"
+        case _:
+            return str(value)

@@ -1,0 +1,101 @@
+"""Small pieces of schemas: texts of a form, numbers with a unit, references to the blackboard."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Final, TypeAlias
+
+from ...files.quantities import example, spellings
+from ...files.yaml.document import FORMAT, KINDS
+from ...trees.values.port_types import Range
+from ...trees.values.references import ATTRIBUTES
+
+Schema: TypeAlias = dict[str, object]
+"""A JSON Schema, or a part of one."""
+
+DRAFT: Final = "http://json-schema.org/draft-07/schema#"
+_END = r"(?![\s\S])"
+"""The very end: in Python `$` would also match before a last line break."""
+_ID = r"[A-Za-z_][A-Za-z0-9_]*"
+ID_PATTERN: Final = f"^{_ID}{_END}"
+NAME_PATTERN: Final = r"^[^/#\u0000-\u001f]{1,60}" + _END
+"""Of a node's own name, and of a case."""
+REFERENCE: Final = rf"\{{{_ID}(?:\.(?:{'|'.join(ATTRIBUTES)}))*\}}"
+_LITERAL = rf"(?!\{{[\s\S]*\}}{_END})"
+"""A text that does not stand in braces."""
+_NUMBER = r"\s*[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]+)?\s*"
+REFERENCE_RULE: Final = 'a reference is "{key}" or "{key.attribute}", the attribute one of ' + ", ".join(
+    ATTRIBUTES
+)
+
+
+def to_text(schema: Schema) -> str:
+    """As it stands in a file."""
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+
+
+def ref(name: str) -> Schema:
+    return {"$ref": f"#/definitions/{name}"}
+
+
+def if_bare() -> Schema:
+    """A text is the bare ID of a node. Asked first: what is shared by all nodes would lend them its title."""
+    return {"if": {"type": "string"}, "then": ref("bare")}
+
+
+def header(kind: str) -> dict[str, Schema]:
+    """The two keys with which every file begins."""
+    return {
+        "picktree": {"const": FORMAT, "description": "The version of the format of the file."},
+        "kind": {"const": kind, "description": f"What the file is: {', '.join(KINDS[:-1])} or {KINDS[-1]}."},
+    }
+
+
+def text_or_reference() -> Schema:
+    """Any text, but in braces only a reference."""
+    return {
+        "type": "string",
+        "pattern": f"^(?:{REFERENCE}{_END}|{_LITERAL})",
+        "patternErrorMessage": REFERENCE_RULE,
+    }
+
+
+def reference() -> Schema:
+    return {"type": "string", "pattern": f"^{REFERENCE}{_END}", "patternErrorMessage": REFERENCE_RULE}
+
+
+def key_reference() -> Schema:
+    """Where an output is written to."""
+    return {
+        "type": "string",
+        "pattern": rf"^\{{{_ID}\}}{_END}",
+        "patternErrorMessage": 'an output needs a key to write to, as "{key}"',
+    }
+
+
+def quantity_pattern(unit: str, *, or_reference: bool = False) -> str:
+    """Of a text that is a number with a unit like `unit`, or a bare one."""
+    units = "|".join(map(escaped, spellings(unit)))
+    form = rf"{_NUMBER}(?:{units})?\s*"
+    return f"^(?:{form}|{REFERENCE}){_END}" if or_reference else f"^{form}{_END}"
+
+
+def quantity(unit: str, *, or_reference: bool = False) -> Schema:
+    """A number in `unit`, or a text with a unit."""
+    return {
+        "type": ["string", "number"],
+        "pattern": quantity_pattern(unit, or_reference=or_reference),
+        "patternErrorMessage": f'a number in {unit}, or with a unit, as "{example(unit)}"',
+    }
+
+
+def bounds(within: Range) -> Schema:
+    """Of a bare number; those of a text with a unit no schema can see."""
+    found: Schema = {"minimum": within.least, "maximum": within.most, "exclusiveMinimum": within.above}
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def escaped(text: str) -> str:
+    """The text as a pattern, in the syntax that Python and JavaScript (flag u) share."""
+    return re.sub(r"[\\^$.*+?()\[\]{}|]", r"\\\g<0>", text)

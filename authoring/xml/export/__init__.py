@@ -1,0 +1,1 @@
+"""From missions to BehaviorTree.CPP's XML."""

@@ -1,0 +1,305 @@
+"""From a mission to the elements of a BehaviorTree.CPP 4 file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import cast
+
+from ....files.expressions.expression import Expression
+from ....files.marks import Fault, FileError, Mark
+from ....trees.mission import MAIN, Assignment, Mission, NodeSpec, TreeSpec
+from ....trees.node import Node
+from ....trees.ports import PortDeclaration
+from ....trees.values.port_types import PortType
+from ....trees.values.references import Binding, Constant, Reference
+from ..format import btcpp_vocabulary as names
+from ..format import tree_nodes_model as models
+from ..format.comments import Comments
+from ..format.element import Element
+from ..format.literal_text import is_pointer, value_text
+from ..format.slot_tables import Row, indexes_text, table_text
+from .expression_text import expression_text
+from .script_export import Unsayable, assignments_script, constant_script, script
+from .xml_writer import to_text, unfit
+
+
+def mission_to_xml(mission: Mission) -> str:
+    """The mission as the text of an XML file. Raises FileError with all that cannot be written there."""
+    exporter = Exporter(mission)
+    root = exporter.root()
+    if exporter.faults:
+        raise FileError(exporter.faults)
+    return to_text(root)
+
+
+class Exporter:
+    """Turns the trees of one mission into elements."""
+
+    def __init__(self, mission: Mission) -> None:
+        self.faults: list[Fault] = []
+        self._mission = mission
+        self._comments = Comments(mission.text)
+        self._models: dict[str, Element] = {}
+        self._called: set[str] = set()
+        """Names of the sub-tree instances of the present tree: each may be used once."""
+        self._types: dict[str, str] = {}
+        """C++ types of the present tree's keys, as BehaviorTree.CPP's own nodes want them."""
+
+    def root(self) -> Element:
+        """The whole file."""
+        comments = self._comments.at_the_top()
+        trees = tuple(self.tree(tree) for tree in self._mission.trees.values())
+        parts = (*trees, Element("TreeNodesModel", {}, (*self._tree_models(), *self._node_models())))
+        attributes = {"BTCPP_format": names.FORMAT}
+        if MAIN in self._mission.trees:
+            attributes["main_tree_to_execute"] = MAIN
+        root = Element("root", attributes, parts, comments=comments)
+        self._check_characters(root)
+        return root
+
+    def tree(self, tree: TreeSpec) -> Element:
+        if names.taken(tree.name):
+            self._fault(tree.mark, f"trees.{tree.name}", f"{tree.name!r} is a name of BehaviorTree.CPP's own",
+                        "give the tree another name", code="P920")  # fmt: skip
+        for port in tree.ports:
+            self._check_port(port, tree.mark, f"trees.{tree.name}")
+        self._called, self._types = set(), {}
+        comments = self._above(tree.mark)
+        root = self.node(tree.root, tree.name)
+        return Element("BehaviorTree", {"ID": tree.name}, (root,), comments=comments)
+
+    # Models.
+
+    def _tree_models(self) -> Iterable[Element]:
+        for index, tree in enumerate(self._mission.trees.values()):
+            fields = models.head(self._mission) if index == 0 else []
+            if self.included(tree):
+                fields.append({models.INCLUDED: "true"})
+            yield models.tree_model(tree, fields)
+
+    def included(self, tree: TreeSpec) -> bool:
+        """Whether the tree stands in another file."""
+        return tree.mark.file != str(self._mission.document.path)
+
+    def _node_models(self) -> Iterable[Element]:
+        return (self._models[identity] for identity in sorted(self._models))
+
+    def _use(self, identity: str, model: Callable[[], Element]) -> None:
+        if identity not in self._models:
+            self._models[identity] = model()
+
+    # Nodes.
+
+    def node(self, spec: NodeSpec, above: str) -> Element:
+        trail = f"{above}/{spec.name}"
+        comments = self._above(spec.mark)
+        element = self._of_class(spec, spec.node, trail) if spec.node else self._call(spec, trail)
+        if spec.breakpoint is not None:
+            element = _with(element, {names.BREAKPOINT: spec.breakpoint})
+        return replace(self._conditioned(spec, element), comments=comments)
+
+    def _of_class(self, spec: NodeSpec, node: type[Node], trail: str) -> Element:
+        match spec.id:
+            case "Condition":
+                return self._condition(spec)
+            case "SetBlackboard":
+                return self._set_blackboard(spec, trail)
+            case "Switch":
+                return self._switch(spec, trail)
+            case "Repeat" if "while" in spec.ports:
+                self._use(names.REPEAT_WHILE, lambda: models.repeat_while_model(node.declaration))
+                return self._plain(spec, node, names.REPEAT_WHILE, trail)
+            case identity if identity in names.SAME:
+                return self._plain(spec, node, identity, trail)
+            case identity:
+                if names.taken(identity):
+                    message = f"{identity!r} is a name of BehaviorTree.CPP's own"
+                    self._fault(spec.mark, trail, message, "give the node another ID", code="P920")
+                for port in node.declaration.ports:
+                    self._check_port(port, spec.mark, trail)
+                self._use(identity, lambda: models.node_model(node.declaration))
+                return self._plain(spec, node, identity, trail)
+
+    def _plain(self, spec: NodeSpec, node: type[Node], identity: str, trail: str) -> Element:
+        """A node whose ports are attributes, and whose children are its elements."""
+        attributes = self._named(spec, identity)
+        for key, bound in spec.ports.items():
+            port = node.declaration.port(key)
+            if port is not None:
+                attributes[key] = self._bound(bound, port, spec, trail)
+        children: list[Element] = []
+        for key, filled in spec.slots.items():
+            slot = node.declaration.slot(key)
+            rows = [Row(label, len(children) + index) for index, (label, _) in enumerate(filled)]
+            if slot is not None and key != "do":
+                table = slot.arity == "table"
+                attributes[key] = table_text(rows) if table else indexes_text(row.child for row in rows)
+            children += (self.node(child, trail) for _, child in filled)
+        return Element(identity, attributes, tuple(children))
+
+    def _bound(self, bound: Binding, port: PortDeclaration, spec: NodeSpec, trail: str) -> str:
+        if isinstance(bound, Reference):
+            self._check_type(bound, port, spec, trail)
+            return str(bound)
+        text = value_text(bound.value, port.type)
+        mark = spec.places.get(port.key, spec.mark)
+        self._check_text(text, f"port {port.key!r}", mark, trail)
+        if spec.id in ("Timeout", "Delay") and not _whole(bound.value):
+            message = f"port {port.key!r}: BehaviorTree.CPP counts whole milliseconds, not {text}"
+            self._fault(mark, trail, message, code="P923")
+        return text
+
+    def _named(self, spec: NodeSpec, identity: str) -> dict[str, str]:
+        """The attribute `name`, where the node has one that is not its ID."""
+        name = spec.name.partition("#")[0]
+        if name == spec.id:
+            return {}
+        return {names.OWN_NAME: name} if name == identity else {"name": name}
+
+    def _condition(self, spec: NodeSpec) -> Element:
+        bound = cast("Constant", spec.ports["if"])
+        expression = cast("Expression", bound.value)
+        try:
+            return Element(
+                "ScriptCondition", {**self._named(spec, "ScriptCondition"), "code": script(expression)}
+            )
+        except Unsayable:
+            self._use(names.CHECK, models.check_model)
+            return Element(names.CHECK, {**self._named(spec, names.CHECK), "if": expression.text})
+
+    def _set_blackboard(self, spec: NodeSpec, trail: str) -> Element:
+        """A number or truth value keeps its type in a Script; SetBlackboard writes texts and copies."""
+        bound, key = spec.ports["value"], cast("Reference", spec.ports["output_key"]).key
+        named = self._named(spec, "SetBlackboard")
+        if isinstance(bound, Constant):
+            value = bound.value
+            text = value_text(value, PortType("any"))
+            if text != value:
+                with suppress(Unsayable):
+                    return Element("Script", {**named, "code": constant_script(key, value)})
+            self._check_text(text, "port 'value'", spec.places.get("value", spec.mark), trail)
+        else:
+            text = str(bound)
+        return Element("SetBlackboard", {**named, "value": text, "output_key": key})
+
+    def _switch(self, spec: NodeSpec, trail: str) -> Element:
+        cases = spec.slots["cases"]
+        identity = f"Switch{len(cases)}"
+        if identity not in names.BUILT_IN:
+            self._use(identity, lambda: models.switch_model(len(cases)))
+        attributes = self._named(spec, identity)
+        port = cast("type[Node]", spec.node).declaration.port("variable")
+        assert port is not None
+        attributes["variable"] = self._bound(spec.ports["variable"], port, spec, trail)
+        for index, (label, _) in enumerate(cases, 1):
+            self._check_text(label, f"the case {label!r}", spec.mark, trail)
+            attributes[f"case_{index}"] = label
+        default = spec.slots.get("default")
+        if default:
+            last = self.node(default[0][1], trail)
+        else:
+            last = Element("AlwaysFailure", {names.NO_CASE: "true"})
+        return Element(identity, attributes, (*(self.node(child, trail) for _, child in cases), last))
+
+    def _above(self, mark: Mark) -> tuple[str, ...]:
+        """The comments above a line of the mission's own file."""
+        own = mark.file == str(self._mission.document.path)
+        return self._comments.above(mark.line) if own else ()
+
+    # Sub-trees.
+
+    def _call(self, spec: NodeSpec, trail: str) -> Element:
+        attributes = {"ID": spec.id} | self._instance(spec)
+        left_out: list[str] = []
+        for port in self._mission.trees[spec.id].ports:
+            bound = spec.ports.get(port.key)
+            if bound is not None:
+                attributes[port.key] = self._bound(bound, port, spec, trail)
+            elif port.direction == "out":
+                # Without a key to write to, BehaviorTree.CPP refuses the whole file.
+                attributes[port.key] = f"{{_unused_{port.key}}}"
+                left_out.append(port.key)
+            elif value_text(port.default, port.type) == "":
+                # An empty default counts as none there.
+                attributes[port.key] = ""
+                left_out.append(port.key)
+        if left_out:
+            attributes[names.LEFT_OUT] = " ".join(left_out)
+        return Element("SubTree", attributes)
+
+    def _instance(self, spec: NodeSpec) -> dict[str, str]:
+        """Its name; BehaviorTree.CPP refuses two instances of the same name in one tree."""
+        name = self._named(spec, spec.id).get("name")
+        if name is None:
+            return {}
+        instance, number = name, 1
+        while instance in self._called:
+            number += 1
+            instance = f"{name} ({number})"
+        self._called.add(instance)
+        return {"name": instance} | ({names.OWN_NAME: name} if instance != name else {})
+
+    # Conditions.
+
+    def _conditioned(self, spec: NodeSpec, element: Element) -> Element:
+        """The conditions as attributes where scripts can say all of them, else on a Guarded around it."""
+        if not spec.preconditions and not spec.postconditions:
+            return element
+        try:
+            said = {key: script(expression) for key, expression in spec.preconditions.items()}
+            said |= {key: assignments_script(given) for key, given in spec.postconditions.items()}
+            return _with(element, said)
+        except Unsayable:
+            self._use(names.GUARDED, models.guarded_model)
+            ours = {names.GUARDS[key]: expression.text for key, expression in spec.preconditions.items()}
+            ours |= {names.GUARDS[key]: _assignments(given) for key, given in spec.postconditions.items()}
+            return Element(names.GUARDED, ours, (element,))
+
+    # Faults.
+
+    def _check_type(self, bound: Reference, port: PortDeclaration, spec: NodeSpec, trail: str) -> None:
+        """BehaviorTree.CPP holds a key to the type of the first port of its own that it is wired to."""
+        if spec.id not in (*names.SAME, "Switch") or port.key not in names.PORT_TYPES:
+            return
+        kind = names.PORT_TYPES[port.key]
+        first = self._types.setdefault(str(bound), kind)
+        if first not in (kind, "std::string"):
+            message = f"port {port.key!r}: {bound} is {first} at another node, and {kind} here"
+            hint = "BehaviorTree.CPP wants one type for each key; use two"
+            self._fault(spec.places.get(port.key, spec.mark), trail, message, hint, code="P925")
+
+    def _check_port(self, port: PortDeclaration, mark: Mark, trail: str) -> None:
+        if port.key == "ID":
+            message = "BehaviorTree.CPP keeps the attribute 'ID' for itself"
+            self._fault(mark, trail, message, "give the port another name", code="P921")
+
+    def _check_text(self, text: str, what: str, mark: Mark, trail: str) -> None:
+        if is_pointer(text):
+            message = f"{what}: BehaviorTree.CPP reads {text!r} as a key of the blackboard"
+            self._fault(mark, trail, message, "leave out the braces", code="P922")
+
+    def _check_characters(self, root: Element) -> None:
+        for element in root.iterate():
+            for text in (*element.attributes.values(), element.text):
+                if character := unfit(text):
+                    shown = f"U+{ord(character):04X}"
+                    mark = Mark(str(self._mission.document.path), 1, 1)
+                    message = f"<{element.name}>: no XML file can hold the character {shown}"
+                    self._fault(mark, "", message, "leave it out", code="P924")
+
+    def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
+        self.faults.append(Fault(mark, trail, message, hint, code))
+
+
+def _with(element: Element, attributes: Mapping[str, str]) -> Element:
+    return Element(element.name, {**element.attributes, **attributes}, element.children, element.text)
+
+
+def _assignments(assignments: Iterable[Assignment]) -> str:
+    return "; ".join(f"{a.key} {':=' if a.new else '='} {expression_text(a.value.root)}" for a in assignments)
+
+
+def _whole(value: object) -> bool:
+    return not isinstance(value, float) or (value.is_integer() and value >= 0)

@@ -1,0 +1,137 @@
+"""From our expressions to BehaviorTree.CPP's scripts, where these can say them.
+
+What its grammar (4.7 and later) makes of a text is not always what one expects: `&&` and `||` bind equally
+tightly, arithmetic and `!` cannot stand beside each other, a name that begins with `true` is read as the
+constant, texts have no escapes and only ASCII characters. So we write more brackets than it would need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ....files.expressions.expression import Expression
+from ....files.expressions.syntax_tree import (
+    Arithmetic,
+    Choice,
+    Comparison,
+    Literally,
+    Logic,
+    Name,
+    Not,
+    Part,
+    Sign,
+)
+from ....trees.mission import Assignment
+from ....world.belief.facts import FACTS
+
+LARGEST = 2**63 - 1
+_LOGIC = {"and": "&&", "or": "||"}
+
+
+class Unsayable(Exception):
+    """BehaviorTree.CPP's scripts cannot say it; the text tells why."""
+
+
+def script(expression: Expression) -> str:
+    """Raises Unsayable."""
+    return _text(expression.root)
+
+
+def assignments_script(assignments: Iterable[Assignment]) -> str:
+    """`a := 1; b = a + 1`. Raises Unsayable."""
+    return "; ".join(_assignment(assignment) for assignment in assignments)
+
+
+def constant_script(key: str, value: object) -> str:
+    """`key := value` for a scalar. Raises Unsayable."""
+    _check_name(key)
+    if not isinstance(value, str | int | float | bool):
+        raise Unsayable("there are no lists and mappings")
+    return f"{key} := {_literal(value)}"
+
+
+def _literal(value: str | int | float | bool | None) -> str:
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case int():
+            if abs(value) > LARGEST:
+                raise Unsayable("the number is too large")
+            return str(value)
+        case float():
+            return repr(value)
+        case str():
+            quote = '"' if "'" in value else "'"
+            if quote in value or not value.isascii() or not value.isprintable():
+                raise Unsayable("a text with such characters")
+            return quote + value + quote
+        case None:
+            raise Unsayable("there is no null")
+
+
+def _assignment(assignment: Assignment) -> str:
+    _check_name(assignment.key)
+    return f"{assignment.key} {':=' if assignment.new else '='} {script(assignment.value)}"
+
+
+def _text(part: Part) -> str:
+    match part:
+        case Literally(value=value):
+            return _literal(value)
+        case Name(name=name):
+            _check_name(name)
+            return name
+        case Not(operand=operand):
+            return f"!{_atom(operand)}"
+        case Sign(symbol="-", operand=operand):
+            return f"-{_atom(operand)}"
+        case Arithmetic(symbol="+" | "-" | "*" | "/" as symbol, left=left, right=right):
+            return f"{_left_operand(symbol, left)} {symbol} {_operand(symbol, right)}"
+        case Comparison(first=first, rest=rest):
+            words = [_compared(first)]
+            for related in rest:
+                if related.relation in ("in", "not in"):
+                    raise Unsayable(f"there is no {related.relation!r}")
+                words += [related.relation, _compared(related.operand)]
+            return " ".join(words)
+        case Logic(symbol=symbol, parts=parts):
+            return f" {_LOGIC[symbol]} ".join(_in_logic(lower) for lower in parts)
+        case Choice(test=test, yes=yes, no=no):
+            return f"{_in_logic(test)} ? {_in_logic(yes)} : {_in_logic(no)}"
+        case _:
+            raise Unsayable("there are no attributes, lists, functions and other operators")
+
+
+def _check_name(name: str) -> None:
+    if name in FACTS:
+        raise Unsayable(f"{name!r} is a fact of the world, not a key of the blackboard")
+    if name.startswith(("true", "false")):
+        raise Unsayable(f"{name!r} begins like a constant")
+
+
+def _bracketed(part: Part) -> str:
+    return f"({_text(part)})"
+
+
+def _atom(part: Part) -> str:
+    return _text(part) if isinstance(part, Literally | Name) else _bracketed(part)
+
+
+def _operand(symbol: str, part: Part) -> str:
+    """On the right of an operator, whose like must not follow without brackets."""
+    tighter = symbol in ("+", "-") and isinstance(part, Arithmetic) and part.symbol in ("*", "/")
+    return _text(part) if tighter else _atom(part)
+
+
+def _left_operand(symbol: str, part: Part) -> str:
+    """On the left, where operators of the same kind are taken in their order."""
+    same = isinstance(part, Arithmetic) and (symbol in ("+", "-") or part.symbol in ("*", "/"))
+    return _text(part) if same else _atom(part)
+
+
+def _compared(part: Part) -> str:
+    return _text(part) if isinstance(part, Arithmetic | Not | Sign) else _atom(part)
+
+
+def _in_logic(part: Part) -> str:
+    return _text(part) if isinstance(part, Comparison | Arithmetic | Not | Sign) else _atom(part)

@@ -1,0 +1,52 @@
+"""From elements to the text of an XML file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from ..format.element import Element
+
+WIDTH = 110
+"""Of a line; an element that needs more has each attribute on a line of its own."""
+_UNFIT = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_ESCAPES = {"&": "&amp;", "<": "&lt;", ">": "&gt;"}
+_IN_ATTRIBUTES = {**_ESCAPES, '"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
+
+
+def unfit(text: str) -> str:
+    """The first character that no XML file can hold; empty when there is none."""
+    found = _UNFIT.search(text)
+    return found[0] if found else ""
+
+
+def to_text(root: Element) -> str:
+    """The whole file. What stands in it is free of characters that are `unfit`."""
+    return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *_lines(root, ""), ""])
+
+
+def _lines(element: Element, indent: str) -> Iterator[str]:
+    for comment in element.comments:
+        yield f"{indent}<!-- {_in_comment(comment)} -->"
+    words = [f'{key}="{_escaped(value, _IN_ATTRIBUTES)}"' for key, value in element.attributes.items()]
+    start = " ".join([f"{indent}<{element.name}", *words])
+    if len(start) > WIDTH and len(words) > 1:
+        start = f"\n{indent}    ".join([f"{indent}<{element.name}", *words])
+    if element.text:
+        yield f"{start}>{_escaped(element.text, _ESCAPES)}</{element.name}>"
+    elif not element.children:
+        yield f"{start}/>"
+    else:
+        yield f"{start}>"
+        for child in element.children:
+            yield from _lines(child, indent + "  ")
+        yield f"{indent}</{element.name}>"
+
+
+def _in_comment(text: str) -> str:
+    """Two hyphens would end it."""
+    return re.sub(r"-(?=-|$)", "- ", text).rstrip()
+
+
+def _escaped(text: str, escapes: dict[str, str]) -> str:
+    return "".join(escapes.get(character, character) for character in text)

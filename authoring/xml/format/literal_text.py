@@ -1,0 +1,146 @@
+"""Literals of ports as the texts of attributes, and back.
+
+Numbers in SI, lists with `;` between their elements, as BehaviorTree.CPP reads them; what these cannot say
+stands behind `json:`, as there.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Final, cast
+
+from ....files.expressions.expression import Expression
+from ....files.yaml.reader import Value, resolve
+from ....trees.ports import PortDeclaration
+from ....trees.values.port_types import PortType
+from ....world.journal import Plain
+
+JSON: Final = "json:"
+_TYPES: Final = {
+    "string": "std::string", "int": "int", "float": "double", "bool": "bool", "object": "ObjectId",
+    "expression": "std::string", "any": "BT::AnyTypeAllowed",
+}  # fmt: skip
+_NAMES: Final = {
+    "std::string": "string", "int": "int", "double": "float", "bool": "bool", "ObjectId": "object",
+    "BT::AnyTypeAllowed": "any", "AnyTypeAllowed": "any", "unsigned int": "int", "float": "float",
+    "BT::SimpleString": "string", "long": "int", "unsigned": "int",
+}  # fmt: skip
+_LONG: Final = 1e15
+"""Numbers from here on are written with an exponent."""
+_VECTOR = re.compile(r"std::vector<\s*(?P<of>[\w: ]+?)\s*(?:,.*)?>")
+_TRUTH = {"true": True, "True": True, "TRUE": True, "1": True,
+          "false": False, "False": False, "FALSE": False, "0": False}  # fmt: skip
+
+
+def type_text(kind: PortType) -> str:
+    """The type as C++ names it."""
+    return f"std::vector<{_TYPES[kind.name]}>" if kind.many else _TYPES[kind.name]
+
+
+def type_name(text: str) -> str:
+    """The type as a mission names it; `any` for what it does not know."""
+    vector = _VECTOR.fullmatch(text.strip())
+    if vector is not None:
+        return f"list of {_NAMES.get(vector['of'], 'any')}"
+    return _NAMES.get(text.strip(), "any")
+
+
+def value_text(value: object, kind: PortType) -> str:
+    """A converted literal as text."""
+    if kind.many and isinstance(value, list):
+        return _list_text(cast("list[Plain]", value), kind)
+    if value is None:
+        return f"{JSON}null"
+    if isinstance(value, Expression):
+        return value.text
+    if kind.name == "any":
+        return _any_text(cast("Plain", value))
+    return _scalar_text(cast("str | int | float | bool", value))
+
+
+def read_value(text: str, kind: PortType) -> Value:
+    """The literal as a mission file would have it; what does not fit the type is left for its checker.
+
+    Raises ValueError for a `json:` that is none.
+    """
+    if kind.many:
+        return _list(text, kind)
+    if text == f"{JSON}null" and kind.optional:
+        return None
+    match kind.name:
+        case "int" | "float":
+            number = _resolved(text)
+            if isinstance(number, float) and number.is_integer() and abs(number) < _LONG:
+                return int(number)
+            return number if type(number) in (int, float) else text
+        case "bool":
+            return _TRUTH.get(text, text)
+        case "any":
+            return _json(text) if text.startswith(JSON) else _resolved(text)
+        case _:
+            return text
+
+
+def default_text(port: PortDeclaration) -> str:
+    """The port's default; empty when it has none, or an empty one."""
+    if port.required or port.direction == "out" or port.default is None:
+        return ""
+    return value_text(port.default, port.type)
+
+
+def is_pointer(text: str) -> bool:
+    """Whether BehaviorTree.CPP takes the text for a key of the blackboard."""
+    bare = text.strip(" ")
+    return len(bare) >= 3 and bare.startswith("{") and bare.endswith("}")
+
+
+def _resolved(text: str) -> str | int | float | bool | None:
+    try:
+        return resolve(text)
+    except ValueError:  # a number of more digits than anybody reads
+        return text
+
+
+def _scalar_text(value: str | int | float | bool) -> str:
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case float() if value.is_integer() and abs(value) < _LONG:
+            return str(int(value))
+        case float():
+            return repr(value)
+        case _:
+            return str(value)
+
+
+def _any_text(value: Plain) -> str:
+    # A text that reads as something else, and what is no scalar.
+    plain = isinstance(value, str) and not value.startswith(JSON) and _resolved(value) == value
+    if plain or (isinstance(value, bool | int) and not isinstance(value, str)):
+        return _scalar_text(cast("str | int | bool", value))
+    return repr(value) if isinstance(value, float) else JSON + json.dumps(value, ensure_ascii=False)
+
+
+def _list_text(values: list[Plain], kind: PortType) -> str:
+    one = PortType(kind.name)
+    texts = [value_text(value, one) for value in values]
+    simple = all(text and ";" not in text and text == text.strip() for text in texts)
+    joined = ";".join(texts)
+    if texts and simple and not joined.startswith(JSON) and not is_pointer(joined):
+        return joined
+    return JSON + json.dumps(values, ensure_ascii=False)
+
+
+def _list(text: str, kind: PortType) -> Value:
+    if text.startswith(JSON):
+        return _json(text)
+    one = PortType(kind.name)
+    return [read_value(part, one) for part in text.split(";")] if text else []
+
+
+def _json(text: str) -> Value:
+    try:
+        return cast("Value", json.loads(text.removeprefix(JSON)))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"not valid JSON behind 'json:': {error}") from None

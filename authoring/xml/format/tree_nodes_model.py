@@ -1,0 +1,118 @@
+"""TreeNodesModel: what nodes there are besides BehaviorTree.CPP's own, and which ports the sub-trees have."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+from ....trees.declaration import NodeDeclaration
+from ....trees.mission import Mission, TreeSpec
+from ....trees.ports import PortDeclaration
+from ....trees.values.port_types import PortType
+from . import btcpp_vocabulary as names
+from .element import Element
+from .literal_text import JSON, default_text, type_text, value_text
+
+UNIT: Final = "unit"
+CHOICES: Final = "choices"
+INCLUDED: Final = "included"
+"""Marks a tree that the mission takes from another file."""
+_TEXT: Final = PortType("string")
+
+
+def node_model(declaration: NodeDeclaration) -> Element:
+    """The model of a node that a program registers under its own ID."""
+    slots = [slot for slot in declaration.slots if slot.key != "do"]
+    kind = {"action": "Action", "condition": "Condition", "decorator": "Decorator"}.get(
+        declaration.kind, "Control"
+    )
+    if slots and kind == "Decorator":
+        kind = "Control"
+    ports = [_node_port(port) for port in declaration.ports]
+    for slot in slots:
+        said = {"one": "the child", "many": "children, as 1;2", "table": "as name=child"}[slot.arity]
+        text = f"{slot.doc}: {said}, counted from 0"
+        ports.append(_port("input_port", slot.key, _TEXT, "", text))
+    return Element(kind, {"ID": declaration.id}, tuple(ports))
+
+
+def check_model() -> Element:
+    text = "an expression of picktree, which scripts cannot say"
+    return Element("Condition", {"ID": names.CHECK}, (_port("input_port", "if", _TEXT, "", text),))
+
+
+def guarded_model() -> Element:
+    ports = [
+        _port("input_port", port, _TEXT, "", f"{condition} of the child, in the words of picktree")
+        for condition, port in names.GUARDS.items()
+    ]
+    return Element("Decorator", {"ID": names.GUARDED}, tuple(ports))
+
+
+def repeat_while_model(declaration: NodeDeclaration) -> Element:
+    ports = tuple(_node_port(port) for port in declaration.ports)
+    return Element("Decorator", {"ID": names.REPEAT_WHILE}, ports)
+
+
+def switch_model(cases: int) -> Element:
+    """SwitchNode<cases>, which BehaviorTree.CPP itself registers for 2 to 6 cases only."""
+    keys = ["variable", *(f"case_{index}" for index in range(1, cases + 1))]
+    ports = tuple(_port("input_port", key, _TEXT, "", "") for key in keys)
+    return Element("Control", {"ID": f"Switch{cases}"}, ports)
+
+
+def tree_model(tree: TreeSpec, metadata: Iterable[Mapping[str, str]]) -> Element:
+    """The ports of a tree; of `Main` they are the mission's parameters. The metadata hold the file's head."""
+    parts = [_tree_port(port) for port in tree.ports]
+    fields = tuple(Element("Metadata", field) for field in metadata)
+    if fields:
+        parts.append(Element("MetadataFields", {}, fields))
+    return Element("SubTree", {"ID": tree.name}, tuple(parts))
+
+
+def head(mission: Mission) -> list[dict[str, str]]:
+    """What stands at the top of the mission file."""
+    data = mission.document.data
+    fields = [{"picktree": "1"}]
+    if mission.library:
+        fields.append({"library": "true"})
+    for key in ("name", "scene", "goal"):
+        value = data.get(key)
+        if isinstance(value, str):
+            fields.append({key: value})
+    for key in ("include", "plugins"):
+        entries = data.get(key)
+        if isinstance(entries, list):
+            fields += [{key: str(entry)} for entry in entries]
+    return fields
+
+
+def _node_port(port: PortDeclaration) -> Element:
+    what = "output_port" if port.direction == "out" else "input_port"
+    text = port.doc + (f" [{port.unit}]" if port.unit else "")
+    # A list of whatever it is takes the type of what flows into it.
+    kind = PortType("any") if port.type.name == "any" else port.type
+    return _port(what, port.key, kind, default_text(port), text)
+
+
+def _port(what: str, key: str, kind: PortType, default: str, text: str) -> Element:
+    attributes = {"name": key, "type": type_text(kind)}
+    if default:
+        attributes["default"] = default
+    return Element(what, attributes, text=text)
+
+
+def _tree_port(port: PortDeclaration) -> Element:
+    """BehaviorTree.CPP reads `default` and `description` of these; the rest is for us."""
+    what = "output_port" if port.direction == "out" else "input_port"
+    attributes = {"name": port.key, "type": type_text(port.type)}
+    if port.direction == "in" and not port.required:
+        attributes["default"] = value_text(port.default, port.type)
+    if port.doc:
+        attributes["description"] = port.doc
+    if port.unit is not None:
+        attributes[UNIT] = port.unit
+    if port.choices is not None:
+        attributes[CHOICES] = JSON + json.dumps(list(port.choices), ensure_ascii=False)
+    return Element(what, attributes)

@@ -1,0 +1,1 @@
+"""From BehaviorTree.CPP's XML to missions."""

@@ -1,0 +1,119 @@
+"""What stands at one element: values of ports, conditions, names, and the number of children."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ....files.expressions.syntax_tree import Literally
+from ....files.marks import Fault, Mark
+from ....files.spelling import nearest
+from ....trees.declaration import POSTCONDITIONS, PRECONDITIONS
+from ....trees.values.port_types import PortType
+from ..export.expression_text import expression_text
+from ..format import btcpp_vocabulary as names
+from ..format.element import Element
+from ..format.literal_text import is_pointer, read_value
+from ..format.marked_values import Marked, from_value
+from .node_draft import Draft
+from .script_import import ScriptError, read_expression, read_statements
+
+COMMON = ("name", names.OWN_NAME, names.BREAKPOINT, *PRECONDITIONS, *POSTCONDITIONS, *names.IGNORED)
+"""Attributes that may stand at every node."""
+
+
+class Attributes:
+    """Reads attributes and keeps what is wrong with them."""
+
+    def __init__(self) -> None:
+        self.faults: list[Fault] = []
+
+    def fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
+        self.faults.append(Fault(mark, trail, message, hint, code))
+
+    def port(
+        self, draft: Draft, key: str, kind: PortType, element: Element, attribute: str, trail: str
+    ) -> None:
+        """Put the attribute's value under the port's key."""
+        draft.put(key, self.value(element, attribute, kind, trail), element.place(attribute))
+
+    def value(self, element: Element, attribute: str, kind: PortType, trail: str) -> Marked:
+        text, mark = element.get(attribute), element.place(attribute)
+        if is_pointer(text) and kind.name != "expression":
+            bare = text.strip(" ")
+            if bare.startswith("{@"):
+                message = f"{attribute!r}: keys of the root's blackboard (@) have no counterpart"
+                self.fault(mark, trail, message, "pass the value through a port", code="P911")
+            return Marked(mark, f"{{{attribute}}}" if bare == "{=}" else bare)
+        try:
+            return from_value(read_value(text, kind), mark)
+        except ValueError as error:
+            self.fault(mark, trail, f"{attribute!r}: {error}", code="P911")
+            return Marked(mark, text)
+
+    def no_port(self, element: Element, key: str, identity: str, known: Iterable[str], trail: str) -> None:
+        message = f"{identity} has no port {key!r}"
+        self.fault(element.place(key), trail, message, nearest(key, known), code="P908")
+
+    def only(self, element: Element, known: tuple[str, ...], trail: str) -> None:
+        """Refuse the attributes that a node of BehaviorTree.CPP does not have."""
+        for key in element.attributes:
+            if key not in (*COMMON, *known, "ID"):
+                self.no_port(element, key, element.identity, (*known, "name"), trail)
+
+    def needed(self, element: Element, attribute: str, trail: str) -> str:
+        if attribute not in element.attributes:
+            message = f"{element.identity} needs the port {attribute!r}"
+            self.fault(element.mark, trail, message, code="P908")
+        return element.get(attribute)
+
+    def count(
+        self, element: Element, identity: str, least: int, most: int, trail: str, given: int | None = None
+    ) -> None:
+        count = len(element.children) if given is None else given
+        if not least <= count <= most:
+            words = "no child" if most == 0 else str(most)
+            hint = "several stand in a Sequence" if 0 < most < count else ""
+            message = f"{identity} has {count} children; it takes {words}"
+            self.fault(element.mark, trail, message, hint, code="P909")
+
+    def common(self, element: Element, draft: Draft, trail: str) -> None:
+        draft.comments = (*element.comments, *draft.comments)
+        name = element.get(names.OWN_NAME) or element.get("name")
+        entries = draft.body.entries
+        assert entries is not None
+        own, draft.body.entries = entries, []
+        default = (draft.id, "" if element.name == "SubTree" else element.identity)
+        if (name and name not in default) or names.OWN_NAME in element.attributes:
+            draft.put("name", name, element.place("name"))
+        for key in PRECONDITIONS:
+            if key in element.attributes:
+                draft.put(key, self.condition(element, key, trail), element.place(key))
+        for key in POSTCONDITIONS:
+            if key in element.attributes:
+                draft.put(key, self.assignments(element, key, trail), element.place(key))
+        if names.BREAKPOINT in element.attributes:
+            draft.put("breakpoint", element.get(names.BREAKPOINT), element.place(names.BREAKPOINT))
+        draft.body.entries += own
+
+    def condition(self, element: Element, attribute: str, trail: str) -> str | bool:
+        """The script as an expression."""
+        try:
+            part = read_expression(element.get(attribute))
+        except ScriptError as error:
+            self.script_fault(element, attribute, error, trail)
+            return True
+        if isinstance(part, Literally) and isinstance(part.value, bool):
+            return part.value
+        return expression_text(part)
+
+    def assignments(self, element: Element, attribute: str, trail: str) -> str:
+        try:
+            return "; ".join(statement.text() for statement in read_statements(element.get(attribute)))
+        except ScriptError as error:
+            self.script_fault(element, attribute, error, trail)
+            return "nothing := 0"
+
+    def script_fault(self, element: Element, attribute: str, error: ScriptError, trail: str) -> None:
+        text = element.get(attribute)
+        at = f", at character {error.offset + 1} of {text[:60]!r}"
+        self.fault(element.place(attribute), trail, f"{attribute}: {error}{at}", code="P910")

@@ -1,0 +1,220 @@
+"""An XML file with those that it includes: its trees, their models, and the head of the mission."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ....files.marks import Fault, FileError, Mark
+from ....files.shipped_files import is_file
+from ....files.spelling import nearest
+from ....files.yaml.document import read_text
+from ....trees.mission import MAIN
+from ..format import btcpp_vocabulary as names
+from ..format.element import Element
+from ..format.tree_nodes_model import INCLUDED
+from .xml_reader import read_xml
+
+MAX_FILES = 50
+_PARTS = ("BehaviorTree", "TreeNodesModel", "include")
+_HEAD = ("picktree", "library", "name", "scene", "goal", "include", "plugins", INCLUDED)
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """One entry of the metadata, as `scene="three_bins"`."""
+
+    key: str
+    value: str
+    mark: Mark
+
+
+@dataclass(slots=True)
+class Source:
+    """What was found. `main` is the name of the tree to begin with; empty for a library."""
+
+    root: Element
+    main: str = ""
+    trees: dict[str, Element] = field(default_factory=dict[str, Element])
+    """The BehaviorTree elements by their ID."""
+    models: dict[str, Element] = field(default_factory=dict[str, Element])
+    """The SubTree elements of the models by their ID."""
+    head: list[Said] = field(default_factory=list[Said])
+    included: set[str] = field(default_factory=set[str])
+    """Names of the trees that the mission takes from other mission files."""
+    faults: list[Fault] = field(default_factory=list[Fault])
+
+    def said(self, key: str) -> tuple[Said, ...]:
+        return tuple(said for said in self.head if said.key == key)
+
+
+def read_source(text: str, path: Path) -> Source:
+    """Raises FileError when the file cannot be read at all; else all else is in the faults."""
+    root = read_xml(text, str(path))
+    return _Reader(path, root).read()
+
+
+class _Reader:
+    def __init__(self, path: Path, root: Element) -> None:
+        self._path = path
+        self._source = Source(root)
+        self._files: dict[str, str] = {}
+
+    def read(self) -> Source:
+        root = self._source.root
+        self._file(root, self._path, (self._path.name,))
+        if not self._source.faults:
+            self._source.main = self._main(root)
+        return self._source
+
+    def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
+        self._source.faults.append(Fault(mark, trail, message, hint, code))
+
+    def _file(self, root: Element, path: Path, trail: tuple[str, ...]) -> None:
+        if root.name != "root":
+            message = f"the first element is <root>, not <{root.name}>"
+            self._fault(root.mark, "", message, f'as <root BTCPP_format="{names.FORMAT}">', code="P904")
+            return
+        version = root.attributes.get("BTCPP_format")
+        if version != names.FORMAT:
+            message = 'BTCPP_format="4" is missing' if version is None else f"format {version!r} is not read"
+            hint = "this reads the files of BehaviorTree.CPP 4 and Groot2; convert older ones there"
+            self._fault(root.place("BTCPP_format"), "root", message, hint, code="P904")
+            return
+        for name in root.attributes:
+            known = ("BTCPP_format", "main_tree_to_execute")
+            if name not in (*known, "project_name") and not name.startswith(("xmlns", "xsi:")):
+                hint = nearest(name, known)
+                self._fault(root.place(name), "root", f"<root> has no attribute {name!r}", hint, code="P908")
+        self._no_text(root, "root")
+        for part in root.children:
+            match part.name:
+                case "BehaviorTree":
+                    self._tree(part, len(root.all("BehaviorTree")))
+                case "TreeNodesModel":
+                    self._models(part, first=len(trail) == 1)
+                case "include":
+                    self._include(part, path, trail)
+                case name:
+                    message = f"<{name}> has no meaning under <root>"
+                    self._fault(part.mark, "root", message, nearest(name, _PARTS), code="P905")
+        for second in root.all("TreeNodesModel")[1:]:
+            self._fault(second.mark, "root", "a second <TreeNodesModel> in one file", code="P905")
+
+    def _tree(self, element: Element, trees: int) -> None:
+        identity = element.get("ID") or (MAIN if trees == 1 else "")
+        if not identity:
+            self._fault(element.mark, "root", "<BehaviorTree> needs the attribute 'ID'", code="P905")
+            return
+        self._attributes(element, ("ID",), identity)
+        self._no_text(element, identity)
+        if identity in self._source.trees:
+            first = self._source.trees[identity].mark
+            message = f"the tree {identity!r} is given twice"
+            self._fault(element.place("ID"), identity, message, f"first at {first}", code="P905")
+            return
+        self._source.trees[identity] = element
+        if len(element.children) != 1:
+            message = f"<BehaviorTree> has {len(element.children)} children; it takes 1"
+            self._fault(element.mark, identity, message, "several stand in a Sequence", code="P909")
+
+    def _attributes(self, element: Element, known: Iterable[str], trail: str) -> None:
+        for name in element.attributes:
+            if name not in known and name not in names.IGNORED:
+                message = f"<{element.name}> has no attribute {name!r}"
+                self._fault(element.place(name), trail, message, nearest(name, known), code="P908")
+
+    def _no_text(self, element: Element, trail: str) -> None:
+        if element.text:
+            message = f"the text {element.text[:30]!r} has no meaning here"
+            self._fault(element.mark, trail, message, "a comment stands in <!-- -->", code="P905")
+
+    def _models(self, element: Element, *, first: bool) -> None:
+        for model in element.children:
+            identity = model.get("ID")
+            if model.name not in names.ELEMENTS:
+                message = f"<{model.name}> has no meaning under <TreeNodesModel>"
+                hint = nearest(model.name, names.ELEMENTS)
+                self._fault(model.mark, "TreeNodesModel", message, hint, code="P905")
+            elif not identity:
+                message = f"<{model.name}> needs the attribute 'ID'"
+                self._fault(model.mark, "TreeNodesModel", message, code="P905")
+            elif model.name == "SubTree":
+                self._source.models.setdefault(identity, model)
+                self._metadata(identity, model, first=first)
+
+    def _metadata(self, identity: str, model: Element, *, first: bool) -> None:
+        """The head of the first file is the mission's; what another file says there is its own affair."""
+        for fields in model.all("MetadataFields"):
+            for entry in fields.all("Metadata"):
+                for key, value in entry.attributes.items():
+                    if key == INCLUDED:
+                        self._source.included.add(identity)
+                    elif key in _HEAD and first:
+                        self._source.head.append(Said(key, value, entry.place(key)))
+
+    # Other files.
+
+    def _include(self, element: Element, path: Path, trail: tuple[str, ...]) -> None:
+        name = element.get("path")
+        at = element.place("path")
+        if "ros_pkg" in element.attributes:
+            message = "<include ros_pkg> is not followed: it leads to where ROS is installed"
+            self._fault(
+                element.place("ros_pkg"), "root", message, "copy the file beside this one", code="P912"
+            )
+            return
+        if not name or "\x00" in name:
+            self._fault(element.mark, "root", "<include> needs the attribute 'path'", code="P912")
+            return
+        found = path.parent / name
+        relative = os.path.relpath(found, self._path.parent)
+        if not _inside(found, self._path.parent):
+            message = f"{name!r} lies outside of the file's folder"
+            self._fault(at, "root", message, "copy it beside this file", code="P912")
+        elif relative in trail:
+            message = f"the files include each other in a circle: {' → '.join((*trail, relative))}"
+            self._fault(at, "root", message, code="P912")
+        elif len(self._files) >= MAX_FILES:
+            self._fault(at, "root", f"more than {MAX_FILES} files are included", code="P912")
+        elif not is_file(found):
+            self._fault(at, "root", f"there is no file {name!r} beside this one", code="P912")
+        elif relative not in self._files:
+            self._files[relative] = name
+            self._follow(found, (*trail, relative))
+
+    def _follow(self, path: Path, trail: tuple[str, ...]) -> None:
+        try:
+            root = read_xml(read_text(path), str(path))
+        except FileError as error:
+            self._source.faults += error.faults
+            return
+        self._file(root, path, trail)
+
+    # Where the mission begins.
+
+    def _main(self, root: Element) -> str:
+        main, trees = root.get("main_tree_to_execute"), self._source.trees
+        if main:
+            if main not in trees:
+                hint = nearest(main, trees)
+                message = f"there is no tree {main!r}"
+                self._fault(root.place("main_tree_to_execute"), "root", message, hint, code="P914")
+            return main
+        if any(said.value == "true" for said in self._source.said("library")):
+            return ""
+        if len(trees) == 1:
+            return next(iter(trees))
+        message = f"which of the {len(trees)} trees is the first one?" if trees else "there is no tree"
+        hint = f'as <root BTCPP_format="4" main_tree_to_execute="{next(iter(trees), MAIN)}">'
+        self._fault(root.mark, "root", message, hint, code="P914")
+        return ""
+
+
+def _inside(path: Path, folder: Path) -> bool:
+    try:
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # a circle of symbolic links
+        return False

@@ -1,0 +1,206 @@
+"""Nodes of BehaviorTree.CPP that a mission says in another way, and our own for what scripts cannot say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, TypeAlias
+
+from ....files.expressions.syntax_tree import Not
+from ....trees.values.port_types import PortType
+from ..export.expression_text import expression_text
+from ..format import btcpp_vocabulary as names
+from ..format.element import Element
+from ..format.marked_values import Marked
+from .attributes import COMMON
+from .node_draft import Draft
+from .script_import import ScriptError, read_expression, read_statements
+
+if TYPE_CHECKING:
+    from .node_import import NodeReader
+
+Translation: TypeAlias = Callable[[Element, str], Draft]
+_ANY, _NUMBER = PortType("any"), PortType("float")
+_ELSE = {"FAILURE": "_failureIf", "SUCCESS": "_successIf", "SKIPPED": "_skipIf"}
+_LOOPS = {
+    "LoopInt": PortType("int", many=True), "LoopBool": PortType("bool", many=True),
+    "LoopDouble": PortType("float", many=True), "LoopString": PortType("string", many=True),
+}  # fmt: skip
+
+
+class Translations:
+    """Turns elements into other nodes; their children are read by `reader`, which keeps the faults."""
+
+    def __init__(self, reader: NodeReader) -> None:
+        self._reader = reader
+        self._ways: Mapping[str, Translation] = {
+            "ScriptCondition": self._script_condition,
+            "Script": self._script,
+            "SetBlackboard": self._set_blackboard,
+            "Sleep": self._sleep,
+            "Precondition": self._precondition,
+            names.CHECK: self._check,
+            names.GUARDED: self._guarded,
+            **dict.fromkeys(_LOOPS, self._loop),
+        }
+
+    def of(self, identity: str) -> Translation | None:
+        """How an element of that ID is read; None when it is a node like others."""
+        if names.SWITCH.fullmatch(identity):
+            return self._switch
+        return self._ways.get(identity)
+
+    def _script_condition(self, element: Element, trail: str) -> Draft:
+        self._reader.only(element, ("code",), trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
+        draft = Draft.of("Condition", element.mark)
+        if self._reader.needed(element, "code", trail):
+            draft.put("if", self._reader.condition(element, "code", trail), element.place("code"))
+        return draft
+
+    def _script(self, element: Element, trail: str) -> Draft:
+        """One constant or copy is a SetBlackboard; anything else is done after an AlwaysSuccess."""
+        self._reader.only(element, ("code",), trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
+        code, mark = self._reader.needed(element, "code", trail), element.place("code")
+        try:
+            statements = read_statements(code) if code else ()
+        except ScriptError as error:
+            self._reader.script_fault(element, "code", error, trail)
+            statements = ()
+        first = next(iter(statements), None)
+        single = first.constant() if first is not None and len(statements) == 1 else None
+        if first is not None and single is not None:
+            draft = Draft.of("SetBlackboard", element.mark)
+            draft.put("value", Marked(mark, single), mark)
+            draft.put("output_key", f"{{{first.key}}}", mark)
+            return draft
+        draft = Draft.of("AlwaysSuccess", element.mark)
+        if statements and "_onSuccess" not in element.attributes:
+            draft.put("_onSuccess", "; ".join(statement.text() for statement in statements), mark)
+        elif statements:
+            message = "a Script of this kind cannot have an _onSuccess besides"
+            self._reader.fault(mark, trail, message, "write one assignment after the other", code="P910")
+        return draft
+
+    def _set_blackboard(self, element: Element, trail: str) -> Draft:
+        self._reader.only(element, ("value", "output_key"), trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
+        draft = Draft.of("SetBlackboard", element.mark)
+        self._reader.needed(element, "value", trail)
+        self._reader.port(draft, "value", _ANY, element, "value", trail)
+        key = self._reader.needed(element, "output_key", trail).strip("{} ")
+        draft.put("output_key", f"{{{key}}}", element.place("output_key"))
+        return draft
+
+    def _sleep(self, element: Element, trail: str) -> Draft:
+        self._reader.only(element, ("msec",), trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
+        draft = Draft.of("Delay", element.mark)
+        self._reader.needed(element, "msec", trail)
+        self._reader.port(draft, "delay_msec", _NUMBER, element, "msec", trail)
+        draft.put("do", Marked(element.mark, "AlwaysSuccess"))
+        return draft
+
+    def _precondition(self, element: Element, trail: str) -> Draft:
+        self._reader.only(element, ("if", "else"), trail)
+        self._reader.needed(element, "if", trail)
+        status = element.get("else", "FAILURE")
+        if status not in _ELSE:
+            message = f"'else': {status!r} has no counterpart"
+            self._reader.fault(
+                element.place("else"), trail, message, "FAILURE, SUCCESS or SKIPPED", code="P907"
+            )
+        condition = self._negated(element, trail)
+        child = self._child(element, trail)
+        if child is None:
+            return Draft.of("AlwaysSuccess", element.mark)
+        guarded = child.guarded(_ELSE.get(status, "_failureIf"), condition, element.place("if"))
+        return self._apart(element, guarded)
+
+    def _negated(self, element: Element, trail: str) -> str:
+        try:
+            part = read_expression(element.get("if", "true"))
+        except ScriptError as error:
+            self._reader.script_fault(element, "if", error, trail)
+            return "false"
+        return expression_text(part.operand if isinstance(part, Not) else Not(part.at, part))
+
+    def _child(self, element: Element, trail: str) -> Draft | None:
+        self._reader.count(element, element.identity, 1, 1, trail)
+        return self._reader.node(element.children[0], trail) if element.children else None
+
+    def _apart(self, element: Element, child: Draft) -> Draft:
+        """The child in place of a decorator that vanishes; what stands at the decorator needs a node."""
+        own = [key for key in element.attributes if key in COMMON and key not in names.IGNORED]
+        if not own:
+            return child
+        outer = Draft.of("Sequence", element.mark)
+        outer.put("do", Marked(element.mark, items=[child.written()]))
+        return outer
+
+    def _loop(self, element: Element, trail: str) -> Draft:
+        self._reader.only(element, ("queue", "if_empty", "value"), trail)
+        if element.get("if_empty", "SUCCESS") != "SUCCESS":
+            message = f"'if_empty': {element.get('if_empty')!r} has no counterpart"
+            self._reader.fault(
+                element.place("if_empty"), trail, message, "an empty list is SUCCESS", code="P907"
+            )
+        draft = Draft.of("ForEach", element.mark)
+        self._reader.needed(element, "queue", trail)
+        self._reader.needed(element, "value", trail)
+        self._reader.port(draft, "in", _LOOPS[element.identity], element, "queue", trail)
+        self._reader.port(draft, "out", _ANY, element, "value", trail)
+        child = self._child(element, trail)
+        if child is not None:
+            draft.put("do", child.written())
+        return draft
+
+    def _switch(self, element: Element, trail: str) -> Draft:
+        count = int(element.identity.removeprefix("Switch")[:4])
+        cases = tuple(f"case_{index}" for index in range(1, count + 1))
+        self._reader.only(element, ("variable", *cases), trail)
+        self._reader.needed(element, "variable", trail)
+        draft = Draft.of("Switch", element.mark)
+        self._reader.port(draft, "variable", _ANY, element, "variable", trail)
+        self._reader.count(element, element.identity, count + 1, count + 1, trail)
+        table = Marked.mapping(element.mark)
+        for case, child in zip(cases, element.children, strict=False):
+            label = self._reader.needed(element, case, trail)
+            if table.get(label) is not None:
+                self._reader.fault(
+                    element.place(case), trail, f"the case {label!r} is given twice", code="P911"
+                )
+            table.put(label, self._reader.slot_value(child, label, trail), child.mark)
+        draft.put("cases", table)
+        if len(element.children) > count and names.NO_CASE not in element.children[count].attributes:
+            draft.put("default", self._reader.slot_value(element.children[count], "default", trail))
+        return draft
+
+    # Our own nodes for what scripts cannot say.
+
+    def _check(self, element: Element, trail: str) -> Draft:
+        self._reader.only(element, ("if",), trail)
+        self._reader.count(element, element.identity, 0, 0, trail)
+        draft = Draft.of("Condition", element.mark)
+        draft.put("if", self._reader.needed(element, "if", trail), element.place("if"))
+        return draft
+
+    def _guarded(self, element: Element, trail: str) -> Draft:
+        self._reader.only(element, tuple(names.GUARDS.values()), trail)
+        child = self._child(element, trail)
+        if child is None:
+            return Draft.of("AlwaysSuccess", element.mark)
+        given = {key: port for key, port in names.GUARDS.items() if port in element.attributes}
+        if any(child.body.get(key) for key in names.GUARDS):
+            outer = Draft.of("Sequence", element.mark)
+            outer.put("do", Marked(element.mark, items=[child.written()]))
+            child = outer
+        entries = child.body.entries
+        assert entries is not None
+        own = entries[:]
+        named = [entry for entry in own if entry.key == "name"]
+        child.body.entries = named
+        for key, port in given.items():
+            child.put(key, element.get(port), element.place(port))
+        child.body.entries += [entry for entry in own if entry.key != "name"]
+        return self._apart(element, child)

@@ -1,0 +1,64 @@
+"""What of picktree a machine has, so that no job runs on one that would run another."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Final
+
+from ...files.rooms import ROOT
+from ...session.environment import hashes, sources, versions
+from ...trees.loading.registry import GROUP
+
+_OF_WORKERS: Final = ("batch", "analysis/explain", "analysis/resim")
+"""Folders with code of a worker that is none of a run, and so not among `sources`."""
+_NOT_OF_WORKERS: Final = "batch/report"
+"""Folder in one of those that no worker needs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Installed:
+    """Equal on two machines that give the same rows for the same job, as far as this can be told."""
+
+    versions: Mapping[str, str]
+    """Of the libraries, of installed plug-ins, and of Python."""
+    sources: Mapping[str, str]
+    """Beginning of the SHA-256 of each file of picktree, by its path."""
+
+
+def installed() -> Installed:
+    """Here."""
+    plugins = {entry.dist.name: entry.dist.version for entry in entry_points(group=GROUP) if entry.dist}
+    of_workers = (
+        file
+        for folder in _OF_WORKERS
+        for file in sorted((ROOT / folder).rglob("*.py"))
+        if not file.is_relative_to(ROOT / _NOT_OF_WORKERS)
+    )
+    python = "{}.{}".format(*sys.version_info)
+    glibc = os.confstr("CS_GNU_LIBC_VERSION") or ""
+    return Installed(
+        {"python": python, "glibc": glibc.removeprefix("glibc "), **versions(), **plugins},
+        {**sources(), **hashes(of_workers)},
+    )
+
+
+def difference(here: Installed, there: Installed) -> str:
+    """Why no job is given there; empty when nothing speaks against it."""
+    names = sorted({*here.versions, *there.versions})
+    others = [
+        f"{name} {there.versions.get(name, 'missing')}, here {here.versions.get(name, 'missing')}"
+        for name in names
+        if here.versions.get(name) != there.versions.get(name)
+    ]
+    if others:
+        return f"it has {'; '.join(others)}"
+    files = sorted(
+        name for name in {*here.sources, *there.sources} if here.sources.get(name) != there.sources.get(name)
+    )
+    if files:
+        return f"its picktree is another: {', '.join(files[:3])}{' and more' if len(files) > 3 else ''}"
+    return ""

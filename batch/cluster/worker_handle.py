@@ -1,0 +1,73 @@
+"""A foreman as the batch's machine sees it: the one place that calls across the cluster."""
+
+from __future__ import annotations
+
+import ray
+from ray.exceptions import OutOfMemoryError, RayError
+from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+from .connection import Node
+from .installation import Installed
+from .messages import Task
+from .node_worker import Foreman, Report
+
+__all__ = ["Hired", "RayError", "reason"]
+
+
+class Hired:
+    """Takes one CPU of a node. All methods raise RayError when the foreman is gone."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self._actor = (
+            ray.remote(Foreman)
+            .options(
+                num_cpus=1,
+                max_restarts=0,  # who tries again is the batch
+                max_task_retries=0,
+                scheduling_strategy=NodeAffinitySchedulingStrategy(node.id, soft=False),
+            )
+            .remote()
+        )
+
+    async def installed(self) -> Installed:
+        return await self._actor.installed.remote()
+
+    async def is_there(self) -> None:
+        """Nothing, unless it is gone."""
+        await self._actor.is_there.remote()
+
+    async def carry_out(self, task: Task, recipe: ray.ObjectRef[bytes]) -> Report:
+        return await self._actor.carry_out.remote(task, recipe)
+
+    def stop(self, task: Task) -> None:
+        self._actor.stop.remote(task.order.folder)
+
+    async def piece(self, folder: str, name: str, offset: int, size: int) -> bytes:
+        return await self._actor.piece.remote(folder, name, offset, size)
+
+    async def forget(self, folder: str) -> None:
+        await self._actor.forget.remote(folder)
+
+    async def close(self) -> None:
+        await self._actor.close.remote()
+
+    def kill(self) -> None:
+        """With its worker, whatever that does."""
+        ray.kill(self._actor)
+
+
+def shared(content: bytes) -> ray.ObjectRef[bytes]:
+    """Content that many tasks need and each node fetches once."""
+    return ray.put(content)
+
+
+def reason(error: RayError, node: Node) -> str:
+    """Why a foreman does not answer, in a few words."""
+    if isinstance(error, OutOfMemoryError):
+        return f"Ray ended its worker: the node {node.address} ran out of memory"
+    if "its node has died" in str(error):
+        return f"the node {node.address} is gone"
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    told = next((line for line in lines if line.startswith(("ModuleNotFoundError", "ImportError"))), "")
+    return told or f"its worker on the node {node.address} is gone"

@@ -1,0 +1,234 @@
+"""The foremen on all nodes: hired where CPUs are, hired anew when one is lost, and given the tasks."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import ray
+
+from ...errors import PicktreeError
+from ..workers.executor import Event, Failed, Order, Stopped
+from .connection import Node, nodes
+from .installation import Installed, difference
+from .messages import News, Task, Workers
+from .transfer import bring
+from .worker_handle import Hired, RayError, reason, shared
+
+_WATCH = 2.0
+"""Wall s between two looks at which nodes there are."""
+_AGAIN = 1.0
+"""Wall s between losing a foreman and hiring another."""
+_FIRST = 60.0
+"""Wall s within which some foreman is there."""
+_NOBODY = 300.0
+"""Wall s that nodes which all went have for coming back."""
+_LEAVE = 5.0
+"""Wall s that a foreman has for leaving nothing behind."""
+_SLACK = 120.0
+"""Wall s beyond an order's limit, after which a foreman that is silent counts as lost."""
+_GRACE = 30.0
+"""Wall s that all runs have for breaking off; a foreman's own grace for its worker is shorter."""
+_TRIES = 3
+"""How often in a row a foreman may be lost before it is ready; then its node is left out."""
+
+
+@dataclass
+class _Post:
+    """A node, and who serves there."""
+
+    node: Node
+    slots: list[asyncio.Task[None]] = field(default_factory=list[asyncio.Task[None]])
+    met: bool = False
+    refused: str = ""
+
+
+class Crew:
+    """Tells what comes of its tasks by `tell`, from within the loop that it is used in."""
+
+    def __init__(self, here: Installed, limit: int | None, tell: Callable[[News], None]) -> None:
+        """`limit`: at most so many foremen."""
+        self._here, self._limit, self._tell = here, limit, tell
+        self._tasks: asyncio.Queue[Task] = asyncio.Queue()
+        self._posts: dict[str, _Post] = {}
+        self._under_way: dict[Path, tuple[Task, Hired]] = {}
+        self._stopping: set[Path] = set()
+        self._recipes: dict[Path, ray.ObjectRef[bytes]] = {}
+        self._slots: set[asyncio.Task[None]] = set()
+        self._changed = asyncio.Event()
+        self._told: int | None = None
+
+    async def gather(self) -> None:
+        """Until every node has a foreman or has had the time for it. Raises PicktreeError when one of them
+        would run something else than the batch's machine, or when nobody is there."""
+        self._hire(nodes())
+        if not self._posts:
+            raise PicktreeError("the Ray cluster has no node with a CPU")
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_FIRST):
+                while any(not (post.met or post.refused) for post in self._posts.values()):
+                    self._changed.clear()
+                    await self._changed.wait()
+        refused = [f"the node {p.node.address}: {p.refused}" for p in self._posts.values() if p.refused]
+        if refused:
+            raise PicktreeError("; ".join(refused))
+        if not any(post.met for post in self._posts.values()):
+            raise PicktreeError(
+                f"no worker could be started on the Ray cluster within {_FIRST:.0f} s: its CPUs are taken"
+            )
+        self._told = 0
+        self._count()
+
+    async def watch(self) -> None:
+        """Hire on nodes that join, for as long as this runs. Raises PicktreeError when nobody is left."""
+        alone = 0.0
+        while alone < _NOBODY:
+            await asyncio.sleep(_WATCH)
+            self._hire(await asyncio.to_thread(nodes))
+            alone = 0.0 if self._told else alone + _WATCH
+        raise PicktreeError(
+            f"the Ray cluster has had no node for {_NOBODY:.0f} s; --resume goes on when it has one again"
+        )
+
+    def give(self, task: Task) -> None:
+        self._tasks.put_nowait(task)
+
+    def stop(self) -> None:
+        """Break off all that is under way."""
+        while not self._tasks.empty():
+            self._tell(Stopped(self._tasks.get_nowait().order))
+        for folder, (task, hired) in self._under_way.items():
+            self._stopping.add(folder)
+            hired.stop(task)
+        asyncio.get_running_loop().call_later(_GRACE, self._lose, tuple(self._under_way))
+
+    async def close(self) -> None:
+        """Let all foremen go."""
+        for slot in self._slots:
+            slot.cancel()
+        await asyncio.gather(*self._slots, return_exceptions=True)
+
+    def _hire(self, there: tuple[Node, ...]) -> None:
+        """As many as there should be, spread over the nodes that are there."""
+        for gone in {*self._posts} - {node.id for node in there}:
+            del self._posts[gone]
+        for node in there:
+            self._posts.setdefault(node.id, _Post(node))
+        usable = [post.node for post in self._posts.values() if not post.refused]
+        for node, count in _spread(usable, self._limit).items():
+            post = self._posts[node.id]
+            post.slots = [slot for slot in post.slots if not slot.done()]
+            for _ in range(count - len(post.slots)):
+                slot = asyncio.create_task(self._serve(post))
+                post.slots.append(slot)
+                self._slots.add(slot)
+                slot.add_done_callback(self._slots.discard)
+        self._count()
+
+    def _count(self) -> None:
+        """Tell how many there are, once they have gathered, when that is news."""
+        serving = [post for post in self._posts.values() if not post.refused]
+        count = sum(not slot.done() for post in serving for slot in post.slots)
+        if self._told not in (None, count):
+            self._told = count
+            self._tell(Workers(count))
+
+    async def _serve(self, post: _Post) -> None:
+        """One slot of a node: a foreman, and another one when it is lost, while the node is there."""
+        lost = 0
+        while not post.refused:
+            hired, idle = Hired(post.node), False
+            try:
+                self._meet(post, difference(self._here, await hired.installed()))
+                lost = 0
+                while not post.refused:
+                    idle = True
+                    task = await self._tasks.get()
+                    idle = False
+                    await self._see_to(task, hired)
+                await _dismiss(hired, idle=True)
+            except asyncio.CancelledError:
+                await _dismiss(hired, idle=idle)
+                raise
+            except RayError as error:
+                if post.node not in await asyncio.to_thread(nodes):
+                    return
+                lost += 1
+                if lost == _TRIES:
+                    self._meet(post, reason(error, post.node))
+                await asyncio.sleep(_AGAIN)
+
+    def _meet(self, post: _Post, refused: str) -> None:
+        post.met, post.refused = True, refused
+        self._changed.set()
+        if refused:
+            self._count()
+
+    async def _see_to(self, task: Task, hired: Hired) -> None:
+        """Raises RayError when the foreman is lost; the task is not, even so."""
+        order = task.order
+        self._under_way[order.folder] = (task, hired)
+        event: Event | None = None
+        try:
+            await hired.is_there()
+            event = await self._outcome(task, hired)
+            await hired.is_there()
+        finally:
+            del self._under_way[order.folder]
+            if order.folder in self._stopping:
+                self._tell(Stopped(order))
+            elif event is not None:
+                self._tell(event)
+            else:  # it was lost before it had anything to do
+                self._tasks.put_nowait(task)
+
+    async def _outcome(self, task: Task, hired: Hired) -> Event:
+        order = task.order
+        try:
+            async with asyncio.timeout(order.wall + _SLACK):
+                report = await hired.carry_out(task, self._recipe(order))
+                if report.files:
+                    await bring(hired, report.files, order.folder)
+        except TimeoutError:
+            hired.kill()
+            return Failed(order, f"its worker on the node {hired.node.address} does not answer")
+        except RayError as error:
+            return Failed(order, reason(error, hired.node))
+        except OSError as error:
+            return Failed(order, f"{error.filename or order.folder}: {error.strerror}")
+        return report.event
+
+    def _recipe(self, order: Order) -> ray.ObjectRef[bytes]:
+        if order.recipe not in self._recipes:
+            self._recipes[order.recipe] = shared(order.recipe.read_bytes())
+        return self._recipes[order.recipe]
+
+    def _lose(self, folders: tuple[Path, ...]) -> None:
+        for folder in folders:
+            if folder in self._under_way:
+                self._under_way[folder][1].kill()
+
+
+def _spread(there: list[Node], limit: int | None) -> Mapping[Node, int]:
+    """How many foremen on which node: one after the other, while there are CPUs."""
+    found = dict.fromkeys(there, 0)
+    left = sum(node.cpus for node in there)
+    left = left if limit is None else min(left, limit)
+    while left:
+        for node in there:
+            if left and found[node] < node.cpus:
+                found[node] += 1
+                left -= 1
+    return found
+
+
+async def _dismiss(hired: Hired, *, idle: bool) -> None:
+    if idle:
+        with suppress(RayError, TimeoutError):
+            async with asyncio.timeout(_LEAVE):
+                await hired.close()
+    with suppress(RayError):
+        hired.kill()

@@ -1,0 +1,1 @@
+"""What a batch is to run: plan files, the matrix, its jobs."""

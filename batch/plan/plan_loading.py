@@ -1,0 +1,151 @@
+"""Reading plan files, and checking in full what a plan is about to run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from ...authoring.checking.check import MissionCheck, check_mission
+from ...errors import PicktreeError
+from ...files.models.validation import Checker
+from ...files.yaml.document import Document, Fault, FileError, open_document
+from ...simulation.fault_files.fault_loading import load_faults
+from ...trees.loading.scene_names import Surroundings, load_surroundings
+from ...trees.running.run_settings import read_settings
+from ...world.scene.loading.scene_loading import scene_names
+from .plan import Limits, Plan
+from .plan_schema import NO_FAULTS, PlanFile
+
+
+@dataclass(frozen=True, slots=True)
+class PlanCheck:
+    """What was found in a plan file and in the files that it names. `plan` is None when there are errors."""
+
+    plan: Plan | None
+    faults: tuple[Fault, ...]
+
+
+def load_plan(path: Path) -> Plan:
+    """Raises FileError with all faults of the plan and of every file that it names."""
+    found = check_plan_file(open_document(path, "plan"))
+    if found.plan is None:
+        raise FileError([fault for fault in found.faults if fault.severity == "error"])
+    return found.plan
+
+
+def plan_of(words: Mapping[str, object]) -> Plan:
+    """The plan that these keys of a plan file amount to; their paths are absolute.
+
+    Raises FileError with all faults of what they name, PicktreeError for a key or setting that does not fit.
+    """
+    given = {key: value for key, value in words.items() if value not in (None, [])}
+    try:
+        file = PlanFile.model_validate(given)
+    except ValidationError as error:
+        detail = error.errors(include_url=False)[0]
+        option = str(detail["loc"][0]).replace("_", "-")
+        raise PicktreeError(f"--{option}: {detail['msg'].removeprefix('Value error, ')}") from None
+    plan = _plan(file, Path(file.missions[0]))
+    faults = list(check_files_of(plan))
+    if faults:
+        raise FileError(faults)
+    check_settings(plan)
+    return plan
+
+
+def check_plan(document: Document) -> Iterable[Fault]:
+    """Everything that can be said of a document of kind `plan`."""
+    return check_plan_file(document).faults
+
+
+def check_plan_file(document: Document) -> PlanCheck:
+    """Everything that can be said of a document of kind `plan`; never raises for what stands in it."""
+    check = Checker(document)
+    file = check.read(PlanFile)
+    if check.faults:
+        return PlanCheck(None, tuple(check.faults))
+    plan = _plan(file, document.path)
+    faults = list(check_files_of(plan))
+    if not faults:
+        for name in plan.settings:
+            for message in _misfits(plan, name):
+                check.fault(("set", name), message, code="P802", key=True)
+    faults = [*check.faults, *faults]
+    wrong = any(fault.severity == "error" for fault in faults)
+    return PlanCheck(None if wrong else plan, tuple(faults))
+
+
+def check_files_of(plan: Plan) -> Iterator[Fault]:
+    """The errors in missions, scenes, robots and faults files that the plan names, each once."""
+    seen: dict[Fault, None] = {}
+    for scene in plan.scenes:
+        for mission in plan.missions:
+            seen.update(dict.fromkeys(_faults_of_mission(mission, scene)))
+    for file in plan.faults:
+        if file is not None:
+            try:
+                load_faults(file)
+            except FileError as error:
+                seen.update(dict.fromkeys(error.faults))
+    yield from (fault for fault in seen if fault.severity == "error")
+
+
+def check_settings(plan: Plan) -> None:
+    """Raises PicktreeError for the first setting that does not fit one of the missions."""
+    for name in plan.settings:
+        for message in _misfits(plan, name):
+            raise PicktreeError(message)
+
+
+def _faults_of_mission(mission: Path, scene: str | None) -> Iterable[Fault]:
+    try:
+        check = _checked(mission, scene)
+    except FileError as error:
+        return error.faults
+    return check.faults
+
+
+def _checked(mission: Path, scene: str | None) -> MissionCheck:
+    known: Surroundings | None = load_surroundings(scene) if scene is not None else None
+    return check_mission(open_document(mission, "mission"), known=known)
+
+
+def _misfits(plan: Plan, name: str) -> Iterator[str]:
+    """What is wrong with a setting, for the first mission that it does not fit."""
+    for path in plan.missions:
+        mission = _checked(path, plan.scenes[0]).mission
+        if mission is None:
+            continue
+        required = {p.key: plan.settings[p.key][0] for p in mission.parameters if p.key in plan.settings}
+        for value in plan.settings[name]:
+            try:
+                read_settings(mission, {**required, name: value})
+            except PicktreeError as error:
+                yield f"{path.name}: {error}" if len(plan.missions) > 1 else str(error)
+                return
+
+
+def _plan(file: PlanFile, source: Path) -> Plan:
+    folder = source.parent.absolute()
+    settings = {
+        name: tuple(values) if isinstance(values, list) else (values,) for name, values in file.set.items()
+    }
+    return Plan(
+        name=file.name or source.stem,
+        missions=tuple(folder / mission for mission in file.missions),
+        seeds=file.seeds,
+        scenes=tuple(_scene(name, folder) for name in file.scenes) or (None,),
+        faults=tuple(None if name == NO_FAULTS else folder / name for name in file.faults) or (None,),
+        settings=settings,
+        backend=file.backend,
+        verify=file.verify,
+        limits=Limits(file.limit, file.wall_limit, file.memory, file.disk),
+        keep=file.keep,
+    )
+
+
+def _scene(name: str, folder: Path) -> str:
+    return name if name in scene_names() else str(folder / name)

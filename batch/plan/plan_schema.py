@@ -1,0 +1,117 @@
+"""The grammar of plan files."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Annotated, Literal, cast
+
+from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
+
+from ...errors import PicktreeError
+from ...files.models.validation import FileModel, Flag, Wrong, describe, quantity
+from .seeds import parse_seeds
+
+if TYPE_CHECKING:
+    from ...authoring.schema.schema_parts import Schema
+
+_BYTES = {"MB": 10**6, "GB": 10**9, "MiB": 2**20, "GiB": 2**30}
+NO_FAULTS = "none"
+"""In the list of faults files: a run without any."""
+
+
+def _seeds(value: object) -> tuple[int, ...]:
+    parts: list[object] = cast("list[object]", value) if isinstance(value, list) else [value]
+    if not parts or any(isinstance(part, bool) or not isinstance(part, int | str) for part in parts):
+        raise Wrong(
+            f"{describe(cast('object', value))} is no list of seeds",
+            "as 0:100 (half open) or [3, 7]",
+            code="P801",
+        )
+    try:
+        return parse_seeds(",".join(map(str, parts)))
+    except PicktreeError as error:
+        raise Wrong(str(error), code="P801") from None
+
+
+def _memory(value: object) -> int:
+    return _bytes(value, "memory")
+
+
+def _disk(value: object) -> int:
+    return _bytes(value, "disk")
+
+
+def _bytes(value: object, of: str) -> int:
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", value) if isinstance(value, str) else None
+    if match is None or match[2] not in _BYTES:
+        raise Wrong(f"{describe(value)} is no amount of {of}", "as 2 GB", code="P801")
+    return round(float(match[1]) * _BYTES[match[2]])
+
+
+def _setting(value: object) -> str:
+    if not isinstance(value, str | int | float):
+        raise Wrong(
+            f"{describe(value)} is no value of a port", "a text, a number, true or false", code="P801"
+        )
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+Text = Annotated[str, Strict(), Field(min_length=1)]
+SettingValue = Annotated[
+    str, BeforeValidator(_setting), WithJsonSchema({"type": ["string", "number", "boolean"]})
+]
+Seeds = Annotated[
+    tuple[int, ...],
+    BeforeValidator(_seeds),
+    WithJsonSchema(
+        {
+            "type": ["string", "integer", "array"],
+            "items": {"type": ["integer", "string"]},
+            "examples": ["0:100"],
+        }
+    ),
+]
+Memory = Annotated[int, BeforeValidator(_memory), WithJsonSchema({"type": "string", "examples": ["2 GB"]})]
+Disk = Annotated[int, BeforeValidator(_disk), WithJsonSchema({"type": "string", "examples": ["2 GB"]})]
+Seconds = Annotated[float, quantity("s", above=0)]
+
+
+class PlanFile(FileModel):
+    """What a batch runs: every combination of missions, scenes, faults and settings, with each seed."""
+
+    name: Text | None = None
+    """What the batch is called; the file's name unless given."""
+    missions: Annotated[list[Text], Field(min_length=1)]
+    """Mission files; paths count from this file."""
+    scenes: list[Text] = Field(default_factory=list[str])
+    """Shipped scenes or scene files, each instead of the missions' own."""
+    faults: list[Text] = Field(default_factory=list[str])
+    """Faults files; 'none' is a run without faults."""
+    seeds: Seeds
+    """0:100 is half open; 3,7 and lists of both are good, too."""
+    set: dict[str, SettingValue | list[SettingValue]] = Field(
+        default_factory=dict[str, str | list[str]],
+        description="Values to be tried, by parameter of the mission or port of its nodes "
+        "(SortOne/Grasp.force).",
+    )
+    backend: Literal["physics", "kinematic"] = "physics"
+    """kinematic: objects follow the gripper, sensors are ideal."""
+    verify: Flag = False
+    """Judge every trajectory by the second collision checker."""
+    limit: Seconds = 3600.0
+    """Simulated time of a job."""
+    wall_limit: Seconds = 3600.0
+    """Wall time of a job; then it is ended."""
+    memory: Memory = 4 * 10**9
+    """Memory of a job, as 2 GB; then it is ended."""
+    disk: Disk = 10 * 10**9
+    """What a job writes, as 2 GB; then it is ended."""
+    keep: Literal["all", "failures", "none"] = "failures"
+    """Whose logs stay on the disk."""
+
+
+def plan_schema() -> Schema:
+    """JSON Schema of plan files, for editors."""
+    from ...authoring.schema.pydantic_schema import model_schema
+
+    return model_schema("plan", PlanFile)

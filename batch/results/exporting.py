@@ -1,0 +1,78 @@
+"""The tables of a batch as CSV or Parquet files, one a table, for pandas, DuckDB, polars, R."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from ...analysis.export.tables.columns import Cell
+from ...analysis.export.tables.csv_file import said
+from ...errors import PicktreeError
+from ...files.atomic_write import whole
+from ...logs.optional_libraries import extra
+from .store import Store
+from .tables import TABLES, TableOf
+
+Form: TypeAlias = Literal["csv", "parquet"]
+Rows: TypeAlias = Iterator[tuple[Cell, ...]]
+_Write: TypeAlias = Callable[[Path, TableOf, Rows], int]
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What was written: rows by file."""
+
+    form: Form
+    output: Path
+    rows: Mapping[Path, int]
+
+    def to_text(self) -> str:
+        """For a terminal, without a line's end."""
+        width = max(len(str(path)) for path in self.rows)
+        return "\n".join(f"{path!s:<{width}}  {count:>8} rows" for path, count in self.rows.items())
+
+    def to_json_text(self) -> str:
+        tables = {path.stem: count for path, count in self.rows.items()}
+        said = {"to": self.form, "output": str(self.output.absolute()), "tables": tables}
+        return json.dumps(said, ensure_ascii=False, indent=2) + "\n"
+
+
+def export(store: Store, form: Form, output: Path) -> Exported:
+    """Write every table to the folder `output`: all of them whole, or none.
+
+    Raises PicktreeError when it cannot be written or a library is missing.
+    """
+    write = _writer(form)
+    paths = [output / f"{table.name}.{form}" for table in TABLES]
+    for path in paths:
+        if path.is_dir():
+            raise PicktreeError(f"{path} cannot be written: it is a folder")
+    with whole(paths, output) as beside:
+        output.mkdir(parents=True, exist_ok=True)
+        with store.reading() as rows:
+            counts = [write(path, table, rows(table)) for path, table in zip(beside, TABLES, strict=True)]
+    return Exported(form, output, dict(zip(paths, counts, strict=True)))
+
+
+def _writer(form: Form) -> _Write:
+    if form == "csv":
+        return _write_csv
+    with extra("parquet", "pyarrow", "An export to Parquet"):
+        from .parquet_tables import write_parquet
+    return write_parquet
+
+
+def _write_csv(path: Path, table: TableOf, rows: Rows) -> int:
+    """As `logs.export.csv_file` writes those of a run."""
+    count = 0
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\r\n")
+        writer.writerow([column.name for column in table.columns])
+        for row in rows:
+            writer.writerow([said(cell) for cell in row])
+            count += 1
+    return count

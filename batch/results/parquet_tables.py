@@ -1,0 +1,35 @@
+"""A table of a batch as Parquet (zstd): typed columns, each with its unit and its meaning as metadata."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow as pa
+from pyarrow import parquet
+
+from ...analysis.export.tables.columns import Cell
+from ...analysis.export.tables.parquet_file import TYPES, field_of
+from .tables import TableOf
+
+_GROUP = 100_000
+"""Rows that are held at a time."""
+
+
+def write_parquet(path: Path, table: TableOf, rows: Iterator[tuple[Cell, ...]]) -> int:
+    """How many rows were written. Raises OSError when the disk refuses."""
+    schema = pa.schema(
+        [field_of(column) for column in table.columns],
+        metadata={"picktree.table": table.name, "picktree.row": table.meaning},
+    )
+    count = 0
+    with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
+        while taken := list(itertools.islice(rows, _GROUP)):
+            arrays = [
+                pa.array([row[k] for row in taken], type=TYPES[column.kind])
+                for k, column in enumerate(table.columns)
+            ]
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
+            count += len(taken)
+    return count

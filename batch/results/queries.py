@@ -1,0 +1,131 @@
+"""Reading a batch's results, while a batch may go on: answers to SQL, and whole tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import sqlite3
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+from ...analysis.export.tables.columns import Cell
+from ...errors import PicktreeError
+from ...files.spelling import nearest
+from .tables import TABLES, TableOf
+from .views import VIEWS
+
+Read: TypeAlias = Callable[[TableOf], Iterator[tuple[Cell, ...]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The answer to a query."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[object, ...], ...]
+
+    def to_text(self) -> str:
+        """Columns side by side, numbers to the right."""
+        cells = [[_cell(value) for value in row] for row in self.rows]
+        widths = [
+            max([len(column), *(len(row[n]) for row in cells)]) for n, column in enumerate(self.columns)
+        ]
+        right = [any(isinstance(row[n], int | float) for row in self.rows) for n in range(len(self.columns))]
+        lines = [list(self.columns), ["─" * width for width in widths], *cells]
+        return "\n".join(
+            "  ".join(
+                text.rjust(width) if aside else text.ljust(width)
+                for text, width, aside in zip(line, widths, right, strict=True)
+            ).rstrip()
+            for line in lines
+        )
+
+    def to_csv(self) -> str:
+        """RFC 4180, with a line of column names."""
+        text = io.StringIO(newline="")
+        writer = csv.writer(text)
+        writer.writerow(self.columns)
+        writer.writerows(self.rows)
+        return text.getvalue()
+
+    def to_json_text(self) -> str:
+        """`columns` and `rows`; what JSON has no word for, as text."""
+        rows = [[_plain(value) for value in row] for row in self.rows]
+        return json.dumps({"columns": self.columns, "rows": rows}, ensure_ascii=False) + "\n"
+
+
+def answered(path: Path, sql: str) -> Table:
+    """What a SELECT answers. Raises PicktreeError for faulty SQL, and for what would change anything."""
+    try:
+        with closing(_connection(path)) as connection:
+            cursor = connection.execute(sql)
+            if cursor.description is None:
+                raise PicktreeError("the query cannot be answered: it is no SELECT")
+            return Table(tuple(column[0] for column in cursor.description), tuple(cursor.fetchall()))
+    except (sqlite3.Error, sqlite3.Warning) as error:
+        raise PicktreeError(f"the query cannot be answered: {_in_words(error)}") from None
+
+
+@contextmanager
+def reading(path: Path) -> Generator[Read]:
+    """The rows of each table, all as they are at one moment: in the order of the jobs, those of a job as they
+    were recorded. Raises PicktreeError when they cannot be read."""
+    with closing(_connection(path)) as connection:
+        connection.execute("BEGIN")
+
+        def rows(table: TableOf) -> Iterator[tuple[Cell, ...]]:
+            names = ", ".join(f"t.{column.name}" for column in table.columns)
+            found = connection.execute(
+                f"SELECT {names} FROM {table.name} AS t JOIN jobs USING (job) ORDER BY jobs.number, t.rowid"
+            )
+            flags = [column.kind == "bool" for column in table.columns]
+            if not any(flags):
+                return iter(found)
+            return (
+                tuple(bool(cell) if flag else cell for cell, flag in zip(row, flags, strict=True))
+                for row in found
+            )
+
+        try:
+            yield rows
+        except sqlite3.Error as error:
+            raise PicktreeError(f"{path}: the results cannot be read: {error}") from None
+
+
+def _connection(path: Path) -> sqlite3.Connection:
+    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+
+
+def _in_words(error: Exception) -> str:
+    """With what there is, where something is asked for that is not."""
+    said = str(error)
+    missing, _, name = said.partition(": ")
+    match missing:
+        case "no such table":
+            known = [*(table.name for table in TABLES), *(view.name for view in VIEWS)]
+            return f"{said} ({nearest(name, known)})"
+        case "no such column":
+            columns = sorted({column.name for table in TABLES for column in table.columns})
+            hint = nearest(name.rpartition(".")[2], columns)
+            return f"{said} ({hint})" if hint.startswith("did") else said  # there are too many to list
+        case "attempt to write a readonly database":
+            return "it would change the results; a query only reads them"
+        case _:
+            return said
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, bytes) or (isinstance(value, float) and not math.isfinite(value)):
+        return str(value)
+    return value
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,175 @@
+"""What is kept of each job: one row of `jobs`, and many of the other tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from pydantic import TypeAdapter, ValidationError
+
+from ...errors import PicktreeError
+from ...logs.episodes.episode import End
+from ...logs.run_result import RunStatus
+
+Phase: TypeAlias = Literal["observe", "think", "move", "grasp", "place", "recover", "other"]
+JobStatus: TypeAlias = RunStatus | Literal["crashed"]
+"""As a run ends; `crashed`: every try at it came to no result."""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemRow:
+    """One true item, and where the scorer found it. `x`, `y`: in the world, m, when it arrived."""
+
+    item: str
+    kind: str
+    form: str
+    colour: str
+    x: float
+    y: float
+    arrived: float
+    """Simulated s at which it was there first; 0.0: at the start."""
+    destination: str | None
+    bin: str | None
+    verdict: Literal["sorted", "misplaced", "left"]
+
+
+@dataclass(frozen=True, slots=True)
+class PickRow:
+    """One closing of the fingers."""
+
+    time: float
+    object: str
+    held: bool
+    node: str
+
+
+@dataclass(frozen=True, slots=True)
+class FailureRow:
+    """One failure with what became of it; see `logs.explaining`."""
+
+    time: float
+    node: str
+    cause: str
+    message: str
+    item: str
+    fate: str
+    handled_by: str
+    seconds_lost: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeRow:
+    """One cause that was seen, and what came of it; see `logs.episodes.episode`."""
+
+    time: float
+    cause: str
+    node: str
+    item: str
+    ended: End
+    handler: str
+    """What was tried last; empty where nothing was."""
+    tried: str
+    by: str
+    tries: int
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedRow:
+    """One fault that was planted, and what failed first after it."""
+
+    time: float
+    fault: str
+    message: str
+    item: str
+    cause: str
+    after: float | None
+    ended: End | Literal[""]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRow:
+    """One request to the planner."""
+
+    time: float
+    request: str
+    planner: str
+    outcome: str
+    checks: int
+    thinking: float
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class TimingRow:
+    """Simulated s that a run spent in one phase."""
+
+    phase: Phase
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class CrashRow:
+    """One try at a job that came to no result."""
+
+    attempt: int
+    reason: str
+    last_tick: int | None
+    folder: str
+    """Of the run with its log, below the batch's folder; empty when it was not kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobRow:
+    """What a job came to."""
+
+    status: JobStatus
+    message: str
+    digest: str
+    attempts: int
+    items_total: int | None
+    items_sorted: int | None
+    items_misplaced: int | None
+    items_left: int | None
+    picks_tried: int | None
+    picks_held: int | None
+    sim_seconds: float | None
+    cpu_seconds: float | None
+    wall_seconds: float | None
+    last_tick: int | None
+    """Number of the last tick in the log."""
+    root_cause: str = ""
+    look_at: str = ""
+    """One line on what to look at."""
+    folder: str = ""
+    """Of the run with its log, below the batch's folder; empty when it was not kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobRows:
+    """Everything that is kept of one job."""
+
+    job: JobRow
+    items: tuple[ItemRow, ...] = ()
+    picks: tuple[PickRow, ...] = ()
+    failures: tuple[FailureRow, ...] = ()
+    episodes: tuple[EpisodeRow, ...] = ()
+    planted: tuple[PlantedRow, ...] = ()
+    plans: tuple[PlanRow, ...] = ()
+    timings: tuple[TimingRow, ...] = ()
+    versions: dict[str, str] = field(default_factory=dict[str, str])
+
+    def to_json(self) -> bytes:
+        return _ADAPTER.dump_json(self)
+
+    @classmethod
+    def from_json(cls, data: bytes, source: Path) -> JobRows:
+        """Raises PicktreeError when this is no result of a job."""
+        try:
+            return _ADAPTER.validate_json(data)
+        except ValidationError as error:
+            raise PicktreeError(f"{source}: no result of a job: {error.errors()[0]['msg']}") from None
+
+
+_ADAPTER = TypeAdapter(JobRows)

@@ -1,0 +1,241 @@
+"""The results of a batch: one SQLite file, written by one process, read by any."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager
+from dataclasses import astuple, fields
+from pathlib import Path
+
+from ...errors import PicktreeError
+from ..plan.job import Job
+from ..plan.plan import Variant
+from .queries import Read, Table, answered, reading
+from .rows import (
+    CrashRow,
+    EpisodeRow,
+    FailureRow,
+    ItemRow,
+    JobRow,
+    JobRows,
+    PickRow,
+    PlanRow,
+    PlantedRow,
+    TimingRow,
+)
+from .tables import VERSION, schema
+
+NAME = "results.sqlite"
+_CHILDREN = {
+    "items": ItemRow,
+    "picks": PickRow,
+    "failures": FailureRow,
+    "episodes": EpisodeRow,
+    "planted": PlantedRow,
+    "plans": PlanRow,
+    "timings": TimingRow,
+}
+
+
+class Store:
+    """The results in a batch's folder. A context manager. All methods raise PicktreeError when the file
+    cannot be read or written."""
+
+    def __init__(self, path: Path) -> None:
+        """Open the results that are there."""
+        if not path.is_file():
+            raise PicktreeError(f"{path.parent}: no batch: there is no {path.name} in it")
+        self.path = path
+        self._connection = _connect(path)
+        (version,) = self._connection.execute("PRAGMA user_version").fetchone()
+        if version != VERSION:
+            self.close()
+            raise PicktreeError(
+                f"{path}: results of version {version}; this picktree reads {VERSION}: "
+                "use the one that wrote them"
+            )
+
+    @classmethod
+    def create(cls, path: Path, jobs: Iterable[Job]) -> Store:
+        """New results for these jobs, none of them run. Raises PicktreeError when there are some already."""
+        if path.exists():
+            raise PicktreeError(f"{path.parent}: there is a batch already; go on with it by --resume")
+        beside = path.with_suffix(".part")
+        for left in path.parent.glob(f"{beside.name}*"):  # of a creation that was cut short
+            left.unlink()
+        with closing(_connect(beside)) as connection, connection:
+            connection.executescript(schema())
+            connection.executemany(
+                "INSERT INTO jobs (job, number, variant, mission, scene, faults, settings, seed, recipe) "
+                "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                (
+                    (
+                        job.id,
+                        job.number,
+                        job.variant.label,
+                        str(job.variant.mission),
+                        job.variant.scene or "",
+                        str(job.variant.faults or ""),
+                        json.dumps(dict(job.variant.settings)),
+                        job.seed,
+                        job.recipe,
+                    )
+                    for job in jobs
+                ),
+            )
+            connection.execute(f"PRAGMA user_version = {VERSION}")
+        beside.rename(path)
+        return cls(path)
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._connection.close()
+
+    def jobs(self) -> tuple[Job, ...]:
+        """In the order of the plan."""
+        found = self._connection.execute(
+            "SELECT job, number, mission, scene, faults, settings, variant, seed, recipe FROM jobs "
+            "ORDER BY number"
+        )
+        return tuple(
+            Job(
+                job,
+                number,
+                Variant(
+                    Path(mission),
+                    scene or None,
+                    Path(faults) if faults else None,
+                    json.loads(settings),
+                    label,
+                ),
+                seed,
+                recipe,
+            )
+            for job, number, mission, scene, faults, settings, label, seed, recipe in found
+        )
+
+    def to_do(self) -> frozenset[str]:
+        """Ids of the jobs that were not run, or crashed."""
+        found = self._connection.execute("SELECT job FROM jobs WHERE status IN ('waiting', 'crashed')")
+        return frozenset(row[0] for row in found)
+
+    def recorded(self) -> tuple[JobRow, ...]:
+        """What was recorded of the jobs that are done, in the order of the plan."""
+        names = [field.name for field in fields(JobRow)]
+        found = self._connection.execute(
+            f"SELECT {', '.join(names)} FROM jobs WHERE status NOT IN ('waiting', 'crashed') ORDER BY number"
+        )
+        return tuple(JobRow(*row) for row in found)
+
+    def row(self, job: str) -> JobRow | None:
+        """What was recorded of a job; None when it was not run yet."""
+        names = [field.name for field in fields(JobRow)]
+        found = self._connection.execute(
+            f"SELECT {', '.join(names)} FROM jobs WHERE job = ? AND status <> 'waiting'", (job,)
+        ).fetchone()
+        return JobRow(*found) if found else None
+
+    def versions(self, job: str) -> dict[str, str]:
+        """What a job was run with."""
+        return dict(self._connection.execute("SELECT library, version FROM versions WHERE job = ?", (job,)))
+
+    def set_folder(self, job: str, folder: str) -> None:
+        """Where the run of a job is, below the batch's folder."""
+        with self._writing():
+            self._connection.execute("UPDATE jobs SET folder = ? WHERE job = ?", (folder, job))
+
+    def lost_tries(self) -> dict[str, int]:
+        """How many tries were lost of each job that has no result yet."""
+        return dict(
+            self._connection.execute(
+                "SELECT job, count(*) FROM crashes JOIN jobs USING (job) WHERE status = 'waiting' "
+                "GROUP BY job"
+            )
+        )
+
+    def lose(self, job: str, crash: CrashRow) -> None:
+        """Keep that a try came to no result."""
+        with self._writing():
+            self._insert("crashes", CrashRow, job, [crash])
+
+    def begin_anew(self, job: str) -> None:
+        """Forget what was recorded of a job that crashed."""
+        with self._writing():
+            crashed = self._connection.execute(
+                "UPDATE jobs SET status = 'waiting', message = '', attempts = 0, last_tick = NULL, "
+                "look_at = '', folder = '' WHERE job = ? AND status = 'crashed'",
+                (job,),
+            )
+            if crashed.rowcount:
+                self._connection.execute("DELETE FROM crashes WHERE job = ?", (job,))
+
+    def record(self, job: str, rows: JobRows, crash: CrashRow | None = None) -> bool:
+        """Keep what a job came to, all of it or nothing. False when it was recorded before.
+
+        `crash`: its last try, where that came to no result.
+        """
+        names = [field.name for field in fields(JobRow)]
+        changes = ", ".join(f"{name} = ?" for name in names)
+        with self._writing():
+            changed = self._connection.execute(
+                f"UPDATE jobs SET {changes} WHERE job = ? AND status IN ('waiting', 'crashed')",
+                (*astuple(rows.job), job),
+            )
+            if changed.rowcount != 1:
+                return False
+            for table in (*_CHILDREN, "versions"):
+                self._connection.execute(f"DELETE FROM {table} WHERE job = ?", (job,))
+            for table, kind in _CHILDREN.items():
+                self._insert(table, kind, job, getattr(rows, table))
+            self._connection.executemany(
+                "INSERT INTO versions VALUES (?, ?, ?)",
+                [(job, library, version) for library, version in rows.versions.items()],
+            )
+            if crash is not None:
+                self._insert("crashes", CrashRow, job, [crash])
+        return True
+
+    @contextmanager
+    def _writing(self) -> Generator[None]:
+        """One change, all of it or nothing."""
+        try:
+            with self._connection:
+                yield
+        except sqlite3.Error as error:
+            raise PicktreeError(
+                f"{self.path}: the results cannot be written: {error}; nothing that was recorded is lost: "
+                f"mend that, and go on with --resume {self.path.parent}"
+            ) from None
+
+    def query(self, sql: str) -> Table:
+        """What a SELECT answers; nothing can be changed by it. Raises PicktreeError for faulty SQL."""
+        return answered(self.path, sql)
+
+    def reading(self) -> AbstractContextManager[Read]:
+        """See `answers.reading`."""
+        return reading(self.path)
+
+    def _insert(self, table: str, kind: type, job: str, rows: Sequence[object]) -> None:
+        names = [field.name for field in fields(kind)]
+        places = ", ".join("?" * (len(names) + 1))
+        self._connection.executemany(
+            f"INSERT INTO {table} (job, {', '.join(names)}) VALUES ({places})",
+            [(job, *(getattr(row, name) for name in names)) for row in rows],
+        )
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    try:
+        connection = sqlite3.connect(path)
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA foreign_keys = ON")
+    except sqlite3.Error as error:
+        raise PicktreeError(f"{path}: the results cannot be opened: {error}") from None
+    return connection

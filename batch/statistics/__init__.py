@@ -1,0 +1,1 @@
+"""What a batch amounts to, and how two recipes compare."""

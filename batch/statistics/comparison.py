@@ -1,0 +1,206 @@
+"""Two recipes compared: in what they differ by more than chance, and which seeds changed sides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+from ...logs.schema.arithmetic_record import departure
+from .differences import Difference, paired_difference, unpaired_difference
+from .rates import (
+    SIGNIFICANT,
+    Interval,
+    Paired,
+    Rate,
+    difference_of_paired_rates,
+    difference_of_rates,
+    equal_rates_p,
+    holm,
+    paired,
+    rate,
+)
+from .recipe_outcomes import Outcome, Recipe, read_recipe
+
+Side: TypeAlias = Literal["A", "B"]
+_ENOUGH = 0.5
+"""Share of the smaller side's seeds that both must have for a comparison by seed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Criterion:
+    """One thing in which recipes are compared, with a test."""
+
+    name: str
+    words: str
+    """What the better one does."""
+    more_is_better: bool
+    difference: Difference
+    """In a share, for `goal`; else of a job."""
+    adjusted: float = 1.0
+    """The p value by Holm's method, over all criteria."""
+
+    @property
+    def better(self) -> Side | None:
+        """None when chance explains it."""
+        if self.adjusted >= SIGNIFICANT or not self.difference.mean:
+            return None
+        return "B" if (self.difference.mean > 0) == self.more_is_better else "A"
+
+
+@dataclass(frozen=True, slots=True)
+class CauseChange:
+    """Failures of one cause, of a job."""
+
+    cause: str
+    difference: Difference
+    adjusted: float = 1.0
+    """The p value by Holm's method, over all causes: they explain and do not decide."""
+
+
+@dataclass(frozen=True, slots=True)
+class Changed:
+    """A seed on which one recipe succeeded and the other did not."""
+
+    seed: int
+    winner: Side
+    logs: tuple[str, str] | None = None
+    """Of A and B, absolute, where both were kept."""
+    missing: tuple[Side, ...] = ()
+    """Whose log was not kept."""
+    parting: str = ""
+    """Where the runs part, in a line; empty when it was not looked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    label_a: str
+    label_b: str
+    success_a: Rate
+    success_b: Rate
+    paired: Paired | None
+    """None when the jobs are compared as independent ones."""
+    criteria: tuple[Criterion, ...]
+    causes: tuple[CauseChange, ...]
+    """The clearest first."""
+    changed: tuple[Changed, ...]
+    shared: int
+    """Seeds that both have."""
+    alone: int
+    """Seeds that only one of them has."""
+    arithmetic: str = ""
+    """A sentence when jobs were computed with other arithmetic than others, or it was not recorded."""
+
+    @property
+    def differ(self) -> bool:
+        """By more than chance explains, in any criterion; of one recipe with itself in 5 % of all cases."""
+        return any(criterion.better for criterion in self.criteria)
+
+    def criterion(self, name: str) -> Criterion:
+        return next(criterion for criterion in self.criteria if criterion.name == name)
+
+
+def compare(a: str, b: str, *, unpaired: bool = False) -> Comparison:
+    """`a` and `b` are batches' folders, or FOLDER@LABEL for one recipe of several.
+
+    They are paired by seed, unless they share less than half of their seeds, or `unpaired` says so. Raises
+    PicktreeError when there is no such recipe, or none of its jobs was run.
+    """
+    return compare_recipes(read_recipe(a), read_recipe(b), unpaired=unpaired)
+
+
+def compare_recipes(a: Recipe, b: Recipe, *, unpaired: bool = False) -> Comparison:
+    shared = sorted(set(a.outcomes) & set(b.outcomes))
+    by_seed = not unpaired and len(shared) >= _ENOUGH * min(len(a.outcomes), len(b.outcomes))
+    pairs = [(a.outcomes[seed], b.outcomes[seed]) for seed in shared]
+    of_a, of_b = (
+        ([x for x, _ in pairs], [y for _, y in pairs])
+        if by_seed
+        else (list(a.outcomes.values()), list(b.outcomes.values()))
+    )
+
+    def difference(value: Callable[[Outcome], float | None]) -> Difference:
+        if by_seed:
+            both = ((value(x), value(y)) for x, y in pairs)
+            return paired_difference([(x, y) for x, y in both if x is not None and y is not None])
+        return unpaired_difference(*(_known(map(value, side)) for side in (of_a, of_b)))
+
+    rate_a, rate_b = (rate(sum(x.success for x in side), len(side)) for side in (of_a, of_b))
+    table = paired([(x.success, y.success) for x, y in pairs]) if by_seed else None
+    return Comparison(
+        a.label,
+        b.label,
+        rate_a,
+        rate_b,
+        table,
+        _criteria(_goal(rate_a, rate_b, table), difference),
+        _causes(of_a, of_b, difference),
+        tuple(_changed(x, y, a, b) for x, y in pairs if x.success != y.success),
+        len(shared),
+        len(set(a.outcomes) ^ set(b.outcomes)),
+        _departure(a, b),
+    )
+
+
+def _departure(a: Recipe, b: Recipe) -> str:
+    """Of the jobs of B from those of A, or of some jobs of one from the others of it."""
+    sides = ((a, b, "in B"), (a, a, "in other jobs of A"), (b, b, "in other jobs of B"))
+    said = (
+        departure(one, other, where)
+        for first, second, where in sides
+        for one in first.arithmetics
+        for other in second.arithmetics
+    )
+    return next(filter(None, said), "")
+
+
+def _criteria(
+    goal: Difference, difference: Callable[[Callable[[Outcome], float | None]], Difference]
+) -> tuple[Criterion, ...]:
+    found = (
+        Criterion("goal", "reaches the goal more often", True, goal),
+        Criterion("items", "sorts more items", True, difference(lambda o: o.items_sorted)),
+        Criterion("in_vain", "grasps less often in vain", False, difference(lambda o: o.in_vain)),
+        Criterion("failures", "has fewer failures", False, difference(lambda o: o.failures)),
+        Criterion("seconds_a_pick", "picks faster", False, difference(lambda o: o.seconds_a_pick)),
+    )
+    adjusted = holm([criterion.difference.p_value for criterion in found])
+    return tuple(replace(c, adjusted=p_value) for c, p_value in zip(found, adjusted, strict=True))
+
+
+def _goal(a: Rate, b: Rate, table: Paired | None) -> Difference:
+    interval: Interval
+    if table is not None:
+        interval, p_value = difference_of_paired_rates(table), table.p_value
+    else:
+        interval, p_value = difference_of_rates(a, b), equal_rates_p(a, b)
+    return Difference(a.share, b.share, interval, p_value, min(a.total, b.total))
+
+
+def _causes(
+    a: Iterable[Outcome],
+    b: Iterable[Outcome],
+    difference: Callable[[Callable[[Outcome], float | None]], Difference],
+) -> tuple[CauseChange, ...]:
+    names = sorted({cause for outcome in (*a, *b) for cause in outcome.causes})
+    found = [difference(lambda outcome, cause=cause: outcome.causes.get(cause, 0)) for cause in names]
+    adjusted = holm([each.p_value for each in found])
+    changes = [CauseChange(*each) for each in zip(names, found, adjusted, strict=True)]
+    return tuple(sorted(changes, key=lambda c: (c.difference.p_value, -abs(c.difference.mean), c.cause)))
+
+
+def _changed(x: Outcome, y: Outcome, a: Recipe, b: Recipe) -> Changed:
+    folders = [
+        str((recipe.folder / o.folder).absolute()) if o.folder else "" for recipe, o in ((a, x), (b, y))
+    ]
+    sides: tuple[Side, Side] = ("A", "B")
+    return Changed(
+        x.seed,
+        "A" if x.success else "B",
+        (folders[0], folders[1]) if all(folders) else None,
+        tuple(side for side, folder in zip(sides, folders, strict=True) if not folder),
+    )
+
+
+def _known(values: Iterable[float | None]) -> list[float]:
+    return [value for value in values if value is not None]

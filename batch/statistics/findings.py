@@ -1,0 +1,307 @@
+"""What a batch amounts to, as values, as text and as JSON."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...logs.episodes import episode_counts as counting
+from ...logs.episodes.episode_counts import ENDS, CureCount, PlantedCount
+from ..results.rows import Phase
+from .rates import Rate, rate
+
+PHASES: tuple[Phase, ...] = ("observe", "think", "move", "grasp", "place", "recover", "other")
+_PLACES = 5
+"""Places that the text names, the worst first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Median and quartiles."""
+
+    median: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, values: list[float]) -> Spread | None:
+        """None of nothing."""
+        if not values:
+            return None
+        low, median, high = np.percentile(values, (25, 50, 75)).tolist()
+        return cls(median, low, high)
+
+    def __str__(self) -> str:
+        return f"{self.median:.0f} ({self.low:.0f} … {self.high:.0f})"
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """One variant of the plan over its seeds."""
+
+    label: str
+    success: Rate
+    """Of jobs: goal reached."""
+    items: Rate
+    """Of items: sorted."""
+    first_try: Rate
+    """Of objects that were grasped at: held at the first try."""
+    crashed: int
+    picks_an_hour: Spread | None
+    """Simulated, over jobs."""
+    phases: Mapping[Phase, float]
+    """Simulated s for each object held."""
+
+
+@dataclass(frozen=True, slots=True)
+class CauseCount:
+    cause: str
+    failures: int
+    cured: int
+    jobs: int
+    seconds_lost: float
+    """Simulated s until they were decided."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Of the items of one form, or colour: sorted."""
+
+    label: str
+    rate: Rate
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Of the items that arrived in one cell of the table: sorted. Its corner with least x and y, m, world."""
+
+    x: float
+    y: float
+    rate: Rate
+
+
+@dataclass(frozen=True, slots=True)
+class Breakdown:
+    """Of one recipe, or of all together (`label` is empty)."""
+
+    label: str
+    causes: tuple[CauseCount, ...]
+    """The most frequent first."""
+    forms: tuple[Share, ...]
+    colours: tuple[Share, ...]
+    places: tuple[Place, ...]
+    cures: tuple[counting.CauseCount, ...] = ()
+    """What was seen, tried and cured, what cost the most time first; see `logs.episodes.episode`."""
+    planted: tuple[PlantedCount, ...] = ()
+    """Planted faults with what failed first after them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """A job that missed its goal."""
+
+    job: str
+    seed: int
+    label: str
+    status: str
+    missed: int | None
+    """Items not sorted."""
+    look_at: str
+    folder: str
+
+
+@dataclass(frozen=True, slots=True)
+class BatchSummary:
+    folder: Path
+    total: int
+    waiting: int
+    recipes: tuple[Recipe, ...]
+    together: Breakdown
+    by_recipe: tuple[Breakdown, ...]
+    worst: tuple[Worst, ...]
+
+    @property
+    def causes(self) -> tuple[CauseCount, ...]:
+        return self.together.causes
+
+    @property
+    def reached(self) -> bool:
+        """Whether every job was run and reached its goal."""
+        return self.waiting == 0 and all(r.success.successes == r.success.total for r in self.recipes)
+
+    def to_text(self) -> str:
+        """For a terminal, without a line's end."""
+        return "\n".join(_lines(self))
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "total": self.total,
+            "waiting": self.waiting,
+            "recipes": [_recipe_json(recipe) for recipe in self.recipes],
+            **_breakdown_json(self.together),
+            "by_recipe": {each.label: _breakdown_json(each) for each in self.by_recipe},
+            "worst": [
+                {
+                    "job": w.job,
+                    "seed": w.seed,
+                    "label": w.label,
+                    "status": w.status,
+                    "missed": w.missed,
+                    "look_at": w.look_at,
+                    "folder": w.folder,
+                }
+                for w in self.worst
+            ],
+        }
+
+    def to_json_text(self) -> str:
+        return json.dumps(self.to_json(), ensure_ascii=False, indent=2) + "\n"
+
+
+def _lines(found: BatchSummary) -> Iterator[str]:
+    yield f"{found.total - found.waiting} of {found.total} jobs run"
+    for recipe in found.recipes:
+        yield ""
+        yield recipe.label
+        crashed = f", {recipe.crashed} crashed" if recipe.crashed else ""
+        yield f"  goal reached  {recipe.success}{crashed}"
+        yield f"  items sorted  {recipe.items}"
+        if recipe.first_try.total:
+            yield f"  first grasps  {recipe.first_try} held"
+        yield f"  picks an hour {recipe.picks_an_hour or 'none'} simulated; median and quartiles over jobs"
+        split = [f"{phase} {recipe.phases[phase]:.2f}" for phase in PHASES if phase in recipe.phases]
+        if split:
+            yield f"  s a pick      {', '.join(split)}"
+    together = found.together
+    if together.causes:
+        width = max(len(c.cause) for c in together.causes)
+        total, so_far = sum(c.failures for c in together.causes), 0
+        yield ""
+        yield f"{'cause':<{width}}  failures     sum   cured    jobs  s lost"
+        for c in together.causes:
+            so_far += c.failures
+            share = f"{100 * so_far / total:.0f} %"
+            yield f"{c.cause:<{width}}  {c.failures:8}{share:>8}{c.cured:8}{c.jobs:8}{c.seconds_lost:8.0f}"
+    yield from _cures(together)
+    if together.forms:
+        yield ""
+        yield f"items sorted  by form: {_shares(together.forms)}"
+        yield f"              by colour: {_shares(together.colours)}"
+        yield f"              by place: {_worst_places(together.places)}"
+    if found.worst:
+        yield ""
+        yield "missed their goal"
+        for w in found.worst:
+            missed = f", {w.missed} not sorted" if w.missed else ""
+            look = f"; {w.look_at}" if w.look_at else ""
+            where = w.folder or shlex.join(["picktree", "resim", f"{found.folder}@{w.job}"])
+            yield f"  seed {w.seed}, {w.label}: {w.status}{missed}{look} ({where})"
+
+
+def _cures(together: Breakdown) -> Iterator[str]:
+    """What was done about each cause, and how planted faults were seen."""
+    if together.cures:
+        width = max(len(c.cause) for c in together.cures)
+        yield ""
+        yield f"{'cause':<{width}}  {'cured of those seen':<32} tries  s lost  by"
+        for c in together.cures:
+            total, tries = c.total, c.total.tries_a_cure
+            said = "" if tries is None else f"{tries:.1f}"
+            cured = str(rate(total.cured, total.seen))
+            yield f"{c.cause:<{width}}  {cured:<32} {said:>5}{total.seconds:8.0f}  {_by(c)}"
+    for n, fault in enumerate(dict.fromkeys(p.fault for p in together.planted)):
+        if not n:
+            yield ""
+        same = sorted((p for p in together.planted if p.fault == fault), key=lambda p: -p.count)
+        parts = [f"{p.count} {p.cause} ({ENDS[p.end]})" if p.cause else f"{p.count} nothing" for p in same]
+        title = "planted" if not n else ""
+        yield f"{title:<8}{sum(p.count for p in same)} {fault}, first seen as: {', '.join(parts)}"
+
+
+def _by(found: counting.CauseCount) -> str:
+    """`RetreatAndLook 9 of 10, trying again 2 of 2`: of those for which it was tried last."""
+    tried = [f"{c.cure} {c.cured} of {c.seen}" for c in found.by_cure if c.cure]
+    if found.total.unhandled:
+        tried.append(f"nobody {found.total.unhandled}")
+    untried = sum(c.given_up for c in found.by_cure if not c.cure)
+    if untried:
+        tried.append(f"given up untried {untried}")
+    return ", ".join(tried)
+
+
+def _shares(shares: tuple[Share, ...]) -> str:
+    return ", ".join(f"{s.label} {s.rate.successes} of {s.rate.total}" for s in shares)
+
+
+def _worst_places(places: tuple[Place, ...]) -> str:
+    lacking = [p for p in places if p.rate.successes < p.rate.total]
+    if not lacking:
+        return "all, everywhere"
+    lacking.sort(key=lambda p: (-(p.rate.total - p.rate.successes), p.rate.share or 0.0, p.x, p.y))
+    said = [f"{p.rate.successes} of {p.rate.total} at {p.x:.2f}, {p.y:.2f} m" for p in lacking[:_PLACES]]
+    more = f"; and fewer in {len(lacking) - _PLACES} places more" if len(lacking) > _PLACES else ""
+    return "; ".join(said) + more
+
+
+def _recipe_json(recipe: Recipe) -> dict[str, Any]:
+    spread = recipe.picks_an_hour
+    return {
+        "label": recipe.label,
+        "success": _rate_json(recipe.success),
+        "items": _rate_json(recipe.items),
+        "first_try": _rate_json(recipe.first_try),
+        "crashed": recipe.crashed,
+        "picks_an_hour": None
+        if spread is None
+        else {"median": spread.median, "low": spread.low, "high": spread.high},
+        "seconds_a_pick": dict(recipe.phases),
+    }
+
+
+def _breakdown_json(found: Breakdown) -> dict[str, Any]:
+    return {
+        "causes": [
+            {
+                "cause": c.cause,
+                "failures": c.failures,
+                "cured": c.cured,
+                "jobs": c.jobs,
+                "seconds_lost": c.seconds_lost,
+            }
+            for c in found.causes
+        ],
+        "forms": [{"label": s.label, "rate": _rate_json(s.rate)} for s in found.forms],
+        "colours": [{"label": s.label, "rate": _rate_json(s.rate)} for s in found.colours],
+        "cures": [
+            {
+                "cause": c.cause,
+                "rate": _rate_json(rate(c.total.cured, c.total.seen)),
+                "tries_a_cure": c.total.tries_a_cure,
+                **_counts_json(c.total),
+                "by": [{"cure": each.cure, **_counts_json(each)} for each in c.by_cure],
+            }
+            for c in found.cures
+        ],
+        "planted": [asdict(p) for p in found.planted],
+        "places": [{"x": p.x, "y": p.y, "rate": _rate_json(p.rate)} for p in found.places],
+    }
+
+
+def _counts_json(found: CureCount) -> dict[str, Any]:
+    counts = asdict(found)
+    return {name: counts[name] for name in counts if name not in ("cause", "cure")}
+
+
+def _rate_json(found: Rate) -> dict[str, Any]:
+    return {
+        "successes": found.successes,
+        "total": found.total,
+        "low": found.interval.low,
+        "high": found.interval.high,
+    }

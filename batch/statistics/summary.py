@@ -1,0 +1,136 @@
+"""What a batch amounts to, from its results: rates with intervals, causes, and the jobs worth a look."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from ...logs.episodes.episode_counts import CureCount, PlantedCount, added_cures, added_planted, by_cause
+from ..results.store import Store
+from ..results.views import CELL, cell_of
+from .findings import BatchSummary, Breakdown, CauseCount, Place, Recipe, Share, Spread, Worst
+from .rates import Rate, rate
+
+_WORST = 10
+
+
+def summarise(store: Store) -> BatchSummary:
+    """Raises PicktreeError when the results cannot be read."""
+    ((total, waiting),) = _rows(store, "SELECT count(*), coalesce(sum(status = 'waiting'), 0) FROM jobs")
+    recipes = _recipes(store)
+    by_recipe, together = _breakdowns(store, [recipe.label for recipe in recipes])
+    worst = _rows(
+        store, f"SELECT job, seed, variant, status, missed, look_at, folder FROM worst LIMIT {_WORST}"
+    )
+    return BatchSummary(
+        store.path.parent,
+        total,
+        waiting,
+        recipes,
+        together,
+        by_recipe,
+        tuple(Worst(*row) for row in worst),
+    )
+
+
+def _recipes(store: Store) -> tuple[Recipe, ...]:
+    counts = _rows(
+        store,
+        "SELECT variant, count(*), sum(status = 'success'), sum(status = 'crashed'), "
+        "coalesce(sum(items_sorted), 0), coalesce(sum(items_total), 0) "
+        "FROM jobs WHERE status <> 'waiting' GROUP BY variant ORDER BY min(number)",
+    )
+    rates: defaultdict[str, list[float]] = defaultdict(list)
+    for variant, value in _rows(store, "SELECT variant, rate FROM picks_an_hour"):
+        rates[variant].append(value)
+    first = {
+        variant: rate(held, objects)
+        for variant, objects, held in _rows(store, "SELECT variant, objects, held_at_first FROM first_try")
+    }
+    spent: defaultdict[str, dict[Any, float]] = defaultdict(dict)
+    for variant, phase, seconds in _rows(store, "SELECT variant, phase, seconds_a_pick FROM cycle_time"):
+        if seconds is not None:
+            spent[variant][phase] = seconds
+    return tuple(
+        Recipe(
+            label,
+            rate(successes, jobs),
+            rate(items_sorted, items_total),
+            first.get(label, rate(0, 0)),
+            crashed,
+            Spread.of(rates[label]),
+            spent[label],
+        )
+        for label, jobs, successes, crashed, items_sorted, items_total in counts
+    )
+
+
+def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...], Breakdown]:
+    """Of each recipe, and of all together."""
+    causes: list[tuple[str, CauseCount]] = [
+        (variant, CauseCount(*row))
+        for variant, *row in _rows(
+            store,
+            "SELECT variant, cause, failures, cured, jobs, coalesce(seconds_lost, 0) FROM causes_by_recipe",
+        )
+    ]
+    seen = _rows(
+        store,
+        "SELECT variant, cause, handler, seen, cured, given_up, unhandled, open, tries, tries_cured, seconds "
+        "FROM cures_by_recipe",
+    )
+    cures = [(variant, CureCount(*row)) for variant, *row in seen]
+    faults = _rows(store, "SELECT variant, fault, cause, ended, faults FROM planted_seen")
+    planted = [(variant, PlantedCount(*row)) for variant, *row in faults]
+    counted = "count(*), sum(verdict = 'sorted') FROM items JOIN jobs USING (job) GROUP BY variant"
+    forms = _rows(store, f"SELECT variant, form, {counted}, form ORDER BY form")
+    colours = _rows(store, f"SELECT variant, colour, {counted}, colour ORDER BY colour")
+    cell = f"SELECT variant, {cell_of('x')} AS i, {cell_of('y')} AS j"
+    places = _rows(store, f"{cell}, {counted}, i, j ORDER BY i, j")
+
+    def of(wanted: Callable[[str], bool], label: str) -> Breakdown:
+        return Breakdown(
+            label,
+            _added_causes(cause for variant, cause in causes if wanted(variant)),
+            tuple(Share(name, r) for (name,), r in _added(forms, wanted)),
+            tuple(Share(name, r) for (name,), r in _added(colours, wanted)),
+            tuple(Place(round(i * CELL, 9), round(j * CELL, 9), r) for (i, j), r in _added(places, wanted)),
+            by_cause(added_cures(cure for variant, cure in cures if wanted(variant))),
+            added_planted(fault for variant, fault in planted if wanted(variant)),
+        )
+
+    each = tuple(of(lambda variant, label=label: variant == label, label) for label in labels)
+    return each, of(lambda variant: True, "")
+
+
+def _added(
+    rows: tuple[tuple[Any, ...], ...], wanted: Callable[[str], bool]
+) -> list[tuple[tuple[Any, ...], Rate]]:
+    """Items and sorted items of the wanted recipes by what is between."""
+    counts: dict[tuple[Any, ...], tuple[int, int]] = {}
+    for variant, *key, total, good in rows:
+        if wanted(variant):
+            before = counts.get(tuple(key), (0, 0))
+            counts[tuple(key)] = (before[0] + total, before[1] + good)
+    return [(key, rate(good, total)) for key, (total, good) in counts.items()]
+
+
+def _added_causes(causes: Iterable[CauseCount]) -> tuple[CauseCount, ...]:
+    """The most frequent first. A job is of one recipe, so that jobs add up, too."""
+    sums: dict[str, CauseCount] = {}
+    for c in causes:
+        b = sums.get(c.cause, CauseCount(c.cause, 0, 0, 0, 0.0))
+        sums[c.cause] = CauseCount(
+            c.cause,
+            b.failures + c.failures,
+            b.cured + c.cured,
+            b.jobs + c.jobs,
+            b.seconds_lost + c.seconds_lost,
+        )
+    return tuple(sorted(sums.values(), key=lambda c: (-c.failures, c.cause)))
+
+
+def _rows(store: Store, sql: str) -> tuple[tuple[Any, ...], ...]:
+    """The columns have the types of the tables, which are strict."""
+    return store.query(sql).rows

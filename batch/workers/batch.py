@@ -1,0 +1,249 @@
+"""A batch: its jobs are handed to workers, and what comes of each is recorded once."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+from collections import deque
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal, Protocol, TypeAlias
+
+from ...errors import PicktreeError
+from ..plan.job import Job, jobs_of
+from ..plan.plan import Plan
+from ..plan.plan_record import read_plan, write_plan
+from ..results.rows import CrashRow, JobRow, JobRows
+from ..results.store import NAME, Store
+from .attempt_folders import crashed, lost, result_of, run_folder, try_folder
+from .executor import Event, Executor, Failed, Finished, Order, Stopped
+
+TRIES = 2
+"""How often a job is begun before it counts as crashed."""
+_LOOK = 0.2
+"""Wall s between two looks at whether the batch was told to stop."""
+_ROOM = 200 * 10**6
+"""Bytes that must be free on the batch's disk before another job is begun."""
+Stop: TypeAlias = Literal["no", "finish", "now"]
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A job that was recorded."""
+
+    job: Job
+    row: JobRow
+    causes: tuple[str, ...]
+    """Of its failures, each once."""
+
+
+class Onlooker(Protocol):
+    """Whoever follows a batch; nothing that it does changes it."""
+
+    def started(self, total: int, done: Sequence[JobRow], workers: int) -> None: ...
+    def ended(self, ended: Ended) -> None: ...
+    def tried_again(self, job: Job, reason: str) -> None: ...
+    def stopping(self, under_way: int) -> None: ...
+    def waiting(self) -> None:
+        """Several times a second: time goes on."""
+        ...
+
+
+class Batch:
+    """One batch in its folder. A context manager: it holds the folder, so that no other process runs it."""
+
+    def __init__(
+        self, folder: Path, plan: Plan, jobs: tuple[Job, ...], store: Store, lock: ExitStack
+    ) -> None:
+        self.folder, self.plan, self.jobs, self.store = folder, plan, jobs, store
+        self._place = folder.absolute()
+        self._lock = lock
+        self._by_id = {job.id: job for job in jobs}
+        self._stop: Stop = "no"
+        self._full = False
+
+    @classmethod
+    def create(cls, folder: Path, plan: Plan) -> Batch:
+        """A new batch of a checked plan. Raises PicktreeError when the folder holds one already."""
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise PicktreeError(f"{folder}: the folder cannot be made: {error.strerror}") from None
+        with _locked(folder) as lock:
+            if (folder / NAME).exists():
+                raise PicktreeError(f"{folder}: there is a batch already; go on with it by --resume {folder}")
+            return cls._made(folder, plan, lock)
+
+    @classmethod
+    def resume(cls, folder: Path) -> Batch:
+        """The batch in that folder, with what is missing or crashed still to do.
+
+        It runs what it ran when it began, whatever became of the files since. Raises PicktreeError when there
+        is none, or another process runs it.
+        """
+        plan = read_plan(folder)
+        with _locked(folder) as lock:
+            if not (folder / NAME).exists():  # its creation was cut short
+                return cls._made(folder, plan, lock)
+            store = Store(folder / NAME)
+            return cls(folder, plan, store.jobs(), store, lock.pop_all())
+
+    @classmethod
+    def _made(cls, folder: Path, plan: Plan, lock: ExitStack) -> Batch:
+        jobs = jobs_of(plan, folder)
+        write_plan(plan, folder)
+        return cls(folder, plan, jobs, Store.create(folder / NAME, jobs), lock.pop_all())
+
+    def __enter__(self) -> Batch:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.store.close()
+        self._lock.close()
+
+    def stop(self) -> None:
+        """The first time: finish what is under way; the second time: break it off. A signal may call it."""
+        self._stop = "finish" if self._stop == "no" else "now"
+
+    def finish(self) -> None:
+        """Finish what is under way, however often it is said. A signal may call it."""
+        self._stop = "finish" if self._stop == "no" else self._stop
+
+    def break_off(self) -> None:
+        """Break off what is under way. A signal may call it."""
+        self._stop = "now"
+
+    def run(self, executor: Executor, onlooker: Onlooker) -> bool:
+        """Run all that is to do. False when it was stopped before the end.
+
+        Raises PicktreeError when results cannot be written, or the disk is full; --resume goes on.
+        """
+        self._take_in()
+        to_do, tried = self.store.to_do(), self.store.lost_tries()
+        waiting = deque((job, 1 + tried.get(job.id, 0)) for job in self.jobs if job.id in to_do)
+        onlooker.started(len(self.jobs), self.store.recorded(), executor.slots)
+        under_way: dict[str, Order] = {}
+        told: Stop = "no"
+        while waiting or under_way:
+            if self._stop != told:
+                told = self._stop
+                onlooker.stopping(len(under_way))
+                if told == "now":
+                    executor.stop()
+            while self._stop == "no" and waiting and len(under_way) < executor.slots:
+                if not self._room():
+                    self._full = True
+                    self.finish()
+                    break
+                job, attempt = waiting.popleft()
+                under_way[job.id] = order = self._begun(job, attempt)
+                executor.submit(order)
+            if not under_way and told != "no":
+                break
+            for event in executor.wait(_LOOK):
+                order = under_way.pop(event.order.job)
+                ended = self._dealt_with(event, onlooker)
+                if ended is not None:
+                    onlooker.ended(ended)
+                else:
+                    job = self._by_id[order.job]
+                    waiting.appendleft((job, 1 + self.store.lost_tries().get(job.id, 0)))
+            onlooker.waiting()
+        if self._full:
+            raise PicktreeError(
+                f"{self.folder}: less than {_ROOM / 1e6:.0f} MB are left on its disk, so no further job is "
+                f"begun; make room, and go on with --resume {self.folder}"
+            )
+        return not waiting
+
+    def _dealt_with(self, event: Event, onlooker: Onlooker) -> Ended | None:
+        """What is recorded of it; None when its job is still to do."""
+        order = event.order
+        job = self._by_id[order.job]
+        rows = result_of(order)
+        if rows is not None:
+            return self._record(job, order, rows)
+        match event:
+            case Stopped() if self._stop == "now":
+                shutil.rmtree(order.folder, ignore_errors=True)
+                return None
+            case Stopped():
+                reason = "it was interrupted, by itself or from outside"
+            case Finished():
+                reason = f"{order.result}: its result is missing or damaged"
+            case Failed():
+                reason = event.reason
+        if not self._room():
+            shutil.rmtree(order.folder, ignore_errors=True)
+            if not self._room():  # it was not this job that filled the disk
+                return None
+        crash = lost(order, reason, self._place, kept=self.plan.keep != "none")
+        if order.attempt >= TRIES:
+            return self._record(job, order, JobRows(crashed(crash)), crash)
+        self.store.lose(job.id, crash)
+        if not crash.folder:
+            shutil.rmtree(order.folder, ignore_errors=True)
+        onlooker.tried_again(job, reason)
+        return None
+
+    def _record(self, job: Job, order: Order, rows: JobRows, crash: CrashRow | None = None) -> Ended:
+        keep = self.plan.keep
+        kept = keep == "all" or (keep == "failures" and rows.job.status != "success")
+        row = rows.job if crash else replace(rows.job, folder=run_folder(order, self._place) if kept else "")
+        self.store.record(job.id, replace(rows, job=row), crash)
+        for attempt in range(1, TRIES + 1):
+            lost_before = attempt < order.attempt and keep != "none"
+            if not lost_before and not (attempt == order.attempt and row.folder):
+                shutil.rmtree(try_folder(self._place, job.id, attempt), ignore_errors=True)
+        return Ended(job, row, tuple(dict.fromkeys(failure.cause for failure in rows.failures)))
+
+    def _begun(self, job: Job, attempt: int) -> Order:
+        """What an earlier try left that was broken off, or is done again, goes."""
+        order = self._order(job, attempt)
+        if attempt == 1:
+            self.store.begin_anew(job.id)
+        for later in range(attempt, TRIES + 1):
+            shutil.rmtree(try_folder(self._place, job.id, later), ignore_errors=True)
+        return order
+
+    def _order(self, job: Job, attempt: int) -> Order:
+        folder, limits = try_folder(self._place, job.id, attempt), self.plan.limits
+        recipe = job.recipe_in(self._place)
+        return Order(job.id, attempt, recipe, job.seed, folder, limits.wall, limits.memory, limits.disk)
+
+    def _take_in(self) -> None:
+        """Record what workers had finished when the batch was ended before it could."""
+        to_do = self.store.to_do()
+        for job in self.jobs:
+            if job.id not in to_do:
+                continue
+            for attempt in range(TRIES, 0, -1):
+                order = self._order(job, attempt)
+                if (rows := result_of(order)) is not None:
+                    self._record(job, order, rows)
+                    break
+
+    def _room(self) -> bool:
+        """Whether there is room on the disk for another job."""
+        return shutil.disk_usage(self.folder).free >= _ROOM
+
+
+def _locked(folder: Path) -> ExitStack:
+    """A lock on the folder that goes with this process. Raises PicktreeError when another has it."""
+    if not folder.is_dir():
+        raise PicktreeError(f"{folder}: there is no such folder")
+    try:
+        lock = os.open(folder / "lock", os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as error:
+        raise PicktreeError(f"{folder}: nothing can be written there: {error.strerror}") from None
+    held = ExitStack()
+    held.callback(os.close, lock)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        held.close()
+        raise PicktreeError(f"{folder}: another process runs this batch") from None
+    return held

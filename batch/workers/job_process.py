@@ -1,0 +1,168 @@
+"""One try at a job in a process of its own: nothing that it does reaches the next job.
+
+The process is forked from a worker that has loaded everything, which costs milliseconds where a fresh one
+would cost seconds. Whatever a job changes in its process ends with it: working directory, environment,
+locale, random numbers, globals, memory, threads. It has a session of its own, so that no Ctrl-C reaches it,
+prints into a file, and puts temporary files into a folder that goes with it. The processes that it leaves
+behind are ended.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import select
+import shutil
+import signal
+import tempfile
+import time
+from contextlib import suppress
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from pathlib import Path
+from pickle import UnpicklingError
+from typing import NoReturn
+
+import numpy as np
+
+from . import job_output as output
+from .executor import Event, Failed, Order
+from .job_attempt import carry_out
+from .processes import die_with_parent, end_children, how_it_ended, resident
+
+_LOOK = 0.2
+"""Wall s between two looks at what the process takes."""
+_LAST_WORDS = 2.0
+"""Wall s that it has for saying where it was."""
+_TEMPORARY = "tmp"
+
+
+class Contained:
+    """A try under way, in a process forked from this one. `end` may be called at any time."""
+
+    def __init__(self, order: Order) -> None:
+        self._order = order
+        self._began = time.monotonic()
+        self._heard, tell = Pipe(duplex=False)
+        output.flush()
+        parent = os.getpid()
+        self._pid = os.fork()
+        if self._pid == 0:
+            _live(order, tell, parent)
+        tell.close()
+        self._descriptor = os.pidfd_open(self._pid)
+
+    def event(self) -> Event:
+        """What came of it, after it is over."""
+        reason = ""
+        while not reason and not self._over(_LOOK):
+            reason = self._over_its_limits()
+        if reason:
+            self._kill(output.ASKING)
+            if not self._over(_LAST_WORDS):
+                self._kill(signal.SIGKILL)
+        how = self._how()
+        self._clear()  # before listening: what is left holds the other end, too
+        said = self._said()
+        if said is not None:
+            return said
+        place = output.last_place(self._order.folder)
+        return Failed(self._order, f"{reason or how}, at {place}" if place else reason or how)
+
+    def end(self) -> None:
+        """End it with everything that it left."""
+        self._kill(signal.SIGKILL)
+        self._clear()
+        folder = self._order.folder
+        shutil.rmtree(folder / _TEMPORARY, ignore_errors=True)
+        with suppress(OSError):
+            if not (folder / output.NAME).stat().st_size:
+                (folder / output.NAME).unlink()
+        os.close(self._descriptor)
+        self._heard.close()
+
+    def _said(self) -> Event | None:
+        with suppress(EOFError, OSError, UnpicklingError):
+            if self._heard.poll():
+                return self._heard.recv()
+        return None
+
+    def _how(self) -> str:
+        status = os.waitid(os.P_PID, self._pid, os.WEXITED | os.WNOWAIT)
+        assert status is not None
+        killed = status.si_code in (os.CLD_KILLED, os.CLD_DUMPED)
+        words = f"its process {how_it_ended(-status.si_status if killed else status.si_status)}"
+        if killed and status.si_status == signal.SIGKILL:
+            return f"{words}, which came from outside: by hand, or for want of memory on the machine"
+        return words
+
+    def _kill(self, number: signal.Signals) -> None:
+        with suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self._descriptor, number)
+
+    def _clear(self) -> None:
+        left = end_children(self._pid)
+        if left:
+            output.add(self._order.folder, f"{left} processes that the job left behind were ended")
+
+    def _over(self, seconds: float) -> bool:
+        waiting = select.poll()
+        waiting.register(self._descriptor, select.POLLIN)
+        return bool(waiting.poll(1000 * seconds))
+
+    def _over_its_limits(self) -> str:
+        order = self._order
+        if time.monotonic() - self._began > order.wall:
+            return f"it took more than {order.wall:g} s of wall time"
+        if resident(self._pid) > order.memory:
+            return f"it took more than {order.memory / 1e6:.0f} MB of memory"
+        if _written(order.folder) > order.disk:
+            return f"it wrote more than {order.disk / 1e6:.0f} MB to the disk"
+        return ""
+
+
+def _live(order: Order, tell: Connection, parent: int) -> NoReturn:
+    """The process of the job, from its first to its last breath."""
+    code = 1
+    try:
+        try:
+            _settle_in(order, parent)
+            event = carry_out(order)
+        except OSError as error:
+            event = Failed(order, f"{order.folder}: nothing can be written there: {error.strerror}")
+        output.flush()
+        tell.send(event)
+        code = 0
+    finally:
+        # No one waits for threads that a job left, and nothing of the worker is cleared up twice.
+        os._exit(code)
+
+
+def _settle_in(order: Order, parent: int) -> None:
+    os.setsid()
+    die_with_parent(signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+    temporary = order.folder / _TEMPORARY
+    temporary.mkdir(parents=True, exist_ok=True)
+    os.environ["TMPDIR"], tempfile.tempdir = str(temporary), None
+    output.print_into(order.folder)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    largest = 2 * order.disk  # of a file elsewhere, which nobody watches
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("1000")  # it goes before the batch does
+    np.random.seed()  # as in a fresh process; no skill of ours draws from it
+
+
+def _written(folder: Path) -> int:
+    """Bytes in the files of a folder."""
+    total = 0
+    for place, _, files in os.walk(folder):
+        for name in files:
+            with suppress(OSError):
+                total += os.lstat(os.path.join(place, name)).st_size
+    return total

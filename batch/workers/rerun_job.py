@@ -1,0 +1,183 @@
+"""Running a job of a batch again, from what the batch recorded of it, to have its log."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...errors import PicktreeError
+from ...logs.schema.arithmetic_record import PREFIXES, Arithmetic, departure
+from ...session.session import LOG
+from ..plan.job import Job
+from ..plan.plan_record import read_plan
+from ..results.job_names import find_job, split
+from ..results.rows import JobRows
+from ..results.store import NAME, Store
+from .executor import Event, Executor, Failed, Finished, Order
+from .local_executor import LocalExecutor
+
+_LOOK = 0.5
+"""Wall s between two looks at the worker."""
+
+
+@dataclass(frozen=True, slots=True)
+class Remade:
+    """A job that was run again, beside what was recorded of it."""
+
+    job: Job
+    recorded_status: str
+    recorded_digest: str
+    """Empty when the job had crashed."""
+    status: str
+    digest: str
+    """Empty when it crashed again."""
+    message: str
+    """Why it crashed again."""
+    log: Path | None
+    kept_before: bool
+    """The batch has the log of the recorded run; the new one is dropped."""
+    reasons: tuple[str, ...]
+    """What it was run with that is otherwise than then."""
+
+    @property
+    def identical(self) -> bool:
+        return bool(self.digest) and self.digest == self.recorded_digest
+
+    def to_text(self) -> str:
+        """For a terminal, without a line's end."""
+        lines = [f"job         {self.job.id}: seed {self.job.seed}, {self.job.variant.label}"]
+        if self.identical:
+            lines.append(f"identical   {self.status}, digest {self.digest[:16]} as recorded")
+        elif not self.digest:
+            lines.append(f"crashed     {self.message}")
+        elif not self.recorded_digest:
+            lines.append(
+                f"now         {self.status}; it crashed when the batch ran it, so there is no digest"
+            )
+        else:
+            lines += [
+                "different",
+                f"  recorded  {self.recorded_status}, digest {self.recorded_digest[:16]}",
+                f"  now       {self.status}, digest {self.digest[:16]}",
+            ]
+            lines += [f"likely why  {reason}" for reason in self.reasons]
+        if self.log is not None:
+            lines.append(f"log         {self.log}" + (", as the batch kept it" if self.kept_before else ""))
+        return "\n".join(lines)
+
+    def to_json_text(self) -> str:
+        said: dict[str, Any] = {
+            "identical": self.identical,
+            "job": self.job.id,
+            "seed": self.job.seed,
+            "recipe": self.job.variant.label,
+            "recorded": {"status": self.recorded_status, "digest": self.recorded_digest},
+            "now": {"status": self.status, "digest": self.digest, "message": self.message},
+            "reasons": list(self.reasons),
+            "log": str(self.log) if self.log is not None else None,
+        }
+        return json.dumps(said, ensure_ascii=False, indent=2) + "\n"
+
+
+def remake(where: str, out: Path | None = None, executor: Executor | None = None) -> Remade:
+    """Run the job that `where` names (FOLDER@JOB, see `naming`) again.
+
+    The log goes to a folder in `out`. Without it, it goes where the batch would have kept it, and the batch
+    knows of it from then on, if it is that of the recorded run; else beside it. `executor` carries it out, by
+    default one with a worker for it. Raises PicktreeError when there is no such job, it was not run yet, or
+    it cannot be run.
+    """
+    folder, named = split(where)
+    with Store(folder / NAME) as store, _given(executor) as given:
+        return _remake(store, find_job(store, where, named), where, out, given)
+
+
+def remake_into(store: Store, job: Job, scratch: Path, executor: Executor) -> Path:
+    """Run a job again; the folder of its log, in `scratch`. Raises PicktreeError when it cannot be run, or is
+    not the recorded run."""
+    found = _remake(store, job, f"{store.path.parent}@{job.id}", scratch, executor)
+    if not found.identical or found.log is None:
+        raise PicktreeError(f"seed {job.seed}, {job.variant.label}: run again, it is another run")
+    return found.log
+
+
+def _remake(store: Store, job: Job, where: str, out: Path | None, executor: Executor) -> Remade:
+    folder = store.path.parent
+    before = store.row(job.id)
+    if before is None:
+        raise PicktreeError(f"{where}: this job was not run yet; picktree batch run --resume {folder}")
+    kept = folder / before.folder if before.folder and (folder / before.folder / LOG).is_file() else None
+    scratch = (out or folder / "jobs") / f".again-{job.id}"
+    limits = read_plan(folder).limits
+    shutil.rmtree(scratch, ignore_errors=True)
+    try:
+        order = Order(job.id, 1, job.recipe_in(folder), job.seed, scratch, limits.wall, limits.memory)
+        event = _carried_out(order, executor)
+        rows = JobRows.from_json(order.result.read_bytes(), order.result) if order.result.is_file() else None
+        digest = rows.job.digest if rows else ""
+        same = bool(digest) and digest == before.digest
+        run = next(iter(sorted(log.parent for log in scratch.glob(f"*/{LOG}"))), None)
+        if run is None:
+            raise PicktreeError(f"{where}: {event.reason if isinstance(event, Failed) else 'it left no log'}")
+        log: Path | None = None
+        if out is not None:
+            log = _moved(run, out / run.name)
+        elif kept is None or not same:
+            place = folder / "jobs" / (f"{job.id}-{before.attempts}" if same else f"{job.id}-again")
+            shutil.rmtree(place, ignore_errors=True)
+            log = _moved(run, place / run.name)
+            if same:
+                store.set_folder(job.id, str(log.relative_to(folder)))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise PicktreeError(f"{where}: the log cannot be written: {reason}") from None
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    return Remade(
+        job,
+        before.status,
+        before.digest,
+        rows.job.status if rows else "crashed",
+        digest,
+        event.reason if isinstance(event, Failed) else "",
+        log or kept,
+        log is None,
+        () if same or rows is None else tuple(_otherwise(store.versions(job.id), rows.versions)),
+    )
+
+
+def _carried_out(order: Order, executor: Executor) -> Event:
+    executor.submit(order)
+    while True:
+        for event in executor.wait(_LOOK):
+            if not isinstance(event, Finished | Failed):
+                raise KeyboardInterrupt
+            return event
+
+
+def _given(executor: Executor | None) -> AbstractContextManager[Executor]:
+    """By default a worker of its own."""
+    return LocalExecutor(1) if executor is None else nullcontext(executor)
+
+
+def _moved(run: Path, target: Path) -> Path:
+    """To that name, or one like it that is free."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    free, number = target, 0
+    while free.exists():
+        number += 1
+        free = target.with_name(f"{target.name}-{number}")
+    return run.rename(free)
+
+
+def _otherwise(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    departed = departure(Arithmetic.from_words(then), Arithmetic.from_words(now))
+    libraries = sorted(name for name in {*then, *now} if not name.startswith(PREFIXES))
+    changed = [name for name in libraries if then.get(name, "") != now.get(name, "")]
+    said = [f"{name}: recorded {then.get(name) or 'none'}, now {now.get(name) or 'none'}" for name in changed]
+    return [departed, *said] if departed else said

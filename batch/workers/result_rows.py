@@ -1,0 +1,164 @@
+"""What is kept of a run, taken from its log and from the scorer."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from ...analysis.explain.explain import explain
+from ...analysis.explain.investigation.explanation import FailureStory
+from ...analysis.run import Run
+from ...logs.visits import Visit
+from ...session.session import Session
+from ...simulation.scoring.scorer import score
+from ...world.values import ObjectId, Vector3
+from ..results.rows import (
+    EpisodeRow,
+    FailureRow,
+    ItemRow,
+    JobRow,
+    JobRows,
+    Phase,
+    PickRow,
+    PlanRow,
+    PlantedRow,
+    TimingRow,
+)
+
+_PHASES: dict[str, Phase] = {
+    "Observe": "observe",
+    "Grasp": "grasp",
+    "Place": "place",
+    "GoTo": "move",
+    "SafeRetreat": "move",
+}
+"""What a leaf's time counts as outside of recovery."""
+
+
+def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
+    """Of a session that has ended; `folder` is the run's own."""
+    with Run(folder) as run:
+        result = run.result
+        assert result is not None, "a session that has ended writes its result"
+        explanation = explain(run, items=False)
+        look = explanation.look_at
+        return JobRows(
+            job=JobRow(
+                status=result.status,
+                message=result.message,
+                digest=result.digest,
+                attempts=attempts,
+                items_total=result.items.total,
+                items_sorted=result.items.sorted,
+                items_misplaced=result.items.misplaced,
+                items_left=result.items.left,
+                picks_tried=result.picks.tried,
+                picks_held=result.picks.held,
+                sim_seconds=result.sim_seconds,
+                cpu_seconds=result.cpu_seconds,
+                wall_seconds=result.wall_seconds.total,
+                last_tick=len(run.ticks) - 1,
+                root_cause=explanation.root_causes[0].cause if explanation.root_causes else "",
+                look_at=f"{look[0].time:.2f} s: {look[0].why}" if look else "",
+            ),
+            items=tuple(_items(session, run)),
+            picks=tuple(PickRow(p.time, p.object, p.held, p.node) for p in run.picks),
+            failures=tuple(
+                FailureRow(
+                    f.time,
+                    f.node,
+                    f.cause,
+                    f.message,
+                    f.item,
+                    f.fate,
+                    ", ".join(handling.handler for handling in f.handled_by),
+                    f.seconds_lost,
+                )
+                for f in explanation.failures
+            ),
+            episodes=tuple(
+                EpisodeRow(
+                    e.time,
+                    e.cause,
+                    e.node,
+                    e.item,
+                    e.end,
+                    e.cure,
+                    ", ".join(e.tried),
+                    e.by,
+                    e.tries,
+                    e.seconds,
+                )
+                for e in explanation.recovery.episodes
+            ),
+            planted=tuple(
+                PlantedRow(p.time, p.fault, p.message, p.item, p.cause, p.after, p.end or "")
+                for p in explanation.recovery.planted
+            ),
+            plans=tuple(
+                PlanRow(at.time, p.request, p.planner, p.outcome, p.checks, p.thinking, p.duration)
+                for at in run.plans
+                for p in (at.record,)
+            ),
+            timings=_timings(run, explanation.failures),
+            versions={
+                **run.info.versions,
+                **run.info.arithmetic.words(),
+                "revision": run.info.revision,
+            },
+        )
+
+
+def _items(session: Session, run: Run) -> Iterator[ItemRow]:
+    arrivals = _arrivals(run, {body.id for body in session.hardware.truth()})
+    scores = {item.id: item for item in score(session.hardware.truth(), session.scene).items}
+    for body in session.hardware.truth():
+        judged = scores[body.id]
+        arrived, (x, y, _) = arrivals.get(body.id, (0.0, body.pose.position))
+        yield ItemRow(
+            str(body.id),
+            body.kind,
+            body.form,
+            body.colour,
+            x,
+            y,
+            arrived,
+            judged.destination,
+            judged.bin,
+            judged.verdict,
+        )
+
+
+def _arrivals(run: Run, wanted: set[ObjectId]) -> dict[ObjectId, tuple[float, Vector3]]:
+    """When and where each item was first, simulated s and m: at the start, or when a feed brought it."""
+    found: dict[ObjectId, tuple[float, Vector3]] = {}
+    for number, at in enumerate(run.log.truths()):
+        for body in at.record.bodies:
+            if body.id in wanted and body.id not in found:
+                found[ObjectId(body.id)] = (at.time if number else 0.0, body.pose.position)
+        if len(found) == len(wanted):
+            break
+    return found
+
+
+def _timings(run: Run, failures: Sequence[FailureStory]) -> tuple[TimingRow, ...]:
+    """Simulated s by phase. Planning within a skill counts as thinking, a handler's time as recovery."""
+    spent: defaultdict[Phase, float] = defaultdict(float)
+    parents = {visit.parent for visit in run.visits}
+    leaves = [visit for visit in run.visits if visit.number not in parents]
+    cures = [(h.time, h.time + h.seconds) for f in failures for h in f.handled_by]
+    thought = [(at.time, at.record.thinking) for at in run.plans]
+    for leaf in leaves:
+        if any(start <= leaf.start and leaf.end <= end for start, end in cures):
+            spent["recover"] += leaf.duration
+            continue
+        thinking = sum(seconds for time, seconds in thought if _within(leaf, time))
+        thinking = min(thinking, leaf.duration)
+        spent["think"] += thinking
+        spent[_PHASES.get(leaf.id, "other")] += leaf.duration - thinking
+    return tuple(TimingRow(phase, round(seconds, 6)) for phase, seconds in spent.items() if seconds > 0)
+
+
+def _within(visit: Visit, time: float) -> bool:
+    return visit.start <= time <= visit.end

@@ -1,0 +1,220 @@
+"""Target, cameras and tool at once, from all that was seen and touched: robust non-linear least squares."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..errors import PicktreeError
+from ..world.scene.calibration_targets import Tile
+from ..world.values import Array, Pose, Vector3
+from .hand_eye import camera_in_tcp, spread, target_in_camera
+from .observations import Evidence, Shot
+from .residuals import Guess, Residuals
+
+FEWEST = 4
+"""Views by a camera on the hand that fix where it is."""
+SPREAD = math.radians(30.0)
+"""Least angle between axes about which the hand was turned."""
+SURE = 5e-4
+"""A tool whose place is known worse than this in any direction (standard deviation) is not corrected, m."""
+STEPS = 1e-6
+"""Of the differences that stand for derivatives: m and rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """Standard deviations of a pose: m along each axis of its parent, rad about each."""
+
+    position: Vector3
+    angle: Vector3
+
+
+@dataclass(frozen=True, slots=True)
+class CameraFound:
+    """A camera's estimated place."""
+
+    name: str
+    on_hand: bool
+    pose: Pose
+    """Optical frame in the world, or in the frame of the TCP: corrected, where the tool is `sure`."""
+    before: Pose
+    """What was believed: the same frame in the world, or in the TCP as it was believed."""
+    deviation: Deviation
+    shots: int
+    pixels: float
+    """Root mean square of what is left, pixels."""
+    depth: float
+    """The same of depths, m."""
+
+    @property
+    def moved(self) -> float:
+        """How far the belief was off, m."""
+        return self.pose.distance(self.before)
+
+    @property
+    def turned(self) -> float:
+        """rad"""
+        return self.pose.angle(self.before)
+
+
+@dataclass(frozen=True, slots=True)
+class ToolFound:
+    """The TCP that was felt. Touches with the tips say where it is, not how the hand is turned about it."""
+
+    offset: Vector3
+    """In the frame of the TCP as it was believed, m."""
+    deviation: Vector3
+    touches: int
+    left: float
+    """Root mean square of what is left at the faces, m."""
+
+    @property
+    def sure(self) -> bool:
+        """Whether the touches tell it in all three directions."""
+        return max(self.deviation) < SURE
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What a calibration comes to."""
+
+    cameras: tuple[CameraFound, ...]
+    tool: ToolFound | None
+    """None: nothing was touched."""
+    target: Pose
+    """In the world."""
+    target_deviation: Deviation
+
+
+def estimate(evidence: Evidence, tiles: Sequence[Tile], size: Vector3, believed: Pose) -> Estimate:
+    """`tiles` and `size` of the target, whose pose in the world is `believed` to within centimetres.
+
+    Starts from the closed form of each camera on the hand; then all residuals at once, outliers losing weight
+    (Huber). Standard deviations are those of the normal equations, times what is left over where that is more
+    than was expected. Raises PicktreeError where cameras or target cannot be told.
+    """
+    names = list(dict.fromkeys(shot.camera for shot in evidence.shots))
+    by_camera = {name: [shot for shot in evidence.shots if shot.camera == name] for name in names}
+    target = _first_target(by_camera, tiles, believed, touched=bool(evidence.touches))
+    cameras = tuple(_first_camera(shots, tiles, target) for shots in by_camera.values())
+    first = Guess(target, cameras, (0.0,) * len(cameras), np.zeros(3), 0.0)
+    residuals = Residuals(evidence, tiles, np.array(size), names, replace(first, target=believed))
+    best, sigma = _solved(residuals, first)
+    tool = None
+    if evidence.touches:
+        left = float(np.sqrt((residuals.felt(best) ** 2).mean()))
+        tool = ToolFound(_three(best.tool), _three(sigma[-4:-1]), len(evidence.touches), left)
+    corrected = Pose(tool.offset) if tool is not None and tool.sure else Pose()
+    found: list[CameraFound] = []
+    for n, (name, shots) in enumerate(by_camera.items()):
+        pixels, depths = residuals.seen(best, n)
+        pose = best.cameras[n]
+        if shots[0].on_hand:
+            pose = corrected.inverse() @ pose
+        found.append(
+            CameraFound(
+                name,
+                shots[0].on_hand,
+                pose,
+                shots[0].believed,
+                _deviation(sigma[6 * n + 6 : 6 * n + 12]),
+                len(shots),
+                float(np.sqrt((pixels**2).sum(axis=1).mean())),
+                float(np.sqrt((depths**2).mean())),
+            )
+        )
+    return Estimate(tuple(found), tool, best.target, _deviation(sigma[:6]))
+
+
+def _first_target(
+    by_camera: dict[str, list[Shot]], tiles: Sequence[Tile], believed: Pose, *, touched: bool
+) -> Pose:
+    """Of the target, from the first camera on the hand that tells; else as believed, to be felt."""
+    on_hand = [shots for shots in by_camera.values() if shots[0].on_hand]
+    for shots in on_hand:
+        _suffices(shots)
+        shot = shots[0]
+        return shot.tcp @ camera_in_tcp(shots, tiles) @ target_in_camera(shot, tiles)
+    if not touched:
+        names = ", ".join(by_camera)
+        raise PicktreeError(
+            f"where the target stands is not known: nothing touched it, and {names} hangs still; "
+            "calibrate a camera on the hand or the tool with it"
+        )
+    return believed
+
+
+def _first_camera(shots: Sequence[Shot], tiles: Sequence[Tile], target: Pose) -> Pose:
+    if shots[0].on_hand:
+        _suffices(shots)
+        return camera_in_tcp(shots, tiles)
+    return target @ target_in_camera(shots[0], tiles).inverse()
+
+
+def _suffices(shots: Sequence[Shot]) -> None:
+    name = shots[0].camera
+    if len(shots) < FEWEST:
+        raise PicktreeError(f"{name}: the target was seen from {len(shots)} places; {FEWEST} are needed")
+    if (angle := spread(shots)) < SPREAD:
+        raise PicktreeError(
+            f"{name}: the hand was turned about axes that are {math.degrees(angle):.0f}° apart at most; "
+            f"{math.degrees(SPREAD):.0f}° are needed to tell where the camera is"
+        )
+
+
+def _solved(residuals: Residuals, first: Guess) -> tuple[Guess, Array]:
+    """The best guess, and the standard deviation (size,) of each of its numbers."""
+    best, left = first, np.empty(0)
+    jacobian = np.empty((0, 0))
+    # Turns are about where a pose was last, so that they stay small: twice is enough.
+    for _ in range(2):
+        at = best
+        found = least_squares(
+            lambda step: residuals.of(at.moved(step)),  # noqa: B023 - used up before `at` changes
+            np.zeros(first.size),
+            loss="huber",
+            f_scale=2.0,
+            x_scale=_scale(first.size),
+            diff_step=None,
+            xtol=1e-10,
+            ftol=1e-10,
+        )
+        best = at.moved(found.x)
+        left = residuals.of(best)
+        jacobian = _differences(residuals, best)
+    weights = np.minimum(1.0, 2.0 / np.maximum(np.abs(left), 1e-12))
+    normal = jacobian.T @ (jacobian * weights[:, None])
+    spare = max(1.0, float(weights.sum()) - first.size)
+    excess = max(1.0, float((weights * left**2).sum()) / spare)
+    return best, np.sqrt(np.diag(np.linalg.inv(normal)) * excess)
+
+
+def _scale(size: int) -> Array:
+    scale = np.full(size, 1e-3)
+    scale[-1] = 1e-5
+    return scale
+
+
+def _differences(residuals: Residuals, at: Guess) -> Array:
+    """(n, size): derivatives of the residuals, by central differences."""
+    steps = np.full(at.size, STEPS)
+    steps[-1] = STEPS / 100
+    columns = [
+        (residuals.of(at.moved(unit * step)) - residuals.of(at.moved(-unit * step))) / (2 * step)
+        for unit, step in zip(np.eye(at.size), steps, strict=True)
+    ]
+    return np.column_stack(columns)
+
+
+def _deviation(sigma: Array) -> Deviation:
+    return Deviation(_three(sigma[:3]), _three(sigma[3:]))
+
+
+def _three(numbers: Array) -> Vector3:
+    x, y, z = (float(n) for n in numbers)
+    return x, y, z

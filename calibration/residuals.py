@@ -1,0 +1,155 @@
+"""How far a guess of target, cameras and tool is from what was seen and touched, in standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..world.scene.calibration_targets import Tile
+from ..world.values import Array, Pose
+from .observations import Evidence, Shot
+from .target_detection import area_and_centroid, pixels_of
+
+PIXEL, OUTLINE = 0.05, 0.3
+"""Error of a square's centroid: this, and that over the length of its edge, pixels. Measured on pictures."""
+DEPTH = 3e-5
+"""Of a square's mean depth beyond what its scatter says, m."""
+TOUCHED = 1e-4
+"""Of where a touch ends, m."""
+YIELDS = 1e-4
+"""How far fingers and target give way, at most about so much, m/N; found out from touches of unlike force."""
+ZOOM = 1e-3
+"""Share by which a camera's focal length may differ from what is stated: a standard deviation."""
+FAR, TURNED = 0.03, 0.2
+"""What is known of the target and the tool beforehand: standard deviations, m and rad, wide enough to leave
+the word to what is measured."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Guess:
+    """What is estimated. Poses change by a shift of the origin and a turn about it, in the parent's axes."""
+
+    target: Pose
+    """In the world."""
+    cameras: tuple[Pose, ...]
+    """Of each camera, its optical frame in the believed TCP's frame, or in the world."""
+    zooms: tuple[float, ...]
+    """Of each camera: by which share the focal length is longer than stated."""
+    tool: Array
+    """(3,): the true TCP in the frame of the believed one, m."""
+    yields: float
+    """m/N"""
+
+    @property
+    def size(self) -> int:
+        return 6 + 7 * len(self.cameras) + 4
+
+    def moved(self, step: Array) -> Guess:
+        """By `step` (size,): m and rad for the target, then each camera; shares; m for the tool; m/N."""
+        poses = [_moved(pose, step[6 * n : 6 * n + 6]) for n, pose in enumerate((self.target, *self.cameras))]
+        longer = step[6 * len(poses) : -4].tolist()
+        return replace(
+            self,
+            target=poses[0],
+            cameras=tuple(poses[1:]),
+            zooms=tuple(zoom + more for zoom, more in zip(self.zooms, longer, strict=True)),
+            tool=self.tool + step[-4:-1],
+            yields=self.yields + float(step[-1]),
+        )
+
+
+def _moved(pose: Pose, step: Array) -> Pose:
+    angle = float(np.linalg.norm(step[3:]))
+    axis = step[3:] / angle if angle > 1e-12 else np.zeros(3)
+    x, y, z = np.sin(angle / 2) * axis
+    turn = Pose(orientation=(float(x), float(y), float(z), float(np.cos(angle / 2))))
+    return Pose(pose.position, (turn @ Pose(orientation=pose.orientation)).orientation).shifted(step[:3])
+
+
+class Residuals:
+    """Of one body of evidence. `names` are the cameras, in the order of `Guess.cameras`."""
+
+    def __init__(
+        self, evidence: Evidence, tiles: Sequence[Tile], size: Array, names: Sequence[str], first: Guess
+    ) -> None:
+        """`size` (3,): edges of the target's box, m; `first`: what was believed before."""
+        self._shots = evidence.shots
+        self._touches = evidence.touches
+        self._tips = evidence.tips
+        self._half = size / 2
+        self._first = first
+        self._corners = np.array([tile.corners() for tile in tiles])
+        self._centres = np.array([tile.centre for tile in tiles])
+        self._camera_of = [names.index(shot.camera) for shot in self._shots]
+
+    def of(self, guess: Guess) -> Array:
+        """(n,): pixels and depths of all shots, then touches, then what was known before."""
+        parts = [
+            np.concatenate([p.ravel(), d])
+            for shot, n in zip(self._shots, self._camera_of, strict=True)
+            for p, d in [self._seen(shot, guess, n)]
+        ]
+        return np.concatenate([*parts, self._felt(guess), self._known(guess)])
+
+    def seen(self, guess: Guess, camera: int) -> tuple[Array, Array]:
+        """Pixels (n, 2) and depths (n,) m of one camera, not divided by anything."""
+        pixels, depths = zip(
+            *(
+                self._misses(shot, guess, camera)
+                for shot, n in zip(self._shots, self._camera_of, strict=True)
+                if n == camera
+            ),
+            strict=True,
+        )
+        return np.concatenate(pixels), np.concatenate(depths)
+
+    def felt(self, guess: Guess) -> Array:
+        """Of each touch (n,), m: how far the fingers stand off the face that they touch."""
+        turn, place = guess.target.rotation(), np.array(guess.target.position)
+        found: list[float] = []
+        for touch in self._touches:
+            normal = turn @ np.array(touch.face)
+            tips = touch.tcp.apply(self._tips + guess.tool)
+            reach = float(np.abs(np.array(touch.face)) @ self._half)
+            gap = float(((tips - place) @ normal).min()) - reach
+            found.append(gap + guess.yields * touch.force)
+        return np.array(found)
+
+    def _felt(self, guess: Guess) -> Array:
+        return self.felt(guess) / TOUCHED
+
+    def _seen(self, shot: Shot, guess: Guess, camera: int) -> tuple[Array, Array]:
+        pixels, depths = self._misses(shot, guess, camera)
+        edges = np.sqrt(np.array([tile.area for tile in shot.tiles]))
+        sigma = np.hypot(DEPTH, np.array([tile.depth_sigma for tile in shot.tiles]))
+        return pixels / (PIXEL + OUTLINE / edges)[:, None], depths / sigma
+
+    def _misses(self, shot: Shot, guess: Guess, camera: int) -> tuple[Array, Array]:
+        if not shot.tiles:
+            return np.empty((0, 2)), np.empty(0)
+        pose = guess.cameras[camera]
+        optical = shot.tcp @ pose if shot.on_hand else pose
+        target = optical.inverse() @ guess.target
+        turn, place = target.rotation(), np.array(target.position)
+        which = [tile.index for tile in shot.tiles]
+        zoom = 1.0 + guess.zooms[camera]
+        i = replace(shot.intrinsics, fx=shot.intrinsics.fx * zoom, fy=shot.intrinsics.fy * zoom)
+        outlines = pixels_of(self._corners[which] @ turn.T + place, i)
+        pixels = area_and_centroid(outlines)[1] - np.array([tile.pixel for tile in shot.tiles])
+        at = np.array([tile.depth_pixel for tile in shot.tiles])
+        rays = np.column_stack([(at[:, 0] - i.cx) / i.fx, (at[:, 1] - i.cy) / i.fy, np.ones(len(at))])
+        normal = turn[:, 2]
+        on_top = float(normal @ (turn @ self._centres[0] + place))
+        return pixels, on_top / (rays @ normal) - np.array([tile.depth for tile in shot.tiles])
+
+    def _known(self, guess: Guess) -> Array:
+        first = self._first
+        off = guess.target @ first.target.inverse()
+        x, y, z, w = off.orientation
+        shift = np.subtract(guess.target.position, first.target.position) / FAR
+        turn = 2.0 * np.sign(w or 1.0) * np.array([x, y, z]) / TURNED
+        tool = (guess.tool - first.tool) / FAR
+        zooms = np.array(guess.zooms) / ZOOM
+        return np.concatenate([shift, turn, tool, zooms, [guess.yields / YIELDS]])

@@ -1,0 +1,187 @@
+"""The coloured squares of a calibration target in a picture: which are seen whole, and exactly where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..perception.segmentation import hues
+from ..perception.segmentation.blobs import connected
+from ..world.protocols import Intrinsics, RgbdImage
+from ..world.scene.calibration_targets import Tile
+from ..world.values import Array, Pose
+from .tiles import TileSeen
+
+LEAST = 16
+"""Pixels of a square."""
+MARGIN = 3
+"""A square nearer than this to what hides it is not seen whole, pixels."""
+HIDES = 0.03
+"""What is nearer than a square by this may hide a part of it, m."""
+NEAR = 0.02
+"""Distances between squares are measured to this, m."""
+FITS = 0.012
+"""A square further from its place on the target than this is another, m."""
+WHOLE = 0.15
+"""Share by which the area of a square that is seen whole may differ from what its pose says."""
+FEWEST = 4
+"""Squares that tell a target."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Patch:
+    index: int
+    seen: TileSeen
+    point: Array
+    """(3,) in the camera's frame, m."""
+
+
+def find_tiles(image: RgbdImage, tiles: Sequence[Tile]) -> tuple[TileSeen, ...]:
+    """The squares that are seen whole; none when there are too few to be sure that it is the target.
+
+    Items may have the squares' colours: what counts is that their distances are those of the target. Next to
+    what is nearer, such as the fingers of the hand, a square is taken to be hidden in part.
+    """
+    label = hues.labels(image.colour)
+    patches: list[_Patch] = []
+    for index, tile in enumerate(tiles):
+        patches += _patches(image, label, index, tile.colour)
+    chosen = _consistent(patches, tiles)
+    if len(chosen) < FEWEST:
+        return ()
+    places = np.array([tiles[patch.index].centre for patch in chosen])
+    target = aligned(places, np.array([patch.point for patch in chosen]))
+    whole = [p for p in chosen if _is_whole(p, tiles[p.index], target, image.intrinsics)]
+    return tuple(patch.seen for patch in whole) if len(whole) >= FEWEST else ()
+
+
+def averaged(pictures: Sequence[Sequence[TileSeen]]) -> tuple[TileSeen, ...]:
+    """What several pictures from the same place show together: squares that most of them have."""
+    found: list[TileSeen] = []
+    for index in sorted({tile.index for seen in pictures for tile in seen}):
+        same = [tile for seen in pictures for tile in seen if tile.index == index]
+        if 2 * len(same) <= len(pictures):
+            continue
+        pixels = np.array([(*tile.pixel, *tile.depth_pixel) for tile in same]).mean(axis=0)
+        u, v, at_u, at_v = (float(p) for p in pixels)
+        inverse = float(np.mean([1.0 / tile.depth for tile in same]))
+        sigma = float(np.sqrt(np.mean([tile.depth_sigma**2 for tile in same]) / len(same)))
+        area = round(float(np.mean([tile.area for tile in same])))
+        found.append(TileSeen(index, (u, v), 1.0 / inverse, (at_u, at_v), sigma, area))
+    return tuple(found) if len(found) >= FEWEST else ()
+
+
+def _patches(image: RgbdImage, label: NDArray[np.uint8], index: int, colour: str) -> list[_Patch]:
+    """All patches of that colour that nothing cuts off."""
+    height, width = label.shape
+    found: list[_Patch] = []
+    for rows, columns in connected(np.equal(label, hues.label_of(colour)), LEAST):
+        upper, left = int(rows.min()), int(columns.min())
+        lower, right = int(rows.max()) + 1, int(columns.max()) + 1
+        if min(upper, left) == 0 or lower == height or right == width:
+            continue
+        window = (
+            slice(max(upper - MARGIN, 0), lower + MARGIN),
+            slice(max(left - MARGIN, 0), right + MARGIN),
+        )
+        own = np.zeros(label[window].shape, dtype=np.uint8)
+        own[rows - window[0].start, columns - window[1].start] = 1
+        patch = _measured(image, own, (window[1].start, window[0].start), index)
+        if patch is None:
+            continue
+        around = cv2.dilate(own, np.ones((2 * MARGIN + 1, 2 * MARGIN + 1), dtype=np.uint8)).astype(np.bool_)
+        depth = image.depth[window]
+        if not (around & (depth > 0) & (depth < patch.seen.depth - HIDES)).any():
+            found.append(patch)
+    return found
+
+
+def _measured(image: RgbdImage, own: NDArray[np.uint8], corner: tuple[int, int], index: int) -> _Patch | None:
+    """`own`: 1 where the patch is, in a window of the picture that begins at `corner` (u, v)."""
+    rows, columns = np.nonzero(own)
+    area = len(rows)
+    u, v = float(columns.mean()) + corner[0], float(rows.mean()) + corner[1]
+    inner = cv2.erode(own, np.ones((3, 3), dtype=np.uint8)).astype(np.bool_)
+    rows, columns = np.nonzero(inner)
+    depth = image.depth[rows + corner[1], columns + corner[0]].astype(np.float64)
+    known = depth > 0
+    if int(known.sum()) < LEAST // 2:
+        return None
+    depth, rows, columns = depth[known], rows[known] + corner[1], columns[known] + corner[0]
+    # A plane's inverse depth is linear in the pixels, so its mean belongs to their mean.
+    inverse = 1.0 / depth
+    off = np.abs(inverse - float(np.median(inverse)))
+    near = off < 4.0 * max(1e-4, 1.5 * float(np.median(off)))
+    inverse, rows, columns = inverse[near], rows[near], columns[near]
+    z = float(1.0 / inverse.mean())
+    at = (float(columns.mean()), float(rows.mean()))
+    design = np.column_stack([np.ones(len(rows)), columns - at[0], rows - at[1]])
+    scatter = inverse - design @ np.linalg.lstsq(design, inverse, rcond=None)[0]
+    sigma = z * z * float(np.sqrt((scatter**2).sum() / max(1, len(rows) - 3) / len(rows)))
+    i = image.intrinsics
+    point = z * np.array([(u - i.cx) / i.fx, (v - i.cy) / i.fy, 1.0])
+    return _Patch(index, TileSeen(index, (u, v), z, at, sigma, area), point)
+
+
+def _consistent(patches: list[_Patch], tiles: Sequence[Tile]) -> list[_Patch]:
+    """The largest set of patches, one for each square at most, that lie as those of the target do."""
+    places = np.array([tile.centre for tile in tiles])
+    best: list[_Patch] = []
+    for one, other in combinations(patches, 2):
+        if not _apart(one, other, places):
+            continue
+        group = [one, other]
+        for patch in patches:
+            if all(patch.index != p.index and _apart(patch, p, places) for p in group):
+                group.append(patch)
+        if len(group) > len(best):
+            best = group
+    if len(best) < FEWEST:
+        return []
+    target = aligned(places[[p.index for p in best]], np.array([p.point for p in best]))
+    return [p for p in best if float(np.linalg.norm(target.apply(places[p.index]) - p.point)) < FITS]
+
+
+def _apart(one: _Patch, other: _Patch, places: Array) -> bool:
+    if one.index == other.index:
+        return False
+    stated = float(np.linalg.norm(places[one.index] - places[other.index]))
+    return abs(float(np.linalg.norm(one.point - other.point)) - stated) < NEAR
+
+
+def _is_whole(patch: _Patch, tile: Tile, target_in_camera: Pose, intrinsics: Intrinsics) -> bool:
+    """Whether as much of it is seen as its pose says, give or take a row of pixels on its outline."""
+    corners = target_in_camera.apply(tile.corners())
+    pixels = corners[:, :2] / corners[:, 2:] * (intrinsics.fx, intrinsics.fy)
+    expected = abs(area_and_centroid(pixels[None])[0][0])
+    return abs(patch.seen.area - expected) < WHOLE * expected + 1.5 * np.sqrt(expected)
+
+
+def area_and_centroid(polygons: Array) -> tuple[Array, Array]:
+    """Signed areas (n,) and centroids (n, 2) of polygons (n, k, 2)."""
+    # About a corner: far from the origin the products would cancel.
+    origin = polygons[:, :1]
+    here = polygons - origin
+    there = np.roll(here, -1, axis=1)
+    cross = here[..., 0] * there[..., 1] - here[..., 1] * there[..., 0]
+    area = cross.sum(axis=1) / 2
+    moment = ((here + there) * cross[..., None]).sum(axis=1)
+    return area, origin[:, 0] + moment / (6 * area[:, None])
+
+
+def aligned(places: Array, points: Array) -> Pose:
+    """The pose that takes points `places` (n, 3) of a body to `points` (n, 3) best. Kabsch (1976)."""
+    middle, centre = places.mean(axis=0), points.mean(axis=0)
+    u, _, vt = np.linalg.svd((points - centre).T @ (places - middle))
+    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    return Pose.from_rotation(centre - turn @ middle, turn)
+
+
+def pixels_of(rays: Array, intrinsics: Intrinsics) -> Array:
+    """Pixels (…, 2) of points (…, 3) in the camera's frame."""
+    return rays[..., :2] / rays[..., 2:] * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)

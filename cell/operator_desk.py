@@ -1,0 +1,138 @@
+"""The desk between whoever needs help and whoever may give it: a question lies there until it is answered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from ..world.journal import Plain
+
+if TYPE_CHECKING:
+    from .world import World
+
+GO_ON: Final = "go on"
+SET_ASIDE: Final = "set aside"
+GIVE_UP: Final = "give up"
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What somebody wants to know of a person, and how things stand meanwhile."""
+
+    node: str
+    """Path of who asks."""
+    reason: str
+    choices: tuple[str, ...]
+    """The answers that it knows; at least one."""
+    object: str = ""
+    """What it is about; empty: nothing in particular."""
+    situation: str = ""
+    """What the robot believes about the world, in a sentence."""
+
+    def to_json(self) -> dict[str, Plain]:
+        return {
+            "node": self.node,
+            "reason": self.reason,
+            "choices": list(self.choices),
+            "object": self.object,
+            "situation": self.situation,
+        }
+
+    @classmethod
+    def from_json(cls, said: Mapping[str, Any]) -> Question:
+        """What `to_json` gave. Raises KeyError or TypeError for something else."""
+        choices = tuple(str(choice) for choice in said["choices"])
+        return cls(said["node"], said["reason"], choices, said["object"], said["situation"])
+
+    def choice(self, text: str) -> str | None:
+        """The choice that a text means: its number from 1 on, itself, or a beginning that no other shares.
+
+        >>> Question("Main/Ask", "it is stuck", ("go on", "give up")).choice("GIVE")
+        'give up'
+        >>> Question("Main/Ask", "it is stuck", ("go on", "give up")).choice("2")
+        'give up'
+        """
+        said = " ".join(text.split()).casefold()
+        if not said:
+            return None
+        same = [choice for choice in self.choices if choice.casefold() == said]
+        if same:
+            return same[0]
+        if said.isdecimal() and 1 <= int(said) <= len(self.choices):
+            return self.choices[int(said) - 1]
+        begun = [choice for choice in self.choices if choice.casefold().startswith(said)]
+        return begun[0] if len(begun) == 1 else None
+
+
+class OperatorDesk:
+    """One question at a time. The node lays it down and asks for the answer in later ticks; whoever runs the
+    mission looks here after each tick, and lays an answer beside it.
+
+    It is no part of a checkpoint: who waits for an answer asks again after it.
+    """
+
+    def __init__(self) -> None:
+        self._question: Question | None = None
+        self._answer: str | None = None
+
+    @property
+    def pending(self) -> Question | None:
+        """The question that waits for an answer."""
+        return self._question if self._answer is None else None
+
+    @property
+    def answered(self) -> bool:
+        """Whether an answer lies here that nobody has taken yet."""
+        return self._answer is not None
+
+    def ask(self, question: Question) -> None:
+        """Lay a question down; another that lay there is taken away."""
+        self._question, self._answer = question, None
+
+    def answer(self, choice: str) -> None:
+        """Answer the question that is pending, with one of its choices."""
+        if self._question is None or choice not in self._question.choices:
+            raise ValueError(f"nobody waits for the answer {choice!r}")
+        self._answer = choice
+
+    def waits(self, node: str) -> bool:
+        """Whether the question of this node lies here, answered or not."""
+        return self._question is not None and self._question.node == node
+
+    def take(self, node: str) -> str | None:
+        """The answer to this node's question, once; None while there is none."""
+        if not self.waits(node) or self._answer is None:
+            return None
+        answer = self._answer
+        self._question = self._answer = None
+        return answer
+
+    def withdraw(self, node: str) -> None:
+        """The node does not want to know any more."""
+        if self.waits(node):
+            self._question = self._answer = None
+
+
+def situation(world: World) -> str:
+    """How things stand, as the robot believes, in a sentence for a person."""
+    held, to_do = world.scene.held, world.to_do()
+    parts = ["the arm stands still"]
+    stop = world.control.monitor.stopped
+    if stop is not None:
+        parts[0] += f", stopped by {stop.cause}"
+    parts.append("the hand is empty" if held is None else f"{held.id} is in the hand")
+    left = [o for o in to_do if held is None or o.id != held.id]
+    if left:
+        named = ", ".join(
+            f"{o.id} at ({o.pose.position[0]:.2f}, {o.pose.position[1]:.2f}) m" for o in left[:_NAMED]
+        )
+        more = f" and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
+        parts.append(f"{len(left)} to be done: {named}{more}")
+    else:
+        parts.append("nothing else is to be done" if world.eyes.looks else "nobody has looked yet")
+    return f"{'; '.join(parts)}; {world.journal.items_done} done so far"
+
+
+_NAMED = 3
+"""Items that are named."""

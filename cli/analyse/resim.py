@@ -1,0 +1,115 @@
+"""picktree resim"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, TextIO
+
+import typer
+
+from ..run.run import parse_parameters
+from ..terminal.output import keep_stdout
+
+
+def resim(
+    log: Annotated[
+        str, typer.Argument(metavar="LOG|DIR@JOB", help="Log file, run folder, 'last'; or a job of a batch.")
+    ],
+    until: Annotated[
+        str | None, typer.Option(metavar="TICK", help="Stop there: a tick (412) or a time (20.6s).")
+    ] = None,
+    mission: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Another mission, for the recorded one.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Other parameter of the mission.")
+    ] = None,
+    scene: Annotated[str | None, typer.Option(metavar="SCENE", help="Another scene.")] = None,
+    faults: Annotated[Path | None, typer.Option(metavar="FILE", help="Other faults.")] = None,
+    no_faults: Annotated[bool, typer.Option("--no-faults", help="No faults.")] = False,
+    seed: Annotated[int | None, typer.Option(min=0, help="Another seed.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Keep the new log, in a folder made there.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the comparison as one JSON object.")] = False,
+) -> None:
+    """Run a recorded run again, from its log alone, and compare. Exit code 0: identical; 1: it differs.
+
+    DIR@JOB is a job of the batch in DIR: by its id or the beginning of it, or by seed=7 or LABEL,seed=7. It
+    is run again from what the batch recorded, and its log is put where the batch would have kept it.
+    """
+    answer = keep_stdout() if json else None
+    settings = parse_parameters(set_ or ())
+    from ...errors import PicktreeError
+
+    if faults is not None and no_faults:
+        raise PicktreeError("--faults and --no-faults exclude each other")
+    if "@" in log and not Path(log).exists():
+        changed = until or mission or set_ or scene or faults or no_faults or seed is not None
+        _job_again(log, out, answer, alone=not changed)
+        return
+    from ...batch.results.store import NAME
+
+    if (Path(log) / NAME).is_file():
+        raise PicktreeError(f"{log} is a batch: name one of its jobs, as {log}@seed=7")
+    from ...analysis.resim.changes import Changes
+    from ...analysis.resim.resim import resimulate
+
+    changes = Changes(mission, scene, settings, faults, no_faults, seed)
+    progress = Progress()
+    try:
+        found = resimulate(log, changes=changes, until=until, out=out, progress=progress.at)
+    finally:
+        progress.clear()
+    if found.warnings:
+        print(found.warnings, file=sys.stderr)
+    if answer is None:
+        print(found.to_text())
+    else:
+        with answer:
+            answer.write(found.to_json_text())
+    if not found.identical:
+        raise typer.Exit(1)
+
+
+def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bool) -> None:
+    from ...batch.workers.rerun_job import remake
+    from ...errors import PicktreeError
+
+    if not alone:
+        raise PicktreeError(
+            f"a job of a batch is run again as it was: for changes, first have its log by resim {where}, "
+            "then give that log"
+        )
+    progress = Progress()
+    try:
+        progress.say("running it again")
+        found = remake(where, out)
+    finally:
+        progress.clear()
+    if answer is None:
+        print(found.to_text())
+    else:
+        with answer:
+            answer.write(found.to_json_text())
+    if not found.identical:
+        raise typer.Exit(1)
+
+
+class Progress:
+    """One line on a terminal that says how far it is; nothing elsewhere."""
+
+    def __init__(self) -> None:
+        self._on = sys.stderr.isatty()
+
+    def at(self, now: float, end: float) -> None:
+        self.say(f"running it again: {now:.1f} of {end:.1f} s")
+
+    def say(self, text: str) -> None:
+        if self._on:
+            print(f"\r\x1b[2K{text}", end="", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        if self._on:
+            print("\r\x1b[2K", end="", file=sys.stderr, flush=True)

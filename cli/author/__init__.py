@@ -1,0 +1,1 @@
+"""Commands for whoever writes missions, scenes and nodes."""

@@ -1,0 +1,57 @@
+"""Which function checks which kind of file. Each is imported when a file of its kind is met."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ...files.diagnostics.file_checks import Check
+    from ...files.marks import Fault
+    from ...files.yaml.document import Document
+
+
+def _mission(document: Document) -> Iterable[Fault]:
+    from ...authoring.checking.check import check_mission
+
+    return check_mission(document).faults
+
+
+def _scene(document: Document) -> Iterable[Fault]:
+    from ...robots.cell import check_cell
+
+    return check_cell(document)
+
+
+def _robot(document: Document) -> Iterable[Fault]:
+    from ...robots.loading import check_robot
+
+    return check_robot(document).faults
+
+
+def _faults(document: Document) -> Iterable[Fault]:
+    from ...simulation.fault_files.fault_loading import check_faults
+
+    return check_faults(document).faults
+
+
+def _cases(document: Document) -> Iterable[Fault]:
+    from ...authoring.rehearsal.checking.case_checks import check_cases
+
+    return check_cases(document)
+
+
+def _plan(document: Document) -> Iterable[Fault]:
+    from ...batch.plan.plan_loading import check_plan
+
+    return check_plan(document)
+
+
+CHECKS: Mapping[str, Check] = {
+    "mission": _mission,
+    "scene": _scene,
+    "robot": _robot,
+    "faults": _faults,
+    "cases": _cases,
+    "plan": _plan,
+}

@@ -1,0 +1,270 @@
+"""What is shown while a batch runs: a live table on a terminal, lines elsewhere, events as JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, Self, TextIO
+
+from .progress_text import Count
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from ...batch.plan.job import Job
+    from ...batch.results.rows import JobRow
+    from ...batch.statistics.summary import BatchSummary
+    from ...batch.workers.batch import Ended
+
+_PERIOD = 1.0
+"""Wall s between two pictures of the live table."""
+_SHOWN = 8
+"""Last failures that the live table shows."""
+
+
+class Progress(Protocol):
+    """An onlooker of a batch that holds the terminal while it is entered."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *_: object) -> None: ...
+    def started(self, total: int, done: Sequence[JobRow], workers: int) -> None: ...
+    def ended(self, ended: Ended) -> None: ...
+    def tried_again(self, job: Job, reason: str) -> None: ...
+    def stopping(self, under_way: int) -> None: ...
+    def waiting(self) -> None: ...
+
+
+class Lines:
+    """A line for each job that failed and, now and then, for the whole."""
+
+    def __init__(self, console: Console, folder: Path) -> None:
+        self._console, self._folder = console, folder
+        self._count = Count()
+        self._said = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
+        self._count.start(total, done)
+        self._said = len(done)
+        before = f", {len(done)} done before" if done else ""
+        self._line(f"{_counted(total, 'job')}{before}, {_counted(workers, 'worker')}; in {self._folder}")
+
+    def ended(self, ended: Ended) -> None:
+        self._count.end(ended.row)
+        if ended.row.status != "success":
+            self._line(_failure(ended))
+        if self._count.done >= self._said + max(1, self._count.total // 20):
+            self._said = self._count.done
+            self._line(str(self._count))
+
+    def tried_again(self, job: Job, reason: str) -> None:
+        self._line(_again(job, reason))
+
+    def stopping(self, under_way: int) -> None:
+        self._line(_stopping(under_way))
+
+    def waiting(self) -> None: ...
+
+    def _line(self, text: str) -> None:
+        self._console.print(text, markup=False, soft_wrap=True)
+
+
+class LiveTable:
+    """The count and the last failures, redrawn in place."""
+
+    def __init__(self, console: Console, folder: Path) -> None:
+        from rich.live import Live
+
+        self._console, self._folder = console, folder
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._count = Count()
+        self._workers = 0
+        self._stopping = ""
+        self._news: list[str] = []
+        self._drawn = 0.0
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
+        self._count.start(total, done)
+        self._workers = workers
+        self._draw()
+
+    def ended(self, ended: Ended) -> None:
+        self._count.end(ended.row)
+        if ended.row.status != "success":
+            self._news = [*self._news, _failure(ended)][-_SHOWN:]
+
+    def tried_again(self, job: Job, reason: str) -> None:
+        self._news = [*self._news, _again(job, reason)][-_SHOWN:]
+
+    def stopping(self, under_way: int) -> None:
+        self._stopping = _stopping(under_way)
+        self._draw()
+
+    def waiting(self) -> None:
+        if time.monotonic() - self._drawn >= _PERIOD:
+            self._draw()
+
+    def _draw(self) -> None:
+        from rich.text import Text
+
+        self._drawn = time.monotonic()
+        self._live.update(Text("\n".join(self._lines())), refresh=True)
+
+    def _lines(self) -> list[str]:
+        count = self._count
+        width = max(self._console.width - 8, 10)
+        filled = round(width * count.share)
+        speed, end = count.speed(), count.end_in_words()
+        return [
+            f"{'━' * filled}{'┄' * (width - filled)} {100 * count.share:5.1f} %",
+            f"jobs  {count.done} of {count.total}, {_counted(self._workers, 'worker')}",
+            f"goal  {count.success}",
+            *([f"pace  {speed}"] if speed else []),
+            *([f"done  {end}"] if end else []),
+            *([self._stopping] if self._stopping else []),
+            *(["", *self._news] if self._news else []),
+        ]
+
+
+class EventLines:
+    """One JSON object a line: started, ended, tried_again, stopping, summary."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
+        self._say("started", total=total, done=len(done), workers=workers)
+
+    def ended(self, ended: Ended) -> None:
+        row = ended.row
+        self._say(
+            "ended",
+            job=ended.job.id,
+            seed=ended.job.seed,
+            recipe=ended.job.variant.label,
+            status=row.status,
+            digest=row.digest,
+            causes=list(ended.causes),
+            message=row.message,
+            sim_seconds=row.sim_seconds,
+        )
+
+    def tried_again(self, job: Job, reason: str) -> None:
+        self._say("tried_again", job=job.id, seed=job.seed, recipe=job.variant.label, reason=reason)
+
+    def stopping(self, under_way: int) -> None:
+        self._say("stopping", under_way=under_way)
+
+    def waiting(self) -> None: ...
+
+    def summary(self, summary: BatchSummary) -> None:
+        self._say("summary", **summary.to_json())
+
+    def _say(self, event: str, **data: Any) -> None:
+        self._stream.write(json.dumps({"event": event, **data}, ensure_ascii=False) + "\n")
+        self._stream.flush()
+
+
+class WhileRead:
+    """Another's words, for as long as somebody reads them: a reader who leaves does not end a batch."""
+
+    def __init__(self, inner: Progress, stream: TextIO) -> None:
+        self._inner, self._stream = inner, stream
+        self._read = True
+
+    def __enter__(self) -> Self:
+        self._say(self._inner.__enter__)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._say(self._inner.__exit__)
+
+    def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
+        self._say(self._inner.started, total, done, workers)
+
+    def ended(self, ended: Ended) -> None:
+        self._say(self._inner.ended, ended)
+
+    def tried_again(self, job: Job, reason: str) -> None:
+        self._say(self._inner.tried_again, job, reason)
+
+    def stopping(self, under_way: int) -> None:
+        self._say(self._inner.stopping, under_way)
+
+    def waiting(self) -> None:
+        self._say(self._inner.waiting)
+
+    def _say(self, what: Any, *words: object) -> None:
+        if not self._read:
+            return
+        try:
+            what(*words)
+        except OSError:  # a pipe that was closed, a terminal that is gone
+            self._read = False
+            discard(self._stream)
+            with suppress(OSError):
+                print("nobody reads on; the batch goes on, and Ctrl-C stops it", file=sys.stderr, flush=True)
+
+
+def discard(stream: TextIO) -> None:
+    """What is still to be written there, and what will be, goes nowhere."""
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, stream.fileno())
+    os.close(nothing)
+
+
+def progress(folder: Path, answer: TextIO | None) -> Progress:
+    """A live table on a terminal, lines elsewhere; events where there is an `answer`."""
+    if answer is not None:
+        return WhileRead(EventLines(answer), answer)
+    from rich.console import Console
+
+    class Plain(Console):
+        def on_broken_pipe(self) -> None:
+            """Rich would end the program."""
+            raise
+
+    console = Plain(highlight=False)
+    shown = LiveTable(console, folder) if console.is_terminal else Lines(console, folder)
+    return WhileRead(shown, sys.stdout)
+
+
+def _failure(ended: Ended) -> str:
+    row, job = ended.row, ended.job
+    why = row.root_cause or ", ".join(ended.causes) or row.message
+    return f"seed {job.seed}: {row.status}" + (f", {why}" if why else "") + f" ({job.variant.label})"
+
+
+def _again(job: Job, reason: str) -> str:
+    return f"seed {job.seed}: {reason}; it is tried once more ({job.variant.label})"
+
+
+def _stopping(under_way: int) -> str:
+    if not under_way:
+        return "stopping"
+    return f"stopping: {_counted(under_way, 'job')} under way; Ctrl-C again breaks off"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -1,0 +1,223 @@
+"""picktree batch run"""
+
+from __future__ import annotations
+
+import shlex
+import signal
+import sys
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated, Literal, TextIO
+
+import typer
+
+from ...errors import PicktreeError
+from ..terminal.output import keep_stdout, program
+
+if TYPE_CHECKING:
+    from ...batch.cluster.ray_executor import RayExecutor
+    from ...batch.plan.plan import Plan
+    from ...batch.statistics.summary import BatchSummary
+    from ...batch.workers.batch import Batch
+    from ...batch.workers.executor import Executor
+    from ...batch.workers.local_executor import LocalExecutor
+
+_OF_A_MATRIX = (
+    *("seeds", "scene", "faults", "set_", "backend", "verify"),
+    *("limit", "wall_limit", "memory", "disk", "keep"),
+)
+"""Options that say what a plan file says."""
+
+
+def run(
+    context: typer.Context,
+    plan: Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.")] = None,
+    mission: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried."),
+    ] = None,
+    seeds: Annotated[str, typer.Option(metavar="SEEDS", help="0:100 is half open; 3,7 is good, too.")] = "0",
+    scene: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SCENE", help="Scenes to be tried, for the missions' own."),
+    ] = None,
+    faults: Annotated[
+        list[str] | None, typer.Option(metavar="FILE", help="Faults file, or none; several are tried.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=A,B", help="Values to be tried, as SortOne/Grasp.force=15,30."),
+    ] = None,
+    backend: Annotated[
+        Literal["physics", "kinematic"], typer.Option(help="kinematic: objects follow the gripper.")
+    ] = "physics",
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Judge every trajectory by a second collision checker.")
+    ] = False,
+    limit: Annotated[str, typer.Option(metavar="TIME", help="Simulated time of a job.")] = "3600 s",
+    wall_limit: Annotated[str, typer.Option(metavar="TIME", help="Wall time of a job.")] = "3600 s",
+    memory: Annotated[str, typer.Option(metavar="SIZE", help="Memory of a job.")] = "4 GB",
+    disk: Annotated[str, typer.Option(metavar="SIZE", help="What a job writes.")] = "10 GB",
+    keep: Annotated[
+        Literal["all", "failures", "none"], typer.Option(help="Whose logs stay on the disk.")
+    ] = "failures",
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Jobs at once, at most.", show_default="one a core")
+    ] = None,
+    executor: Annotated[
+        Literal["local", "ray"], typer.Option(help="Who runs them: this machine, or a Ray cluster.")
+    ] = "local",
+    address: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="Running Ray cluster with this machine in it, or auto.",
+            show_default="one of this machine, for this batch",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The batch's folder.", show_default="in runs/")
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Go on with the batch in this folder.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print an event a line, as JSON.")] = False,
+) -> None:
+    """Run every combination of missions, scenes, faults and settings with every seed.
+
+    Ctrl-C once finishes what runs, twice stops at once; --resume goes on. Exit code 0: every job reached its
+    goal; 1: one did not.
+    """
+    given = [plan is not None, bool(mission), resume is not None]
+    if sum(given) != 1:
+        raise PicktreeError("give one of: a plan file, --mission FILE, --resume DIR")
+    if not mission:
+        _refuse_what_a_plan_says(context, also=("out",) if resume is not None else ())
+    if address is not None and executor == "local":
+        raise PicktreeError("--address is of a Ray cluster: add --executor ray")
+    answer = keep_stdout() if json else None
+
+    from ...batch.plan.plan_loading import load_plan, plan_of
+    from ...batch.workers.batch import Batch
+
+    options = {
+        "scenes": scene,
+        "seeds": seeds,
+        "backend": backend,
+        "verify": verify,
+        "limit": limit,
+        "wall_limit": wall_limit,
+        "memory": memory,
+        "disk": disk,
+        "keep": keep,
+    }
+    resumed = Batch.resume(resume) if resume is not None else None
+    if resumed is not None:
+        asked = resumed.plan
+    elif plan is not None:
+        asked = load_plan(plan)
+    else:
+        asked = plan_of(_matrix(mission or [], faults or [], set_ or [], options))
+    with _hands(executor, workers, address) as hands:
+        made = resumed or Batch.create(out or _new_folder(asked), asked)
+        _carry_out(made, hands, answer)
+
+
+def _refuse_what_a_plan_says(context: typer.Context, also: Sequence[str]) -> None:
+    """Raises PicktreeError for an option that would change nothing."""
+    for name in (*_OF_A_MATRIX, *also):
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            option = f"--{name.strip('_').replace('_', '-')}"
+            whose = "the batch has its own" if also else "the plan file says its own"
+            raise PicktreeError(f"{option} goes with --mission: {whose}")
+
+
+def _hands(
+    executor: Literal["local", "ray"], workers: int | None, address: str | None
+) -> LocalExecutor | RayExecutor:
+    """Who carries the jobs out. A cluster is there then, before there is a batch."""
+    if executor == "ray":
+        from ...batch.cluster.ray_executor import RayExecutor
+
+        return RayExecutor(workers, address)
+
+    from ...batch.workers.local_executor import LocalExecutor
+
+    return LocalExecutor(workers)
+
+
+def _matrix(
+    missions: list[Path], faults: list[str], settings: list[str], options: Mapping[str, object]
+) -> Mapping[str, object]:
+    """The keys of a plan file that say what the options say."""
+    from ..run.run import parse_parameters
+
+    return {
+        "name": missions[0].stem,
+        "missions": [str(file.absolute()) for file in missions],
+        "faults": [name if name == "none" else str(Path(name).absolute()) for name in faults],
+        "set": {name: value.split(",") for name, value in parse_parameters(settings).items()},
+        **options,
+    }
+
+
+def _carry_out(made: Batch, executor: Executor, answer: TextIO | None) -> None:
+    """Run what is to do, show it, and end with the exit code that it comes to."""
+    from ...batch.statistics.summary import summarise
+    from .progress import EventLines, discard, progress
+
+    with made, _stopped_by_signals(made), progress(made.folder, answer) as seen:
+        complete = made.run(executor, seen)
+        summary = summarise(made.store)
+    try:
+        if answer is not None:
+            EventLines(answer).summary(summary)
+        else:
+            _show(made.folder, summary, complete)
+    except OSError:  # nobody reads it
+        discard(answer or sys.stdout)
+    if not complete:
+        raise typer.Exit(130)
+    if not summary.reached:
+        raise typer.Exit(1)
+
+
+def _show(folder: Path, summary: BatchSummary, complete: bool) -> None:
+    quoted = shlex.quote(str(folder))
+    print(summary.to_text())
+    print(f"\nresults       {folder.absolute()}")
+    print(f"look at them  {program()} batch query {quoted} 'SELECT * FROM worst'")
+    if not complete:
+        print(f"go on         {program()} batch run --resume {quoted}")
+    sys.stdout.flush()
+
+
+def _new_folder(plan: Plan) -> Path:
+    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
+    return Path("runs") / f"batch-{plan.name.replace('/', '-')}-{stamp}"
+
+
+@contextmanager
+def _stopped_by_signals(made: Batch) -> Generator[None]:
+    """Ctrl-C finishes what runs, the second one breaks it off; SIGTERM comes from who will not wait long.
+
+    A terminal that goes finishes what runs, too; under nohup it is no matter.
+    """
+    heard = {signal.SIGINT: made.stop, signal.SIGTERM: made.break_off, signal.SIGHUP: made.finish}
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        heard[signal.Signals(number)]()
+
+    before = {number: signal.getsignal(number) for number in heard}
+    for number, handler in before.items():
+        if number != signal.SIGHUP or handler != signal.SIG_IGN:
+            signal.signal(number, hear)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,1 @@
+"""Commands that set up a cell: robot files, calibration, trial plans."""

@@ -1,0 +1,1 @@
+"""Commands that run a mission, and the debugger."""

@@ -1,0 +1,54 @@
+"""A person at the terminal who answers when a mission asks for help."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import TextIO
+
+from ...cell.operator_desk import Question
+
+
+class PersonAtTerminal:
+    """Shows the question and reads the answer; the run waits for it, and its clock with it.
+
+    `read` gives a line and raises EOFError at the end of the input; `aside` is entered meanwhile, so that
+    nobody else writes to the terminal.
+    """
+
+    def __init__(
+        self,
+        out: TextIO,
+        aside: Callable[[], AbstractContextManager[None]],
+        read: Callable[[], str] = input,
+    ) -> None:
+        self._out, self._aside, self._read = out, aside, read
+
+    def answer(self, question: Question) -> str | None:
+        """None when the person leaves (end of the input): the run ends `paused`."""
+        with self._aside():
+            self._say("", f"Help is wanted: {question.reason}", f"  {question.situation}")
+            for number, choice in enumerate(question.choices, 1):
+                self._say(f"  {number}  {choice}")
+            while True:
+                print("(answer) ", end="", file=self._out, flush=True)
+                try:
+                    said = self._read()
+                except EOFError:
+                    self._say("")
+                    return None
+                choice = question.choice(said)
+                if choice is not None:
+                    return choice
+                if said.strip():
+                    self._say(f"{said.strip()!r} is none of them: write a number or the beginning of one")
+
+    def _say(self, *lines: str) -> None:
+        for line in lines:
+            print(line, file=self._out, flush=True)
+
+
+def person(out: TextIO, aside: Callable[[], AbstractContextManager[None]]) -> PersonAtTerminal | None:
+    """Whoever sits at the terminal; None when there is none."""
+    return PersonAtTerminal(out, aside) if sys.stdin.isatty() else None

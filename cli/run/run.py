@@ -1,0 +1,243 @@
+"""picktree run"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from ...errors import PicktreeError
+from ..terminal.output import keep_stdout, program
+
+if TYPE_CHECKING:
+    from ...logs.recording.recorder import Listener
+    from ...trees.running.debugger import Debugger
+    from ..terminal.progress import View
+
+
+def run(
+    context: typer.Context,
+    mission: Annotated[
+        Path | None, typer.Argument(metavar="MISSION", help="Mission file; not with --resume.")
+    ] = None,
+    scene: Annotated[
+        str | None, typer.Option(metavar="SCENE", help="Shipped scene or scene file, for the mission's own.")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="Shipped robot or robot file, for the scene's own.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="Parameter, or port as SortOne/Grasp.force."),
+    ] = None,
+    faults: Annotated[Path | None, typer.Option(metavar="FILE", help="Faults to inject.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where the run's folder is made.", show_default="runs")
+    ] = None,
+    backend: Annotated[
+        Literal["physics", "kinematic"], typer.Option(help="kinematic: objects follow the gripper.")
+    ] = "physics",
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Judge every trajectory by a second collision checker.")
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Stop at the mission's breakpoints, and before the first node.")
+    ] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Take over an edited mission between two items.")
+    ] = False,
+    limit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Simulated time after which the run is ended, as 90 min.",
+            show_default="1 h; with --resume as before",
+        ),
+    ] = None,
+    rotate_mb: Annotated[
+        float, typer.Option(min=0.0, metavar="MB", help="Go on in a further file of the log at this size.")
+    ] = 0.0,
+    rotate_minutes: Annotated[
+        float, typer.Option(min=0.0, metavar="MIN", help="The same after so many simulated minutes.")
+    ] = 0.0,
+    live: Annotated[
+        bool,
+        typer.Option("--live", help="Serve the log as it grows to Foxglove or Lichtblick, on this machine."),
+    ] = False,
+    live_port: Annotated[
+        int, typer.Option(min=0, max=65535, metavar="PORT", help="Of --live; 0: any that is free.")
+    ] = 8765,
+    pace: Annotated[
+        float | None,
+        typer.Option(metavar="FACTOR", help="Simulated time no faster than so many times the clock's."),
+    ] = None,
+    resume: Annotated[
+        str | None,
+        typer.Option(metavar="LOG", help="Go on with this run: a log file, a run's folder, or 'last'."),
+    ] = None,
+    as_it_stands: Annotated[
+        bool,
+        typer.Option(
+            "--as-it-stands",
+            help="With --resume: as things stood last, knowing what was known at the checkpoint; look first.",
+        ),
+    ] = False,
+    answers: Annotated[
+        list[str] | None,
+        typer.Option("--answer", metavar="TEXT", help="What is answered when the mission asks for help."),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the result as one JSON object.")] = False,
+) -> None:
+    """Run a mission in simulation, or go on with a run that did not come to its end. Exit code 0: the goal is
+    reached; 1: it is missed, or the run is paused because the mission asks for help."""
+    if resume is not None:
+        refuse_contradictions(context)
+    elif as_it_stands:
+        raise PicktreeError("--as-it-stands is said of a run that goes on: give --resume LOG, too")
+    elif mission is None:
+        context.fail("Missing argument 'MISSION'.")
+    answer = keep_stdout() if json else None
+    parameters = parse_parameters(set_ or ())
+    if pace is not None and pace <= 0:
+        raise PicktreeError(f"--pace {pace:g}: write a number above 0, as in --pace 1 for real time")
+    seconds = None if limit is None else parse_limit(limit)
+
+    from ...logs.recording.rotation import Rotation
+    from ...session.live.real_time_pace import Paced
+    from ...session.operators import GivenAnswers
+    from ...session.recipe import LIMIT
+    from ...session.session import RunRequest, Session
+    from .operator_prompt import person
+
+    rotation = Rotation(round(rotate_mb * 1e6), rotate_minutes * 60.0)
+    with ExitStack() as stack:
+        resumption = None
+        if resume is not None:
+            from ...session.resume.resumption import ResumeRequest, Resumption
+
+            asked = ResumeRequest(resume, out, seconds, rotation, as_it_stands, tuple(answers or ()))
+            resumption = stack.enter_context(Resumption(asked))
+            print(resumption.told, file=sys.stderr, flush=True)
+        view = stack.enter_context(_view(to_stderr=json, lines=debug))
+        live_view = stack.enter_context(_live_view(live, live_port))
+        watcher = view if pace is None else Paced(view, pace)
+        debugger = _debugger(to_stderr=json) if debug else None
+        operator = person(sys.stderr if json else sys.stdout, view.aside)
+        if resumption is not None:
+            session = resumption.session(watcher, debugger, listener=live_view, operator=operator)
+        else:
+            assert mission is not None
+            request = RunRequest(
+                mission=mission,
+                scene=scene,
+                robot=robot,
+                seed=seed,
+                parameters=parameters,
+                faults=faults,
+                out=out,
+                backend=backend,
+                verify=verify,
+                watch=watch,
+                limit=LIMIT if seconds is None else seconds,
+                rotation=rotation,
+            )
+            given = GivenAnswers(answers or (), operator)
+            session = Session(request, watcher, debugger, listener=live_view, operator=given)
+        result = session.run()
+    if answer is None:
+        print(result.to_text(program()))
+    else:
+        with answer:
+            answer.write(result.to_json_text())
+    if result.status == "interrupted":
+        raise typer.Exit(130)
+    if not result.reached:
+        raise typer.Exit(1)
+
+
+_SAID_BY_THE_LOG = ("mission", "scene", "robot", "seed", "set_", "faults", "backend", "verify", "watch")
+"""Parameters that cannot be given with --resume."""
+
+
+def refuse_contradictions(context: typer.Context) -> None:
+    """Raises PicktreeError for an option that says what the log of the run says already."""
+    for name in _SAID_BY_THE_LOG:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            shown = "MISSION" if name == "mission" else f"--{name.rstrip('_')}"
+            raise PicktreeError(
+                f"--resume and {shown} exclude each other: mission, scene, robot, seed, parameters, faults "
+                "and backend are those of the run that goes on (`picktree whatif` changes some of them)"
+            )
+
+
+def parse_parameters(settings: list[str] | tuple[str, ...]) -> dict[str, str]:
+    """`["a=1"]` → `{"a": "1"}`. Raises PicktreeError for one without a name or given twice.
+
+    >>> parse_parameters(["colour=red", "rule=a=b"])
+    {'colour': 'red', 'rule': 'a=b'}
+    """
+    parameters: dict[str, str] = {}
+    for setting in settings:
+        name, equals, value = setting.partition("=")
+        name = name.strip()
+        if not equals or not name:
+            raise PicktreeError(f"--set {setting}: write NAME=VALUE, as in --set colour=red")
+        if name in parameters:
+            raise PicktreeError(f"--set {setting}: {name!r} is set twice")
+        parameters[name] = value
+    return parameters
+
+
+def parse_limit(text: str) -> float:
+    """Simulated s. Raises PicktreeError for what is no time, or none at all.
+
+    >>> parse_limit("90 min")
+    5400.0
+    """
+    from ...files.quantities import parse_quantity
+
+    try:
+        seconds = parse_quantity(text, "s")
+    except ValueError as error:
+        raise PicktreeError(f"--limit {text}: {error}") from None
+    if seconds <= 0:
+        raise PicktreeError(f"--limit {text}: write a time above 0, as in --limit '90 min'")
+    return seconds
+
+
+@contextmanager
+def _live_view(wanted: bool, port: int) -> Generator[Listener | None]:
+    """The live view, if it is wanted; where it is goes to stderr."""
+    if not wanted:
+        yield None
+        return
+    from ...logs.optional_libraries import extra
+
+    with extra("live", "foxglove", "A live view"):
+        from ...session.live.live_view import LiveView
+    with LiveView(port) as live_view:
+        print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
+        yield live_view
+
+
+def _debugger(*, to_stderr: bool) -> Debugger:
+    from ...trees.running.debugger import Debugger
+    from .debug_input import debug_prompt
+
+    return Debugger(debug_prompt(sys.stderr if to_stderr else sys.stdout))
+
+
+def _view(*, to_stderr: bool, lines: bool) -> View:
+    """`lines`: no live view, whatever the terminal, because somebody types into it."""
+    from rich.console import Console
+
+    from ..terminal.progress import LinesView, LiveView
+
+    console = Console(stderr=to_stderr, highlight=False)
+    return LiveView(console) if console.is_terminal and not lines else LinesView(console)

@@ -1,0 +1,128 @@
+"""A prompt with commands: shortened, repeated, completed, explained. Debugger and replay are two of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TextIO, TypeVar
+
+from ...errors import PicktreeError
+from ...files.spelling import nearest
+
+Out = TypeVar("Out", bound=TextIO)
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What may be typed; `run` answers whether the prompt is left then."""
+
+    usage: str
+    help: str
+    run: Callable[[str], bool]
+    short: str = ""
+
+
+class Prompt:
+    """Reads commands until one of them leaves the prompt. An empty line repeats the last command.
+
+    `read` shows the text of a prompt and gives a line; it raises EOFError at the end of the input.
+    """
+
+    text = "(picktree) "
+
+    def __init__(self, read: Callable[[str], str], out: TextIO) -> None:
+        self._read, self._out = read, out
+        self._last = ""
+        self._commands: dict[str, Command] = {}
+
+    def offer(self, *commands: Command) -> None:
+        """Add commands; `help` lists them in this order."""
+        self._commands.update({command.usage.split()[0]: command for command in commands})
+
+    def converse(self) -> bool:
+        """Carry out lines; False at the end of the input, True when a command left the prompt."""
+        while True:
+            try:
+                line = self._read(self.text).strip() or self._last
+            except EOFError:
+                return False
+            self._last = line
+            if line and self.carry_out(line):
+                return True
+
+    @contextmanager
+    def into(self, out: Out) -> Generator[Out]:
+        """Say everything into `out` instead, for as long."""
+        before, self._out = self._out, out
+        try:
+            yield out
+        finally:
+            self._out = before
+
+    def carry_out(self, line: str) -> bool:
+        """One command. Bad input is told, not raised."""
+        word, _, rest = line.partition(" ")
+        name = self._named(word)
+        if not name:
+            return False
+        try:
+            return self._commands[name].run(rest.strip())
+        except PicktreeError as error:
+            self._say(str(error))
+        return False
+
+    def completions(self, line: str) -> list[str]:
+        """What the last word of a line may become."""
+        word, _, rest = line.lstrip().partition(" ")
+        if not rest and not line.endswith(" "):
+            return [f"{name} " for name in self._commands if name.startswith(word)]
+        meant = self._meant(word)
+        if len(meant) != 1:
+            return []
+        last = rest.split(" ")[-1]
+        return sorted(text for text in self.arguments(meant[0]) if text.startswith(last))
+
+    def arguments(self, command: str) -> Iterable[str]:
+        """What may follow a command."""
+        return self._commands if command == "help" else ()
+
+    def show_help(self, word: str) -> bool:
+        """For a command `help [COMMAND]`."""
+        name = self._named(word) if word else ""
+        if word and not name:
+            return False
+        wanted = [self._commands[name]] if name else list(self._commands.values())
+        width = max(len(command.usage) for command in wanted)
+        lines = [f"{command.usage:<{width}}  {command.help}" for command in wanted]
+        if not word:
+            lines.append(
+                "A command may be shortened; an empty line repeats the last. PATH may be the end of one."
+            )
+        return self._show(lines)
+
+    def _named(self, word: str) -> str:
+        """The command that a word or its beginning means; empty, and said, when none or several do."""
+        fitting = self._meant(word)
+        if len(fitting) == 1:
+            return fitting[0]
+        if fitting:
+            self._say(f"{word!r} may be {', '.join(fitting)}")
+        else:
+            hint = nearest(word, self._commands)
+            hint = hint if hint.startswith("did you mean") else "`help` lists the commands"
+            self._say(f"no command {word!r} ({hint})")
+        return ""
+
+    def _meant(self, word: str) -> list[str]:
+        """The commands that a word or its beginning may mean."""
+        exact = [name for name, command in self._commands.items() if word in (name, command.short)]
+        return exact or [name for name in self._commands if name.startswith(word)]
+
+    def _show(self, lines: Iterable[str]) -> bool:
+        for line in lines:
+            self._say(line)
+        return False
+
+    def _say(self, text: str) -> None:
+        print(text, file=self._out, flush=True)

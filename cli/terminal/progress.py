@@ -1,0 +1,229 @@
+"""What is shown while a mission runs: a live tree on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Generator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Protocol, Self
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from ...logs.run_result import RunResult
+    from ...trees.running.runner import NodeInfo, NodeReport, TickReport
+
+_PERIOD = 0.1
+"""Wall seconds between two pictures of the live view."""
+_NEWS = 30.0
+"""Simulated seconds between two lines when nothing else is to be said."""
+MARKS = {
+    "IDLE": ("·", "dim"),
+    "RUNNING": ("▶", "bold cyan"),
+    "SUCCESS": ("✓", "green"),
+    "FAILURE": ("✗", "red"),
+    "SKIPPED": ("–", "dim"),
+}
+
+
+class View(Protocol):
+    """A watcher of a session that holds the terminal while it is entered."""
+
+    def __enter__(self) -> Self: ...
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None: ...
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
+    def told(self, now: float, text: str) -> None: ...
+    def finished(self, result: RunResult) -> None: ...
+    def aside(self) -> AbstractContextManager[None]:
+        """Meanwhile the terminal is somebody else's."""
+        ...
+
+
+class LinesView:
+    """One line for each item done and each failed leaf, and one when nothing happened for long."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._leaves: frozenset[str] = frozenset()
+        self._done = 0
+        self._said_at = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
+        self.edited(structure)
+        self._line(f"recording to {folder}")
+
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None:
+        self._leaves = frozenset(node.path for node in structure if not node.children)
+
+    def told(self, now: float, text: str) -> None:
+        self._say(now, text)
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        for node in report.nodes:
+            if node.cause and node.ticked and node.status == "FAILURE" and node.path in self._leaves:
+                self._say(now, f"{node.path}: {node.cause}: {node.message}")
+        if items_done != self._done:
+            self._done = items_done
+            self._say(now, f"{items_done} of {items_total} items done")
+        if now - self._said_at >= _NEWS:
+            self._say(now, f"at {deepest_running(report.nodes)}")
+
+    def finished(self, result: RunResult) -> None: ...
+
+    def aside(self) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def _say(self, now: float, text: str) -> None:
+        self._said_at = now
+        self._line(f"{now:8.2f} s  {text}")
+
+    def _line(self, text: str) -> None:
+        self._console.print(text, markup=False, soft_wrap=True)
+
+
+class LiveView:
+    """The tree with its statuses, redrawn a few times a second of the wall clock, and gone at the end."""
+
+    def __init__(self, console: Console) -> None:
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._structure: tuple[NodeInfo, ...] = ()
+        self._folder = Path()
+        self._began = self._drawn_at = time.monotonic()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._live.stop()
+
+    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
+        self._structure, self._folder = structure, folder
+        self._began = time.monotonic()
+        self._live.start()
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        wall = time.monotonic()
+        if wall - self._drawn_at < _PERIOD:
+            return
+        self._drawn_at = wall
+        elapsed = wall - self._began
+        footer = (
+            f"items {items_done} of {items_total}   simulated {now:.1f} s   "
+            f"wall {elapsed:.1f} s   {now / max(elapsed, 1e-9):.1f} × real time"
+        )
+        room = max(self._live.console.height - 4, 5)
+        rows = tree_rows(self._structure, report.nodes, room)
+        for row in rows:
+            row.truncate(self._live.console.width, overflow="ellipsis")
+        self._live.update(Group(*rows, Text(), Text(footer, style="bold")), refresh=True)
+
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None:
+        self._structure = structure
+
+    def told(self, now: float, text: str) -> None:
+        self._live.console.print(f"{now:8.2f} s  {text}", markup=False, soft_wrap=True)
+
+    def finished(self, result: RunResult) -> None:
+        self._live.stop()
+
+    @contextmanager
+    def aside(self) -> Generator[None]:
+        self._live.stop()
+        try:
+            yield
+        finally:
+            self._live.start()
+
+
+def deepest_running(nodes: Sequence[NodeReport]) -> str:
+    """Path of the last running node, parents coming first; "nothing" when none runs."""
+    return next((node.path for node in reversed(nodes) if node.status == "RUNNING"), "nothing")
+
+
+class Shown(Protocol):
+    """A node of the tree: of a mission that runs, or of a log."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def id(self) -> str: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def parent(self) -> str | None:
+        """None or empty for the root."""
+        ...
+
+
+class Status(Protocol):
+    """How a node stands after a tick."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def cause(self) -> str | None:
+        """None or empty when there is none."""
+        ...
+
+    @property
+    def message(self) -> str: ...
+
+
+def tree_rows(
+    structure: Sequence[Shown], nodes: Sequence[Status], room: int, also: Collection[str] = ()
+) -> list[Text]:
+    """A row for each node that runs or has a running parent, and for the paths `also`; at most `room` of
+    them: the running ones and those nearest to the last of them are kept."""
+    reports = {node.path: node for node in nodes}
+    depths = _depths(structure)
+    shown = [
+        info
+        for info in structure
+        if not info.parent
+        or info.path in also
+        or reports[info.path].status == "RUNNING"
+        or reports[info.parent].status == "RUNNING"
+    ]
+    running = [index for index, info in enumerate(shown) if reports[info.path].status == "RUNNING"]
+    centre = running[-1] if running else 0
+    by_worth = sorted(range(len(shown)), key=lambda i: (i not in running, abs(i - centre)))
+    kept = sorted(by_worth[:room])
+    return [_row(shown[index], reports[shown[index].path], depths[shown[index].path]) for index in kept]
+
+
+def _depths(structure: Sequence[Shown]) -> Mapping[str, int]:
+    depths: dict[str, int] = {}
+    for info in structure:
+        depths[info.path] = depths[info.parent] + 1 if info.parent else 0
+    return depths
+
+
+def _row(info: Shown, report: Status, depth: int) -> Text:
+    mark, style = MARKS[report.status]
+    row = Text("  " * depth, no_wrap=True)
+    row.append(f"{mark} {info.id}", style=style)
+    if info.name != info.id:
+        row.append(f" {info.name}", style=style)
+    said = f"{report.cause}: {report.message}" if report.cause else report.message
+    if said:
+        row.append(f"  {said}", style="dim" if report.status != "FAILURE" else "red")
+    return row

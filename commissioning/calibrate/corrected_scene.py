@@ -1,0 +1,118 @@
+"""The scene file that a calibration leaves: the scene as it was, and what is believed of it from now on."""
+
+from __future__ import annotations
+
+import math
+from os.path import relpath
+from pathlib import Path
+
+from ...calibration.estimate import CameraFound, Estimate
+from ...errors import PicktreeError
+from ...files.atomic_write import whole
+from ...files.shipped_files import find_file
+from ...robots.loading import SHIPPED as ROBOTS
+from ...robots.rpy import rpy_of
+from ...world.scene.description import SceneDescription
+from ...world.scene.loading.scene_loading import SHIPPED, parse_scene
+from ...world.values import Pose, Vector3
+
+DIGITS = 7
+"""After the point: 0.1 µm, 0.1 µrad."""
+
+
+def output_file(scene: str, wanted: Path | None, *, replace: bool) -> Path:
+    """Where it will be written. Raises PicktreeError where something is that must not be replaced."""
+    path = find_file(scene, SHIPPED, Path.cwd(), "scene")
+    if wanted is None:
+        here = path.parent == SHIPPED or path.parent.resolve() == Path.cwd()
+        folder = Path() if here else path.parent
+        wanted = folder / f"{path.stem}_calibrated.yaml"
+    if wanted.suffix not in (".yaml", ".yml"):
+        raise PicktreeError(f"-o {wanted}: a scene file ends in .yaml")
+    if wanted.exists() and wanted.resolve() == path.resolve():
+        raise PicktreeError(f"-o {wanted} is the scene itself, on which the new file is laid; name another")
+    if wanted.is_dir() or not (wanted.absolute().parent).is_dir():
+        raise PicktreeError(f"{wanted} cannot be written: there is no such folder")
+    if wanted.exists() and not replace:
+        raise PicktreeError(f"{wanted} exists; --replace writes over it, -o names another file")
+    return wanted
+
+
+def write(
+    output: Path, name: str, robot: str | None, scene: SceneDescription, found: Estimate, when: str, by: str
+) -> None:
+    """Write the file. `scene` is the one that was calibrated in, `robot` what stood in for its own. Raises
+    PicktreeError when the disk refuses; then nothing remains."""
+    text = scene_text(output, name, robot, scene, found, when, by)
+    parse_scene(text, output.absolute())
+    with whole([output], output) as (beside,):
+        beside.write_text(text, encoding="utf-8")
+
+
+def scene_text(
+    output: Path, name: str, robot: str | None, scene: SceneDescription, found: Estimate, when: str, by: str
+) -> str:
+    """The file's text: `base:` and `calibration:`, the standard deviations beside what they belong to."""
+    path = find_file(name, SHIPPED, Path.cwd(), "scene")
+    tool = found.tool if found.tool is not None and found.tool.sure else None
+    shift = Pose() if tool is None else Pose(tool.offset)
+    lines = ["picktree: 1", "kind: scene", f"base: {_named(path, SHIPPED, output)}"]
+    if robot is not None:
+        lines.append(f"robot: {_named(find_file(robot, ROBOTS, Path.cwd(), 'robot'), ROBOTS, output)}")
+    lines += ["", "calibration:", f"  date: {when}", f"  by: {by}"]
+    kept = _others_on_hand(scene, found, shift)
+    if found.cameras or kept:
+        lines.append("  cameras:")
+    for camera in found.cameras:
+        lines += [f"    # {_sure(camera)}", f"    {camera.name}: {_placed(camera.pose)}"]
+    for camera, pose in kept:
+        lines += [
+            "    # As calibrated before; seen from the TCP of this time.",
+            f"    {camera}: {_placed(pose)}",
+        ]
+    if tool is not None:
+        tcp = scene.tool @ shift
+        sigma = ", ".join(f"{1000 * s:.3f}" for s in tool.deviation)
+        turn = "" if rpy_of(tcp) == (0.0, 0.0, 0.0) else f", rpy: {_list(rpy_of(tcp))}"
+        lines += [
+            f"  # ± {sigma} mm along x, y, z, from {tool.touches} touches; they do not tell its turn.",
+            f"  tcp: {{offset: {_list(tcp.position)}{turn}}}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _others_on_hand(scene: SceneDescription, found: Estimate, shift: Pose) -> list[tuple[str, Pose]]:
+    """Cameras on the hand that were calibrated before and not now: they stay where they are on the hand when
+    the TCP is corrected."""
+    if scene.calibration is None or shift == Pose():
+        return []
+    now = {camera.name for camera in found.cameras}
+    before = dict(scene.calibration.cameras)
+    return [
+        (c.name, shift.inverse() @ c.pose)
+        for c in scene.cameras
+        if c.on == "hand" and c.name in before and c.name not in now
+    ]
+
+
+def _named(path: Path, shipped: Path, output: Path) -> str:
+    """As a file beside `output` names it."""
+    if path.parent == shipped:
+        return path.stem
+    beside = relpath(path.resolve(), output.resolve().parent)
+    return beside if "/" in beside or beside.endswith((".yaml", ".yml")) else f"./{beside}"
+
+
+def _sure(camera: CameraFound) -> str:
+    position = ", ".join(f"{1000 * s:.3f}" for s in camera.deviation.position)
+    angle = ", ".join(f"{math.degrees(s):.4f}" for s in camera.deviation.angle)
+    frame = "TCP" if camera.on_hand else "world"
+    return f"± {position} mm and ± {angle}° along and about the {frame}'s x, y, z."
+
+
+def _placed(pose: Pose) -> str:
+    return f"{{at: {_list(pose.position)}, rpy: {_list(rpy_of(pose))}}}"
+
+
+def _list(numbers: Vector3) -> str:
+    return "[" + ", ".join(f"{n:.{DIGITS}f}" for n in numbers) + "]"

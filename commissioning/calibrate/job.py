@@ -1,0 +1,150 @@
+"""One calibration: which scene with which target, the run, the estimate from its log, the new scene file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from ...calibration.estimate import Estimate, estimate
+from ...calibration.observations import SHOT, TOUCH, Evidence, Shot, Touch
+from ...calibration.targets import Target, targets
+from ...calibration.touches import tips
+from ...errors import PicktreeError
+from ...logs.run_log import RunLog
+from ...logs.run_result import RunResult
+from ...logs.schema.topics import EVENTS
+from ...robots.loading import load_robot
+from ...robots.model import RobotModel
+from ...session.observer import Watcher
+from ...session.recipe import Recipe
+from ...session.session import Session
+from ...trees.loading.loader import parse_mission
+from ...trees.loading.registry import Registry
+from ...world.scene.description import SceneDescription
+from .answer import CalibrationAnswer
+from .calibration_scene import Place, staged
+from .corrected_scene import output_file, write
+
+SKIPPED = "calibration_skipped"
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationAsked:
+    """What `picktree calibrate` is asked."""
+
+    scene: str
+    cameras: tuple[str, ...] = ()
+    """None named: all of the scene, of which those that do not see the target are passed over."""
+    touch: bool = True
+    """Find the TCP, too."""
+    target: str | None = None
+    place: Place | None = None
+    """Where the target is put, where the scene has none."""
+    robot: str | None = None
+    seed: int = 0
+    views: int = 12
+    output: Path | None = None
+    replace: bool = False
+    out: Path | None = None
+
+
+def calibrate(asked: CalibrationAsked, watcher: Watcher | None = None) -> CalibrationAnswer:
+    """Run it, and write what it comes to.
+
+    Raises PicktreeError for what is no scene, robot, camera or target, for a file that must not be replaced,
+    and where it cannot be written. An answer without a file says why there is none.
+    """
+    output = output_file(asked.scene, asked.output, replace=asked.replace)
+    scene = staged(asked.scene, asked.place)
+    target = _target(scene, asked.target)
+    cameras = _cameras(scene, asked.cameras)
+    if not cameras and not asked.touch:
+        raise PicktreeError(f"{asked.scene} has no camera: with --no-tcp there is nothing to calibrate")
+    beside = Path.cwd() if asked.robot else Path(scene.source).parent
+    robot = load_robot(asked.robot or scene.robot, beside)
+    text = mission_text(target.name, cameras, asked.views, touch=asked.touch, all_of_them=not asked.cameras)
+    mission = parse_mission(text, Path("calibrate.yaml"), Registry())
+    session = Session(Recipe(mission, scene, robot, asked.seed), watcher, out=asked.out)
+    result = session.run()
+    found = _record(result)
+    answer = CalibrationAnswer(asked.scene, asked.seed, result.status, result.folder, found.skipped)
+    if result.status != "success":
+        return answer.without(result.message or f"the run ended as {result.status}")
+    evidence = Evidence(found.shots, found.touches, tips(RobotModel(robot)))
+    answer = answer.missing(tuple(c for c in cameras if all(c != shot.camera for shot in found.shots)))
+    try:
+        known = estimate(evidence, target.tiles, target.size, target.pose)
+    except PicktreeError as error:
+        return answer.without(str(error))
+    when = datetime.now().strftime("%Y-%m-%d %H:%M")
+    write(output, asked.scene, asked.robot, scene, known, when, f"picktree calibrate, {result.folder.name}")
+    return answer.found(known, _off(known, target), output)
+
+
+def mission_text(target: str, cameras: Sequence[str], views: int, *, touch: bool, all_of_them: bool) -> str:
+    """The mission that looks and touches. Of `all_of_them` a camera may fail to see the target."""
+    lines = ["picktree: 1", "kind: mission", "name: calibrate", 'goal: "total >= 0"', "trees:", "  Main:"]
+    lines.append("    Sequence:")
+    if touch:
+        # First: whatever the cameras see later, the arm is known to get around the target.
+        lines.append(f"      - TouchTarget: {{target: {target}}}")
+    for camera in cameras:
+        survey = f"Survey: {{target: {target}, camera: {camera}, views: {views}}}"
+        lines.append(f"      - ForceSuccess: [{{{survey}}}]" if all_of_them else f"      - {survey}")
+    lines.append("      - GoTo: {pose: home}")
+    return "\n".join(lines) + "\n"
+
+
+def _target(scene: SceneDescription, name: str | None) -> Target:
+    known = targets(scene.fixtures)
+    if name is None and len(known) == 1:
+        return known[0]
+    for target in known:
+        if target.name == name:
+            return target
+    names = ", ".join(target.name for target in known)
+    if name is None:
+        raise PicktreeError(f"{scene.name} has several targets: {names}; choose one with --target")
+    raise PicktreeError(f"{scene.name} has no target {name!r}; known: {names}")
+
+
+def _cameras(scene: SceneDescription, wanted: tuple[str, ...]) -> tuple[str, ...]:
+    known = tuple(camera.name for camera in scene.cameras)
+    for name in wanted:
+        if name not in known:
+            raise PicktreeError(f"{scene.name} has no camera {name!r}; known: {', '.join(known) or 'none'}")
+    # Those on the hand first: what they know of the target helps the others.
+    on_hand = {camera.name for camera in scene.cameras if camera.on == "hand"}
+    return tuple(sorted(dict.fromkeys(wanted or known), key=lambda name: name not in on_hand))
+
+
+@dataclass(frozen=True, slots=True)
+class _Recorded:
+    shots: tuple[Shot, ...]
+    touches: tuple[Touch, ...]
+    skipped: tuple[str, ...]
+
+
+def _record(result: RunResult) -> _Recorded:
+    """What the run's log holds of the target: the estimate is made from the record alone."""
+    shots: list[Shot] = []
+    touches: list[Touch] = []
+    skipped: list[str] = []
+    with RunLog(result.log) as log:
+        for message in log.messages((EVENTS.name,)):
+            event = json.loads(message.data)
+            if event["kind"] == SHOT:
+                shots.append(Shot.from_plain(event["data"]))
+            elif event["kind"] == TOUCH:
+                touches.append(Touch.from_plain(event["data"]))
+            elif event["kind"] == SKIPPED:
+                skipped.append(event["message"])
+    return _Recorded(tuple(shots), tuple(touches), tuple(skipped))
+
+
+def _off(known: Estimate, target: Target) -> tuple[float, float]:
+    """How far the target stood from where it was believed to be, m and rad."""
+    return known.target.distance(target.pose), known.target.angle(target.pose)

@@ -1,0 +1,177 @@
+"""Plan a motion in a scene without a mission, and say what comes of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from ...analysis.render.viewpoint import View
+from ...cell.world import World
+from ...planning.failures.planning_failures import listed
+from ...planning.kinematics.levenberg_marquardt import is_hinge
+from ...planning.requests import BUDGET, Constraint, NamedGoal, Plan, Request, Upright
+from ...world.causes import Failure
+from . import trial_picture as picture
+from .target_syntax import Attempt, Wanted, start, wanted
+from .trial_result import Found, PlanAnswer, Refused
+from .trial_world import build
+
+NODE = "plan"
+"""Keys the planner's randomness."""
+HOME = "home"
+GRASPS = 12
+"""Of an object that are tried at most."""
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class PlanAsked:
+    """What `picktree plan` is asked. m, rad."""
+
+    scene: str
+    to: str
+    begin: str = ""
+    """Named pose or a number for each joint; empty: home."""
+    robot: str | None = None
+    seed: int = 0
+    upright: float | None = None
+    """Tilt that is allowed of a tool that looks down; None: any."""
+    line: bool = False
+    clearance: float = 0.0
+    budget: int = BUDGET
+    verify: bool = False
+    picture: Path | None = None
+    view: View | None = None
+    size: tuple[int, int] = (1280, 800)
+
+
+def plan_in_scene(asked: PlanAsked) -> PlanAnswer:
+    """Raises PicktreeError for what is no scene, robot, goal or start."""
+    world = build(asked.scene, asked.robot, asked.seed, verify=asked.verify)
+    q = start(world, asked.begin) if asked.begin else world.robot.named(HOME)
+    constraints: tuple[Constraint, ...] = () if asked.upright is None else (Upright(asked.upright),)
+    request = Request(
+        NamedGoal(HOME), q, constraints=constraints, clearance=asked.clearance, budget=asked.budget
+    )
+    goal = wanted(world, asked.to, request, line=asked.line)
+    tried = _tried(world, goal)
+    answer = PlanAnswer(
+        asked.scene,
+        world.robot.description.name,
+        asked.seed,
+        goal.words + _also(asked),
+        asked.begin or HOME,
+        grasp="" if tried.attempt is None else tried.attempt.name,
+        rejected=_counted((*goal.rejected, *tried.rejected)),
+    )
+    if isinstance(tried.outcome, Plan):
+        answer = replace(answer, found=_found(world, tried.outcome))
+        if asked.verify:
+            against = [line for one in world.plan.disagreements for line in listed(one.contacts)]
+            answer = replace(answer, judged=tuple(against))
+    elif tried.outcome is not None:
+        failure = tried.outcome
+        cause = failure.cause
+        refused = Refused(cause.name, failure.message, cause.remedy, failure.evidence)
+        answer = replace(answer, refused=refused)
+    else:
+        sentence = f"the hand finds no room at any of {len(goal.rejected)} grasps of {asked.to}"
+        if not goal.rejected:
+            sentence = f"{asked.to} is wider than the gripper opens"
+        refused = Refused("grasp.no_candidate", sentence, "clear what stands around it", {})
+        answer = replace(answer, refused=refused)
+    if asked.picture is not None:
+        view = asked.view or View()
+        picture.draw(world, q, tried.outcome, answer.asked, asked.picture, view, asked.size)
+        answer = replace(answer, picture=str(asked.picture))
+    return answer
+
+
+@dataclass(frozen=True, slots=True)
+class _Tried:
+    """`outcome`: the plan, or the failure of the first attempt; None: there was nothing to attempt."""
+
+    attempt: Attempt | None
+    outcome: Plan | Failure | None
+    rejected: tuple[str, ...]
+
+
+def _tried(world: World, goal: Wanted) -> _Tried:
+    """One attempt after the other, until one is planned."""
+    failures: list[tuple[Attempt, Failure]] = []
+    for attempt in goal.attempts[:GRASPS]:
+        steps = (
+            world.plan.solve(attempt.legs[0], node=NODE)
+            if len(attempt.legs) == 1
+            else world.plan.through(attempt.legs, node=NODE)
+        )
+        try:
+            plan = _returned(steps)
+        except Failure as failure:
+            failures.append((attempt, failure))
+            continue
+        return _Tried(attempt, plan, _told(failures))
+    if not failures:
+        return _Tried(None, None, ())
+    attempt, failure = failures[0]
+    return _Tried(attempt, failure, _told(failures[1:]))
+
+
+def _told(failures: list[tuple[Attempt, Failure]]) -> tuple[str, ...]:
+    return tuple(failure.message for _, failure in failures)
+
+
+def _counted(reasons: tuple[str, ...]) -> tuple[str, ...]:
+    """`12 × the hand would touch red_block_1`, the most frequent first."""
+    return tuple(f"{count} × {reason}" for reason, count in Counter(reasons).most_common())
+
+
+def _returned(steps: Generator[None, None, T]) -> T:
+    """What a generator returns; the ticks that its thinking takes pass unused."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def _found(world: World, plan: Plan) -> Found:
+    quality = world.plan.quality(plan)
+    near, own, joint = quality.nearest, quality.itself, quality.joint
+    index = world.robot.description.joints.index(joint.joint)
+    return Found(
+        plan.planner,
+        tuple(leg.planner for leg in plan.legs),
+        plan.checks,
+        world.thinking.total,
+        quality.duration,
+        quality.length,
+        quality.way,
+        None if near is None else (near.contact.a, near.contact.b),
+        None if near is None else near.contact.distance,
+        None if near is None else near.at,
+        None if own is None else (own.contact.a, own.contact.b),
+        None if own is None else own.contact.distance,
+        quality.singular,
+        quality.singular_at,
+        joint.joint,
+        joint.room,
+        joint.at,
+        joint_slides=not is_hinge(world.robot.arm.joints[index + 1]),
+    )
+
+
+def _also(asked: PlanAsked) -> str:
+    words = ""
+    if asked.line:
+        words += ", straight"
+    if asked.upright is not None:
+        words += f", upright within {np.degrees(asked.upright):.0f} deg"
+    if asked.clearance > 0:
+        words += f", {asked.clearance * 1000:.0f} mm clear"
+    return words

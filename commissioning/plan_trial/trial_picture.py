@@ -1,0 +1,168 @@
+"""The picture of a plan: the arm where it begins and ends, the tool's way; of a failure what collides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...analysis.render.captions import Caption, Trouble, write
+from ...analysis.render.scene_view import Scenery, Shown
+from ...analysis.render.viewpoint import View
+from ...cell.world import World
+from ...files.atomic_write import whole
+from ...logs.meshes.binary_gltf import read_glb, write_glb
+from ...logs.meshes.link_meshes import link_meshes
+from ...logs.recording.images import write_picture
+from ...logs.recording.journal_records import believed
+from ...logs.schema.records import Body, LinkMesh, Part, Scene
+from ...planning.requests import Plan
+from ...world.causes import Failure
+from ...world.shapes import Sphere
+from ...world.values import Array, Pose
+
+PALE = (0.80, 0.86, 0.93)
+"""Where the arm begins."""
+FAINT = (0.90, 0.91, 0.84)
+"""The hand on its way."""
+ALARM = (0.85, 0.15, 0.12)
+"""A link that touches something."""
+SMALLER = (0.99, 0.99, 0.99)
+ON_THE_WAY = 3
+"""Hands that are drawn between start and goal."""
+
+
+def draw(
+    world: World,
+    start: Array,
+    outcome: Plan | Failure | None,
+    asked: str,
+    output: Path,
+    view: View,
+    size: tuple[int, int],
+) -> None:
+    """Write the picture. Raises PicktreeError when it cannot be written."""
+    meshes = link_meshes(world.robot.description.urdf)
+    width = world.robot.description.gripper.max_width
+    robots = _Robots(meshes)
+    path: tuple[tuple[float, float, float], ...] = ()
+    marked: tuple[Body, ...] = ()
+    point: tuple[Body, ...] = ()
+    caption = Caption(0.0, asked)
+    if isinstance(outcome, Plan):
+        q = outcome.trajectory.position
+        robots.add("", world.robot.link_poses(q[-1], width))
+        robots.add("start", _elsewhere(world.robot.link_poses(q[0], width), robots.poses), PALE)
+        for k in np.linspace(0, len(q) - 1, ON_THE_WAY + 2).astype(int)[1:-1]:
+            hand = _hand(world, world.robot.link_poses(q[k], width))
+            robots.add(f"way {k}", hand, FAINT)
+        path = tuple(world.robot.tcp(one).position for one in q[:: max(1, len(q) // 60)])
+        caption = Caption(outcome.trajectory.duration, asked, f"by {outcome.planner}")
+    elif isinstance(outcome, Failure):
+        at, names = _meant(outcome, start), _named(outcome)
+        robots.add("", world.robot.link_poses(at, width), alarm=names)
+        if not np.array_equal(at, start):
+            robots.add("start", _elsewhere(world.robot.link_poses(start, width), robots.poses), PALE)
+        marked = tuple(_marked(world, names))
+        point = _point(outcome)
+        caption = replace(caption, trouble=Trouble(outcome.cause.name, outcome.message))
+    else:
+        robots.add("", world.robot.link_poses(start, width))
+    bodies = tuple(believed(o) for o in world.scene.objects)
+    scene = Scene((*bodies, *point), tuple(_fixed(world)))
+    shown = Shown(robots.poses, scene, Scene(marked, ()), path)
+    picture = Scenery(tuple(robots.meshes), view, size).single(shown)
+    write(picture, caption)
+    with whole([output], output) as (beside,):
+        output.parent.mkdir(parents=True, exist_ok=True)
+        write_picture(str(beside), picture)
+
+
+class _Robots:
+    """The same robot in several postures and colours."""
+
+    def __init__(self, meshes: tuple[LinkMesh, ...]) -> None:
+        self._own = {mesh.link: mesh for mesh in meshes}
+        self.meshes: list[LinkMesh] = []
+        self.poses: dict[str, Pose] = {}
+
+    def add(
+        self,
+        name: str,
+        links: dict[str, Pose],
+        colour: tuple[float, float, float] | None = None,
+        alarm: frozenset[str] = frozenset(),
+    ) -> None:
+        """One more, in its own colours or another; links in `alarm` are red."""
+        for link, pose in links.items():
+            mesh = self._own.get(link)
+            if mesh is None:
+                continue
+            painted = ALARM if link in alarm else colour
+            glb = mesh.glb
+            if painted is not None:
+                other = read_glb(glb).coloured(painted)
+                # A little smaller, so that surfaces that coincide do not flicker through each other.
+                glb = write_glb(other if colour is None else other.placed(Pose(), SMALLER))
+            self.meshes.append(LinkMesh(f"{name}/{link}", glb))
+            self.poses[f"{name}/{link}"] = pose
+
+
+def _hand(world: World, links: dict[str, Pose]) -> dict[str, Pose]:
+    """The links from the hand on."""
+    gripper = world.robot.description.gripper
+    wanted = {world.robot.description.tcp_link, *gripper.fingers}
+    return {link: pose for link, pose in links.items() if link in wanted}
+
+
+def _meant(failure: Failure, start: Array) -> Array:
+    """The configuration that a failure is about; where none is told, the start."""
+    told = failure.evidence.get("configuration")
+    if isinstance(told, list) and len(told) == len(start):
+        return np.array([float(x) for x in told])
+    return start
+
+
+def _point(failure: Failure) -> tuple[Body, ...]:
+    """A red ball where the failure's point is: of the goal, or where a line stopped."""
+    for key in ("point", "first", "at"):
+        told = failure.evidence.get(key)
+        if isinstance(told, list) and len(told) == 3:
+            x, y, z = (float(c) for c in told)
+            return (Body("point", "point", "sphere", "red", Sphere(0.012), Pose((x, y, z))),)
+    return ()
+
+
+def _elsewhere(links: dict[str, Pose], drawn: dict[str, Pose]) -> dict[str, Pose]:
+    """Without the links that are drawn there already."""
+    return {link: pose for link, pose in links.items() if drawn.get(f"/{link}") != pose}
+
+
+def _named(failure: Failure) -> frozenset[str]:
+    """All that is named as touching or in the way."""
+    names: set[str] = set()
+    for key in ("pairs", "in_the_way", "enclosed_by"):
+        told = failure.evidence.get(key)
+        for line in told if isinstance(told, list) else ():
+            names.update(str(line).split())
+    return frozenset(names)
+
+
+def _marked(world: World, names: frozenset[str]) -> Iterable[Body]:
+    """The outlines of named bodies of the scene."""
+    for o in world.scene.objects:
+        if o.id in names:
+            yield believed(o)
+    for part in _fixed(world):
+        if part.id.split("/")[0] in names:
+            yield Body(part.id, "fixture", "box", "red", part.shape, part.pose)
+
+
+def _fixed(world: World) -> Iterable[Part]:
+    for f in world.scene.fixtures.values():
+        yield Part(f.id, f.colour, f.shape, f.pose, f.holes)
+    for b in world.scene.bins.values():
+        for k, (box, pose) in enumerate(b.parts()):
+            yield Part(f"{b.id}/{k}", b.colour, box, pose)

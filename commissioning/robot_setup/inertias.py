@@ -1,0 +1,168 @@
+"""Whether a link can have the mass and inertia that its URDF gives it."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ...robots.gripper_mounting import LinkInertia
+from ...robots.urdf_tree import MOVING, Skeleton
+from ...world.values import Array, Pose, Vector3
+from .link_points import Solid
+
+DENSITY = 1000.0
+"""Of a link whose mass nobody gives, kg/m³."""
+LIGHTEST, HEAVIEST = 50.0, 20_000.0
+"""Densities beyond which a mass is told as implausible, kg/m³: foam, and what no machine is made of."""
+SLENDER = 0.99
+"""The largest principal moment of a link put right, as a share of the sum of the two others."""
+WIDEST = 2.0
+"""Radius of gyration, in half diagonals of the link, from which on an inertia is told as implausible."""
+AT_LEAST = 1e-9
+"""kg·m²"""
+
+Kind = Literal["missing", "zero", "impossible", "implausible"]
+
+
+@dataclass(frozen=True, slots=True)
+class InertiaFinding:
+    """What is wrong with a link, and what it gets instead; None where it is only told."""
+
+    link: str
+    kind: Kind
+    sentence: str
+    instead: LinkInertia | None
+
+
+def check_inertias(
+    root: ElementTree.Element, skeleton: Skeleton, solids: Mapping[str, Solid]
+) -> tuple[InertiaFinding, ...]:
+    """Of all links that joints move, in the order of the file; what stands still may weigh what it likes."""
+    found: list[InertiaFinding] = []
+    moved = {joint.child for joint in skeleton.joints.values() if joint.type in MOVING}
+    carried = {
+        link
+        for joint in skeleton.joints.values()
+        if joint.type in MOVING
+        for link in skeleton.below(joint.child)
+    }
+    for element in root.findall("link"):
+        name = element.get("name", "")
+        if name in carried:
+            finding = _finding(element, name, solids.get(name), moves=name in moved)
+            if finding is not None:
+                found.append(finding)
+    return tuple(found)
+
+
+def _finding(
+    element: ElementTree.Element, name: str, solid: Solid | None, *, moves: bool
+) -> InertiaFinding | None:
+    given = _read(element)
+    if given is None or given[0] <= 0.0:
+        if not moves:
+            return None  # what is fixed to a link weighs nothing of its own
+        kind: Kind = "missing" if given is None else "zero"
+        what = "has no <inertial>" if given is None else f"weighs {given[0]:g} kg"
+        instead = _from_solid(solid)
+        by = f"of its hull at {DENSITY:g} kg/m³" if solid is not None else "of a ball of 10 g"
+        return InertiaFinding(
+            name, kind, f"{what}, but a joint moves it: it gets {instead.mass:.3g} kg, {by}", instead
+        )
+    mass, com, matrix = given
+    moments, axes = np.linalg.eigh(matrix)
+    low, middle, high = (float(m) for m in moments)
+    if low <= 0.0 or high > low + middle:
+        why = (
+            "a principal moment is not positive"
+            if low <= 0.0
+            else f"the largest principal moment, {high:.3g} kg·m², is greater than the sum of the others"
+        )
+        put = np.maximum(moments, AT_LEAST)
+        if low <= 0.0 and put[1] <= AT_LEAST and solid is not None:
+            return InertiaFinding(
+                name, "impossible", f"{why}: it gets that of its hull", _scaled(solid, mass)
+            )
+        put[0] = max(put[0], 1e-3 * float(put[2]))
+        put[1] = max(put[1], put[0])
+        put[2] = min(float(put[2]), SLENDER * float(put[0] + put[1]))
+        put[2] = max(put[2], put[1])
+        if put[2] > put[0] + put[1]:
+            put[0] = put[2] - SLENDER * put[1]
+        whole = axes @ np.diag(put) @ axes.T
+        return InertiaFinding(name, "impossible", f"{why}: it is taken back", _inertia(mass, com, whole))
+    if solid is None:
+        return None
+    volume = solid.volume()
+    half = float(np.linalg.norm(np.ptp(solid.points, axis=0))) / 2
+    if volume > 0.0 and not LIGHTEST <= mass / volume <= HEAVIEST:
+        told = f"{mass:g} kg in a hull of {volume * 1e6:.3g} cm³ is a density of {mass / volume:.3g} kg/m³"
+        return InertiaFinding(name, "implausible", told, None)
+    radius = math.sqrt(high / mass)
+    if half > 0.0 and radius > WIDEST * half:
+        told = (
+            f"an inertia of {high:.3g} kg·m² at {mass:g} kg is that of something {2 * radius:.2g} m wide; "
+            f"the link is {2 * half:.2g} m"
+        )
+        return InertiaFinding(name, "implausible", told, None)
+    return None
+
+
+def _read(link: ElementTree.Element) -> tuple[float, Vector3, Array] | None:
+    """Mass, centre and inertia (3, 3) in the axes of the link; None when one is missing or no number."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return None
+    mass, inertia, origin = inertial.find("mass"), inertial.find("inertia"), inertial.find("origin")
+    try:
+        weight = float(mass.get("value", "")) if mass is not None else 0.0
+        keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        numbers = [float(inertia.get(key, "0")) if inertia is not None else 0.0 for key in keys]
+        pose = Pose()
+        if origin is not None:
+            x, y, z = (float(w) for w in origin.get("xyz", "0 0 0").split())
+            roll, pitch, yaw = (float(w) for w in origin.get("rpy", "0 0 0").split())
+            pose = Pose.from_rpy((x, y, z), (roll, pitch, yaw))
+    except ValueError:
+        return None
+    if not all(map(math.isfinite, (weight, *numbers))):
+        return None
+    ixx, ixy, ixz, iyy, iyz, izz = numbers
+    local = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    turned = pose.rotation()
+    return weight, pose.position, turned @ local @ turned.T
+
+
+def read_inertia(link: ElementTree.Element) -> LinkInertia | None:
+    """What the URDF says of a link; None when it says nothing that can be read."""
+    given = _read(link)
+    return None if given is None else _inertia(*given)
+
+
+def _from_solid(solid: Solid | None) -> LinkInertia:
+    if solid is None:
+        return LinkInertia(0.01, (0.0, 0.0, 0.0), (1e-6, 1e-6, 1e-6), (0.0, 0.0, 0.0))
+    return _scaled(solid, max(DENSITY * solid.volume(), 0.001))
+
+
+def _scaled(solid: Solid, mass: float) -> LinkInertia:
+    """Of a box around the link with that mass."""
+    low, high = solid.points.min(axis=0), solid.points.max(axis=0)
+    x, y, z = (float(s) for s in high - low)
+    cx, cy, cz = (float(c) for c in (low + high) / 2)
+    moments = tuple(max(mass * s / 12, AT_LEAST) for s in (y * y + z * z, x * x + z * z, x * x + y * y))
+    return LinkInertia(mass, (cx, cy, cz), (moments[0], moments[1], moments[2]), (0.0, 0.0, 0.0))
+
+
+def _inertia(mass: float, com: Vector3, m: Array) -> LinkInertia:
+    return LinkInertia(
+        mass,
+        com,
+        (float(m[0, 0]), float(m[1, 1]), float(m[2, 2])),
+        (float(m[0, 1]), float(m[0, 2]), float(m[1, 2])),
+    )

@@ -1,0 +1,103 @@
+"""What the joints of an arm may do, as far as a URDF tells it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...robots.urdf_tree import Skeleton, UrdfJoint
+from ...world.values import Array
+
+RESERVE = math.radians(2.0)
+"""Kept from a joint's limits where the URDF has no soft limits, rad; never more than RESERVE_SHARE."""
+RESERVE_SHARE = 0.01
+"""Of the range of the joint."""
+ENDLESS = 2 * math.pi
+"""Range to either side of a joint that turns without end, rad: cables do not."""
+FASTEST = math.pi
+"""Velocity beyond which the URDF's number is not believed, rad/s."""
+USUAL_VELOCITY = 1.0
+"""Where the URDF gives none, rad/s."""
+SHARE = 0.5
+"""Of the torque that gravity leaves, with which an acceleration is estimated."""
+SOONEST = 0.3
+"""Time in which no joint reaches its velocity, s: it bounds the estimated acceleration."""
+SLOWEST = 0.5
+"""Acceleration that every joint is trusted with, rad/s²."""
+SAMPLES = 300
+
+
+@dataclass(frozen=True, slots=True)
+class ProposedLimits:
+    """Of one joint, rad, rad/s, rad/s², Nm; `comment` says what is not simply the URDF's."""
+
+    name: str
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    torque: float
+    comment: str
+
+
+def propose_limits(skeleton: Skeleton, joints: tuple[str, ...]) -> tuple[ProposedLimits, ...]:
+    """From the URDF alone; accelerations and missing torques are still to be estimated."""
+    return tuple(_proposed(name, skeleton.joints[name]) for name in joints)
+
+
+def _proposed(name: str, joint: UrdfJoint) -> ProposedLimits:
+    told: list[str] = []
+    if joint.soft_lower is not None and joint.soft_upper is not None and joint.soft_lower < joint.soft_upper:
+        lower, upper = joint.soft_lower, joint.soft_upper
+        told.append("soft limits of the URDF")
+    elif joint.type == "continuous" or joint.lower is None or joint.upper is None:
+        lower, upper = -ENDLESS, ENDLESS
+        told.append("turns without end: one turn to either side, for the cables")
+    else:
+        reserve = min(RESERVE, RESERVE_SHARE * (joint.upper - joint.lower))
+        lower, upper = joint.lower + reserve, joint.upper - reserve
+        told.append(f"the URDF's limits less {math.degrees(reserve):.1f} deg")
+    if lower < -ENDLESS or upper > ENDLESS:
+        lower, upper = max(lower, -ENDLESS), min(upper, ENDLESS)
+        told.append("at most one turn to either side")
+    velocity = joint.velocity or 0.0
+    if velocity <= 0.0:
+        velocity = USUAL_VELOCITY
+        told.append("no velocity in the URDF: slow")
+    elif velocity > FASTEST:
+        told.append(f"the URDF's {velocity:g} rad/s are not believed")
+        velocity = FASTEST
+    torque = joint.effort or 0.0
+    if torque <= 0.0:
+        told.append("no torque in the URDF: three times what gravity needs")
+        torque = 0.0
+    return ProposedLimits(name, round(lower, 5), round(upper, 5), velocity, SLOWEST, torque, "; ".join(told))
+
+
+def estimate(
+    model: RobotModel, given: tuple[ProposedLimits, ...], seed: int = 0
+) -> tuple[ProposedLimits, ...]:
+    """Accelerations: half of the torque that gravity leaves, over the largest inertia that the joint sees.
+
+    Both are the largest of random configurations. No joint gets to its velocity in less than SOONEST.
+    """
+    generator = np.random.default_rng([seed, 3])
+    gravity: Array = np.zeros(model.n)
+    inertia: Array = np.full(model.n, 1e-6)
+    for _ in range(SAMPLES):
+        q = generator.uniform(model.lower, model.upper)
+        gravity = np.maximum(gravity, np.abs(model.gravity(q)))
+        inertia = np.maximum(inertia, np.diag(model.mass_matrix(q)))
+    found: list[ProposedLimits] = []
+    for limit, weight, seen in zip(given, gravity.tolist(), inertia.tolist(), strict=True):
+        torque = limit.torque if limit.torque > 0.0 else round(3.0 * weight + 1.0, 1)
+        comment = limit.comment
+        if torque <= weight:
+            comment += f"; gravity alone needs {weight:.1f} Nm"
+        acceleration = min(SHARE * max(torque - weight, 0.0) / seen, limit.velocity / SOONEST)
+        acceleration = float(f"{max(acceleration, SLOWEST):.2g}")
+        found.append(replace(limit, torque=torque, acceleration=acceleration, comment=comment))
+    return tuple(found)

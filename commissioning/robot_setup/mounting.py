@@ -1,0 +1,98 @@
+"""Where a gripper of another URDF goes: on which link of the arm, how far out, turned which way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...files.spelling import nearest
+from ...robots.gripper_mounting import Mounting
+from ...robots.urdf_tree import MOVING, Skeleton
+from ...world.values import Array, Pose
+from .joint_groups import Arm, find_hand
+from .link_points import Solid
+from .unsuitable import Unsuitable
+from .urdf_source import Source
+
+JOINT = "mount"
+"""Name of the joint that holds the gripper."""
+PREFIX = "gripper_"
+"""Of the gripper's names, where the arm has the same ones."""
+FLANGES = ("tool0", "flange", "ee_link", "tool", "tcp", "hand", "ee")
+"""Names by which flanges go, the best first."""
+
+
+def find_mounting(
+    arm_source: Source,
+    arm: Arm,
+    solids: Mapping[str, Solid],
+    gripper: Source,
+    link: str | None,
+    to: str | None,
+) -> Mounting:
+    """Raises Unsuitable when the gripper is none, or the link is not at the end of the arm."""
+    _, first = find_hand(gripper.text, gripper.skeleton, link)
+    carrier = to or _flange(arm_source.skeleton, arm)
+    skeleton = arm_source.skeleton
+    if carrier not in skeleton.links:
+        hint = nearest(carrier, skeleton.links)
+        raise Unsuitable(
+            arm_source.text,
+            f"{len(skeleton.links)} links",
+            f"a link {carrier!r} for --mount" + (f" ({hint})" if hint else ""),
+            "name the link at the end of the arm",
+        )
+    taken = {*skeleton.links, *skeleton.joints}
+    below = gripper.skeleton.below(first)
+    names = {*below, *(n for n, j in gripper.skeleton.joints.items() if j.parent in below)}
+    prefix = PREFIX if names & taken else ""
+    joint = JOINT if JOINT not in taken else f"{PREFIX}{JOINT}"
+    return Mounting(gripper.urdf, first, carrier, _face(skeleton, arm, solids, carrier), joint, prefix)
+
+
+def _flange(skeleton: Skeleton, arm: Arm) -> str:
+    """What is fixed to the last link and goes by the name of a flange; else the last link."""
+    fixed = [link for link in skeleton.below(arm.tip) if not _moves(skeleton, arm.tip, link)]
+    for name in FLANGES:
+        for link in fixed:
+            if link.lower().endswith(name):
+                return link
+    return arm.tip
+
+
+def _moves(skeleton: Skeleton, above: str, link: str) -> bool:
+    names = skeleton.joints_to(link)[len(skeleton.joints_to(above)) :]
+    return any(skeleton.joints[name].type in MOVING for name in names)
+
+
+def _face(skeleton: Skeleton, arm: Arm, solids: Mapping[str, Solid], carrier: str) -> Pose:
+    """The gripper's z out along the axis of the last joint, on the face of what is there."""
+    last = skeleton.joints[arm.joints[-1]]
+    moved = skeleton.pose(last.child, {})
+    at = skeleton.pose(carrier, {})
+    axis: Array = at.rotation().T @ moved.rotation() @ np.array(last.axis)
+    origin = at.inverse().apply(np.array(moved.position))
+    fixed = [link for link in skeleton.below(last.child) if link in solids]
+    points = [
+        (at.inverse() @ skeleton.pose(link, {})).apply(solids[link].points)
+        for link in fixed
+        if not _moves(skeleton, last.child, link)
+    ]
+    # Out is where the flange is, seen from the joint; where they are in one place, where the link is.
+    ahead = -origin @ axis
+    if abs(ahead) < 1e-4 and points:
+        ahead = float((np.concatenate(points) @ axis).mean() - origin @ axis)
+    out: Array = axis if ahead >= 0.0 else -axis
+    height = 0.0
+    if carrier in solids:
+        own = solids[carrier].points
+        height = max(float((own @ out).max()), 0.0)
+    if float(out[2]) > 0.999:
+        return Pose((0.0, 0.0, round(height, 4)))
+    side = np.array([1.0, 0.0, 0.0]) if abs(float(out[0])) < 0.9 else np.array([0.0, 1.0, 0.0])
+    y = np.cross(out, side)
+    y = y / np.linalg.norm(y)
+    rotation = np.column_stack([np.cross(y, out), y, out])
+    x0, y0, z0 = (round(float(c), 4) for c in out * height)
+    return Pose.from_rotation((x0, y0, z0), rotation)

@@ -1,0 +1,282 @@
+"""A robot file for a URDF, as MoveIt's Setup Assistant makes a configuration: everything is proposed."""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import PicktreeError
+from ...files.yaml.document import FileError
+from ...planning.collision.collision_checker import Collision, robot_geometry
+from ...robots.description import RobotDescription
+from ...robots.gripper_mounting import LinkInertia, Mounting, NamedUrdf, composed
+from ...robots.loading import parse_robot
+from ...robots.model import RobotModel
+from ...robots.urdf_tree import MOVING, Skeleton, UrdfError, parsed_urdf, read_skeleton
+from ...world.values import Array
+from .draft import Draft
+from .gripper_measurement import GripperMeter
+from .inertias import check_inertias, read_inertia
+from .joint_groups import Arm, Hand, find_groups, find_hand
+from .joint_limits import estimate, propose_limits
+from .link_points import Solid, read_solids, refuse_missing_meshes
+from .mounting import find_mounting
+from .named_poses import NamedPose, propose_poses
+from .robot_file_writer import written
+from .self_collision import SAMPLES, Question, SelfCollision, sample
+from .unsuitable import Unsuitable
+from .urdf_source import Source, find_source
+
+ROTOR = 0.003
+"""Moment of a linkage's links at least, kg·m²: what the motor's rotor adds through its gear."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a robot file is wanted for."""
+
+    urdf: str
+    """A path, or `package:path`."""
+    file: Path
+    """Where the robot file will stand: paths in it count from there."""
+    gripper: str | None = None
+    """`URDF` or `URDF:LINK` of a gripper to be mounted."""
+    mount: str | None = None
+    """The link of the arm that carries it."""
+    base: str | None = None
+    tip: str | None = None
+    samples: int = SAMPLES
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A draft, written out, which the checker has accepted."""
+
+    draft: Draft
+    text: str
+    robot: RobotDescription
+
+
+def propose(wish: Wish) -> Proposal:
+    """Raises Unsuitable for what cannot be used, PicktreeError for files that are not there.
+
+    The same wish gives the same text, in any process.
+    """
+    draft = _drafted(wish)
+    first = _parsed(written(replace(draft, poses=(_middle(draft),))), wish)
+    model = RobotModel(first)
+    draft = replace(draft, limits=estimate(model, draft.limits, wish.seed))
+    draft = replace(draft, collision=_sampled(model, draft, wish))
+    second = _parsed(written(replace(draft, poses=(_middle(draft),))), wish)
+    model = RobotModel(second)
+    collision = Collision(model)
+    draft = replace(draft, poses=propose_poses(model, collision.free, wish.seed))
+    text = written(draft)
+    return Proposal(draft, text, _parsed(text, wish))
+
+
+def _drafted(wish: Wish) -> Draft:
+    source = find_source(wish.urdf)
+    refuse_missing_meshes(wish.urdf, source.urdf.path)
+    if wish.gripper is None:
+        groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
+        if groups.hand is None:
+            raise Unsuitable(
+                wish.urdf,
+                f"an arm of {len(groups.arm.joints)} joints, {groups.arm.joints[0]} to "
+                f"{groups.arm.joints[-1]}, with {groups.arm.tip!r} at its end",
+                "a gripper with two fingers that move against each other",
+                f"--gripper URDF:LINK --mount {groups.arm.tip} mounts one, as the Franka hand: "
+                "--gripper pybullet_data:franka_panda/panda.urdf:panda_hand",
+            )
+        return _of_whole(wish, source, source.urdf.path, groups.arm, groups.hand, None, "")
+    groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
+    if groups.hand is not None and wish.mount is None:
+        raise Unsuitable(
+            wish.urdf,
+            f"a gripper at the end of the arm already, on {groups.hand.palm!r}",
+            "a place for another one",
+            "leave --gripper out, or say by --mount LINK where the other one goes",
+        )
+    text, link = _gripper_named(wish.gripper)
+    gripper = find_source(text)
+    refuse_missing_meshes(text, gripper.urdf.path)
+    mounting = find_mounting(source, groups.arm, read_solids(source.urdf.path), gripper, link, wish.mount)
+    try:
+        path = composed(source.urdf, mounting)
+    except UrdfError as error:
+        raise PicktreeError(f"{wish.urdf}: the gripper {text} cannot be mounted: {error}") from None
+    hand, _ = find_hand(text, gripper.skeleton, mounting.link)
+    prefix = mounting.prefix
+    named = Hand(
+        prefix + hand.palm,
+        tuple(prefix + name for name in hand.drives),
+        tuple(prefix + name for name in hand.followers),
+    )
+    return _of_whole(wish, source, path, groups.arm, named, mounting, text)
+
+
+def _gripper_named(text: str) -> tuple[str, str | None]:
+    """`URDF:LINK` apart; a colon before a path is that of a package."""
+    head, colon, tail = text.rpartition(":")
+    if colon and "/" not in tail and not tail.endswith((".urdf", ".xacro")):
+        return head, tail
+    return text, None
+
+
+def _of_whole(
+    wish: Wish, source: Source, path: Path, arm: Arm, hand: Hand, mounting: Mounting | None, gripper_urdf: str
+) -> Draft:
+    skeleton = read_skeleton(path)
+    solids = read_solids(path)
+    flange = _flange(wish.urdf, skeleton, arm, hand)
+    meter = GripperMeter(wish.urdf, skeleton, solids, hand, _behind(skeleton, flange, hand))
+    measured = meter.measure()
+    findings = check_inertias(parsed_urdf(path), skeleton, solids)
+    inertias = {f.link: f.instead for f in findings if f.instead is not None}
+    if measured.sliders is None:
+        inertias |= _rotors(parsed_urdf(path), skeleton, meter, solids, inertias)
+    notes: list[str] = []
+    if len(arm.joints) == 5:
+        notes.append("the arm has five joints: it reaches poses with the tool upright, and few others")
+    return Draft(
+        name=wish.file.stem,
+        urdf=_named(wish.urdf, source.urdf, wish.file),
+        arm=arm,
+        hand=hand,
+        mounting=mounting,
+        gripper_urdf=_named(gripper_urdf, mounting.gripper, wish.file) if mounting is not None else "",
+        limits=propose_limits(skeleton, arm.joints),
+        gripper=measured,
+        flange_joint=flange,
+        findings=findings,
+        inertias=inertias,
+        notes=tuple(notes),
+    )
+
+
+def _named(text: str, urdf: NamedUrdf, file: Path) -> str:
+    """As the robot file names a URDF: `package:path` as given, a path from the robot file's folder."""
+    if urdf.package:
+        return text
+    return Path(os.path.relpath(urdf.path.resolve(), file.resolve().parent)).as_posix()
+
+
+def _flange(source: str, skeleton: Skeleton, arm: Arm, hand: Hand) -> str:
+    """The fixed joint nearest to the hand's palm, behind the last joint of the arm."""
+    names = skeleton.joints_to(hand.palm)
+    last = names.index(arm.joints[-1]) if arm.joints[-1] in names else -1
+    fixed = [name for name in names[last + 1 :] if skeleton.joints[name].type == "fixed"]
+    if last < 0 or not fixed:
+        raise Unsuitable(
+            source,
+            f"a hand {hand.palm!r} that is one link with the end of the arm",
+            "a fixed joint between arm and hand, where a wrist sensor measures what is held",
+            f"split {hand.palm!r} in the URDF: arm's flange, fixed joint, hand",
+        )
+    return fixed[-1]
+
+
+def _behind(skeleton: Skeleton, flange: str, hand: Hand) -> tuple[str, ...]:
+    """Links of the hand that no finger joint moves."""
+    first = skeleton.joints[flange].child
+    moved: set[str] = set()
+    for name in hand.joints:
+        moved.update(skeleton.below(skeleton.joints[name].child))
+    return tuple(link for link in skeleton.below(first) if link not in moved)
+
+
+def _rotors(
+    root: ElementTree.Element,
+    skeleton: Skeleton,
+    meter: GripperMeter,
+    solids: Mapping[str, Solid],
+    known: Mapping[str, LinkInertia],
+) -> dict[str, LinkInertia]:
+    """What a linkage's motor adds to its links, where they turn more easily than that."""
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    found: dict[str, LinkInertia] = {}
+    for name in meter.ratios:
+        link = skeleton.joints[name].child
+        given = known.get(link) or read_inertia(links[link])
+        if given is not None and min(given.moments) < ROTOR and skeleton.joints[name].type != "prismatic":
+            x, y, z = (max(m, ROTOR) for m in given.moments)
+            found[link] = LinkInertia(given.mass, given.com, (x, y, z), (0.0, 0.0, 0.0))
+    return found
+
+
+def _middle(draft: Draft) -> NamedPose:
+    """As near to 0 as the limits let: to read the file before poses are known."""
+    joints = tuple(min(max(0.0, j.lower), j.upper) for j in draft.limits)
+    return NamedPose("home", joints, "")
+
+
+def _parsed(text: str, wish: Wish) -> RobotDescription:
+    try:
+        return parse_robot(text, wish.file)
+    except FileError as error:
+        told = "; ".join(fault.message for fault in error.faults[:3])
+        raise Unsuitable(
+            wish.urdf,
+            f"an arm and a gripper, but the robot file made of them is refused: {told}",
+            "a URDF that the checker takes",
+            "mend what it says in a copy of the URDF",
+        ) from None
+
+
+def _sampled(model: RobotModel, draft: Draft, wish: Wish) -> SelfCollision:
+    geometry = pin.GeometryModel()
+    for piece in robot_geometry(model):
+        geometry.addGeometryObject(piece)
+    skeleton = read_skeleton(Path(model.description.urdf))
+    hand = frozenset(skeleton.below(skeleton.joints[draft.flange_joint].child))
+    names = [model.full.frames[o.parentFrame].name for o in geometry.geometryObjects]
+    pairs = {frozenset((a, b)) for a in names for b in names if a != b}
+    widest = model.description.gripper.max_width
+
+    def draw(generator: np.random.Generator) -> Array:
+        q = generator.uniform(model.lower, model.upper)
+        return model.full_q(q, float(generator.uniform(0.0, widest)))
+
+    middle = (model.lower + model.upper) / 2
+    near = {pair for pair in pairs if _joints_between(skeleton, pair) <= 2}
+    return sample(
+        Question(
+            model.full,
+            geometry,
+            draw,
+            frozenset(pair for pair in pairs if _adjacent(skeleton, pair, frozenset(names))),
+            model.full_q(middle, widest),
+            frozenset(pair for pair in pairs if pair <= hand),
+            frozenset(near),
+        ),
+        wish.samples,
+        wish.seed,
+    )
+
+
+def _joints_between(skeleton: Skeleton, pair: frozenset[str]) -> int:
+    """Joints that move between two links of one chain; many where they are on different branches."""
+    one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
+    between = skeleton.joints_to(other)[len(skeleton.joints_to(one)) :]
+    if skeleton.joints_to(other)[: len(skeleton.joints_to(one))] != skeleton.joints_to(one):
+        return len(skeleton.joints)
+    return sum(skeleton.joints[name].type in MOVING for name in between)
+
+
+def _adjacent(skeleton: Skeleton, pair: frozenset[str], solid: frozenset[str]) -> bool:
+    """Whether one joint that moves is between two links, and no other link with geometry."""
+    one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
+    between = skeleton.joints_to(other)[len(skeleton.joints_to(one)) :]
+    if skeleton.joints_to(other)[: len(skeleton.joints_to(one))] != skeleton.joints_to(one):
+        return False
+    moving = sum(skeleton.joints[name].type in MOVING for name in between)
+    passed = [skeleton.joints[name].child for name in between[:-1]]
+    return moving == 1 and not any(link in solid for link in passed)

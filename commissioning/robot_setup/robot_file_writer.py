@@ -1,0 +1,213 @@
+"""A draft as a robot file, with comments that say where everything comes from."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+
+from ...robots.gripper_mounting import LinkInertia
+from ...robots.rpy import rpy_of
+from ...world.shapes import Box
+from ...world.values import Pose
+from .draft import Draft
+from .joint_limits import SHARE
+from .self_collision import MARGIN, OFTEN, REASONS, SelfCollision
+
+_WHY = {
+    "adjacent": "Adjacent: one joint between them, they may touch.",
+    "default": "Default: two joints between them, and they touch with all joints in mid-range.",
+    "always": f"Always in collision: in more than {100 * OFTEN:.0f} % of the samples.",
+    "never": "Never in collision in any sample.",
+}
+
+
+def written(draft: Draft) -> str:
+    """The text of the file; every number is given with enough digits to be read back as it was."""
+    return "\n".join(_lines(draft)) + "\n"
+
+
+def _lines(draft: Draft) -> Iterator[str]:
+    arm, hand = draft.arm, draft.hand
+    yield "picktree: 1"
+    yield "kind: robot"
+    yield ""
+    yield '# Proposed by `picktree robot new`: look through it, above all at what says "see the data sheet".'
+    yield f"# The arm: {len(arm.joints)} joints, {arm.joints[0]} to {arm.joints[-1]}. The hand: {hand.palm}."
+    for note in draft.notes:
+        yield f"# Note: {note}."
+    yield f"urdf: {_word(draft.urdf)}"
+    if draft.mounting is not None:
+        mounting = draft.mounting
+        yield "mount:                     # the gripper, from another URDF"
+        yield f"  urdf: {_word(draft.gripper_urdf)}"
+        yield f"  link: {_word(mounting.link)}"
+        yield f"  to: {_word(mounting.to)}"
+        yield f"  {_frame(mounting.pose, spread='  ')}"
+        yield f"  joint: {_word(mounting.joint)}"
+        if mounting.prefix:
+            yield f"  prefix: {_word(mounting.prefix)}"
+    yield from _inertias(draft)
+    yield ""
+    yield "# Where the foot stands in the world; scenes have the table at z = 0."
+    yield "base: {at: [0, 0, 0]}"
+    yield ""
+    yield "# Accelerations are estimated: at most what the torque left by gravity, times"
+    yield f"# {SHARE:g}, gives the largest inertia that the joint sees. See the data sheet."
+    yield "joints:"
+    common = {limit.comment for limit in draft.limits}
+    if len(common) == 1:
+        yield f"  # Angles: {common.pop()}."
+    for limit in draft.limits:
+        yield (
+            f"  {_word(limit.name)}: {{lower: {_n(limit.lower)}, upper: {_n(limit.upper)}, "
+            f"velocity: {_n(limit.velocity)}, acceleration: {_n(limit.acceleration)}, "
+            f"torque: {_n(limit.torque or 1.0)}}}"
+        )
+        if common:
+            yield f"    # {limit.comment}"
+    yield ""
+    yield "poses:"
+    for pose in draft.poses:
+        if pose.comment:
+            yield f"  # {pose.comment}"
+        yield f"  {pose.name}: [{', '.join(_n(v) for v in pose.joints)}]"
+    yield ""
+    yield from _gripper(draft)
+    yield from _pairs(draft.collision)
+
+
+def _inertias(draft: Draft) -> Iterator[str]:
+    told = {finding.link: finding for finding in draft.findings}
+    for finding in draft.findings:
+        if finding.instead is None:
+            yield f"# Look at {finding.link}: {finding.sentence}."
+    if not draft.inertias:
+        return
+    yield ""
+    yield "# Instead of what the URDF says of these links:"
+    yield "inertias:"
+    for link, inertia in draft.inertias.items():
+        if link in told and told[link].instead is not None:
+            yield f"  # {link}: {told[link].sentence}."
+        else:
+            yield f"  # {link}: heavier to turn, by what the motor's rotor adds through its gear."
+        yield from _inertia(link, inertia)
+
+
+def _inertia(link: str, inertia: LinkInertia) -> Iterator[str]:
+    yield f"  {_word(link)}:"
+    yield f"    mass: {_n(inertia.mass)}"
+    yield f"    at: {_list(inertia.com)}"
+    yield f"    moments: {_list(inertia.moments)}"
+    if any(inertia.products):
+        yield f"    products: {_list(inertia.products)}"
+
+
+def _gripper(draft: Draft) -> Iterator[str]:
+    g = draft.gripper
+    yield f"# {g.tcp_comment}."
+    yield "# z points out of the hand, the fingers move along y."
+    yield f"tcp: {{link: {_word(draft.hand.palm)}, {_frame(g.tcp_in_palm)}}}"
+    yield f"flange_joint: {_word(draft.flange_joint)}   # where the wrist sensor sits"
+    yield ""
+    yield "gripper:"
+    if g.sliders is not None:
+        yield f"  joints: [{_word(g.sliders[0])}, {_word(g.sliders[1])}]"
+    else:
+        yield "  linkage:"
+        yield f"    drive: {_word(g.drive)}"
+        yield f"    opened: {_n(g.opened)}"
+        yield f"    closed: {_n(g.closed)}"
+        yield "    followers:"
+        for name, by in g.followers.items():
+            yield f"      {_word(name)}: {_n(by)}"
+        if g.offsets:
+            yield "    offsets:"
+            for name, offset in g.offsets.items():
+                yield f"      {_word(name)}: {_n(offset)}"
+    yield f"  links: [{_word(g.links[0])}, {_word(g.links[1])}]"
+    if g.sliders is not None:
+        yield f"  max_width: {_mm(g.max_width)}"
+    else:
+        yield f"  # It opens {1000 * g.max_width:.0f} mm: computed from the pads."
+    yield f"  max_force: {_n(round(g.max_force, 1))} N          # {g.force_comment}"
+    yield f"  speed: {_mm(g.speed)}/s         # each finger, from the URDF"
+    if g.sliders is not None:
+        yield "  gear: -1"
+    yield f"  tip: {_mm(g.tip)}"
+    yield f"  palm: {_mm(g.palm)}"
+    yield "  pads:                    # Measured on the meshes: the level faces that look at each other."
+    for box, pose in g.pads:
+        yield f"    - {_box(box, pose)}"
+    yield "  hand:                    # From the palm up."
+    for box, pose in g.hand:
+        yield f"    - {_box(box, pose)}"
+    yield f"  finger: {_box(*g.finger)}"
+
+
+def _pairs(found: SelfCollision | None) -> Iterator[str]:
+    if found is None:
+        return
+    yield ""
+    yield f"# Self-collision, from {found.samples:,} configurations drawn evenly within the limits. Links"
+    yield f"# nearer than {1000 * MARGIN:g} mm count as colliding; behind a pair, in how many samples."
+    yield "disabled_pairs:"
+    if not found.disabled:
+        yield "  []"
+    for reason in REASONS:
+        chosen = [pair for pair in found.disabled if pair.reason == reason]
+        if not chosen:
+            continue
+        yield f"  # {_WHY[reason]}"
+        for pair in chosen:
+            count = f"   # {pair.collisions:,}" if pair.collisions else ""
+            yield f"  - [{_word(pair.first)}, {_word(pair.second)}]{count}"
+    yield ""
+    yield f"# Checked, because they collide in some samples ({found.free:,} samples are free):"
+    for first, second, count in found.checked:
+        yield f"#   {first} and {second}: {count:,}"
+
+
+def _box(box: Box, pose: Pose) -> str:
+    size = ", ".join(_mm(max(s, 1e-4)) for s in box.size)
+    return f"{{box: [{size}], {_frame(pose)}}}"
+
+
+def _frame(pose: Pose, spread: str = "") -> str:
+    """`at: …, rpy: …`, without what is 0; on two lines when `spread` is an indent."""
+    at = f"at: [{', '.join(_mm(c) for c in pose.position)}]"
+    rpy = [0.0 if abs(a) < 1e-7 else a for a in rpy_of(pose)]
+    if not any(rpy):
+        return at
+    turned = f"rpy: [{', '.join(_angle(a) for a in rpy)}]"
+    return f"{at}\n{spread}{turned}" if spread else f"{at}, {turned}"
+
+
+def _angle(rad: float) -> str:
+    quarters = rad / (math.pi / 4)
+    if abs(quarters - round(quarters)) < 1e-6:
+        return "0" if round(quarters) == 0 else f"{45 * round(quarters)} deg"
+    return _n(rad)
+
+
+def _mm(metres: float) -> str:
+    number = f"{1000 * metres:.2f}".rstrip("0").rstrip(".")
+    return "0" if number in ("0", "-0") else f"{number} mm"
+
+
+def _n(number: float) -> str:
+    text = f"{number:.6g}"
+    return "0" if text == "-0" else text
+
+
+def _list(numbers: Sequence[float]) -> str:
+    return f"[{', '.join(map(_n, numbers))}]"
+
+
+def _word(text: str) -> str:
+    """A string as YAML reads it back: plain where that is safe."""
+    plain = text.replace("_", "").replace(":", "").replace("/", "").replace(".", "").replace("-", "")
+    safe = plain.isascii() and plain.isalnum() and text[0].isalpha() and ": " not in text
+    keyword = text.lower() in ("true", "false", "null", "yes", "no", "on", "off", "y", "n")
+    return text if safe and not keyword and not text.endswith(":") else json.dumps(text)

@@ -1,0 +1,150 @@
+"""Which pairs of links need checking: adjacent ones never, those that always or never meet neither.
+
+As MoveIt's Setup Assistant does it: configurations are drawn evenly within the joints' limits, and each pair
+of links is counted as colliding or not. Coleman et al., "Reducing the Barrier to Entry of Complex Robotic
+Software: a MoveIt! Case Study", 2014.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+
+from ...world.values import Array
+
+SAMPLES = 10_000
+MARGIN = 0.005
+"""Links that come nearer than that count as colliding: the planner keeps such a distance, m."""
+OFTEN = 0.95
+"""A pair that collides in more than this share of the samples always does, as MoveIt counts it."""
+
+Reason = Literal["adjacent", "default", "always", "never"]
+REASONS: tuple[Reason, ...] = ("adjacent", "default", "always", "never")
+
+
+@dataclass(frozen=True, slots=True)
+class LinkPair:
+    """Two links that need no check, why, and in how many of the samples they collided."""
+
+    first: str
+    second: str
+    reason: Reason
+    collisions: int
+
+
+@dataclass(frozen=True, slots=True)
+class SelfCollision:
+    """What was found of all pairs of links that have geometry and move against each other."""
+
+    samples: int
+    disabled: tuple[LinkPair, ...]
+    """In the order of the links."""
+    checked: tuple[tuple[str, str, int], ...]
+    """Pairs that sometimes collide: two links, in how many samples."""
+    free: int
+    """Samples in which no pair that stays checked collides."""
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What is sampled. `draw` gives one configuration of the model from a generator's number in [0, 1)^k."""
+
+    model: pin.Model
+    geometry: pin.GeometryModel
+    """Hulls of all links; its collision pairs are replaced."""
+    draw: Callable[[np.random.Generator], Array]
+    neighbours: frozenset[frozenset[str]]
+    """Links that are joined by one joint."""
+    rest: Array
+    """The configuration in which nothing should collide: neighbours that do are `default`."""
+    unchecked: frozenset[frozenset[str]] = frozenset()
+    """Pairs that nobody checks anyway, as those within a gripper."""
+    near: frozenset[frozenset[str]] = frozenset()
+    """Pairs that may be `default`: other ones that collide at `rest` do so in earnest."""
+
+
+def sample(question: Question, samples: int = SAMPLES, seed: int = 0) -> SelfCollision:
+    """The same for the same question and seed, in any process."""
+    model, geometry = question.model, question.geometry
+    names = [model.frames[o.parentFrame].name for o in geometry.geometryObjects]
+    pairs = _pairs(geometry, names, question)
+    chosen = np.zeros((len(names), len(names)), dtype=np.bool_)
+    for i, j in pairs:
+        chosen[i, j] = True
+    geometry.setCollisionPairs(chosen)
+    listed = [(pair.first, pair.second) for pair in geometry.collisionPairs]
+    data, geometry_data = model.createData(), pin.GeometryData(geometry)
+    for request in geometry_data.collisionRequests:
+        request.security_margin = MARGIN
+        request.enable_contact = False
+        with warnings.catch_warnings():
+            # What is said to replace the old switch does not switch this off.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            request.enable_cached_gjk_guess = False
+
+    def colliding(q: Array) -> set[frozenset[str]]:
+        pin.updateGeometryPlacements(model, data, geometry, geometry_data, q)
+        return {
+            frozenset((names[i], names[j]))
+            for k, (i, j) in enumerate(listed)
+            if pin.computeCollision(geometry, geometry_data, k)
+        }
+
+    generator = np.random.default_rng([seed, 0])
+    at_rest = colliding(question.rest)
+    found = [frozenset(colliding(question.draw(generator))) for _ in range(samples)]
+    counts: dict[frozenset[str], int] = {frozenset((names[i], names[j])): 0 for i, j in listed}
+    for each in found:
+        for pair in each:
+            counts[pair] += 1
+    order = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    disabled: list[LinkPair] = []
+    checked: list[tuple[str, str, int]] = []
+    for pair in sorted(counts, key=lambda pair: sorted(order[name] for name in pair)):
+        first, second = sorted(pair, key=lambda name: order[name])
+        reason = _reason(pair, counts[pair], samples, question.neighbours, at_rest & question.near)
+        if reason is None:
+            checked.append((first, second, counts[pair]))
+        else:
+            disabled.append(LinkPair(first, second, reason, counts[pair]))
+    kept = {frozenset((first, second)) for first, second, _ in checked}
+    free = sum(1 for each in found if not each & kept)
+    return SelfCollision(samples, tuple(disabled), tuple(checked), free)
+
+
+def _pairs(geometry: pin.GeometryModel, names: Sequence[str], question: Question) -> list[tuple[int, int]]:
+    objects = list(geometry.geometryObjects)
+    return [
+        (i, j)
+        for i, a in enumerate(objects)
+        for j, b in enumerate(objects[i + 1 :], i + 1)
+        if a.parentJoint != b.parentJoint
+        and names[i] != names[j]
+        and frozenset((names[i], names[j])) not in question.unchecked
+    ]
+
+
+def _reason(
+    pair: frozenset[str],
+    count: int,
+    samples: int,
+    neighbours: frozenset[frozenset[str]],
+    at_rest: set[frozenset[str]],
+) -> Reason | None:
+    if pair in neighbours:
+        return "adjacent"
+    if count > OFTEN * samples:
+        return "always"
+    if pair in at_rest:
+        return "default"
+    return "never" if count == 0 else None
+
+
+def summary(found: SelfCollision) -> Mapping[Reason, int]:
+    """How many pairs are left out for which reason."""
+    return {reason: sum(pair.reason == reason for pair in found.disabled) for reason in REASONS}

@@ -1,0 +1,135 @@
+"""What there is to tell of a robot file: of a new one, and of any."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+from ...robots.description import RobotDescription
+from ...robots.model import RobotModel
+from .proposal import Proposal
+from .self_collision import REASONS
+
+
+@dataclass(frozen=True, slots=True)
+class JointLine:
+    """rad, rad/s, rad/s², Nm"""
+
+    name: str
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    torque: float
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSummary:
+    """The answer of `picktree robot show`, and of `new` with what was found on the way."""
+
+    name: str
+    file: str
+    urdf: str
+    joints: tuple[JointLine, ...]
+    hand: str
+    opening: float
+    """m"""
+    grip_force: float
+    """N"""
+    hand_mass: float
+    """kg, of all beyond the flange"""
+    tcp_at_home: tuple[float, float, float]
+    """In the world, m."""
+    poses: tuple[str, ...]
+    unchecked_pairs: int
+    samples: int = 0
+    """Of self-collision; 0 where nothing was sampled."""
+    unchecked: tuple[tuple[str, int], ...] = ()
+    """How many pairs are not checked, by reason."""
+    checked_pairs: int = 0
+    findings: tuple[str, ...] = ()
+    picture: str = ""
+
+    def to_text(self) -> str:
+        lines = [f"{self.name}: an arm of {len(self.joints)} joints, {self.file}", f"urdf        {self.urdf}"]
+        width = max(len(joint.name) for joint in self.joints)
+        for k, joint in enumerate(self.joints):
+            head = "joints" if k == 0 else ""
+            lines.append(
+                f"{head:<12}{joint.name:<{width}}  {joint.lower:+.2f} … {joint.upper:+.2f} rad, "
+                f"{joint.velocity:.2f} rad/s, {joint.acceleration:g} rad/s², {joint.torque:g} Nm"
+            )
+        x, y, z = self.tcp_at_home
+        lines.append(
+            f"gripper     {self.hand}: opens {1000 * self.opening:.0f} mm, presses {self.grip_force:.0f} N, "
+            f"weighs {self.hand_mass:.2f} kg"
+        )
+        lines.append(
+            f"poses       {', '.join(self.poses)}; at home the tool is at {x:.2f}, {y:.2f}, {z:.2f} m"
+        )
+        if self.samples:
+            counts = ", ".join(f"{count} {reason}" for reason, count in self.unchecked if count)
+            lines.append(
+                f"collision   {self.checked_pairs} pairs of links checked, {self.unchecked_pairs} not "
+                f"({counts}), by {self.samples:,} samples"
+            )
+        else:
+            lines.append(f"collision   {self.unchecked_pairs} pairs of links are not checked")
+        for k, finding in enumerate(self.findings):
+            lines.append(f"{'look at' if k == 0 else '':<12}{finding}")
+        if self.picture:
+            lines.append(f"picture     {self.picture}")
+        return "\n".join(lines)
+
+    def to_json_text(self) -> str:
+        return json.dumps(asdict(self), ensure_ascii=False)
+
+
+def summary_of(robot: RobotDescription) -> RobotSummary:
+    """Of a robot file as it stands."""
+    model = RobotModel(robot)
+    return RobotSummary(
+        robot.name,
+        robot.source,
+        robot.urdf,
+        tuple(
+            JointLine(name, j.lower, j.upper, j.velocity, j.acceleration, j.torque)
+            for name, j in zip(robot.joints, robot.limits, strict=True)
+        ),
+        robot.tcp_link,
+        robot.gripper.max_width,
+        robot.gripper.max_force,
+        model.hand_mass,
+        model.tcp(model.named("home")).position,
+        tuple(robot.named),
+        len(robot.disabled_pairs),
+    )
+
+
+def summary_of_new(proposal: Proposal, picture: str) -> RobotSummary:
+    """Of a proposal, with what its reader should look at."""
+    plain = summary_of(proposal.robot)
+    draft = proposal.draft
+    findings = [f"{f.link}: {f.sentence}" for f in draft.findings]
+    findings += draft.notes
+    if draft.gripper.max_force and "not believed" in draft.gripper.force_comment:
+        findings.append(f"max_force: {draft.gripper.force_comment}")
+    collision = draft.collision
+    return RobotSummary(
+        plain.name,
+        plain.file,
+        plain.urdf,
+        plain.joints,
+        plain.hand,
+        plain.opening,
+        plain.grip_force,
+        plain.hand_mass,
+        plain.tcp_at_home,
+        plain.poses,
+        plain.unchecked_pairs,
+        collision.samples if collision else 0,
+        tuple((r, sum(p.reason == r for p in collision.disabled)) for r in REASONS) if collision else (),
+        len(collision.checked) if collision else 0,
+        tuple(findings),
+        picture,
+    )

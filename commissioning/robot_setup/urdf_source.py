@@ -1,0 +1,83 @@
+"""Which URDF is meant, and whether it is one."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...errors import PicktreeError
+from ...files.shipped_files import is_file
+from ...files.yaml.bounded_open import Unreadable, read_bytes
+from ...robots.gripper_mounting import NamedUrdf
+from ...robots.mesh_files import package_folder
+from ...robots.urdf_tree import MAX_BYTES, Skeleton, UrdfError, read_skeleton
+from .unsuitable import Unsuitable
+
+_TEMPLATE = re.compile(rb"<xacro:\w|\$\{|\$\((?:arg|find|optenv|env|eval) ")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A URDF as it was named on the command line, found and read."""
+
+    text: str
+    """As given: a path, or `package:path`."""
+    urdf: NamedUrdf
+    skeleton: Skeleton
+
+
+def find_source(text: str) -> Source:
+    """Raises PicktreeError when there is no such file, Unsuitable when it is no URDF."""
+    named = _named(text)
+    refuse_template(text, named.path)
+    try:
+        return Source(text, named, read_skeleton(named.path))
+    except UrdfError as error:
+        raise Unsuitable(
+            text,
+            f"a file that cannot be read as a URDF: {error}",
+            "an XML file <robot name=…> with <link> and <joint> elements that form one tree",
+            "`check_urdf FILE` of liburdfdom-tools tells more about a URDF",
+        ) from None
+
+
+def refuse_template(text: str, path: Path) -> None:
+    """Raises Unsuitable, with the command that expands it, when the file is a xacro template."""
+    try:
+        raw = read_bytes(path, MAX_BYTES)
+    except Unreadable as error:
+        raise PicktreeError(f"{text}: {error}") from None
+    if path.suffix == ".xacro" or _TEMPLATE.search(_without_comments(raw)):
+        target = f"{path.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
+        raise Unsuitable(
+            text,
+            "a xacro template, from which a URDF is made",
+            "the URDF itself",
+            f"`pip install xacro`, then `xacro {path} > {target}`, and take {target}",
+        )
+
+
+def _without_comments(raw: bytes) -> bytes:
+    return re.sub(rb"<!--.*?-->", b"", raw, flags=re.DOTALL)
+
+
+def _named(text: str) -> NamedUrdf:
+    package, colon, inside = text.partition(":")
+    if colon and not is_file(Path(text)):
+        folder = package_folder(package)
+        if folder is None:
+            raise PicktreeError(
+                f"{text}: there is no installed package {package!r}; write a path, or package:path inside an "
+                "installed Python package"
+            )
+        path = folder / inside
+        if not path.resolve().is_relative_to(folder.resolve()):
+            raise PicktreeError(f"{text}: that is outside of the package {package!r}")
+        if not is_file(path):
+            raise PicktreeError(f"{text}: there is no file {path}")
+        return NamedUrdf(path, package, folder)
+    path = Path(text)
+    if not is_file(path):
+        raise PicktreeError(f"there is no file {text}")
+    return NamedUrdf(path)

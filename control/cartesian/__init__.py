@@ -1,0 +1,1 @@
+"""Cartesian controllers: impedance and velocity."""

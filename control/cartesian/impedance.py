@@ -1,0 +1,174 @@
+"""Cartesian impedance: the tool as a damped spring about a moving anchor (Hogan 1985; Ott 2008)."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from ...robots.model import RobotModel
+from ...world.values import Array, JointState
+from ..commands import Controller, JointCommand, TorqueCommand
+from ..joints.joint_controllers import Brake
+from ..wrist.tool_wrench import Feeling
+from .anchor_courses import Course, Felt, Stay
+from .soft_limits import JointBounds
+from .stiffness import FIRM, SOFT, Stiffness
+
+REFRESH = 0.05
+"""Time between two computations of what depends on the inertia, s."""
+JOINT_SPEED = 0.4
+"""Share of the joints' speed limits that following the anchor may take."""
+TORQUE_RATE = 1000.0
+"""Nm/s"""
+LIMIT_ROOM = 0.2
+"""The posture keeps so far from the joints' limits, rad, where the task leaves it room."""
+BESIDE, TURNED = 0.004, 0.03
+"""Where a joint is at its limit and the tool is so far beside its line or turned away, it goes no further: m,
+rad."""
+POSTURE = 25.0
+"""Stiffness of the null-space posture over inertia, 1/s²; critically damped."""
+
+
+COMPLY_TIME = 0.3
+"""Length of the reflex to a contact, s."""
+
+
+class CartesianImpedance:
+    """τ = Jᵀ(K e + D ė + Λ ẍ + f) + N M (posture) + bias(q, v), limited in size and rate.
+
+    K and D: see `Stiffness`; Λ is the tool's inertia. `preload`
+    (6,): a constant wrench f that the hand exerts, such as what carries a held object; world axes, about
+    the TCP. Joints keep their soft limits (`JointBounds`), and the anchor slows down for them.
+    """
+
+    name: ClassVar[str] = "CartesianImpedance"
+
+    def __init__(
+        self,
+        model: RobotModel,
+        period: float,
+        course: Course,
+        stiffness: Stiffness = FIRM,
+        preload: Array | None = None,
+        torque_rate: float = TORQUE_RATE,
+        feeling: Feeling | None = None,
+    ) -> None:
+        """`feeling`: what the course is told of contacts; without it nothing."""
+        self._model = model
+        self._period = period
+        self.course = course
+        self._stiffness = stiffness
+        self._feeling = feeling
+        self._elapsed = 0.0
+        self._preload: Array = np.zeros(6) if preload is None else preload
+        self._data = model.arm.createData()
+        self._error = np.zeros(6)
+        self._aim = np.zeros(6)
+        self._step: float = torque_rate * period
+        self._age = 0.0
+        self._bounds = JointBounds(model)
+        self.blocked_by = ""
+        """The joint whose limit has stopped the anchor."""
+        self.done = False
+
+    def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
+        q = state.position
+        inner = np.minimum(LIMIT_ROOM, (self._model.upper - self._model.lower) / 2)
+        self._posture: Array = np.clip(q, self._model.lower + inner, self._model.upper - inner)
+        pin.computeJointJacobians(self._model.arm, self._data, q)
+        jacobian = self._jacobian()
+        tool = pin.updateFramePlacement(self._model.arm, self._data, self._model.tcp_frame)
+        self.course.start(tool.translation.copy(), tool.rotation.copy())
+        self._torque: Array = self._model.gravity(q) + jacobian.T @ self._preload
+        self._refresh(q, jacobian, tool.rotation)
+
+    def update(self, now: float, state: JointState) -> TorqueCommand:
+        q, v = state.position, state.velocity
+        arm, data, model, course = self._model.arm, self._data, self._model, self.course
+        pin.computeJointJacobians(arm, data, q)
+        jacobian = self._jacobian()
+        tool = pin.updateFramePlacement(arm, data, model.tcp_frame)
+        position, rotation = tool.translation, tool.rotation
+        course.advance(self._felt(position, rotation))
+        error, aim = self._error, self._aim
+        error[:3] = course.position - position
+        turn = course.rotation @ rotation.T
+        error[3] = 0.5 * (turn[2, 1] - turn[1, 2])
+        error[4] = 0.5 * (turn[0, 2] - turn[2, 0])
+        error[5] = 0.5 * (turn[1, 0] - turn[0, 1])
+        aim[:3], aim[3:] = course.velocity, course.spin
+        self._age += self._period
+        if self._age >= REFRESH - 1e-9:
+            self._refresh(q, jacobian, rotation)
+        wrench = self._spring @ error + self._damping @ (aim - jacobian @ v) + self._preload + course.wrench
+        wrench += self._along @ course.acceleration
+        posture = self._null @ (POSTURE * (self._posture - q) - (2.0 * math.sqrt(POSTURE)) * v)
+        torque = jacobian.T @ wrench + posture + pin.nonLinearEffects(arm, data, q, v)
+        torque = np.minimum(np.maximum(torque, self._torque - self._step), self._torque + self._step)
+        torque = np.minimum(np.maximum(torque, -model.torque_limit), model.torque_limit)
+        self._torque = self._bounds.held(q, v, torque)
+        return TorqueCommand(self._torque)
+
+    def brake(self) -> Controller:
+        return Brake(self._model, self._period)
+
+    def _jacobian(self) -> Array:
+        return pin.getFrameJacobian(
+            self._model.arm, self._data, self._model.tcp_frame, pin.LOCAL_WORLD_ALIGNED
+        )
+
+    def _felt(self, position: Array, rotation: Array) -> Felt:
+        self._elapsed += self._period
+        force = torque = np.zeros(3)
+        if self._feeling is not None:
+            force, torque = self._feeling.read(rotation)
+        return Felt(self._elapsed, self._period, force, torque, position.copy(), rotation.copy())
+
+    def _strayed(self) -> bool:
+        """Whether the tool is beside the line of its anchor, or turned: contacts push it along the line."""
+        direction, off = self.course.direction, self._error[:3]
+        beside = off - direction * float(direction @ off)
+        return float(beside @ beside) > BESIDE**2 or float(self._error[3:] @ self._error[3:]) > TURNED**2
+
+    def _refresh(self, q: Array, jacobian: Array, rotation: Array) -> None:
+        """Spring, damping and null-space projector at q, the tool being turned by (3, 3)."""
+        self._age = 0.0
+        mass = self._model.mass_matrix(q)
+        by_mass = np.linalg.solve(mass, jacobian.T)
+        inertia = np.linalg.inv(jacobian @ by_mass + 1e-6 * np.eye(6))
+        inertia = (inertia + inertia.T) / 2
+        self._along: Array = inertia[:, :3]
+        speed = self._bounds.target_speed(q, mass, jacobian, self.course.direction, JOINT_SPEED)
+        self.course.limit(speed.most)
+        led = bool(self.course.direction.any())
+        self.blocked_by = speed.blocked_by or (self._bounds.at_limit(q) if led and self._strayed() else "")
+        self._spring: Array = self._stiffness.matrix(rotation)
+        self._damping: Array = self._stiffness.damping_matrix(inertia, rotation)
+        self._null: Array = mass - jacobian.T @ inertia @ jacobian
+
+
+class Comply(CartesianImpedance):
+    """The reflex to a contact: soft and damped about the pose where it was felt, for a moment.
+
+    The stiff servo would go on pressing (165 N at 0.5 mm) while it brakes.
+    """
+
+    name: ClassVar[str] = "Comply"
+
+    def __init__(self, model: RobotModel, period: float, preload: Array) -> None:
+        super().__init__(model, period, Stay(), SOFT, preload, torque_rate=math.inf)
+        self._until = math.inf
+
+    def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
+        super().start(now, state, setpoint)
+        self._until = now + COMPLY_TIME
+
+    def update(self, now: float, state: JointState) -> TorqueCommand:
+        self.done = now >= self._until
+        return super().update(now, state)
+
+    def brake(self) -> Controller:
+        return self

@@ -1,0 +1,141 @@
+"""Soft limits where no plan has seen to them: joints under torque control, the tool on a straight line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...robots.model import RobotModel
+from ...world.values import Array, Bounds, Vector3
+
+ROOM = 0.005
+"""A joint under torque control stops so far before its soft limit, rad."""
+BRAKING = 0.5
+"""Share of the acceleration limit that stopping before a limit counts on: gravity and contact take some."""
+CALM = 0.7
+"""Share of the speed from which it can stop up to which a joint is left alone."""
+RESPONSE = 0.02
+"""Time in which a joint that is faster than it may be is brought back to that, s."""
+RETURN = 0.1
+"""Time in which a joint that is beyond its limit comes back, s."""
+APPROACH = 0.25
+"""A target drives a joint towards its limit no faster than the room that is left in this time, s."""
+STUCK = 1e-3
+"""Speed of a target below which a joint at its limit has ended the motion, m/s."""
+STRAY = 0.05
+"""Greatest deviation of a motion that does without a joint, as a share of its speed (rad/s count as m/s)."""
+INSIDE = 0.002
+"""A straight line ends so far before the edge of the workspace, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class TargetSpeed:
+    """How fast the target of a Cartesian motion may go, m/s, and the joint at its limit that ends it."""
+
+    most: float
+    blocked_by: str
+
+
+class JointBounds:
+    """Keeps joints under torque control within their soft limits and speeds.
+
+    A joint may be as fast towards its limit as it can stop before it, v² = 2 a r; the acceleration that a
+    torque would cause is cut where it breaks that, and nothing else is changed. After Prete, "Joint position
+    and velocity bounds in discrete-time acceleration/torque control of robot manipulators", IEEE Robotics
+    and Automation Letters 3 (2018).
+    """
+
+    def __init__(self, model: RobotModel) -> None:
+        self._model = model
+        self._lower: Array = model.lower + ROOM
+        self._upper: Array = model.upper - ROOM
+        self._deceleration: Array = BRAKING * model.acceleration_limit
+        self._calm: Array = CALM * CALM * 2.0 * self._deceleration
+        self._slow: Array = CALM * model.velocity_limit
+
+    def held(self, q: Array, v: Array, torque: Array) -> Array:
+        """The torques (n,) that keep the limits, as near as can be to those that are wanted, Nm."""
+        room = np.minimum(self._upper - q, q - self._lower)
+        # What is far from its limits, whichever way it moves, needs no more than this.
+        if bool(((v * v < self._calm * room) & (np.abs(v) < self._slow)).all()):
+            return torque
+        up, down = self._fastest(self._upper - q), self._fastest(q - self._lower)
+        if bool((v < CALM * up).all() and (v > -CALM * down).all()):
+            return torque
+        model = self._model
+        mass, bias = model.mass_matrix(q), model.bias(q, v)
+        wanted: Array = np.asarray(np.linalg.solve(mass, torque - bias), np.float64)
+        slowing = self._deceleration
+        most = (up - v) / RESPONSE - slowing * np.clip(v / np.maximum(np.abs(up), 1e-3), 0.0, 1.0)
+        least = (-down - v) / RESPONSE - slowing * np.clip(v / np.maximum(np.abs(down), 1e-3), -1.0, 0.0)
+        cut = np.minimum(np.maximum(wanted, np.minimum(least, most)), np.maximum(most, least))
+        if np.array_equal(cut, wanted):
+            return torque
+        return np.clip(mass @ cut + bias, -model.torque_limit, model.torque_limit)
+
+    def target_speed(
+        self, q: Array, mass: Array, jacobian: Array, direction: Array, share: float
+    ) -> TargetSpeed:
+        """How fast a target may go along a unit vector (3,), the tool being pulled after it against the
+        inertia `mass` (n, n); `share` of the joints' speed limits is never exceeded.
+
+        A joint that comes to its limit stays there, and the motion counts on the others, as far as they can
+        do without it. After Flacco, De Luca and Khatib, "Control of redundant robots under hard joint
+        constraints: saturation in the null space", IEEE Transactions on Robotics 31 (2015).
+        """
+        free = np.ones(self._model.n, dtype=np.bool_)
+        fastest = share * self._model.velocity_limit
+        wanted = np.concatenate([direction, np.zeros(3)])
+        best, held = -1.0, -1
+        while True:
+            rates = _rates(mass, jacobian, direction, free)
+            if held >= 0 and float(np.abs(jacobian @ rates - wanted).max()) > STRAY:
+                break
+            room = np.maximum(np.where(rates > 0.0, self._upper - q, q - self._lower), 0.0)
+            speeds = np.minimum(fastest, room / APPROACH) / np.maximum(np.abs(rates), 1e-6)
+            k = int(speeds.argmin())
+            if float(speeds[k]) > best:
+                best, held = float(speeds[k]), k if room[k] / APPROACH < fastest[k] else -1
+            if room[k] / APPROACH >= fastest[k] or int(free.sum()) <= 6:
+                break
+            free[k] = False
+        blocked = held >= 0 and best < STUCK
+        return TargetSpeed(best, self._model.description.joints[held] if blocked else "")
+
+    def at_limit(self, q: Array) -> str:
+        """The joint that stands at its limit; empty when none does."""
+        room = np.minimum(self._upper - q, q - self._lower)
+        k = int(room.argmin())
+        return self._model.description.joints[k] if float(room[k]) < ROOM else ""
+
+    def _fastest(self, room: Array) -> Array:
+        """Speed (n,) towards a limit from which each joint can stop before it; beyond it: back, rad/s."""
+        inside = np.sqrt(2.0 * self._deceleration * np.maximum(room, 0.0))
+        return np.where(room > 0.0, np.minimum(inside, self._model.velocity_limit), room / RETURN)
+
+
+def _rates(mass: Array, jacobian: Array, direction: Array, free: NDArray[np.bool_]) -> Array:
+    """Joint speeds (n,), rad/s, when the free joints alone move the tool along (3,) at 1 m/s, unturned."""
+    some = jacobian[:, free]
+    by_mass: Array = np.asarray(np.linalg.solve(mass[np.ix_(free, free)], some.T), np.float64)
+    inertia = np.linalg.inv(some @ by_mass + 1e-6 * np.eye(6))
+    rates = np.zeros(len(free))
+    rates[free] = by_mass @ (inertia[:, :3] @ direction)
+    return rates
+
+
+def way_inside(workspace: Bounds, tool: Vector3, direction: Array) -> float:
+    """How far the tool may go from a point along a unit vector (3,) until it leaves the workspace, m.
+
+    A side beyond which it already is counts only for going further out: then the answer is 0.
+    """
+    way = math.inf
+    for low, at, high, along in zip(workspace.min, tool, workspace.max, direction.tolist(), strict=True):
+        if along > 1e-9:
+            way = min(way, max(0.0, high - INSIDE - at) / along)
+        elif along < -1e-9:
+            way = min(way, max(0.0, at - low - INSIDE) / -along)
+    return way

@@ -1,0 +1,1 @@
+"""Guarded moves and the search for holes by touch."""

@@ -1,0 +1,1 @@
+"""The control loop, and motions as generators on it."""

@@ -1,0 +1,181 @@
+"""Making contact: guarded moves and compliant courses, each from rest to rest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import TypeAlias, TypeVar
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.causes import Failure, control, safety
+from ...world.protocols import Clock
+from ...world.values import Array, Pose
+from ..cartesian.anchor_courses import Course
+from ..cartesian.impedance import CartesianImpedance
+from ..cartesian.soft_limits import way_inside
+from ..cartesian.stiffness import Stiffness
+from ..contact.guarded_move import GuardedCourse, GuardedResult
+from ..joints.joint_controllers import Hold
+from ..safety.motion_lease import Lease
+from ..wrist.tool_wrench import Feeling
+from .control_loop import ControlLoop
+
+T = TypeVar("T")
+Doing: TypeAlias = Generator[None, None, T]
+
+SLOWED = 4.0
+"""How much longer a guarded move may take near a singularity, where it goes slower."""
+ZERO_TIME = 0.05
+"""Of readings at rest that count as what is felt without a contact, s."""
+CONTACT_TIME = 1.5
+"""Longest wait for the arm to stand after a course, s."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Complied:
+    """How a compliant course ended."""
+
+    finished: bool
+    """By itself, and the tool stood then; else its time was over."""
+    pose: Pose
+    """TCP in the world where the arm came to rest."""
+    force: float
+    """Greatest contact force that was met, N."""
+    seconds: float
+    zero: Array
+    """(6,) what the wrist felt without a contact, world axes, about the sensor: for a course that begins
+    where this one has left the tool in contact."""
+
+
+class Touching:
+    """Moves the arm of a loop under Cartesian impedance; who calls holds the lease, and the arm rests."""
+
+    def __init__(self, loop: ControlLoop, model: RobotModel, clock: Clock) -> None:
+        self._loop = loop
+        self._model = model
+        self._clock = clock
+
+    def guarded(
+        self,
+        lease: Lease,
+        along: Array,
+        distance: float,
+        force: float,
+        speed: float,
+        press: float,
+        stiffness: Stiffness,
+        check: Callable[[Lease], None],
+    ) -> Doing[GuardedResult]:
+        """See `Motions.guarded`; `along` is a unit vector (3,)."""
+        loop = self._loop
+        yield from loop.settle()
+        check(lease)
+        inside = way_inside(loop.monitor.limits.workspace, loop.tcp.position, along)
+        if inside <= 0.0:
+            raise self._at_the_edge(along, 0.0, distance)
+        course = GuardedCourse(
+            along,
+            min(distance, inside),
+            force=force,
+            speed=speed,
+            press=press,
+            stiffness=stiffness.along(along, loop.tcp.rotation()),
+        )
+        begin = np.array(loop.tcp.position)
+        limit = SLOWED * distance / speed + speed + CONTACT_TIME
+        spring, _ = yield from self._follow(lease, course, limit, stiffness, None, check)
+        travelled = float(along @ (np.array(loop.tcp.position) - begin))
+        if not course.finished and spring.blocked_by:
+            raise Failure(
+                safety.JOINT_LIMIT,
+                f"{spring.blocked_by} comes to its limit after {travelled * 1000:.0f} mm of a guarded "
+                f"move of {distance * 1000:.0f} mm",
+                joint=spring.blocked_by,
+                travelled=travelled,
+            )
+        if course.finished and not course.contact and inside < distance:
+            raise self._at_the_edge(along, travelled, distance)
+        if not course.finished:
+            raise Failure(
+                control.TIMEOUT,
+                f"a guarded move of {distance * 1000:.0f} mm did not end in time",
+                force=course.pushed,
+            )
+        return GuardedResult(course.contact, travelled, course.pushed, loop.tcp)
+
+    def comply(
+        self,
+        lease: Lease,
+        course: Course,
+        limit: float,
+        stiffness: Stiffness,
+        zero: Array | None,
+        check: Callable[[Lease], None],
+    ) -> Doing[Complied]:
+        """See `Motions.comply`."""
+        if zero is None:
+            yield from self._loop.settle()
+            check(lease)
+        begun = self._clock.now
+        spring, zero = yield from self._follow(lease, course, limit, stiffness, zero, check)
+        if spring.blocked_by and not course.finished:
+            raise Failure(
+                safety.JOINT_LIMIT,
+                f"{spring.blocked_by} comes to its limit on a compliant course",
+                joint=spring.blocked_by,
+            )
+        return Complied(course.finished, self._loop.tcp, course.peak, self._clock.now - begun, zero)
+
+    def _follow(
+        self,
+        lease: Lease,
+        course: Course,
+        limit: float,
+        stiffness: Stiffness,
+        zero: Array | None,
+        check: Callable[[Lease], None],
+    ) -> Doing[tuple[CartesianImpedance, Array]]:
+        """Until the course is finished and the tool stands, its time is over, or a joint is at its limit;
+        then the arm is held where it is."""
+        loop, q = self._loop, self._loop.state.position
+        if zero is None:
+            zero = loop.wrist.over(ZERO_TIME, q)
+        feeling = Feeling(loop.wrist, self._model, q, zero, loop.period)
+        spring = CartesianImpedance(
+            self._model, loop.period, course, stiffness, self._carrying(zero), feeling=feeling
+        )
+        lease.run(spring)
+        until, stop = self._clock.now + limit, math.inf
+        while True:
+            yield
+            check(lease)
+            if course.finished:
+                stop = min(stop, self._clock.now + CONTACT_TIME)
+                if course.standing:
+                    break
+            if (spring.blocked_by and not course.finished) or self._clock.now > min(until, stop):
+                break
+        lease.run(Hold())
+        yield
+        check(lease)
+        return spring, zero
+
+    def _carrying(self, felt: Array) -> Array:
+        """Wrench (6,) about the TCP that balances what is felt at the wrist sensor's origin."""
+        q = self._loop.state.position
+        lever = np.array(self._model.flange(q).position) - np.array(self._model.tcp(q).position)
+        return -np.concatenate([felt[:3], felt[3:] + np.cross(lever, felt[:3])])
+
+    def _at_the_edge(self, along: Array, travelled: float, distance: float) -> Failure:
+        at = self._loop.tcp.position
+        return Failure(
+            safety.WORKSPACE,
+            f"a guarded move of {distance * 1000:.0f} mm comes to the edge of the workspace after "
+            f"{travelled * 1000:.0f} mm, without a contact",
+            travelled=travelled,
+            position=[round(c, 4) for c in at],
+            direction=[round(float(c), 3) for c in along],
+        )

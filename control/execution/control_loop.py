@@ -1,0 +1,506 @@
+"""The control loop: sensors → monitor → controller → command, each control period."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from ...errors import PicktreeError
+from ...robots.model import RobotModel
+from ...world.causes import Failure, control, safety
+from ...world.journal import Happened
+from ...world.protocols import Hardware
+from ...world.stopwatch import Stopwatch
+from ...world.values import Array, JointState, Pose, Vector3, Wrench
+from ..cartesian.impedance import CartesianImpedance, Comply
+from ..commands import Controller, JointCommand
+from ..joints.joint_controllers import Brake, Hold
+from ..safety.motion_lease import ForceGuard, Lease
+from ..safety.safety_monitor import MonitorState, SafetyMonitor
+from ..wrist.joint_efforts import EXPLAINED, Efforts
+from ..wrist.wrist_wrench import GRAVITY, LARGEST_STEP, QUIET, Wrist
+
+REST_SPEED = 0.02
+"""Below this, over all joints, the arm counts as standing, rad/s."""
+TOOL_CHECK = 4
+"""Control periods between two checks of the TCP against the workspace."""
+WINDOW = 0.1
+"""Time over which the wrist is read for a tare or a load, s."""
+REST_TIME = 0.1
+"""At rest before they count, s."""
+CONTACT_RATE = 500
+"""Of physics and control in contact, Hz."""
+FELT = 20.0
+"""Force above which something is touched rather than carried, N."""
+CARRIED_TIME = 0.05
+"""At rest before what the hand carries is known, s."""
+EFFORTS_EVERY = 0.05
+"""Time between two looks at whether the joints' efforts are explained, s: one costs as much as a control step
+does by itself."""
+WATCHDOG = 0.2
+"""So long the arm may move without a sign of whoever commands it, s: four ticks. A jog and a motion that was
+handed over brake by themselves before."""
+BESIDE = 0.01
+"""An arm that stands so far from where it was told to be when its motion ends is held where it is, rad: what
+kept it from there may let go at any time."""
+SETTLED = 0.5
+"""Standard deviation of the wrist force below which nothing vibrates, N."""
+SETTLE_LIMIT = 1.0
+"""Longest wait for vibrations, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class ControlState:
+    """The loop at a quiescent moment, for checkpoints."""
+
+    hold: tuple[float, ...]
+    """Commanded configuration, rad."""
+    readings: tuple[Wrench, ...]
+    tare: tuple[float, ...]
+    standing: int
+    periods: int
+    carried: tuple[float, ...]
+    monitor: MonitorState
+    stamps: tuple[float, ...] = ()
+    """Times of the readings, s; empty in older logs."""
+    bias: tuple[float, ...] = ()
+    """Of the wrist sensor as it was learnt, (6,), in the tool's axes; empty when it was not."""
+    noisy: bool = False
+    """Whether the wrist sensor is known never to say the same twice."""
+    doubts_wrist: bool = False
+    """Whether the joints' efforts speak against what the wrist says."""
+
+
+class ControlLoop:
+    """Runs one controller at a time and hands out the lease on the arm.
+
+    After a lease is acquired or released, and after a safety stop, it brakes by itself, then holds.
+    """
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        model: RobotModel,
+        monitor: SafetyMonitor,
+        stopwatch: Stopwatch | None = None,
+    ) -> None:
+        self.hardware = hardware
+        self.model = model
+        self.monitor = monitor
+        self.wrist = Wrist(hardware.wrench, model, hardware.clock)
+        self._stopwatch = stopwatch or Stopwatch()
+        self._stepping = 0.0
+        self._arm = hardware.arm
+        self._clock = hardware.clock
+        self._state = self._arm.read()
+        self._setpoint = JointCommand(self._state.position.copy(), np.zeros(model.n))
+        self._servo = True
+        self._reference: Array | None = self._setpoint.position
+        self._rates: list[int] = []
+        self._holder: Lease | None = None
+        self._guard: ForceGuard | None = None
+        self._carried = np.zeros(6)
+        self._standing = 0
+        self._periods = 0
+        self._efforts = Efforts(model)
+        self._looked = self._clock.now
+        self._doubts_wrist = False
+        self._velocity = self._state.velocity
+        self._attended = False
+        self._alone = 0.0
+        self._braking = False
+        self._controller: Controller = Hold()
+        self._begin(self._controller)
+        monitor.age_of_joints(lambda: self._clock.now - hardware.stamps.joints)
+
+    @property
+    def now(self) -> float:
+        """Simulated seconds."""
+        return self._clock.now
+
+    @property
+    def period(self) -> float:
+        """Of control now, s; shorter while in `contact`."""
+        return self.hardware.period
+
+    @contextmanager
+    def contact(self, rate: int = CONTACT_RATE) -> Generator[None]:
+        """Meanwhile sensors, control and physics go `rate` times a second: 240, 500, 1000, …
+
+        It begins and ends between two ticks, while the arm is held: after a halt once it has braked. Raises
+        PicktreeError for a rate that the hardware does not have.
+        """
+        self._rates.append(rate)
+        try:
+            self._keep_pace()
+            yield
+        finally:
+            self._rates.remove(rate)
+
+    def _keep_pace(self) -> None:
+        if isinstance(self._controller, Hold):
+            self.hardware.pace(max(self._rates, default=None))
+
+    @property
+    def state(self) -> JointState:
+        """What the encoders said last."""
+        return self._state
+
+    @property
+    def reference(self) -> Array | None:
+        """Configuration (n,) where the servo was told to be when `state` was read; None under torque
+        control."""
+        return self._reference
+
+    @property
+    def controller(self) -> str:
+        """What commands the arm: `Hold`, `Track`, `Brake`, …"""
+        return self._controller.name
+
+    @property
+    def tcp(self) -> Pose:
+        """Tool centre point in the world, by the encoders."""
+        return self.model.tcp(self._state.position)
+
+    @property
+    def at_rest(self) -> bool:
+        """The arm is held, stands still, and nothing waits to be braked."""
+        return isinstance(self._controller, Hold) and self._standing >= 2
+
+    @property
+    def held_position(self) -> Array:
+        """Configuration (n,) that the servo was told last; at rest it is where the next motion begins."""
+        return self._setpoint.position.copy()
+
+    def acquire(self, owner: str) -> Lease:
+        """Take the arm over at once, from whoever has it; its motion starts braking."""
+        self._holder = Lease(self, owner)
+        self._brake_motion()
+        return self._holder
+
+    def take_over(self, owner: str, controller: Controller) -> Lease | None:
+        """The lease on a motion that was handed over, without braking it; None: it no longer goes on."""
+        if not self.unattended(controller):
+            return None
+        self._holder = Lease(self, owner)
+        return self._holder
+
+    def unattended(self, controller: Controller) -> bool:
+        """Whether `controller` moves the arm while nobody holds the lease."""
+        return self._holder is None and self._controller is controller
+
+    def tare(self, window: float = WINDOW) -> None:
+        """What the hand feels now counts as nothing, for `load` and `wrench_external`."""
+        self.wrist.tare(window, self._state.position)
+
+    def zero(self) -> bool:
+        """Learn the wrist sensor's bias, the arm being at rest with an empty hand that nothing touches, and
+        tare: the hand carries nothing. False when what is felt cannot be a bias (see `Wrist.zero`): then the
+        known one goes on."""
+        self.wrist.carry(None)
+        learnt = self._standing * self.period >= REST_TIME - 1e-9 and self._learn_bias()
+        if self.wrist.zeroed:
+            self.wrist.untare()
+        else:
+            self.tare()
+        return learnt
+
+    def _learn_bias(self) -> bool:
+        """As `Wrist.zero`. What the wrist says against what the joints carry is its bias, however large."""
+        before = self.wrist.force
+        state, anew = self._state, self.wrist.zeroed
+        learnt = self.wrist.zero(WINDOW, state.position, self._borne)
+        by = math.dist(before, self.wrist.force)
+        if learnt and anew and by > LARGEST_STEP:
+            self.monitor.forget_efforts()
+            words = (
+                f"the wrist felt {by:.1f} N that no joint carries: its bias has jumped, and is learnt anew"
+            )
+            self.monitor.note(Happened("wrist_bias", words, data={"force": by}))
+        return learnt
+
+    def _borne(self, claimed: Array) -> bool:
+        """Whether the joints, at rest, bear a wrench (6,) that the wrist claims to feel beyond what the hand
+        carries."""
+        return self._efforts.believes(self._state, claimed, self._known_load())
+
+    def load(self, window: float = WINDOW) -> float:
+        """Weight on the hand relative to the tare, N, mean over the last `window` s."""
+        return self.wrist.load(window)
+
+    def wrench_external(self, window: float = 0.05) -> Wrench:
+        """External wrench on the hand relative to the tare, world axes, about the wrist sensor, mean over
+        the last `window` s. The tool's own weight is not in it; a held object's is, unless it was tared."""
+        return self.wrist.external(window, self._state.position)
+
+    def settle(self) -> Generator[None, None, None]:
+        """Yield until the arm rests without vibration and readings at rest fill a tare or a load."""
+        until = self._clock.now + SETTLE_LIMIT
+        while self._clock.now < until:
+            quiet = self._standing * self.period >= REST_TIME - 1e-9 and self.wrist.unrest(WINDOW) < SETTLED
+            if quiet and isinstance(self._controller, Hold):
+                return
+            yield
+
+    def step_tick(self, tick: float) -> None:
+        """Let one tick pass, in whole control periods."""
+        self._keep_pace()
+        self._look_after(tick)
+        periods = round(tick / self.period)
+        if abs(periods * self.period - tick) > 1e-6:
+            raise PicktreeError(
+                f"a tick of {tick} s is no whole number of control periods of {self.period} s"
+            )
+        self._stepping = 0.0
+        with self._stopwatch.measure("control"):
+            step = self.step
+            for _ in range(periods):
+                step()
+            self._stopwatch.move(self._stepping, "physics")
+
+    def step(self) -> None:
+        """One control period."""
+        self._state = state = self._arm.read()
+        self.wrist.sample()
+        force = self.wrist.force
+        v = state.velocity
+        # The slow end of a motion does not count: what brakes there is still felt at the wrist.
+        still = isinstance(self._controller, Hold) and float(v @ v) < REST_SPEED * REST_SPEED
+        self._standing = self._standing + 1 if still else 0
+        if self._standing == round(REST_TIME / self.period):
+            self._come_to_rest()
+        touched = self._guard is not None and self._guard.touched(self._contact(state, force))
+        self._reference = self._setpoint.position if self._servo else None
+        stopped = self.monitor.check(state, self._reference, force, self.period)
+        self._periods += 1
+        if self._periods % TOOL_CHECK == 0:
+            stopped = self._look_around(state) or stopped
+        self._velocity = v
+        if touched or (stopped and self._off_its_way):
+            self._stop_at_once()
+        elif stopped:
+            self._brake_motion()
+        command = self._controller.update(self._clock.now, state)
+        if isinstance(command, JointCommand):
+            self._setpoint = command
+            self._servo = True
+            self._arm.follow(command.position, command.velocity)
+        else:
+            self._servo = False
+            self._arm.apply_torque(command.torque)
+        if self._controller.done:
+            self._begin(Hold() if self._servo else Brake(self.model, self.period))
+        before = perf_counter()
+        self.hardware.step()
+        self._stepping += perf_counter() - before
+
+    def _contact(self, state: JointState, force: Vector3) -> Vector3:
+        """What may touch the hand, of the force that the wrist feels, N: where that is more than the guard
+        lets pass, without what hand and load exert because they are accelerated. Drives that stand still all
+        at once are no contact."""
+        if (
+            self._guard is None
+            or self._guard.size(force) <= self._guard.limit
+            or not self.hardware.feels_effort
+        ):
+            return force
+        payload = self.wrist.payload
+        mass = self.model.hand_mass + (0.0 if payload is None else payload.mass)
+        jacobian = self.model.jacobian(state.position)
+        arm = self.model.flange(state.position).rotation() @ np.array(self.model.hand_com)
+        arm += np.array(self.model.flange(state.position).position) - np.array(self.tcp.position)
+        linear, angular = np.split(jacobian @ ((state.velocity - self._velocity) / self.period), 2)
+        x, y, z = (np.array(force) + mass * (linear + np.cross(angular, arm))).tolist()
+        return (x, y, z)
+
+    def _come_to_rest(self) -> None:
+        """The arm rests since just now."""
+        if not self.wrist.zeroed:
+            # A run begins with an empty hand in the open.
+            self.wrist.zero(WINDOW, self._state.position)
+        elif self.monitor.pressed or self._doubts_wrist:
+            self._doubts_wrist = not self._learn_bias()
+
+    def _look_around(self, state: JointState) -> bool:
+        """What need not be looked at in each period; whether a stop was latched."""
+        monitor, wrist, now = self.monitor, self.wrist, self._clock.now
+        tool = self.model.tcp(state.position)
+        wrist.turned(tool)
+        stopped = monitor.check_tool(tool.position)
+        stopped = monitor.check_sensors(now, self.hardware.stamps, wrist.repeats_since) or stopped
+        if self._standing * self.period >= REST_TIME:
+            stopped = self._check_load() or stopped
+        elapsed = now - self._looked
+        if elapsed >= EFFORTS_EVERY - 1e-9:
+            self._looked = now
+            if self.hardware.feels_effort:
+                stopped = self._check_efforts(state, elapsed) or stopped
+        return stopped
+
+    def _check_load(self) -> bool:
+        """At rest; whether a stop was latched. A sensor whose bias has just jumped is heard out first."""
+        mass = -self.wrist.force[2] / GRAVITY
+        doubtful = self.monitor.overburdened(mass) and self.hardware.feels_effort
+        if doubtful and (self.wrist.unrest(WINDOW) > QUIET or self._learn_bias()):
+            return False
+        return self.monitor.check_load(mass)
+
+    def _check_efforts(self, state: JointState, elapsed: float) -> bool:
+        acceleration = (state.velocity - self._velocity) / self.period
+        if self.monitor.blind:
+            # A retreat goes slowly: what accelerates the hand is little beside the limit.
+            left = self._without_wrist(state, acceleration)
+            return self.monitor.check_efforts(self.monitor.explained(left, elapsed))
+        turn = self.model.tcp(state.position).rotation()
+        left = self._efforts.unexplained(state, acceleration, self.wrist.unbiased(turn))
+        explained = self.monitor.explained(left, elapsed)
+        if not explained and self._doubtful(state, acceleration, left):
+            self._doubts_wrist = explained = True
+        return self.monitor.check_efforts(explained)
+
+    def _without_wrist(self, state: JointState, acceleration: Array) -> Array:
+        """What is left of the efforts (n,) where nothing but what the hand carries acts on it, Nm."""
+        return self._efforts.without_wrist(state, acceleration, self._known_load())
+
+    def _known_load(self) -> Array:
+        """(6,) what the hand is known to carry does to the wrist at rest, world axes."""
+        payload, turn = self.wrist.payload, self.model.tcp(self._state.position).rotation()
+        return np.zeros(6) if payload is None else payload.wrench(turn, self.wrist.sensor_in_tool)
+
+    def _doubtful(self, state: JointState, acceleration: Array, left: Array) -> bool:
+        """Whether the efforts are explained better if the wrist felt nothing but what the hand carries: then
+        it is the wrist that is wrong."""
+        otherwise = self._without_wrist(state, acceleration)
+        limit = self.model.torque_limit
+        return float(np.linalg.norm(otherwise / limit)) < EXPLAINED * float(np.linalg.norm(left / limit))
+
+    def _look_after(self, tick: float) -> None:
+        """Once a tick: has whoever commands the arm given a sign since the last?"""
+        moving = self._holder is not None and not self._braking and not isinstance(self._controller, Hold)
+        self._alone = 0.0 if self._attended or not moving else self._alone + tick
+        self._attended = False
+        if (
+            self._alone > WATCHDOG
+            and self._holder is not None
+            and not getattr(self._controller, "late", False)
+        ):
+            self.monitor.unattended(self._holder.owner, self.controller, self._alone)
+            self._alone = 0.0
+
+    def save(self) -> ControlState:
+        """Only while the arm is held at rest."""
+        if not isinstance(self._controller, Hold):
+            raise PicktreeError("the control loop can only be saved while the arm is held at rest")
+        readings, tare = self.wrist.state()
+        return ControlState(
+            tuple(self._controller.command.position.tolist()),
+            readings,
+            tare,
+            self._standing,
+            self._periods,
+            tuple(self._carried.tolist()),
+            self.monitor.state(),
+            self.wrist.stamps,
+            self.wrist.learnt,
+            self.wrist.noisy,
+            self._doubts_wrist,
+        )
+
+    def restore(self, saved: ControlState) -> None:
+        """Continue from `saved` on hardware that was restored before; every lease is stale afterwards."""
+        self._holder = self._guard = None
+        self._rates.clear()
+        self._standing, self._periods = saved.standing, saved.periods
+        self._state = self._arm.read()
+        hold = np.array(saved.hold)
+        self._setpoint = JointCommand(hold, np.zeros_like(hold))
+        self._servo = True
+        self._reference = hold
+        self._begin(Hold(hold))
+        self.wrist.restore(saved.readings, saved.tare, saved.stamps, saved.bias, self.tcp)
+        self.wrist.noisy, self._doubts_wrist = saved.noisy, saved.doubts_wrist
+        self._carried = np.array(saved.carried)
+        self._velocity, self._looked = self._state.velocity, self._clock.now
+        self._attended, self._alone = False, 0.0
+        self.monitor.restore(saved.monitor)
+
+    def holds(self, lease: Lease) -> bool:
+        """Whoever asks looks after its motion: it is the sign that the watchdog waits for."""
+        holds = self._holder is lease
+        self._attended = self._attended or holds
+        return holds
+
+    def run(self, controller: Controller, guard: ForceGuard | None) -> None:
+        """For the lease only. Raises Failure(safety.stale_sensor) for a motion by feel while the wrist is
+        silent."""
+        if self.monitor.blind and isinstance(controller, CartesianImpedance):
+            raise Failure(
+                safety.STALE_SENSOR,
+                "a motion by feel is refused: the wrist sensor is silent",
+                sensor="wrench",
+            )
+        if self._holder is not None and not isinstance(controller, Hold):
+            self.monitor.moves(self._holder.owner)
+        self._braking, self._attended = False, True
+        self._guard = guard
+        if self._standing * self.period >= CARRIED_TIME - 1e-9 and self._servo:
+            weight = -self.wrist.over(CARRIED_TIME, self._state.position)[:3]
+            self._carried[:3] = weight if float(np.linalg.norm(weight)) < FELT else 0.0
+        self._begin(controller)
+
+    def brake(self) -> None:
+        """For the lease only: its holder gives the arm back."""
+        self._holder = None
+        self._brake_motion()
+
+    def leave(self) -> None:
+        """For the lease only: its holder gives the arm back while it moves on."""
+        self._holder = None
+
+    def _begin(self, controller: Controller) -> None:
+        if not self._servo:
+            self._setpoint = JointCommand(self._state.position.copy(), self._state.velocity.copy())
+        self._controller = controller
+        controller.start(self._clock.now, self._state, self._setpoint)
+
+    def _brake_motion(self) -> None:
+        self._guard = None
+        self._braking = True
+        if self._stands_beside():
+            self._servo = False
+            self._begin(Brake(self.model, self.period))
+            return
+        braking = self._controller.brake()
+        if braking is not self._controller:
+            self._begin(braking)
+
+    def _stands_beside(self) -> bool:
+        """Whether the arm stands, but not where the servo was told to be: it would jump there as soon as
+        what keeps it away lets go."""
+        if not self._servo or float(np.abs(self._setpoint.velocity).max()) > REST_SPEED:
+            return False
+        state = self._state
+        standing = float(state.velocity @ state.velocity) < REST_SPEED * REST_SPEED
+        return standing and float(np.abs(self._setpoint.position - state.position).max()) > BESIDE
+
+    @property
+    def _off_its_way(self) -> bool:
+        """Whether the safety stop that was just latched says that the arm is not where it was told to be, or
+        is pushed: then braking on the path would go on with what is wrong."""
+        stop = self.monitor.stopped
+        return stop is not None and stop.cause in (control.TRACKING, safety.FORCE_LIMIT, safety.TORQUE_LIMIT)
+
+    def _stop_at_once(self) -> None:
+        """After a contact comply with it; else brake as fast as the joints allow, from where they are."""
+        self._guard = None
+        self._braking = True
+        self._servo = False
+        if math.hypot(*self.wrist.force) > FELT:
+            self._begin(Comply(self.model, self.period, self._carried))
+        else:
+            self._begin(Brake(self.model, self.period))

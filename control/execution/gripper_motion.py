@@ -1,0 +1,181 @@
+"""The gripper's motions as generators."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import TypeAlias, TypeVar
+
+from ...robots.description import GripperDescription
+from ...world.causes import Failure, control
+from ...world.protocols import Clock, Gripper
+from ...world.values import GripperState
+
+T = TypeVar("T")
+Doing: TypeAlias = Generator[None, None, T]
+
+STILL = 3e-4
+"""Change of the opening in a tick below which the fingers stand, m."""
+REACHED = 1.5e-3
+"""m"""
+BLOCKED = 5e-3
+"""Fingers that stay this far short of an opening are an error, m."""
+OPENING = 20.0
+"""Force a finger with which they open, N: what stands beside them must not be pressed against a wall."""
+LEAST_RELEASE = 0.25
+"""Share of the opening of a release that lets go."""
+LEAST_FORCE = 0.75
+"""Share of the force that they were told with which fingers that stand must press at least. Measured
+over sorts with hand and linkage: 0.97 and more."""
+RISES = 4
+"""Ticks in which the force of fingers that have just come to stand may still rise."""
+MET = 2e-3
+"""Opening up to which fingers have met: how they press then says nothing, m."""
+STUCK = 1e-3
+"""Fingers that have moved by no more than this towards an opening that is farther off have not moved, m."""
+OPENS = 0.5
+"""Time beyond what the way takes in which fingers that nothing holds are open, s."""
+STARTS = 0.3
+"""Time in which they have begun to move, s."""
+SPARE = 1.0
+"""Time beyond what the way takes at the fingers' speed, s."""
+
+
+class Grip:
+    """Opens and closes. A command stays in force when the skill that gave it is halted."""
+
+    def __init__(
+        self, gripper: Gripper, clock: Clock, description: GripperDescription, opening: float = OPENING
+    ) -> None:
+        """`opening`: force a finger with which they open, N."""
+        self._gripper = gripper
+        self._clock = clock
+        self._description = description
+        self._force = 0.0
+        self._target = self._from = description.max_width
+        self._told = 0.0
+        self._opening = min(opening, description.max_force)
+        self.bound = description.max_force
+        """Greatest force of `press`, N: what is held bears no more. Until the fingers open."""
+
+    @property
+    def width(self) -> float:
+        """Measured opening, m."""
+        return self._gripper.read().width
+
+    @property
+    def state(self) -> GripperState:
+        """What the gripper measures: opening, its speed, and the force of its drive on each finger."""
+        return self._gripper.read()
+
+    @property
+    def force(self) -> float:
+        """With which each finger was told to press last, N."""
+        return self._force
+
+    def start(
+        self, width: float | None = None, force: float | None = None, speed: float | None = None
+    ) -> None:
+        """Begin to move towards an opening (fully open by default) and do not wait. Each finger moves with
+        at most `speed` m/s."""
+        most = self._description
+        target = most.max_width if width is None else min(max(width, 0.0), most.max_width)
+        self._force = self._opening if force is None else min(force, most.max_force)
+        self._target, self._from = target, self.width
+        self._told = self._clock.now
+        self._gripper.command(target, self._force, speed)
+
+    def late(self) -> Failure | None:
+        """Asked while the fingers open on the way: whether they should be open by now, or under way, and
+        are not. control.gripper then; for fingers that close nobody knows where they will stand."""
+        way, width = self._target - self._from, self.width
+        if way <= BLOCKED or width > self._target - BLOCKED:
+            return None
+        since = self._clock.now - self._told
+        moves = since < STARTS or width > self._from + STUCK
+        if moves and since < way / (2 * self._description.speed) + OPENS:
+            return None
+        return self._not_open(width, self._target)
+
+    def sound(self, begun: float) -> Doing[None]:
+        """Once fingers stand that have closed from an opening of `begun` m: do they do what they were told?
+        Failure(control.gripper) where they have not moved, or press with less."""
+        for _ in range(RISES):
+            if self._unsound(begun) is None:
+                return
+            yield
+        unsound = self._unsound(begun)
+        if unsound is not None:
+            raise unsound
+
+    def _unsound(self, begun: float) -> Failure | None:
+        state, told = self._gripper.read(), self._force
+        moved, presses = begun - state.width, abs(state.force)
+        if presses >= LEAST_FORCE * told or state.width <= MET:
+            return None
+        evidence = {"width": state.width, "moved": moved, "force": presses, "told": told}
+        if moved <= STUCK:
+            message = (
+                f"the fingers stand at {state.width * 1000:.1f} mm and have not moved, though told to close "
+                f"with {told:.0f} N"
+            )
+        else:
+            message = f"the fingers press with {presses:.1f} N each, though told {told:.0f} N"
+        return Failure(control.GRIPPER, message, **evidence)
+
+    def press(self, force: float) -> None:
+        """Go on closing with another force a finger, N: firmer or more gently about what is held, at most
+        `bound`."""
+        self.start(0.0, min(force, self.bound))
+
+    def open(self, width: float | None = None) -> Doing[None]:
+        """Open to `width` m, by default fully, and not with more force than `bound`. Failure(control.gripper)
+        when something holds the fingers."""
+        yield from self._open(self._description.max_width if width is None else width, BLOCKED)
+
+    def release(self, by: float) -> Doing[None]:
+        """Let go of what is held: open by `by` m, or as far as what stands beside the fingers leaves them,
+        if that is a quarter of it. Failure(control.gripper) when something holds the fingers."""
+        yield from self._open(self.width + by, max(BLOCKED, (1.0 - LEAST_RELEASE) * by))
+
+    def _open(self, width: float, short: float) -> Doing[None]:
+        target = min(width, self._description.max_width)
+        # A finger that alone pushes at something has the drive of both.
+        force, self.bound = min(self._opening, self.bound / 2), self._description.max_force
+        reached = yield from self.move(target, force)
+        if reached < target - short:
+            raise self._not_open(reached, target)
+
+    @staticmethod
+    def _not_open(width: float, target: float) -> Failure:
+        return Failure(
+            control.GRIPPER,
+            f"the fingers opened {width * 1000:.0f} mm of {target * 1000:.0f} mm",
+            width=width,
+            wanted=target,
+        )
+
+    def close(self, force: float, speed: float | None = None) -> Doing[float]:
+        """Close with `force` N a finger until the fingers stand; answers the opening, m. Failure
+        (control.gripper) when they do not move or press as told."""
+        begun = self.width
+        yield from self.move(0.0, force, speed)
+        yield from self.sound(begun)
+        return self.width
+
+    def move(self, width: float, force: float, speed: float | None = None) -> Doing[float]:
+        """Towards an opening until it is reached or the fingers stand, each moving with at most `speed`
+        m/s; answers the opening, m."""
+        self.start(width, force, speed)
+        way = abs(self.width - width)
+        limit = self._clock.now + way / (2 * (speed or self._description.speed)) + SPARE
+        before = self.width
+        yield
+        still = 0
+        while self._clock.now < limit:
+            now = self.width
+            still = still + 1 if abs(now - before) < STILL else 0
+            if abs(now - width) < REACHED or still >= 2:
+                break
+            before = now
+            yield
+        return self.width

@@ -1,0 +1,205 @@
+"""A jog from its first command to rest: what a skill waits for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from ...errors import PicktreeError
+from ...robots.model import RobotModel
+from ...world.causes import Cause, Failure, control, planning, safety, world
+from ...world.values import Array, Pose
+from ..cartesian.twist import FASTEST, FASTEST_TURN, Twist
+from ..cartesian.velocity_controller import Jog
+from ..safety.motion_lease import ForceGuard, Lease
+from .control_loop import ControlLoop
+
+StoppedBy: TypeAlias = Literal["done", "contact", "collision", "joint_limit", "singularity", "workspace"]
+Lookout: TypeAlias = Callable[[Array], tuple[str, ...]]
+"""What the arm is believed to touch on configurations (k, n) that it goes through; nothing: it is free."""
+
+SHARES = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05)
+"""Of the commanded twist, tried until the way to a stop is free."""
+LOOK_STEP = 1 / 60
+"""Between two configurations of the look ahead, s."""
+STANDING = 0.02
+"""Share of the commanded speed below which a jog stands."""
+STANDING_TICKS = 4
+"""So long it must stand before something counts as having stopped it: it has to get going first."""
+
+
+@dataclass(frozen=True, slots=True)
+class JogStatus:
+    """What who gives the twists is told before each."""
+
+    elapsed: float
+    """s"""
+    tcp: Pose
+    travelled: float
+    """Way of the TCP so far, m."""
+    force: float
+    """External force on the hand beyond what was felt at the start, N."""
+    share: float
+    """Of the last twist that is followed."""
+    held_by: str
+    """What makes it slower: `collision NAME`, `joint_limit NAME`, `singularity`, `workspace`, or nothing."""
+
+
+Twists: TypeAlias = "Twist | Callable[[JogStatus], Twist | None]"
+"""A twist that stays, or who is asked for one each tick; None ends the jog."""
+
+
+@dataclass(frozen=True, slots=True)
+class JogResult:
+    """How a jog ended, at rest."""
+
+    stopped_by: StoppedBy
+    detail: str
+    """The bodies, or the joint, that stopped it."""
+    travelled: float
+    """Way of the TCP, m."""
+    elapsed: float
+    """s"""
+    force: float
+    """That ended it at a contact, N."""
+    pose: Pose
+    """TCP in the world."""
+
+    def failure(self) -> Failure | None:
+        """For whom it had to go on: the failure that says what stopped it."""
+        if self.stopped_by == "done":
+            return None
+        cause, what = _SENTENCES[self.stopped_by]
+        after = f"after {self.travelled * 1000:.0f} mm"
+        text = what.format(detail=self.detail, force=self.force)
+        evidence: dict[str, str | float] = {"stopped_by": self.stopped_by, "travelled": self.travelled}
+        return Failure(cause, f"{text} {after} of a jog", detail=self.detail, **evidence)
+
+
+_SENTENCES: dict[str, tuple[Cause, str]] = {
+    "contact": (world.DISTURBED, "touched something at {force:.0f} N"),
+    "collision": (planning.BLOCKED, "stopped before {detail}"),
+    "joint_limit": (safety.JOINT_LIMIT, "{detail} came to its limit"),
+    "singularity": (safety.SINGULARITY, "the arm came to a singular configuration"),
+    "workspace": (safety.WORKSPACE, "the tool came to the edge of the workspace"),
+}
+
+
+class Jogging:
+    """Lets twists move the arm of a loop. `lookout` is asked each tick about the way to a stop."""
+
+    def __init__(self, loop: ControlLoop, model: RobotModel, lookout: Lookout | None, tick: float) -> None:
+        self._loop = loop
+        self._model = model
+        self._lookout = lookout
+        self._tick = tick
+
+    def run(
+        self,
+        lease: Lease,
+        twists: Twists,
+        guard: ForceGuard,
+        duration: float,
+        distance: float,
+        check: Callable[[Lease], None],
+        until_rest: Callable[[Lease], Generator[None, None, None]],
+    ) -> Generator[None, None, JogResult]:
+        """From rest to rest. A twist that stays ends where something stops it; who is asked for twists is
+        told, and decides himself."""
+        loop = self._loop
+        jog = Jog(self._model, loop.period, loop.monitor.limits.workspace, distance)
+        lease.run(jog, guard)
+        stays = isinstance(twists, Twist)
+        begun, at, travelled = loop.now, loop.tcp, 0.0
+        share, standing, blocked = 1.0, 0, tuple[str, ...]()
+        stopped_by: StoppedBy = "done"
+        while True:
+            held_by = f"collision {', '.join(blocked)}" if blocked else jog.law.held_by
+            elapsed = loop.now - begun
+            if stays:
+                wanted: Twist | None = twists if elapsed < duration - 1e-9 else None
+            else:
+                status = JogStatus(elapsed, loop.tcp, travelled, guard.size(loop.wrist.force), share, held_by)
+                wanted = twists(status) if elapsed < duration - 1e-9 else None
+            if wanted is None or _has_gone(jog):
+                break
+            wanted = _checked(wanted)
+            share, blocked = self._share(jog, wanted, share)
+            jog.command(wanted.scaled(share))
+            yield
+            check(lease)
+            travelled += loop.tcp.distance(at)
+            at = loop.tcp
+            if guard.contact is not None:
+                stopped_by = "contact"
+                break
+            if jog.late:
+                yield from until_rest(lease)
+                raise Failure(control.TIMEOUT, "a jog has had no command in time, and has stopped")
+            standing = standing + 1 if _stands(jog, wanted) else 0
+            if stays and standing >= STANDING_TICKS and (blocked or jog.law.held_by):
+                held_by = f"collision {', '.join(blocked)}" if blocked else jog.law.held_by
+                stopped_by = _reason(held_by)
+                break
+        detail = held_by.partition(" ")[2] if stopped_by not in ("done", "contact") else ""
+        jog.brake()
+        yield from until_rest(lease)
+        check(lease)
+        travelled += loop.tcp.distance(at)
+        if guard.contact is not None:
+            stopped_by = "contact"
+        force = 0.0 if guard.contact is None else math.hypot(*guard.contact)
+        return JogResult(stopped_by, detail, travelled, loop.now - begun, force, loop.tcp)
+
+    def _share(self, jog: Jog, wanted: Twist, before: float) -> tuple[float, tuple[str, ...]]:
+        """Of a twist: the largest share with which the arm can still stop before it touches anything, and
+        what that would be. It counts on the tick until it is asked again, and on one more for the answer."""
+        if self._lookout is None:
+            return 1.0, ()
+        blocked: tuple[str, ...] = ()
+        nearest = max(k for k, share in enumerate((*SHARES, 0.0)) if share >= before)
+        for share in SHARES[max(0, nearest - 1) :]:
+            hit = self._lookout(jog.ahead(wanted.scaled(share), 2 * self._tick, LOOK_STEP))
+            if not hit:
+                return share, blocked
+            blocked = hit
+        return 0.0, blocked
+
+
+def _has_gone(jog: Jog) -> bool:
+    """The way that was given is done."""
+    return jog.state.left < 1e-4
+
+
+def _stands(jog: Jog, wanted: Twist) -> bool:
+    linear, angular = jog.law.tool_speed(jog.state)
+    return (
+        linear <= STANDING * wanted.speed + 1e-6 and angular <= STANDING * math.hypot(*wanted.angular) + 1e-4
+    )
+
+
+def _reason(held_by: str) -> StoppedBy:
+    match held_by.partition(" ")[0]:
+        case "collision":
+            return "collision"
+        case "joint_limit":
+            return "joint_limit"
+        case "singularity":
+            return "singularity"
+        case _:
+            return "workspace"
+
+
+def _checked(wanted: Twist) -> Twist:
+    numbers = (*wanted.linear, *wanted.angular)
+    if len(numbers) != 6 or not all(math.isfinite(number) for number in numbers):
+        raise PicktreeError(f"a twist needs three m/s and three rad/s, not {numbers}")
+    speed, turn = wanted.speed, math.hypot(*wanted.angular)
+    if speed > FASTEST * (1.0 + 1e-9) or turn > FASTEST_TURN * (1.0 + 1e-9):
+        raise PicktreeError(
+            f"a jog goes at most {FASTEST:g} m/s and turns at most {FASTEST_TURN:g} rad/s, "
+            f"not {speed:.3g} m/s and {turn:.3g} rad/s"
+        )
+    return wanted

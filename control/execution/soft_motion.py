@@ -1,0 +1,122 @@
+"""Soft motions from rest to rest: along a trajectory, or standing, to let go of what presses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+from typing import TypeAlias, TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from ...robots.model import RobotModel
+from ...world.causes import Failure, control
+from ...world.protocols import Clock
+from ...world.trajectory import Trajectory
+from ...world.values import Array, Vector3
+from ..joints.external_torque import at_rest
+from ..joints.joint_controllers import Hold
+from ..joints.soft_contact import Sensitivity, Softly
+from ..joints.soft_controller import GIVING_TIME, GivingWay, SoftTrack
+from ..safety.motion_lease import Lease
+from .control_loop import ControlLoop
+
+T = TypeVar("T")
+Doing: TypeAlias = Generator[None, None, T]
+
+SLACK = 2.0
+"""A soft motion takes so much longer than its trajectory at most, s."""
+
+
+class SoftMotion:
+    """Moves the arm of a loop as a soft spring; who calls holds the lease, and the arm rests."""
+
+    def __init__(self, loop: ControlLoop, model: RobotModel, clock: Clock) -> None:
+        self._loop = loop
+        self._model = model
+        self._clock = clock
+
+    def pressed(self, carried: Vector3) -> float:
+        """External torques on the arm as it stands, but for what hangs on the tool, (3,) N in the world: Nm.
+        What presses at any part of it shows here."""
+        state = self._loop.state
+        hanging = self._model.jacobian(state.position)[:3].T @ np.array(carried)
+        return float(np.linalg.norm(at_rest(self._model, state) - hanging))
+
+    def follow(
+        self,
+        lease: Lease,
+        trajectory: Trajectory,
+        carried: Vector3,
+        least: Sensitivity,
+        check: Callable[[Lease], None],
+        watch: Callable[[float], Failure | None],
+        began: Callable[[SoftTrack], None],
+    ) -> Doing[Softly]:
+        """Along the trajectory until its end, a contact, or until `watch`, asked each tick with its progress,
+        has something against it."""
+        track = SoftTrack(
+            trajectory,
+            self._model,
+            self._loop.period,
+            wrist=self._loop.wrist,
+            carried=np.array(carried),
+            torque=least.torque,
+            force=least.force,
+        )
+        began(track)
+        lease.run(track)
+        limit = self._clock.now + trajectory.duration + GIVING_TIME + SLACK
+        noticed: Failure | None = None
+        while True:
+            yield
+            check(lease)
+            if noticed is None:
+                noticed = watch(track.progress)
+                if noticed is not None:
+                    track.brake()
+            if track.done and self._loop.at_rest:
+                break
+            if self._clock.now > limit:
+                raise Failure(control.TIMEOUT, "a soft motion did not come to its end")
+        done = track.completed and not track.touched
+        return Softly(done, track.progress, track.touched, track.torque, track.force, track.push, noticed)
+
+    def give_way(
+        self, lease: Lease, carried: Vector3, limit: float, check: Callable[[Lease], None]
+    ) -> Doing[float]:
+        """Stand without pressing at anything, and drift where something pushes, for at most `limit` s; the
+        arm is held then where it is. Answers the external torque that is left, Nm."""
+        giving = GivingWay(self._model, self._loop.period, np.array(carried))
+        lease.run(giving)
+        until = self._clock.now + limit
+        while not giving.calm and self._clock.now < until:
+            yield
+            check(lease)
+        lease.run(Hold())
+        while not self._loop.at_rest:
+            if self._clock.now > until + SLACK:
+                raise Failure(control.TIMEOUT, "the arm does not come to rest after it gave way")
+            yield
+            check(lease)
+        return giving.pressed if math.isfinite(giving.pressed) else 0.0
+
+
+def slowed(model: RobotModel, trajectory: Trajectory, speed: float) -> Trajectory:
+    """The same way, slower where need be: neither the tool nor any joint of the arm goes faster than `speed`
+    m/s."""
+    data = model.arm.createData()
+    at: list[Array] = []
+    for q in trajectory.position:
+        pin.forwardKinematics(model.arm, data, q)
+        tool = pin.updateFramePlacement(model.arm, data, model.tcp_frame)
+        at.append(np.array([*(place.translation for place in data.oMi), tool.translation]))
+    ways = np.linalg.norm(np.diff(np.array(at), axis=0), axis=2).max(axis=1)
+    fastest = float((ways / np.diff(trajectory.times)).max(initial=0.0))
+    share = max(1.0, fastest / speed)
+    return Trajectory(
+        trajectory.times * share,
+        trajectory.position,
+        trajectory.velocity / share,
+        trajectory.acceleration / share**2,
+    )

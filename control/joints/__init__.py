@@ -1,0 +1,1 @@
+"""Joint controllers, stiff and soft."""

@@ -1,0 +1,213 @@
+"""Controllers on the stiff joint servo: hold, brake, follow a trajectory."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.trajectory import Trajectory
+from ...world.values import Array, JointState
+from ..commands import Controller, JointCommand
+
+BLEND = 0.25
+"""Time in which a small offset to the start of a trajectory is faded out, s."""
+LEAST_DECELERATION = 1.0
+"""Of the progress along a path, 1/s²: braking on the path ends within a second in any case."""
+BRAKING = 0.6
+"""Share of the acceleration limits for braking on a path: all at once the joints' torques would not do."""
+MOST_DECELERATION = 60.0
+BRAKING_TORQUE = 0.85
+"""Share of the torque limits that braking off the path takes."""
+RELAXATIONS = 8
+"""Rounds in which joints that lack torque leave each other some."""
+LEAST_SHARE = 0.15
+"""Of what is left then, with which it brakes in any case."""
+UNATTENDED = 0.1
+"""How long a motion that was handed over goes on before it brakes by itself, s."""
+
+_FIRST = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+_SECOND = np.array([2.0, 6.0, 12.0, 20.0])
+
+
+class Hold:
+    """Stay at a configuration: the given one, else the set-point at the start."""
+
+    name: ClassVar[str] = "Hold"
+    done = False
+
+    def __init__(self, position: Array | None = None) -> None:
+        self._position = position
+
+    def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
+        position = setpoint.position if self._position is None else self._position
+        self.command = JointCommand(position.copy(), np.zeros_like(position))
+
+    def update(self, now: float, state: JointState) -> JointCommand:
+        return self.command
+
+    def brake(self) -> Controller:
+        return self
+
+
+class Brake:
+    """Slow all joints down at their acceleration limits, as far as their torques suffice for that."""
+
+    name: ClassVar[str] = "Brake"
+
+    def __init__(self, model: RobotModel, period: float) -> None:
+        self._model = model
+        self._step: Array = model.acceleration_limit * period
+        self._period = period
+        self.done = False
+
+    def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
+        self._position = setpoint.position.copy()
+        self._velocity = setpoint.velocity.copy()
+
+    def update(self, now: float, state: JointState) -> JointCommand:
+        change = self._change()
+        slower = self._velocity + change
+        self._position = self._position + (0.5 * self._period) * (self._velocity + slower)
+        self._velocity = slower
+        self.done = not slower.any()
+        return JointCommand(self._position, slower)
+
+    def brake(self) -> Controller:
+        return self
+
+    def _change(self) -> Array:
+        """Of the speeds in this period: no joint is accelerated, and none needs more torque than it has."""
+        model, speed = self._model, np.abs(self._velocity)
+        most = -np.sign(self._velocity) * np.minimum(self._step, speed)
+        mass = model.mass_matrix(self._position) / self._period
+        coasting = model.bias(self._position, self._velocity)
+        limit = BRAKING_TORQUE * model.torque_limit
+        change = most.copy()
+        for _ in range(RELAXATIONS):
+            torque = mass @ change + coasting
+            excess = torque - np.clip(torque, -limit, limit)
+            if not excess.any():
+                return change
+            change = change - excess / np.diagonal(mass)
+            change = np.clip(change, np.minimum(most, 0.0), np.maximum(most, 0.0))
+        room = np.maximum(limit - np.sign(mass @ change) * coasting, 0.0)
+        share = float((room / np.maximum(np.abs(mass @ change), 1e-9)).min())
+        return change * min(max(share, LEAST_SHARE), 1.0)
+
+
+class Track:
+    """Follow a trajectory in time. It brakes *on the path*, which was checked for collisions.
+
+    Progress s runs with rate r = 1; while braking, r falls such that |q″r² − q′·u| stays within the
+    joints' acceleration limits, with u the deceleration of the progress.
+    """
+
+    name: ClassVar[str] = "Track"
+
+    def __init__(self, trajectory: Trajectory, model: RobotModel, period: float) -> None:
+        self.trajectory = trajectory
+        self.progress = 0.0
+        """Seconds of the trajectory that were commanded."""
+        self.done = False
+        self._period = period
+        self._limit = BRAKING * model.acceleration_limit
+        self._times: list[float] = trajectory.times.tolist()
+        self._coefficients = trajectory.polynomials()
+        self._powers = np.zeros((2, 6))
+        self._powers[0, 0] = 1.0
+        self._segment = 0
+        self._rate = 1.0
+        self._braking = False
+        self._unattended: int | None = None
+
+    @property
+    def braking(self) -> bool:
+        return self._braking
+
+    @property
+    def completed(self) -> bool:
+        """The end of the trajectory was commanded."""
+        return self.progress >= self._times[-1]
+
+    def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
+        offset = setpoint.position - self.trajectory.start
+        self._offset: Array | None = offset if np.abs(offset).max() > 1e-9 else None
+
+    def update(self, now: float, state: JointState) -> JointCommand:
+        if self._unattended is not None:
+            self._unattended -= 1
+            self._braking = self._braking or self._unattended < 0
+        if self._braking:
+            self._slow_down()
+        end = self._times[-1]
+        self.progress = min(self.progress + self._rate * self._period, end)
+        position, velocity = self._sample(self.progress)
+        if self._rate != 1.0:
+            velocity = velocity * self._rate
+        if self._offset is not None:
+            left = max(0.0, 1.0 - self.progress / min(BLEND, end)) if end > 0.0 else 0.0
+            fade = left * left * (3.0 - 2.0 * left)
+            position = position + fade * self._offset
+        self.done = self._rate == 0.0 or self.progress >= end
+        if self.done:
+            velocity = np.zeros_like(velocity)
+        return JointCommand(position, velocity)
+
+    def brake(self) -> Controller:
+        self._braking = True
+        return self
+
+    def hand_over(self, seconds: float = UNATTENDED) -> None:
+        """Brake after `seconds`, unless somebody goes on with this motion by then."""
+        self._unattended = round(seconds / self._period)
+
+    def go_on(self) -> None:
+        """Somebody attends to this motion again."""
+        self._unattended = None
+
+    def _sample(self, s: float) -> tuple[Array, Array]:
+        times, k = self._times, self._segment
+        last = len(self._coefficients) - 1
+        while k < last and times[k + 1] <= s:
+            k += 1
+        self._segment = k
+        p = self._powers
+        power, t = 1.0, s - times[k]
+        for degree in range(1, 6):
+            p[1, degree] = degree * power
+            power *= t
+            p[0, degree] = power
+        both = p @ self._coefficients[k]
+        return both[0], both[1]
+
+    def _slow_down(self) -> None:
+        c = self._coefficients[self._segment]
+        t = self.progress - self._times[self._segment]
+        powers = t ** np.arange(5.0)
+        along = (_FIRST * powers) @ c[1:]
+        bend = (_SECOND * powers[:4]) @ c[2:] * (self._rate * self._rate)
+        speed = np.abs(along)
+        moving = speed > 1e-6
+        deceleration = MOST_DECELERATION
+        if moving.any():
+            room = (self._limit + np.sign(along) * bend)[moving] / speed[moving]
+            deceleration = min(max(float(room.min()), LEAST_DECELERATION), MOST_DECELERATION)
+        self._rate = max(0.0, self._rate - deceleration * self._period)
+
+
+def way_back(trajectory: Trajectory, done: float, rate: float = 0.3) -> Trajectory | None:
+    """The same path from `done` s back to its start, from rest to rest, at about `rate` of its speed."""
+    if done <= 1e-3:
+        return None
+    duration = 1.5 * done / rate
+    times = np.linspace(0.0, duration, max(8, math.ceil(duration / 0.02) + 1))
+    x = times / duration
+    s = done * (1.0 - x * x * (3.0 - 2.0 * x))
+    ds = -done * 6.0 * x * (1.0 - x) / duration
+    samples = [trajectory.sample(float(value)) for value in s]
+    position = np.array([p for p, _ in samples])
+    velocity = np.array([v for _, v in samples]) * ds[:, None]
+    return Trajectory(times, position, velocity, np.gradient(velocity, times, axis=0))

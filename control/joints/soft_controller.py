@@ -1,0 +1,260 @@
+"""A joint motion as a soft spring: whatever stands in the way, at whatever part of the arm, is felt and met
+gently."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.trajectory import Trajectory
+from ...world.values import Array, JointState, Vector3
+from ..commands import Controller, JointCommand, TorqueCommand
+from ..wrist.wrist_wrench import Wrist
+from .external_torque import TorqueObserver, at_rest
+from .joint_controllers import Brake, Track
+
+FIRMNESS = 6.0
+"""Stiffness of a joint over its torque limit, 1/rad."""
+QUICKEST = 32.0
+"""Greatest natural frequency of a joint's spring, rad/s: control goes at 240 Hz."""
+DAMPING = 0.9
+"""Share of the critical."""
+GIVING_WAY = 0.2
+"""Share of the stiffness that is left once something was touched."""
+BACK = 0.010
+"""So far it goes back on its path then, Euclidean norm over the joints, rad."""
+OFF = 0.003
+"""And so far along what pushes at it, rad. The stiff servo holds where the encoders say that the arm is: in
+contact, a tenth of a millimetre of their noise is 20 N."""
+GIVING_TIME = 0.35
+"""For so long it gives way, s."""
+SETTLING = 0.15
+"""After its start, in which what is felt counts as what it feels without a contact, s."""
+PRESSING = 1.5
+"""Force at the wrist beyond what is carried above which something presses at it, N."""
+CALM, CALM_SPEED = 1.0, 0.02
+"""External torque below which nothing presses, Nm, and speed of a joint below which it stands, rad/s."""
+CALM_TIME = 0.1
+"""For so long, s."""
+DRIFT = 0.03
+"""By how much a joint gives way at most while it is pushed, rad."""
+FADING = 0.6
+"""Time constant with which that follows slow changes, as those of a load that is turned, s."""
+
+
+class SoftTrack(Track):
+    """Follow a trajectory with τ = K (q_d − q) + D (v_d − v) + M a_d + h(q, v) − Jᵀ w, w being what the hand
+    carries: with an exact model there is no error without a contact.
+
+    A contact is more than `torque` Nm of external torque (Euclidean norm over the joints), wherever on the
+    arm it acts, or more than `force` N at the wrist, beyond what was felt without one. Then the arm gives
+    way, soft and damped about where it was touched, and is done.
+    """
+
+    name: ClassVar[str] = "SoftTrack"
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        model: RobotModel,
+        period: float,
+        *,
+        wrist: Wrist,
+        carried: Array,
+        torque: float,
+        force: float,
+    ) -> None:
+        """`carried` (3,): what hangs on the tool, N in the world."""
+        super().__init__(trajectory, model, period)
+        self._model = model
+        self._wrist = wrist
+        self._carried = np.concatenate([carried, np.zeros(3)])
+        self._most_torque, self._most_force = torque, force
+        self._observer = TorqueObserver(model, period)
+        self._elapsed = 0.0
+        self._until = math.inf
+        self.touched = False
+        """Something was in the way."""
+        self.push: Vector3 = (0.0, 0.0, 0.0)
+        """How that pushed at the hand, N in the world."""
+        self.torque = 0.0
+        """The greatest that was felt, Nm."""
+        self.force = 0.0
+        """The greatest that was felt at the wrist, N."""
+
+    def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
+        super().start(now, state, JointCommand(state.position.copy(), np.zeros_like(state.position)))
+        mass = self._model.mass_matrix(state.position)
+        self._stiff = stiffness(self._model, mass)
+        self._stiffness, self._damping = self._stiff, damping(mass, self._stiff)
+        self._driven: Array = state.effort.copy()
+        self._usual: Array | None = None
+        self._force: Array = np.array(self._wrist.force)
+
+    def update(self, now: float, state: JointState) -> TorqueCommand:  # pyright: ignore[reportIncompatibleMethodOverride]
+        q, v, model = state.position, state.velocity, self._model
+        self._elapsed += self._period
+        external = self._observer.watch(state, self._driven)
+        before = self.progress
+        command = super().update(now, state)
+        aim, speed = command.position, command.velocity
+        if not self.touched and self._feels(external):
+            self._anchor: Array = self._behind() + _along(external - self._usual_torque(), self._stiff)
+            self._until = self._elapsed + GIVING_TIME
+            self._stiffness = GIVING_WAY * self._stiff
+            self._damping = damping(model.mass_matrix(q), self._stiffness)
+        if self.touched:
+            self.progress = before
+            aim, speed = self._anchor, np.zeros_like(v)
+            self.done = self._elapsed >= self._until
+            feed = np.zeros_like(v)
+        else:
+            feed = self._acceleration()
+        torque = model.inverse_dynamics(q, v, feed) - model.jacobian(q).T @ self._carried
+        torque += self._stiffness * (aim - q) + self._damping @ (speed - v)
+        self._driven = np.clip(torque, -model.torque_limit, model.torque_limit)
+        return TorqueCommand(self._driven)
+
+    def brake(self) -> Controller:
+        super().brake()
+        return self
+
+    def _eased(self, force: Array) -> bool:
+        """Whether the wrist felt a contact that is less by now."""
+        carried = self._carried[:3]
+        before = float(np.linalg.norm(self._force - carried))
+        return before > PRESSING and float(np.linalg.norm(force - carried)) < before
+
+    def _behind(self) -> Array:
+        """Where on its path it goes back to."""
+        here, s = self._sample_at(self.progress), self.progress
+        while s > 0.0:
+            s = max(0.0, s - 2 * self._period)
+            there = self._sample_at(s)
+            if float(np.linalg.norm(there - here)) >= BACK:
+                return there
+        return self._sample_at(0.0)
+
+    def _sample_at(self, s: float) -> Array:
+        return self.trajectory.sample(s)[0]
+
+    def _usual_torque(self) -> Array:
+        return np.zeros(self._model.n) if self._usual is None else self._usual
+
+    def _acceleration(self) -> Array:
+        """That the trajectory asks for now; none while it brakes."""
+        if self._rate != 1.0 or self.done:
+            return np.zeros(self._model.n)
+        c, t = self._coefficients[self._segment], self.progress - self._times[self._segment]
+        return 2.0 * c[2] + t * (6.0 * c[3] + t * (12.0 * c[4] + t * 20.0 * c[5]))
+
+    def _feels(self, external: Array) -> bool:
+        """Whether something touches the arm: notes how much is felt beyond what is usual."""
+        force = np.array(self._wrist.force)
+        if self._elapsed < SETTLING or self._usual is None:
+            self._usual = external.copy()
+            share = self._period / (SETTLING / 3 + self._period)
+            self._force = self._force + share * (force - self._force)
+            return False
+        # What pressed where it began, and presses less now, is let go of: that is no contact.
+        if self._eased(force):
+            self._force = force
+        torque = float(np.linalg.norm(external - self._usual))
+        size = float(np.linalg.norm(force - self._force))
+        self.torque, self.force = max(self.torque, torque), max(self.force, size)
+        if torque > self._most_torque or size > self._most_force:
+            self.touched = True
+            x, y, z = (force - self._force).tolist()
+            self.push = (x, y, z)
+            return True
+        share = self._period / (FADING + self._period)
+        self._usual = self._usual + share * (external - self._usual)
+        self._force = self._force + share * (force - self._force)
+        return False
+
+
+class GivingWay:
+    """No spring at all: the arm carries itself and what hangs on the tool, and drifts, damped, where
+    something pushes it, by at most DRIFT. Then it goes a little off what has pushed; where something still
+    does, it begins again.
+    """
+
+    name: ClassVar[str] = "GivingWay"
+    done = False
+
+    def __init__(self, model: RobotModel, period: float, carried: Array) -> None:
+        """`carried` (3,): what hangs on the tool, N in the world."""
+        self._model = model
+        self._period = period
+        self._carried = np.concatenate([carried, np.zeros(3)])
+        self._observer = TorqueObserver(model, period)
+        self._since = 0.0
+        self._calm = 0.0
+        self.pressed = math.inf
+        """External torque that is left, Euclidean norm, Nm."""
+
+    @property
+    def calm(self) -> bool:
+        """Nothing presses any more, and the arm stands."""
+        return self._calm >= CALM_TIME
+
+    def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:
+        q, model = state.position, self._model
+        mass = model.mass_matrix(q)
+        self._stiffness = stiffness(model, mass)
+        self._damping = damping(mass, self._stiffness)
+        self._begun: Array = q.copy()
+        self._anchor: Array = q.copy()
+        self._driven: Array = state.effort.copy()
+        self._off = _along(at_rest(model, state) - model.jacobian(q).T @ self._carried, self._stiffness)
+
+    def update(self, now: float, state: JointState) -> TorqueCommand:
+        q, v, model = state.position, state.velocity, self._model
+        hanging = model.jacobian(q).T @ self._carried
+        external = self._observer.watch(state, self._driven) - hanging
+        self._since += self._period
+        anchor = self._led(q)
+        if self._since > 2 * SETTLING:
+            self.pressed = float(np.linalg.norm(external))
+            quiet = self.pressed < CALM and float(np.abs(v).max()) < CALM_SPEED
+            self._calm = self._calm + self._period if quiet else 0.0
+            if self._since > 4 * SETTLING and self.pressed >= CALM:
+                self._off, self._since = _along(external, self._stiffness), 0.0
+        torque = model.inverse_dynamics(q, v, np.zeros_like(v)) - hanging
+        torque += self._stiffness * (anchor - q) - self._damping @ v
+        self._driven = np.clip(torque, -model.torque_limit, model.torque_limit)
+        return TorqueCommand(self._driven)
+
+    def brake(self) -> Controller:
+        return Brake(self._model, self._period)
+
+    def _led(self, q: Array) -> Array:
+        """Where the spring is anchored: wherever the arm is, and then off what has pushed."""
+        if self._since <= SETTLING:
+            self._anchor = np.clip(q, self._begun - DRIFT, self._begun + DRIFT)
+            return self._anchor
+        return self._anchor + min(1.0, (self._since - SETTLING) / SETTLING) * self._off
+
+
+def _along(torque: Array, stiff: Array) -> Array:
+    """A change of the joints (n,), OFF long, along what pushes with these torques; none where nothing is."""
+    way = torque / stiff
+    size = float(np.linalg.norm(way))
+    return way * (OFF / size) if float(np.linalg.norm(torque)) > CALM / 2 else np.zeros_like(way)
+
+
+def stiffness(model: RobotModel, mass: Array) -> Array:
+    """Of a soft spring of each joint (n,), Nm/rad, the arm having inertia `mass` (n, n)."""
+    return np.minimum(FIRMNESS * model.torque_limit, QUICKEST**2 * np.diagonal(mass))
+
+
+def damping(mass: Array, stiff: Array) -> Array:
+    """(n, n) for that spring, by double diagonalisation of stiffness and inertia, as for the tool's."""
+    lower = np.linalg.cholesky(mass)
+    inverse = np.linalg.inv(lower)
+    squares, modes = np.linalg.eigh(inverse @ np.diag(stiff) @ inverse.T)
+    shape = lower @ modes
+    return (shape * (2.0 * DAMPING * np.sqrt(np.maximum(squares, 0.0)))) @ shape.T

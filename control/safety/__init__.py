@@ -1,0 +1,1 @@
+"""The safety monitor, its latch, and the lease of the arm."""

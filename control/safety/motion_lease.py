@@ -1,0 +1,85 @@
+"""The right to move the arm: whoever acquired it last has it."""
+
+from __future__ import annotations
+
+import math
+from types import TracebackType
+from typing import Protocol
+
+from ...errors import PicktreeError
+from ..commands import Controller
+
+
+class ForceGuard:
+    """Stops a free motion at a contact: `limit` N more than before."""
+
+    def __init__(self, limit: float, baseline: tuple[float, float, float]) -> None:
+        self.limit = limit
+        self._baseline = baseline
+        self.contact: tuple[float, float, float] | None = None
+        """The force that stopped the motion, N in the world."""
+
+    def size(self, force: tuple[float, float, float]) -> float:
+        """Of a force beyond what was felt before, N."""
+        return math.dist(force, self._baseline)
+
+    def touched(self, force: tuple[float, float, float]) -> bool:
+        x, y, z = force
+        bx, by, bz = self._baseline
+        x, y, z = x - bx, y - by, z - bz
+        if x * x + y * y + z * z <= self.limit * self.limit:
+            return False
+        self.contact = (x, y, z)
+        return True
+
+
+class Lessor(Protocol):
+    """Whoever gives the lease: the control loop."""
+
+    def holds(self, lease: Lease) -> bool: ...
+    def run(self, controller: Controller, guard: ForceGuard | None) -> None: ...
+    def brake(self) -> None: ...
+    def leave(self) -> None: ...
+
+
+class Lease:
+    """Given by `ControlLoop.acquire`; as a context manager it is released on every way out.
+
+    Releasing brakes, if the lease is still valid. A stale lease's release does nothing: when a new branch
+    takes the arm before the old skill is halted, the old one's stop must not stop the new motion.
+    """
+
+    def __init__(self, lessor: Lessor, owner: str) -> None:
+        self._lessor = lessor
+        self.owner = owner
+
+    @property
+    def valid(self) -> bool:
+        return self._lessor.holds(self)
+
+    def run(self, controller: Controller, guard: ForceGuard | None = None) -> None:
+        """Let `controller` move the arm from the next control period on."""
+        if not self.valid:
+            raise PicktreeError(f"{self.owner or 'a motion'} commands the arm, but another has taken it over")
+        self._lessor.run(controller, guard)
+
+    def release(self) -> None:
+        if self.valid:
+            self._lessor.brake()
+
+    def hand_over(self) -> None:
+        """Give the lease back without braking: the controller goes on until somebody takes it over. The
+        controller itself must brake when nobody does (`Track.hand_over`)."""
+        if not self.valid:
+            raise PicktreeError(
+                f"{self.owner or 'a motion'} hands its motion over, but another has taken it over"
+            )
+        self._lessor.leave()
+
+    def __enter__(self) -> Lease:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.release()

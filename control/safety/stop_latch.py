@@ -1,0 +1,136 @@
+"""The latch of the safety monitor: a stop stays until it is acknowledged, and what still stands is let off
+for the retreat alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...world.causes import Cause, FailureReport
+from ...world.journal import Happened, Journal, Plain
+
+
+@dataclass(frozen=True, slots=True)
+class LatchState:
+    """The latch between two control periods."""
+
+    stopped: FailureReport | None
+    stops: int
+    tolerated: tuple[tuple[str, float], ...]
+    """Violations that were acknowledged and still stand: what, and its level."""
+    levels: tuple[tuple[str, float], ...]
+    """Violations that stand now."""
+    retreats: str = ""
+    """Who acknowledged: for its motions alone they are tolerated."""
+    standing: tuple[tuple[str, FailureReport], ...] = ()
+    """What each of them would be reported as."""
+    latched: str = ""
+    """The violation that latched the stop."""
+
+
+class Latch:
+    """Violations come in by `violated` and go by `within`, each under a name of its own, with a level: by how
+    much it is beyond what is allowed.
+
+    The first one latches the stop. Once that is acknowledged, what still stands is tolerated as long as it
+    does not grow, or the way out of it would trip the same stop; and only while whoever acknowledged moves
+    the arm (`moves`).
+    """
+
+    def __init__(self, journal: Journal) -> None:
+        self._journal = journal
+        self.stopped: FailureReport | None = None
+        self.stops = 0
+        """Since the run began."""
+        self._tolerated: dict[str, float] = {}
+        self._levels: dict[str, float] = {}
+        self._standing: dict[str, FailureReport] = {}
+        self._retreats = ""
+        self._latched = ""
+        self._fresh = False
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is violated, or tolerated."""
+        return bool(self._levels or self._tolerated)
+
+    def stands(self, name: str) -> bool:
+        """Whether that is violated now, tolerated or not."""
+        return name in self._levels
+
+    def tolerates(self, name: str) -> bool:
+        return name in self._tolerated
+
+    def acknowledge(self, by: str) -> None:
+        """Motion is allowed again, to the path `by` in spite of what still stands."""
+        if self.stopped is not None:
+            # What was violated may by now be a hair within: it must not stop the way out by flickering.
+            self._tolerated = {self._latched or self.stopped.cause.name: 0.0, **self._levels}
+            self._retreats = by
+            self.stopped = None
+
+    def moves(self, owner: str) -> None:
+        """Whoever that is begins to move the arm: what was tolerated for another stops it."""
+        if not self._tolerated or owner == self._retreats:
+            return
+        self._tolerated.clear()
+        for name, report in self._standing.items():
+            self._latch(name, report)
+
+    def take_fresh(self) -> bool:
+        """Whether a stop was latched since it was asked last."""
+        fresh, self._fresh = self._fresh, False
+        return fresh
+
+    def within(self, name: str, room: float, slack: float) -> None:
+        """No violation, by `room`; what was tolerated is so no longer once that is more than `slack`."""
+        if self._levels.pop(name, None) is not None:
+            self._standing.pop(name, None)
+        if room > slack:
+            self._tolerated.pop(name, None)
+
+    def violated(
+        self,
+        name: str,
+        cause: Cause,
+        level: float,
+        slack: float,
+        message: str,
+        **evidence: str | float | list[float],
+    ) -> None:
+        self._levels[name] = level
+        report = self._standing[name] = FailureReport(cause, message, evidence)
+        tolerated = self._tolerated.get(name)
+        if tolerated is not None and level <= tolerated + slack:
+            self._tolerated[name] = min(tolerated, level)
+            return
+        self._latch(name, report)
+
+    def _latch(self, name: str, report: FailureReport) -> None:
+        if self.stopped is not None:
+            return
+        self.stopped, self._latched = report, name
+        self._tolerated.clear()
+        self.stops += 1
+        self._fresh = True
+        data: dict[str, Plain] = {"cause": report.cause.name}
+        for key, value in report.evidence.items():
+            data[key] = list[Plain](value) if isinstance(value, list) else value
+        self._journal.note(Happened("safety_stop", report.message, data=data))
+
+    def state(self) -> LatchState:
+        return LatchState(
+            self.stopped,
+            self.stops,
+            tuple(self._tolerated.items()),
+            tuple(self._levels.items()),
+            self._retreats,
+            tuple(self._standing.items()),
+            self._latched,
+        )
+
+    def restore(self, saved: LatchState) -> None:
+        self.stopped, self.stops = saved.stopped, saved.stops
+        self._tolerated, self._levels = dict(saved.tolerated), dict(saved.levels)
+        self._standing, self._retreats = dict(saved.standing), saved.retreats
+        self._latched = saved.latched
+        self._fresh = False

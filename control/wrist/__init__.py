@@ -1,0 +1,1 @@
+"""What the wrist feels: wrench, contacts, payload, slip."""

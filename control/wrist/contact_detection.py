@@ -1,0 +1,104 @@
+"""Telling a contact from noise and drift: a change of the force against what was felt until just now."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ...world.values import Vector3
+
+AVERAGED = 0.017
+"""Time over which readings count together, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """An external force (3,) on the hand at a time: s, world axes, N."""
+
+    at: float
+    force: Vector3
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Something touches the hand."""
+
+    since: float
+    """When it was noticed, s."""
+    force: Vector3
+    """How it pushes the hand, beyond what was felt before it, world axes, N; the latest."""
+
+    @property
+    def size(self) -> float:
+        return math.hypot(*self.force)
+
+    @property
+    def direction(self) -> Vector3:
+        """Unit vector along which it pushes the hand."""
+        x, y, z = self.force
+        size = self.size or 1.0
+        return (x / size, y / size, z / size)
+
+
+class ContactDetector:
+    """Asked with each reading; `contact` says whether something touches the hand.
+
+    A contact begins when the mean of the last 17 ms differs by more than `threshold` N from the baseline, and
+    ends when it differs by less than `release` N: the hysteresis keeps it from flickering. The baseline is
+    the mean over `memory` s that ended `delay` s ago, so that it follows drift and not the contact; while
+    there is one, it stands still.
+
+    With noise of 0.15 N in each axis at 240 Hz the mean of 17 ms differs from the baseline by 0.08 N in each
+    axis: a threshold of 1 N is 12 of these.
+    """
+
+    def __init__(
+        self, threshold: float = 1.0, release: float = 0.5, memory: float = 0.1, delay: float = 0.02
+    ) -> None:
+        self._threshold = threshold
+        self._release = min(release, threshold)
+        self._memory = memory
+        self._delay = delay
+        self._readings: deque[Reading] = deque()
+        self._baseline: Vector3 | None = None
+        self._free = -math.inf
+        """When the last contact ended: what was felt before has no part in the baseline."""
+        self.contact: Contact | None = None
+
+    def watch(self, readings: Iterable[Reading]) -> Contact | None:
+        """Take readings into account, oldest first; the contact after them."""
+        for reading in readings:
+            self._take(reading)
+        return self.contact
+
+    def _take(self, reading: Reading) -> None:
+        kept = self._readings
+        kept.append(reading)
+        oldest = reading.at - self._memory - self._delay - AVERAGED
+        while kept[0].at < oldest - 1e-9:
+            kept.popleft()
+        lately = [r.force for r in kept if r.at > reading.at - AVERAGED + 1e-9]
+        if self.contact is None:
+            until = reading.at - AVERAGED - self._delay
+            before = [r.force for r in kept if self._free <= r.at <= until + 1e-9]
+            if before:
+                self._baseline = _mean(before)
+        if self._baseline is None:
+            return
+        fx, fy, fz = _mean(lately)
+        bx, by, bz = self._baseline
+        change = (fx - bx, fy - by, fz - bz)
+        size = math.hypot(*change)
+        if self.contact is not None:
+            self.contact = Contact(self.contact.since, change) if size >= self._release else None
+            self._free = reading.at
+        elif size > self._threshold:
+            self.contact = Contact(reading.at, change)
+
+
+def _mean(forces: list[Vector3]) -> Vector3:
+    n = len(forces)
+    x, y, z = (sum(axis) / n for axis in zip(*forces, strict=True))
+    return (x, y, z)

@@ -1,0 +1,233 @@
+"""Checking several files of any kind: all that is wrong with all of them, in one report.
+
+Which function checks which kind is handed in: this module knows the form of files, not their meaning.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeAlias
+
+from ..marks import SPOILT, Fault, FileError, Mark
+from ..shipped_files import is_file, is_folder
+from ..yaml.document import KINDS, Document, decoded, read_document, read_text
+from .fault_codes import pages, title
+from .fault_rendering import Paint, Sources, as_github, as_text, plain
+from .suppressions import silenced
+
+Check: TypeAlias = Callable[[Document], Iterable[Fault]]
+"""All that is wrong with a document of one kind, with the files that it names; never raises for its text."""
+
+SUFFIXES = (".yaml", ".yml")
+_OURS = re.compile(
+    rf"^[\s{{]*[\"']?(?:picktree[\"']?\s*:|kind[\"']?\s*:\s*(?:{'|'.join(KINDS)})\b)", re.MULTILINE
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A text to be checked that is not in its file: `path` says what lies beside it and how it is called."""
+
+    path: Path
+    raw: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class CheckReport:
+    """What `picktree check` found."""
+
+    files: tuple[str, ...]
+    """The files that were checked."""
+    left_out: tuple[str, ...]
+    """Files of folders that are YAML, but not ours."""
+    faults: tuple[Fault, ...]
+    """In the order of the files, then of their lines."""
+    texts: Mapping[str, str] = field(default_factory=dict[str, str], repr=False)
+    """The texts of files in which faults stand, as far as they were read."""
+
+    @property
+    def errors(self) -> int:
+        return sum(fault.severity == "error" for fault in self.faults)
+
+    @property
+    def warnings(self) -> int:
+        return len(self.faults) - self.errors
+
+    def exit_code(self, *, strict: bool = False) -> int:
+        """2: there are errors; 1: there are warnings, and these count; else 0."""
+        return 2 if self.errors else 1 if strict and self.warnings else 0
+
+    def to_text(self, paint: Paint = plain) -> str:
+        """Every fault with its line, and a line with the counts."""
+        sources = Sources(self.texts)
+        return "\n".join([*(as_text(fault, sources, paint) for fault in self.faults), self.summary()])
+
+    def to_github(self) -> str:
+        """Annotations, and a line with the counts."""
+        return "\n".join([*map(as_github, self.faults), self.summary()])
+
+    def to_json_text(self) -> str:
+        """One object; `docs/check.md` says what is in it."""
+        faults = [
+            {
+                "file": fault.mark.file,
+                "line": fault.mark.line,
+                "column": fault.mark.column,
+                "severity": fault.severity,
+                "code": fault.code,
+                "title": title(fault.code),
+                "where": fault.where,
+                "message": fault.message,
+                "hint": fault.hint,
+                "detail": fault.detail,
+            }
+            for fault in self.faults
+        ]
+        report = {
+            "files": list(self.files),
+            "left_out": list(self.left_out),
+            "errors": self.errors,
+            "warnings": self.warnings,
+            "faults": faults,
+        }
+        return json.dumps(report, indent=2) + "\n"
+
+    def summary(self) -> str:
+        """The counts, in one line.
+
+        >>> CheckReport(("a.yaml", "b.yaml"), (), ()).summary()
+        '2 files, no faults'
+        """
+        text = _count(len(self.files), "file")
+        found = [_count(n, what) for n, what in ((self.errors, "error"), (self.warnings, "warning")) if n]
+        text = f"{' and '.join(found)} in {text}" if found else f"{text}, no faults"
+        if self.left_out:
+            text += f"; {_count(len(self.left_out), 'YAML file')} without 'picktree:' left out"
+        if found:
+            which = "it" if len(self.faults) == 1 else "the first"
+            first = min(self.faults, key=lambda fault: fault.severity != "error")
+            text += f"; `picktree explain-code {first.code}` explains {which}"
+        return text
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" + ("s" if number != 1 else "")
+
+
+def check_files(paths: Iterable[Path | Given], checks: Mapping[str, Check]) -> CheckReport:
+    """Check files, folders (all YAML files in them that are ours) and given texts, each once."""
+    return _Round(checks).of(paths)
+
+
+class _Round:
+    """One call: what was found, by the file in which it stands."""
+
+    def __init__(self, checks: Mapping[str, Check]) -> None:
+        self._checks = checks
+        self._codes = tuple(page.code for page in pages())
+        self._texts: dict[str, str] = {}
+        self._left_out: list[str] = []
+        self._found: dict[str, dict[Fault, None]] = {}
+        self._complete = set[str]()
+        """Files that were looked at to their end: nothing keeps a warning in them from being found."""
+
+    def of(self, paths: Iterable[Path | Given]) -> CheckReport:
+        given: dict[Path, Path | Given] = {}
+        for path in self._written_out(paths):
+            given.setdefault(_real(path), path)
+        files = tuple(_name(path) for path in given.values())
+        order: dict[str, None] = dict.fromkeys(self._found)  # folders without files
+        for path in given.values():
+            found = list(dict.fromkeys(self._check(path)))
+            for fault in found:
+                self._found.setdefault(fault.mark.file, {})[fault] = None
+            # Files that are only named by this one come behind it.
+            order |= dict.fromkeys([_name(path), *(f.mark.file for f in found if f.mark.file not in files)])
+        faults = [fault for file in order for fault in self._judged(file)]
+        texts = {fault.mark.file: self._text(fault.mark.file) for fault in faults}
+        return CheckReport(files, tuple(self._left_out), tuple(faults), texts)
+
+    def _check(self, given: Path | Given) -> Iterable[Fault]:
+        path, name = given.path if isinstance(given, Given) else given, _name(given)
+        try:
+            text = decoded(given.raw, name) if isinstance(given, Given) else read_text(path)
+            self._texts[name] = text
+            document = read_document(text, path)
+            found = list(self._checks[document.kind](document))
+        except FileError as error:
+            return error.faults
+        if not any(fault.severity == "error" for fault in (*document.faults, *found)):
+            self._complete.add(name)
+        spoilt = {fault.mark for fault in document.faults if fault.code in SPOILT}
+        return (*document.faults, *(fault for fault in found if fault.mark not in spoilt))
+
+    def _judged(self, file: str) -> list[Fault]:
+        """The faults of one file in its order, without what its comments allow."""
+        found = tuple(self._found.get(file, ()))
+        text = self._text(file)
+        kept = silenced(found, text, file, self._codes, complete=file in self._complete)
+        return sorted(kept, key=lambda fault: fault.mark)
+
+    def _text(self, file: str) -> str:
+        if file not in self._texts:
+            try:
+                self._texts[file] = read_text(Path(file))
+            except FileError:
+                self._texts[file] = ""
+        return self._texts[file]
+
+    # Folders.
+
+    def _written_out(self, paths: Iterable[Path | Given]) -> Iterator[Path | Given]:
+        for path in paths:
+            if isinstance(path, Given) or not is_folder(path):
+                yield path
+                continue
+            ours = [file for file in _yaml_files(path) if self._is_ours(file)]
+            if not ours:
+                message, hint = (
+                    "there is no file of picktree's in this folder",
+                    "a file begins with 'picktree: 1'",
+                )
+                fault = Fault(Mark(str(path), 1, 1), "", message, hint, "P124")
+                self._found.setdefault(str(path), {})[fault] = None
+            yield from ours
+
+    def _is_ours(self, file: Path) -> bool:
+        """Whether a YAML file of a folder is one of picktree's; one that cannot be read might be."""
+        try:
+            text = read_text(file)
+        except FileError:
+            return True
+        if _OURS.search(text):
+            return True
+        self._left_out.append(str(file))
+        return False
+
+
+def _yaml_files(folder: Path) -> Iterator[Path]:
+    """All YAML files below a folder, sorted; hidden ones and what links lead to are left out."""
+    for parent, folders, names in os.walk(folder):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        for name in sorted(names):
+            path = Path(parent, name)
+            if name.endswith(SUFFIXES) and not name.startswith(".") and is_file(path):
+                yield path
+
+
+def _name(given: Path | Given) -> str:
+    return str(given.path if isinstance(given, Given) else given)
+
+
+def _real(given: Path | Given) -> Path:
+    """What tells files apart that are named in two ways."""
+    path = given.path if isinstance(given, Given) else given
+    try:
+        return path.resolve()
+    except (OSError, ValueError, RuntimeError):
+        return path

@@ -1,0 +1,272 @@
+"""From the text of an expression to its parts. Bounded, and every complaint names its character."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, cast
+
+from ..quantities import units_like
+from ..spelling import nearest
+from .syntax_tree import (
+    Arithmetic,
+    Attribute,
+    Call,
+    Choice,
+    Comparison,
+    ListOf,
+    Literally,
+    Logic,
+    Name,
+    Not,
+    Part,
+    Related,
+    Relation,
+    Sign,
+    Symbol,
+    below,
+)
+from .tokens import ExpressionError, Token, number_of, short, syntax_error, text_of, tokens
+
+MAX_LENGTH: Final = 1000
+MAX_PARTS: Final = 250
+MAX_DEPTH: Final = 40
+FUNCTIONS: Final = ("len", "min", "max", "abs", "round")
+CONSTANTS: Mapping[str, bool | None] = {
+    "true": True, "false": False, "null": None, "True": True, "False": False, "None": None,
+}  # fmt: skip
+
+
+_RELATIONS = ("==", "!=", "<", "<=", ">", ">=", "in", "not")
+_UNITS = frozenset(unit for like in ("m", "rad", "s", "kg", "N") for unit in units_like(like))
+
+# How tightly operators bind.
+_OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT = 1, 2, 3, 4, 5, 6
+_BINDING: Mapping[str, int] = {
+    "or": _OR, "and": _AND, **dict.fromkeys(_RELATIONS, _RELATION),
+    "+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "//": _PRODUCT, "%": _PRODUCT,
+}  # fmt: skip
+
+
+def parse(text: str) -> Part:
+    """Raises ExpressionError with a sentence and the character."""
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters")
+    if not text.strip():
+        raise ExpressionError("the expression is empty")
+    root = _Parser(text).whole()
+    _check_size(root)
+    return root
+
+
+class _Parser:
+    """Precedence climbing: a method call for each level of nesting, not for each operator."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._tokens = list(tokens(text))
+        self._next = 0
+        self._depth = 0
+
+    @property
+    def _token(self) -> Token:
+        return self._tokens[self._next]
+
+    def _is(self, *texts: str) -> bool:
+        """Whether one of these operators or words stands next."""
+        return self._token.kind in ("symbol", "word") and self._token.text in texts
+
+    def _take(self) -> Token:
+        token = self._token
+        self._next += 1
+        return token
+
+    def whole(self) -> Part:
+        part = self._choice()
+        token, before = self._token, self._tokens[self._next - 1]
+        if token.kind == "end":
+            return part
+        if self._is(")", "]"):
+            problem = f"{token.text!r} closes nothing"
+        elif self._is(","):
+            problem = "a list stands in [ ]"
+        elif self._is("else"):
+            problem = "'else' without 'if'"
+        else:
+            problem = self._missing_operator(before, token)
+        raise syntax_error(problem, token.at)
+
+    def _missing_operator(self, before: Token, token: Token) -> str:
+        if token.text == "[":
+            return "indexing with [ ] is not part of the language"
+        if token.text == "(":
+            return f"{short(before.text)} is not a function"
+        if before.kind == "number" and token.text in _UNITS:
+            return f"numbers stand without units here, in SI; leave out {token.text!r}"
+        return f"an operator is missing before {short(token.text)}"
+
+    def _choice(self) -> Part:
+        yes = self._operators(_OR)
+        if not self._is("if"):
+            return yes
+        start = self._take()
+        test = self._operators(_OR)
+        if not self._is("else"):
+            raise syntax_error("'if' without 'else': write 'a if c else b'", start.at)
+        self._enter(self._take())
+        no = self._choice()
+        self._depth -= 1
+        return Choice(start.at, test, yes, no)
+
+    def _operators(self, least: int) -> Part:
+        """A value, with the operators after it that bind at least so tightly."""
+        left = self._operand()
+        while True:
+            token = self._token
+            binding = _BINDING.get(token.text, 0) if token.kind in ("symbol", "word") else 0
+            if binding == 0 or binding < least:
+                return left
+            if binding in (_OR, _AND):
+                left = self._logic(left, binding)
+            elif binding == _RELATION:
+                left = self._comparison(left)
+            else:
+                self._take()
+                left = Arithmetic(token.at, cast("Symbol", token.text), left, self._operators(binding + 1))
+
+    def _logic(self, left: Part, binding: int) -> Part:
+        first, parts = self._token, [left]
+        while self._is(first.text):
+            self._take()
+            parts.append(self._operators(binding + 1))
+        return Logic(first.at, "and" if binding == _AND else "or", tuple(parts))
+
+    def _comparison(self, first: Part) -> Part:
+        at, rest = self._token.at, list[Related]()
+        while self._is(*_RELATIONS):
+            token = self._take()
+            relation = token.text
+            if relation == "not":
+                if not self._is("in"):
+                    raise syntax_error("an operator is missing before 'not'", token.at)
+                self._take()
+                relation = "not in"
+            rest.append(Related(token.at, cast("Relation", relation), self._operators(_RELATION + 1)))
+        return Comparison(at, first, tuple(rest))
+
+    def _operand(self) -> Part:
+        token = self._token
+        if self._is("not", "+", "-"):
+            before = self._tokens[self._next - 1] if self._next else None
+            tight = before is not None and before.text != "not" and _BINDING.get(before.text, 0) > _NOT
+            if token.text == "not" and before is not None and tight:
+                raise syntax_error(f"'not' after {before.text!r} stands in brackets", token.at)
+            self._enter(self._take())
+            operand = self._operators(_NOT) if token.text == "not" else self._operand()
+            self._depth -= 1
+            if token.text == "not":
+                return Not(token.at, operand)
+            return Sign(token.at, "-" if token.text == "-" else "+", operand)
+        part = self._value()
+        while self._is("."):
+            dot, name = self._take(), self._token
+            if name.kind not in ("name", "word"):
+                raise syntax_error("the name of an attribute is missing after '.'", dot.at)
+            if name.text.startswith("_"):
+                raise ExpressionError(f"{name.text!r} is private", name.at)
+            part = Attribute(self._take().at, part, name.text)
+        return part
+
+    def _value(self) -> Part:
+        token = self._token
+        match token.kind:
+            case "number":
+                return Literally(token.at, number_of(self._take()))
+            case "text":
+                return Literally(token.at, text_of(self._take()))
+            case "name":
+                return self._name()
+            case "symbol" if token.text in ("(", "["):
+                self._enter(token)
+                part = self._brackets()
+                self._depth -= 1
+                return part
+            case _:
+                raise self._no_value(token)
+
+    def _no_value(self, token: Token) -> ExpressionError:
+        before = self._tokens[self._next - 1] if self._next else None
+        if before is not None and before.text == token.text == "*":
+            return syntax_error("there is no power; write 'x * x'", before.at)
+        if before is None:
+            return syntax_error(f"a value is missing before {short(token.text)}", token.at)
+        if token.kind == "end" and before.text in ("(", "["):
+            return syntax_error(f"{before.text!r} is not closed", before.at)
+        if token.kind == "end":
+            return syntax_error(f"a value is missing after {short(before.text)}", before.at)
+        return syntax_error(f"a value is missing between {before.text!r} and {short(token.text)}", token.at)
+
+    def _name(self) -> Part:
+        token = self._take()
+        if self._is("("):
+            if token.text not in FUNCTIONS:
+                hint = nearest(token.text, FUNCTIONS)
+                raise ExpressionError(f"there is no function {short(token.text)}; {hint}", token.at)
+            self._enter(token)
+            call = Call(token.at, token.text, self._items(self._take(), ")"))
+            self._depth -= 1
+            return call
+        if token.text in CONSTANTS:
+            return Literally(token.at, CONSTANTS[token.text])
+        return Name(token.at, token.text)
+
+    def _brackets(self) -> Part:
+        opened = self._take()
+        if opened.text == "[":
+            return ListOf(opened.at, self._items(opened, "]"))
+        if self._is(")"):
+            raise syntax_error("a value is missing between '(' and ')'", self._token.at)
+        part = self._choice()
+        if self._is(","):
+            # (a, b) is a list, as in Python.
+            self._take()
+            return ListOf(opened.at, (part, *self._items(opened, ")")))
+        self._close(opened, ")")
+        return part
+
+    def _items(self, opened: Token, closing: str) -> tuple[Part, ...]:
+        items: list[Part] = []
+        while not self._is(closing):
+            items.append(self._choice())
+            if not self._is(","):
+                break
+            self._take()
+        self._close(opened, closing)
+        return tuple(items)
+
+    def _close(self, opened: Token, closing: str) -> None:
+        token = self._token
+        if self._is(closing):
+            self._take()
+        elif token.kind == "end":
+            raise syntax_error(f"{opened.text!r} is not closed", opened.at)
+        elif self._is(")", "]"):
+            raise syntax_error(f"{token.text!r} does not close {opened.text!r}", token.at)
+        else:
+            raise syntax_error(self._missing_operator(self._tokens[self._next - 1], token), token.at)
+
+    def _enter(self, token: Token) -> None:
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise ExpressionError(f"the expression is nested more than {MAX_DEPTH} deep", token.at)
+
+
+def _check_size(root: Part) -> None:
+    todo, count = [(root, 1)], 0
+    while todo:
+        part, depth = todo.pop()
+        count += 1
+        if count > MAX_PARTS:
+            raise ExpressionError(f"the expression has more than {MAX_PARTS} parts", part.at)
+        if depth > MAX_DEPTH:
+            raise ExpressionError(f"the expression is nested more than {MAX_DEPTH} deep", part.at)
+        todo += [(lower, depth + 1) for lower in below(part)]

@@ -1,0 +1,83 @@
+"""Places in files, and what is wrong there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from textwrap import indent
+from typing import Literal, NoReturn, TypeAlias
+
+from ..errors import PicktreeError
+
+Location: TypeAlias = tuple[str | int, ...]
+Severity: TypeAlias = Literal["error", "warning"]
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Mark:
+    """A place in a file; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+    def told(self, file: str) -> str:
+        """The line, for a reader of that file: `line 12`, or `line 12 of common.yaml`."""
+        return f"line {self.line}" + (f" of {self.file}" if self.file != file else "")
+
+
+def _no_code() -> NoReturn:
+    raise TypeError("every fault has a code, and every code a page in files/diagnostics/pages")
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that is wrong in a file. `where` is the value's dotted path or the node's path in the tree,
+    `hint` what would be right, `code` names the page that explains it (P104)."""
+
+    mark: Mark
+    where: str
+    message: str
+    hint: str = ""
+    code: str = field(default_factory=_no_code)
+    severity: Severity = "error"
+    detail: str = ""
+    """Lines that stand below the fault, as the traceback of a plug-in that cannot be imported."""
+
+    def __str__(self) -> str:
+        trail = f"{self.where}: " if self.where else ""
+        line = f"{self.mark}: {trail}{self.message}" + (f" ({self.hint})" if self.hint else "")
+        return f"{line}\n{indent(self.detail, '    ')}" if self.detail else line
+
+
+MAX_FAULTS = 100
+"""Of one file: who has a hundred to mend does not read on."""
+
+
+SPOILT = ("P113", "P116", "P120")
+"""Faults of form that spoil the value at their place: what else is said of it only follows."""
+
+
+def too_many(mark: Mark) -> Fault:
+    """What stands for all faults beyond MAX_FAULTS; `mark` is the place of the first of them."""
+    return Fault(mark, "", f"more than {MAX_FAULTS} faults; the rest is not shown", code="P126")
+
+
+class FileError(PicktreeError):
+    """Everything that is wrong with a file, in the order of the file; one line per fault."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(sorted(dict.fromkeys(faults), key=lambda fault: fault.mark))
+        super().__init__("\n".join(map(str, self.faults)))
+
+
+def where(loc: Iterable[str | int]) -> str:
+    """`("trees", "Main", 0)` as people read it: `trees.Main[0]`."""
+    text = ""
+    for part in loc:
+        name = part if isinstance(part, int) or len(part) <= 60 else part[:57] + "..."
+        text += f"[{name}]" if isinstance(name, int) else f".{name}" if text else name
+    return text

@@ -1,0 +1,52 @@
+"""Finding a file by the name of a shipped one, or by its path beside the file that names it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..errors import PicktreeError
+from .spelling import nearest
+
+
+def find_file(name_or_path: str, folder: Path, beside: Path | None, what: str) -> Path:
+    """`three_bins` is a shipped file of `folder`; anything with a suffix or a slash is a path.
+
+    A path counts from `beside` (a file or its folder), else from the working directory. Raises PicktreeError.
+    """
+    at = beside.parent if beside is not None and not is_folder(beside) else beside
+    if "\x00" in name_or_path or not name_or_path:
+        raise PicktreeError(f"{name_or_path!r} is no name of a {what}")
+    if "/" in name_or_path or name_or_path.endswith((".yaml", ".yml")):
+        path = at / name_or_path if at is not None else Path(name_or_path)
+        if not is_file(path):
+            raise PicktreeError(f"there is no {what} file {path}")
+        return path
+    shipped = folder / f"{name_or_path}.yaml"
+    if is_file(shipped):
+        return shipped
+    own = at / f"{name_or_path}.yaml" if at is not None else Path(f"{name_or_path}.yaml")
+    if is_file(own):
+        return own
+    hint = nearest(name_or_path, shipped_names(folder))
+    raise PicktreeError(f"unknown {what} {name_or_path!r}" + (f" ({hint})" if hint else ""))
+
+
+def is_file(path: Path) -> bool:
+    """As `Path.is_file`, and False for what cannot be a path at all (too long, with a null byte)."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """As `Path.is_dir`, and False for what cannot be a path at all."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def shipped_names(folder: Path) -> tuple[str, ...]:
+    """Names of the shipped files of a folder, sorted."""
+    return tuple(sorted(path.stem for path in folder.glob("*.yaml")))

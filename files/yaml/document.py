@@ -1,0 +1,210 @@
+"""Reading one YAML file: plain values, and the place in the file of each of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+from ..marks import Fault, FileError, Location, Mark, Severity, where
+from ..spelling import nearest
+from ..value_wording import describe
+from .bounded_open import Unreadable, read_bytes
+from .reader import MAX_BYTES, Node, Value, mark_at, read
+
+__all__ = [
+    "KINDS", "Document", "Fault", "FileError", "Location", "Mark",
+    "Value", "load_document", "nearest", "open_document", "overlaid", "parse_document", "read_document",
+    "read_text", "where",
+]  # fmt: skip
+
+FORMAT = 1
+KINDS = ("mission", "scene", "robot", "faults", "cases", "plan")
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A file that was read. `data` is the whole mapping, `picktree` and `kind` included.
+
+    `faults` are those of its form that do not keep it from being read: whoever checks it adds to them.
+    """
+
+    path: Path
+    text: str
+    kind: str
+    data: dict[str, Value]
+    root: Node
+    faults: tuple[Fault, ...] = ()
+    layers: tuple[Document, ...] = ()
+    """The documents of which this one was laid together."""
+
+    def mark(self, loc: Location) -> Mark:
+        """Where the value stands; of a value that is not there, where its nearest parent stands."""
+        node = self.root
+        for part in loc:
+            child = node.child(part)
+            if child is None:
+                break
+            node = child
+        return node.mark
+
+    def key_mark(self, loc: Location) -> Mark:
+        """Where the key of the value stands."""
+        parent: Node | None = self.root
+        for part in loc[:-1]:
+            parent = parent.child(part) if parent else None
+        if parent and loc and isinstance(loc[-1], str) and loc[-1] in parent.keys:
+            return parent.keys[loc[-1]]
+        return self.mark(loc)
+
+    def character_mark(self, loc: Location, character: int) -> Mark:
+        """Where a character (from 0) of a text stands; its start when the text is not written as it reads."""
+        start, value = self.mark(loc), self.get(loc)
+        text = next((d.text for d in (*self.layers, self) if str(d.path) == start.file), None)
+        if text is None or not isinstance(value, str) or "\n" in value:
+            return start
+        line = re.split(r"\r?\n", text)[start.line - 1][start.column - 1 :]
+        quote = line[:1] if line[:1] in ("'", '"') else ""
+        verbatim = line.startswith(f"{quote}{value}{quote}")
+        return Mark(start.file, start.line, start.column + len(quote) + character) if verbatim else start
+
+    def get(self, loc: Location) -> Value:
+        """The value at that place, None when there is none."""
+        node: Node | None = self.root
+        for part in loc:
+            node = node.child(part) if node else None
+        return node.value if node else None
+
+    def fault(
+        self,
+        loc: Location,
+        message: str,
+        hint: str = "",
+        *,
+        code: str,
+        key: bool = False,
+        character: int | None = None,
+        severity: Severity = "error",
+    ) -> Fault:
+        """A fault of the value there, or (`key`) of its key, or of one of its characters (from 0)."""
+        if character is not None:
+            mark = self.character_mark(loc, character)
+        else:
+            mark = self.key_mark(loc) if key else self.mark(loc)
+        return Fault(mark, where(loc), message, hint, code, severity)
+
+
+def overlaid(base: Document, over: Document) -> Document:
+    """`over` laid on `base` as a merge patch (RFC 7396): mappings merge, the rest replaces, null removes.
+
+    Every value keeps its place in the file that it came from.
+    """
+    root = _merged(base.root, over.root)
+    data = cast("dict[str, Value]", root.value)
+    layers = (*(base.layers or (base,)), over)
+    return Document(over.path, over.text, over.kind, data, root, (*base.faults, *over.faults), layers)
+
+
+def _merged(base: Node, over: Node) -> Node:
+    merged: dict[str, Node] = dict(base.entries)
+    keys = dict(base.keys)
+    for name, node in over.entries.items():
+        below = merged.get(name)
+        both = below is not None and isinstance(below.value, dict) and isinstance(node.value, dict)
+        if node.value is None:
+            merged.pop(name, None)
+        else:
+            merged[name] = _merged(below, node) if below is not None and both else node
+        keys[name] = over.keys[name]
+    value: Value = {name: node.value for name, node in merged.items()}
+    return Node(value, over.mark, entries=merged, keys=keys)
+
+
+def load_document(path: Path, kind: str | None = None) -> Document:
+    """Read a file. Raises FileError with every fault of its form; `kind` None takes any kind."""
+    return _flawless(open_document(path, kind))
+
+
+def parse_document(text: str, path: Path, kind: str | None = None) -> Document:
+    """As `load_document`, of a text that was read already."""
+    return _flawless(read_document(text, path, kind))
+
+
+def open_document(path: Path, kind: str | None = None) -> Document:
+    """As `load_document`, for who goes on checking: faults that let it be read are in `Document.faults`."""
+    return read_document(read_text(path), path, kind)
+
+
+def read_document(text: str, path: Path, kind: str | None = None) -> Document:
+    """As `open_document`, of a text that was read already."""
+    reading = read(text, str(path))
+    data = reading.root.value
+    if not isinstance(data, dict):
+        message = "a file is a mapping that begins with 'picktree: 1'"
+        raise FileError([*reading.faults, Fault(reading.root.mark, "", message, code="P119")])
+    faults = [*reading.faults, *_format_faults(reading.root)]
+    other = list(_kind_faults(reading.root, kind))
+    if other or any(fault.code == "P102" and fault.where for fault in faults):
+        # What another kind or another format says cannot be judged.
+        raise FileError([*faults, *other])
+    return Document(path, text, str(data["kind"]), data, reading.root, tuple(faults))
+
+
+def _flawless(document: Document) -> Document:
+    if document.faults:
+        raise FileError(document.faults)
+    return document
+
+
+def read_text(path: Path) -> str:
+    """The text of a file. Raises FileError when it is no regular file, too large or not UTF-8."""
+    try:
+        return decoded(read_bytes(path, MAX_BYTES), str(path))
+    except Unreadable as error:
+        code = "P123" if error.large else "P124"
+        raise FileError([Fault(Mark(str(path), 1, 1), "", error.message, error.hint, code)]) from None
+
+
+def decoded(raw: bytes, file: str) -> str:
+    """The text of a file's bytes. Raises FileError when they are not UTF-8."""
+    start = Mark(file, 1, 1)
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or 0 < raw[:4].count(0) < 4:
+        wide = "the file is UTF-16 or UTF-32, not UTF-8"
+        raise FileError([Fault(start, "", wide, "save it as UTF-8", "P122")])
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = raw[: error.start].decode("utf-8-sig", errors="replace")
+        mark = mark_at(file, before, len(before))
+        raise FileError([Fault(mark, "", "the file is not UTF-8", "save it as UTF-8", "P122")]) from None
+
+
+def _format_faults(root: Node) -> Iterable[Fault]:
+    version = root.entries.get("picktree")
+    if version is None:
+        message = f"'picktree: {FORMAT}' is missing"
+        yield Fault(Mark(root.mark.file, 1, 1), "", message, "every file begins with it", "P102")
+    elif type(version.value) is not int or version.value < 1:
+        message, hint = "the format is a whole number", f"this is format {FORMAT}"
+        yield Fault(version.mark, "picktree", message, hint, "P102")
+    elif version.value > FORMAT:
+        message = f"format {version.value} is newer than {FORMAT}, which this picktree reads"
+        yield Fault(version.mark, "picktree", message, "upgrade picktree", "P102")
+
+
+def _kind_faults(root: Node, kind: str | None) -> Iterable[Fault]:
+    given = root.entries.get("kind")
+    if given is None:
+        hint = f"one of {', '.join(KINDS)}"
+        yield Fault(Mark(root.mark.file, 1, 1), "", "'kind:' is missing", hint, "P103")
+    elif not isinstance(given.value, str):
+        message = f"the kind is a word, not {describe(given.value)}"
+        yield Fault(given.mark, "kind", message, f"one of {', '.join(KINDS)}", "P103")
+    elif given.value not in KINDS:
+        message = f"unknown kind {describe(given.value)}"
+        yield Fault(given.mark, "kind", message, nearest(given.value, KINDS), "P103")
+    elif kind is not None and given.value != kind:
+        message = f"this is a {given.value} file; a {kind} file is wanted here"
+        yield Fault(given.mark, "kind", message, code="P103")

@@ -1,0 +1,330 @@
+"""From YAML text to plain values with places.
+
+Scalars are read by YAML 1.2's core schema, as editors read them: `no` and `on` are texts, `1e-3` is a number,
+`010` is ten. Keys are always texts, as they are written.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from typing import NoReturn, TypeAlias
+
+import yaml
+
+from ..marks import MAX_FAULTS, Fault, FileError, Location, Mark, too_many, where
+from .yaml_errors import problem
+
+Value: TypeAlias = "dict[str, Value] | list[Value] | str | int | float | bool | None"
+
+MAX_BYTES = 1_000_000
+MAX_DEPTH = 200
+MAX_VALUES = 50_000
+"""Of one file, keys counted and aliases counted out: read in less than half a second."""
+
+
+@dataclass(slots=True)
+class Node:
+    """A value with its place; `size` and `height` count what an alias would repeat."""
+
+    value: Value
+    mark: Mark
+    items: list[Node] = field(default_factory=list["Node"])
+    entries: dict[str, Node] = field(default_factory=dict[str, "Node"])
+    keys: dict[str, Mark] = field(default_factory=dict[str, Mark])
+    size: int = 1
+    height: int = 1
+
+    def child(self, part: str | int) -> Node | None:
+        if isinstance(part, str):
+            return self.entries.get(part)
+        return self.items[part] if 0 <= part < len(self.items) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a text says, read as far as it could be, and what is wrong with its form."""
+
+    root: Node
+    faults: tuple[Fault, ...]
+
+
+def read(text: str, file: str) -> Reading:
+    """The text's one document. Raises FileError when the text cannot be read to its end."""
+    return _Reader(text, file).read()
+
+
+class Places:
+    """Lines and columns of a text's characters, which are counted from 0."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self._file = file
+        self._starts = [0, *(end.end() for end in _LINE_END.finditer(text))]
+
+    def mark(self, index: int) -> Mark:
+        line = bisect_right(self._starts, index)
+        return Mark(self._file, line, index - self._starts[line - 1] + 1)
+
+
+def mark_at(file: str, text: str, index: int) -> Mark:
+    """The place of one character that is counted from 0."""
+    return Places(file, text[:index]).mark(index)
+
+
+_LINE_END = re.compile(r"\r\n|\n|\r")
+# What YAML 1.2 allows in a stream (section 5.1), less the byte order mark in mid-text, and less what ends a
+# line for some readers and not for others: they disagree about what stands behind it.
+_FORBIDDEN = re.compile(
+    "[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]|\r(?!\n)"
+)
+_LINE_SEPARATORS = "\r\x85\u2028\u2029"
+_NULL = re.compile(r"(?:null|Null|NULL|~|)")
+_BOOL = re.compile(r"(?:true|True|TRUE|false|False|FALSE)")
+_INT = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+_INFINITE = re.compile(r"([-+]?)\.(?:inf|Inf|INF)")
+_NAN = re.compile(r"\.(?:nan|NaN|NAN)")
+_REFERENCE = re.compile(r"[A-Za-z_][\w.]*")
+_COLON = re.compile(r"\s*:")
+
+
+def resolve(text: str) -> str | int | float | bool | None:
+    """The value of a plain scalar in YAML 1.2's core schema. Raises ValueError for a number too long."""
+    if _NULL.fullmatch(text):
+        return None
+    if _BOOL.fullmatch(text):
+        return text[0] in "tT"
+    if _INT.fullmatch(text):
+        return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    if infinite := _INFINITE.fullmatch(text):
+        return -math.inf if infinite[1] == "-" else math.inf
+    return math.nan if _NAN.fullmatch(text) else text
+
+
+class _Stop(Exception):
+    """The text cannot be read any further."""
+
+
+@dataclass(slots=True)
+class _Open:
+    """A collection whose end is not read yet."""
+
+    node: Node
+    loc: Location
+    anchor: str | None
+    flow: bool
+    key: str | None = None
+    """The key whose value comes next."""
+    key_mark: Mark | None = None
+    skip: bool = False
+    """The value that comes next has a key that was refused."""
+    bare: bool = False
+    """A key that stands in braces without a colon: `{item}`."""
+
+
+class _Reader:
+    """Builds the nodes from the parser's events: without recursion, and with every bound in one place."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self._text, self._file = text, file
+        self._faults: list[Fault] = []
+        self._anchors: dict[str, Node] = {}
+        self._open: list[_Open] = []
+        self._total = 0
+        self._root: Node | None = None
+
+    def read(self) -> Reading:
+        start = Mark(self._file, 1, 1)
+        try:
+            self._check_text()
+            self._events()
+        except _Stop:
+            raise FileError(self._faults) from None
+        except yaml.MarkedYAMLError as error:
+            found = problem(error, self._text)
+            mark = start if found.mark is None else _mark(self._file, found.mark)
+            self._fault(mark, "", f"not valid YAML: {found.message}", found.hint, code="P101")
+            raise FileError(self._faults) from None
+        except yaml.YAMLError as error:
+            self._fault(start, "", f"not valid YAML: {error}", code="P101")
+            raise FileError(self._faults) from None
+        if self._root is None:
+            self._fault(start, "", "the file is empty", "it begins with 'picktree: 1'", code="P119")
+            raise FileError(self._faults)
+        return Reading(self._root, tuple(self._faults))
+
+    def _check_text(self) -> None:
+        if len(self._text) > MAX_BYTES:
+            message = f"the file is larger than {MAX_BYTES // 1_000_000} MB"
+            self._stop(Mark(self._file, 1, 1), message, code="P123")
+        bad = _FORBIDDEN.search(self._text)
+        if bad:
+            mark = mark_at(self._file, self._text, bad.start())
+            name = f"U+{ord(bad[0]):04X}"
+            if bad[0] in _LINE_SEPARATORS:
+                message = f"the line separator {name} ends a line for some readers and not for others"
+                self._stop(mark, message, "end the line as your editor does", code="P121")
+            self._stop(mark, f"the character {name} may not stand in a text file", code="P121")
+
+    def _events(self) -> None:
+        documents = 0
+        for event in yaml.parse(self._text, yaml.CSafeLoader):
+            match event:
+                case yaml.DocumentStartEvent():
+                    documents += 1
+                    mark = _mark(self._file, event.start_mark)
+                    if documents > 1:
+                        self._stop(mark, "a second document in one file", "a file for each", code="P118")
+                    if event.tags or event.version not in (None, (1, 2)):
+                        message = "a directive is not read: every file is YAML 1.2"
+                        self._fault(mark, "", message, "leave out the line that begins with %", code="P116")
+                case yaml.AliasEvent():
+                    self._alias(event)
+                case yaml.ScalarEvent():
+                    self._scalar(event)
+                case yaml.SequenceStartEvent() | yaml.MappingStartEvent():
+                    self._start(event)
+                case yaml.SequenceEndEvent() | yaml.MappingEndEvent():
+                    self._end()
+                case _:
+                    pass
+
+    def _alias(self, event: yaml.AliasEvent) -> None:
+        mark = _mark(self._file, event.start_mark)
+        target = self._anchors.get(str(event.anchor))
+        if target is None:
+            message = f"*{event.anchor} names no finished value"
+            self._stop(
+                mark, message, "its anchor stands before it; a text that begins with * is quoted", code="P117"
+            )
+        self._count(target.size, mark)
+        if len(self._open) + target.height > MAX_DEPTH:
+            self._stop(mark, f"the file is nested more than {MAX_DEPTH} deep", code="P123")
+        self._add(target, mark, None)
+
+    def _scalar(self, event: yaml.ScalarEvent) -> None:
+        mark = _mark(self._file, event.start_mark)
+        self._count(1, mark)
+        self._refuse_tag(event.tag, mark)
+        awaiting_key = self._awaiting_key()
+        value: Value = event.value
+        if event.style in (None, "") and not awaiting_key:
+            try:
+                value = resolve(event.value)
+            except ValueError:
+                self._fault(mark, where(self._loc()), "the number has too many digits", code="P120")
+        if awaiting_key:
+            self._key(str(event.value), mark)
+            self._open[-1].bare = (
+                self._open[-1].flow
+                and event.style in (None, "")
+                and _REFERENCE.fullmatch(event.value) is not None
+                and not _COLON.match(self._text, event.end_mark.index if event.end_mark else 0)
+            )
+        else:
+            self._add(Node(value, mark), mark, event.anchor)
+
+    def _key(self, key: str, mark: Mark) -> None:
+        parent = self._open[-1]
+        parent.skip = True
+        if key in parent.node.keys:
+            message, first = f"the key {_shown(key)} is given twice", parent.node.keys[key].line
+            self._fault(mark, where((*parent.loc, key)), message, f"first on line {first}", code="P114")
+        elif key == "":
+            self._fault(mark, where(parent.loc), "a key is missing before ':'", code="P115")
+        elif key == "<<":
+            message, hint = "merge keys (<<) are not part of YAML 1.2", "write the keys out"
+            self._fault(mark, where(parent.loc), message, hint, code="P115")
+        else:
+            parent.skip = False
+        parent.key, parent.key_mark = key, mark
+
+    def _start(self, event: yaml.SequenceStartEvent | yaml.MappingStartEvent) -> None:
+        mark = _mark(self._file, event.start_mark)
+        self._count(1, mark)
+        self._refuse_tag(event.tag, mark)
+        if len(self._open) >= MAX_DEPTH:
+            self._stop(mark, f"the file is nested more than {MAX_DEPTH} deep", code="P123")
+        if self._awaiting_key():
+            what = "{…}" if isinstance(event, yaml.MappingStartEvent) else "[…]"
+            self._stop(mark, f"a key is a word, not {what}", 'a reference is quoted: "{item}"', code="P115")
+        value: Value = {} if isinstance(event, yaml.MappingStartEvent) else []
+        node = Node(value, mark)
+        self._open.append(_Open(node, self._loc(), event.anchor, bool(event.flow_style)))
+
+    def _end(self) -> None:
+        closed = self._open.pop()
+        node = closed.node
+        if closed.bare and len(node.entries) == 1:
+            ((key, _),) = node.entries.items()
+            message = f"{{{key}}} without quotes is a YAML mapping"
+            self._fault(node.mark, where(closed.loc), message, f'write "{{{key}}}"', code="P113")
+            node = Node(f"{{{key}}}", node.mark)
+        self._add(node, node.mark, closed.anchor)
+
+    def _add(self, node: Node, mark: Mark, anchor: str | None) -> None:
+        if anchor is not None:
+            self._anchors[anchor] = node
+        if not self._open:
+            self._root = node
+            return
+        parent = self._open[-1]
+        top = parent.node
+        top.size += node.size
+        top.height = max(top.height, node.height + 1)
+        if isinstance(top.value, list):
+            top.value.append(node.value)
+            top.items.append(node)
+            return
+        key, key_mark = parent.key, parent.key_mark
+        if isinstance(top.value, dict) and key is not None and key_mark is not None and not parent.skip:
+            top.value[key] = node.value
+            top.entries[key] = node
+            top.keys[key] = key_mark
+        parent.key, parent.key_mark, parent.skip = None, None, False
+
+    def _awaiting_key(self) -> bool:
+        return bool(self._open) and isinstance(self._open[-1].node.value, dict) and self._open[-1].key is None
+
+    def _loc(self) -> Location:
+        if not self._open:
+            return ()
+        parent = self._open[-1]
+        if isinstance(parent.node.value, list):
+            return (*parent.loc, len(parent.node.items))
+        return parent.loc if parent.key is None else (*parent.loc, parent.key)
+
+    def _count(self, values: int, mark: Mark) -> None:
+        self._total += values
+        if self._total > MAX_VALUES:
+            message = f"the file has more than {MAX_VALUES} values, aliases counted out"
+            self._stop(mark, message, code="P123")
+
+    def _refuse_tag(self, tag: str | None, mark: Mark) -> None:
+        if tag is not None:
+            message = f"the tag {_shown(tag.replace('tag:yaml.org,2002:', '!!'))} is not read"
+            self._fault(mark, where(self._loc()), message, "leave it out", code="P116")
+
+    def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
+        if len(self._faults) == MAX_FAULTS:
+            self._faults.append(too_many(mark))
+        if len(self._faults) <= MAX_FAULTS:
+            self._faults.append(Fault(mark, trail, message, hint, code))
+
+    def _stop(self, mark: Mark, message: str, hint: str = "", *, code: str) -> NoReturn:
+        loc = self._loc()
+        self._fault(mark, where(loc[:12]) + ("…" if len(loc) > 12 else ""), message, hint, code=code)
+        raise _Stop
+
+
+def _mark(file: str, mark: object) -> Mark:
+    line, column = getattr(mark, "line", 0), getattr(mark, "column", 0)
+    return Mark(file, int(line) + 1, int(column) + 1)
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= 60 else text[:57] + "...")

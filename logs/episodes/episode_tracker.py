@@ -1,0 +1,453 @@
+"""Follows the episodes of a run, one tick at a time: the same while it runs and from its log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from .cure_names import AGAIN, Names, Shaped
+from .episode import End, Episode, Planted
+
+
+class Node(Shaped, Protocol):
+    """A node as a tree's record has it; the parent of the root is None or empty."""
+
+    @property
+    def parent(self) -> str | None: ...
+
+
+class Changed(Protocol):
+    """A node that began or ended; see `records.Transition`."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def subject(self) -> str: ...
+    @property
+    def cause(self) -> str: ...
+    @property
+    def origin(self) -> str: ...
+
+
+class Told(Protocol):
+    """An event of the journal."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def node(self) -> str: ...
+    @property
+    def data(self) -> Mapping[str, object]: ...
+
+
+@dataclass
+class Trouble:
+    """An episode that is not decided yet."""
+
+    cause: str
+    node: str
+    item: str
+    times: list[float]
+    """Of its failures, s."""
+    took: float
+    """What the node took that failed, s; 0 where another trouble bears it."""
+    by: str = ""
+    handler: str = ""
+    tried: list[str] = field(default_factory=list[str])
+    tries: int = 0
+    seconds: float = 0.0
+    planted: list[Planted] = field(default_factory=list[Planted])
+    """Faults after which it was the first."""
+    came_up: float = 0.0
+    """When it last went up to a node around, s."""
+
+
+@dataclass
+class Underway:
+    """A node between its beginning and its end. Troubles are told by their numbers."""
+
+    path: str
+    start: float
+    subject: str
+    taken: list[int] = field(default_factory=list[int])
+    """Troubles that it takes care of."""
+    arrived: list[int] = field(default_factory=list[int])
+    """Troubles that have come up from below; what it does about them shows in what it does next."""
+    failed: str = ""
+    """Path of the child whose failure it deals with, or dealt with last."""
+    failing: int = -1
+    """Trouble with which that child failed."""
+    run: float = 0.0
+    """When the present run of the branch began, or the one that failed last, s."""
+    borne: float = 0.0
+    """What troubles within have come to since then, s."""
+    dealing: bool = False
+    """A run has failed, and the next one has not begun."""
+    called: str = ""
+    """Handler that was told of and has not begun."""
+    aside: bool = False
+    """The item was set aside since a trouble was taken up."""
+    answers: bool = False
+    """It is one that tells which handler it runs."""
+    settled: list[str] = field(default_factory=list[str])
+    """Causes that came up here and were decided: the node may still fail with one of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class FollowingState:
+    """What is not decided, for a checkpoint."""
+
+    nodes: tuple[Underway, ...] = ()
+    troubles: dict[int, Trouble] = field(default_factory=dict[int, Trouble])
+    planted: tuple[Planted, ...] = ()
+    number: int = 0
+
+
+class Following:
+    """Turns ticks into episodes; `on_end` is given each as it is decided, `on_planted` each fault."""
+
+    def __init__(
+        self,
+        on_end: Callable[[Episode], None],
+        on_planted: Callable[[Planted], None] = lambda _: None,
+        state: FollowingState | None = None,
+    ) -> None:
+        state = deepcopy(state) if state is not None else FollowingState()
+        self._on_end, self._on_planted = on_end, on_planted
+        self._open = {node.path: node for node in state.nodes}
+        self._troubles = dict(state.troubles)
+        self._waiting = list(state.planted)
+        """Faults after which nothing has failed yet."""
+        self._number = state.number
+        self._ids: Mapping[str, str] = {}
+        self._parents: Mapping[str, str] = {}
+        self._names = Names(())
+        self._giving_up: frozenset[str] = frozenset()
+        """Branches that may set an item aside."""
+        self._time = 0.0
+
+    def state(self) -> FollowingState:
+        """For a checkpoint; a copy."""
+        return deepcopy(
+            FollowingState(tuple(self._open.values()), self._troubles, tuple(self._waiting), self._number)
+        )
+
+    def follow(self, nodes: Iterable[Node]) -> None:
+        """From the next tick on it is this tree that is ticked."""
+        known = tuple(nodes)
+        self._ids = {node.path: node.id for node in known}
+        self._parents = {node.path: node.parent or "" for node in known}
+        self._names = Names(known)
+        giving_up = [node.path for node in known if node.id == _SET_ASIDE]
+        self._giving_up = frozenset(path for each in giving_up for path in self._upwards(each))
+        for path in [path for path in self._open if path not in self._ids]:
+            gone = self._open.pop(path)
+            self._settle([*gone.taken, *gone.arrived], None)
+
+    def begun(self, time: float, paths: Iterable[str]) -> None:
+        """These were under way already before the first tick."""
+        for path in paths:
+            self._open.setdefault(path, Underway(path, time, "", run=time))
+
+    def take(self, time: float, changes: Iterable[Changed], events: Sequence[Told] = ()) -> None:
+        """One tick: which nodes began and ended, in their order, and what was told in it."""
+        self._time = time
+        aside = {event.node for event in events if event.kind == "set_aside"}
+        for change in changes:
+            if change.status == "RUNNING":
+                self._begin(change)
+            else:
+                self._end(change, change.path in aside or self._ids.get(change.path) == _SET_ASIDE)
+        for event in events:
+            if event.kind == "recovery":
+                self._told(event)
+            elif event.kind == "fault" and not (event.data.get("waits") or event.data.get("gone")):
+                kind, item = str(event.data.get("fault", "")), str(event.data.get("item") or "")
+                self._waiting.append(Planted(time, kind, event.message, item, "", None, None))
+
+    def finish(self, time: float) -> None:
+        """The run, or its log, has ended: what is open is told as such."""
+        self._time = max(time, self._time)
+        for node in reversed(list(self._open.values())):
+            self._bear(node)
+        for number in sorted(self._troubles):
+            self._decide(number, "open")
+        for fault in self._waiting:
+            self._on_planted(fault)
+        self._open, self._waiting = {}, []
+
+    def copied(self, on_end: Callable[[Episode], None], on_planted: Callable[[Planted], None]) -> Following:
+        """One that goes on by itself."""
+        made = Following(on_end, on_planted, self.state())
+        made._ids, made._parents, made._names, made._time = self._ids, self._parents, self._names, self._time
+        made._giving_up = self._giving_up
+        return made
+
+    # Nodes begin and end.
+
+    def _begin(self, change: Changed) -> None:
+        path = change.path
+        if path in self._open:  # it began anew without a word of its end
+            self._close(self._open.pop(path), halted=True)
+        parent = self._open.get(self._parents.get(path, ""))
+        if parent is not None:
+            self._goes_on(parent, path)
+        self._open[path] = Underway(path, self._time, change.subject, run=self._time)
+
+    def _goes_on(self, node: Underway, child: str) -> None:
+        """A node runs a child: the next one, the same again, or a cure."""
+        kind = self._kind(node)
+        if kind == "recovering":
+            if node.called and child != node.failed:
+                self._name_the_cure(node, child)
+        elif kind == "retrying" and child == node.failed:
+            self._take_up(node, AGAIN, f"{self._names.of(child)} {AGAIN}")
+        elif kind == "choosing" and child != node.failed:
+            gives_up = child in self._giving_up
+            self._take_up(node, _last(child), "" if gives_up else self._names.of(child))
+            node.aside = gives_up
+        elif kind == "":
+            self._settle(node.arrived, node)
+        if kind == "choosing" or child == node.failed or not node.failed:
+            self._bear(node)
+            node.run, node.borne, node.dealing, node.called = self._time, 0.0, False, ""
+
+    def _end(self, change: Changed, aside: bool) -> None:
+        node = self._open.pop(change.path, None)
+        if node is None:
+            return
+        if aside and change.status == "SUCCESS":
+            self._set_aside(node)
+        if change.status == "FAILURE":
+            if change.cause:
+                self._source(node, change)
+            self._close(node, cause=change.cause)
+        elif change.status == "IDLE":
+            self._close(node, halted=True)
+        else:
+            for number in [n for n in node.taken if n in self._troubles]:
+                self._decide(number, "given_up" if node.aside else "cured")
+            self._settle(node.arrived, self._open.get(self._parents.get(node.path, "")))
+        if change.status == "SKIPPED":
+            self._was_no_cure(node)
+
+    def _source(self, node: Underway, change: Changed) -> None:
+        """A node has failed: with something new, or with what has come up from below."""
+        known = [*node.taken, *node.arrived]
+        own = change.origin in ("", node.path)
+        if not own and change.cause in node.settled:
+            return
+        same = [self._troubles[n] for n in known if n in self._troubles]
+        if any(t.cause == change.cause and (not own or t.node == node.path) for t in same):
+            return
+        around = list(self._around(node.path))
+        again = self._answered(change.cause, around)
+        if again is not None:
+            self._troubles[again].times.append(self._time)
+            node.arrived.append(again)
+            return
+        item = next((n.subject for n in (node, *around) if n.subject), "")
+        within = any(other.dealing for other in around)
+        began = node.start if own else self._time
+        took = 0.0 if within else self._time - began
+        trouble = Trouble(change.cause, change.origin or node.path, item, [self._time], took)
+        trouble.planted, self._waiting = self._waiting, []
+        self._number += 1
+        self._troubles[self._number] = trouble
+        node.arrived.append(self._number)
+
+    def _answered(self, cause: str, around: Iterable[Underway]) -> int | None:
+        """The trouble of this cause that a Fallback around is just going another way for."""
+        for node in around:
+            same = self._with(cause, node.taken) if self._kind(node) == "choosing" else None
+            if same is not None:
+                return same
+        return None
+
+    def _close(self, node: Underway, *, cause: str = "", halted: bool = False) -> None:
+        """A node has failed or was halted: what it leaves undecided goes up."""
+        self._bear(node)
+        left = [n for n in dict.fromkeys((*node.taken, *node.arrived)) if n in self._troubles]
+        parent = self._open.get(self._parents.get(node.path, ""))
+        if parent is None:
+            for number in left:
+                self._troubles[number].came_up = self._time
+            self._settle(left, None)
+            return
+        handling = self._kind(parent) != ""
+        for number in left:
+            self._troubles[number].came_up = self._time
+            same = self._with(self._troubles[number].cause, parent.taken) if handling else None
+            number = number if same is None else self._join(number, same)
+            if number not in parent.arrived:
+                parent.arrived.append(number)
+        if halted:
+            return
+        if not parent.dealing:  # else it was the cure that failed
+            failing = self._with(cause, parent.arrived)
+            parent.failed, parent.dealing = node.path, handling
+            parent.failing = parent.failing if failing is None else failing
+
+    # What is done about it.
+
+    def _told(self, event: Told) -> None:
+        """A node says what it tries; the branch has just failed."""
+        node = self._open.get(event.node)
+        if node is None:
+            return
+        node.answers = True
+        cause = str(event.data.get("cause", ""))
+        failing = self._with(cause, node.arrived)
+        if failing is None:  # a condition that does not hold
+            self._number += 1
+            subject = next((n.subject for n in (node, *self._around(node.path)) if n.subject), "")
+            failed = str(event.data.get("failed", ""))
+            joined = self._with(cause, node.taken)
+            self._troubles[self._number] = Trouble(cause, failed, subject, [self._time], 0.0)
+            failing = self._number if joined is None else self._join(self._number, joined)
+            node.arrived.append(failing)
+        node.failing, node.dealing = failing, True
+        label = str(event.data.get("handler", ""))
+        self._take_up(node, label, label)
+        node.called = label
+
+    def _take_up(self, node: Underway, handler: str, cure: str) -> None:
+        """The node tries something against what has come up; a Fallback against all that came up so far.
+        Without a cure it gives up."""
+        choosing = self._kind(node) == "choosing"
+        node.aside = node.aside and not node.arrived
+        for number in dict.fromkeys((*node.taken, *node.arrived) if choosing else node.arrived):
+            trouble = self._troubles.get(number)
+            if trouble is None:
+                continue
+            if number not in node.taken:
+                node.taken.append(number)
+            if not cure:
+                trouble.by = node.path
+            elif choosing or number == node.failing or not trouble.tried:
+                trouble.by, trouble.handler = node.path, handler
+                trouble.tried.append(cure)
+                trouble.tries += 1
+        node.arrived = []
+
+    def _name_the_cure(self, node: Underway, child: str) -> None:
+        for number in node.taken:
+            trouble = self._troubles.get(number)
+            if trouble is not None and trouble.by == node.path and trouble.tried[-1] == node.called:
+                trouble.tried[-1] = self._names.of(child)
+        node.called = ""
+
+    def _was_no_cure(self, skipped: Underway) -> None:
+        """The branch that a Fallback went on with had nothing to do."""
+        parent = self._open.get(self._parents.get(skipped.path, ""))
+        if parent is None or self._kind(parent) != "choosing":
+            return
+        for number in [n for n in parent.taken if n in self._troubles]:
+            trouble = self._troubles[number]
+            if trouble.by == parent.path and trouble.handler == _last(skipped.path):
+                trouble.tried.pop()
+                trouble.tries -= 1
+
+    def _set_aside(self, node: Underway) -> None:
+        """Whoever deals with a trouble by this has given the item up."""
+        for around in self._around(node.path):
+            if around.dealing and any(number in self._troubles for number in around.taken):
+                around.aside = True
+                return
+
+    def _join(self, number: int, other: int) -> int:
+        """The same cause at the same node is the same trouble."""
+        if number == other:
+            return other
+        joined, into = self._troubles.pop(number), self._troubles[other]
+        into.times = sorted({*into.times, *joined.times})
+        into.tried += joined.tried
+        into.tries += joined.tries
+        into.seconds += joined.seconds
+        into.planted += joined.planted
+        return other
+
+    def _bear(self, node: Underway) -> None:
+        """The last failure of a branch bears the time since that run began, but what others bear."""
+        trouble = self._troubles.get(node.failing)
+        if not node.dealing or trouble is None or node.failing not in node.taken:
+            return
+        self._add(trouble, self._time - node.run - node.borne, self._around(node.path))
+        node.run, node.borne = self._time, 0.0
+
+    def _add(self, trouble: Trouble, seconds: float, around: Iterable[Underway]) -> None:
+        seconds = max(0.0, seconds)
+        trouble.seconds += seconds
+        for other in around:
+            other.borne += seconds
+
+    def _settle(self, numbers: Iterable[int], at: Underway | None) -> None:
+        """Nobody takes these up any more; `at`: the node that goes on without."""
+        for number in list(numbers):
+            trouble = self._troubles.get(number)
+            if trouble is None or (at is not None and number in at.taken):
+                continue
+            if not trouble.tried:
+                self._add(trouble, trouble.took, [] if at is None else [at, *self._around(at.path)])
+            if at is not None:
+                at.settled = list(dict.fromkeys((*at.settled, trouble.cause)))
+            self._decide(number, "given_up" if trouble.tried else "unhandled", trouble.came_up)
+        if at is not None:
+            at.arrived = [n for n in at.arrived if n in self._troubles]
+
+    def _decide(self, number: int, end: End, time: float | None = None) -> None:
+        t = self._troubles.pop(number)
+        ended = self._time if time is None else time
+        self._on_end(
+            Episode(
+                t.cause, t.node, t.item, tuple(t.times), end, ended, t.by, t.handler, tuple(t.tried), t.tries,
+                round(t.seconds, 6),
+            )
+        )  # fmt: skip
+        for f in t.planted:
+            after = round(min(at for at in t.times if at >= f.time - 1e-9) - f.time, 6)
+            self._on_planted(Planted(f.time, f.fault, f.message, f.item, t.cause, after, end))
+
+    # Looking around.
+
+    def _kind(self, node: Underway) -> str:
+        kind = _KINDS.get(self._ids.get(node.path, ""), "")
+        return "recovering" if node.answers else kind
+
+    def _around(self, path: str) -> Iterable[Underway]:
+        """The nodes around one that are under way, the nearest first."""
+        for above in self._upwards(self._parents.get(path, "")):
+            if above in self._open:
+                yield self._open[above]
+
+    def _upwards(self, path: str) -> Iterator[str]:
+        """The path, and those of all nodes around."""
+        while path:
+            yield path
+            path = self._parents.get(path, "")
+
+    def _with(self, cause: str, numbers: Iterable[int]) -> int | None:
+        """The last of these troubles that is of this cause."""
+        found = [n for n in numbers if n in self._troubles and self._troubles[n].cause == cause]
+        return found[-1] if found else None
+
+
+_KINDS = {
+    "Recover": "recovering",
+    "RecoveryNode": "recovering",
+    "RetryUntilSuccessful": "retrying",
+    "Fallback": "choosing",
+    "ReactiveFallback": "choosing",
+}
+"""Nodes that may take a failure up, by how they show it."""
+_SET_ASIDE = "SetAside"
+
+
+def _last(path: str) -> str:
+    return path.rsplit("/", 1)[-1]

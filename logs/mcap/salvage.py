@@ -1,0 +1,222 @@
+"""What is left of a damaged MCAP file, and what was lost.
+
+A file whose summary is whole is checked record by record when the check sum of its data is wrong. One
+without a summary is walked through from its beginning; where a record is not whole, the next chunk is looked
+for behind it.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Metadata, Schema
+
+from .chunks import DAMAGE, chunk_content, stream
+from .index import DATA_END, ChunkAt, Contents, NamedAt
+from .record_stream import RecordFile
+from .writer import MAGIC
+
+_KNOWN = frozenset(range(Opcode.HEADER, Opcode.DATA_END + 1))
+_CHUNK_SIGN = b"\x04\x00\x00\x00zstd"
+_SIGN_AT = 9 + 28
+"""Offset of the sign in a chunk's record."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """Damage: where, and what cannot be read because of it."""
+
+    offset: int
+    what: str
+
+    def text(self) -> str:
+        return f"byte {self.offset} ({self.what})"
+
+
+@dataclass(frozen=True, slots=True)
+class Salvaged:
+    contents: Contents
+    losses: tuple[Loss, ...]
+    stop: int
+    """Offset up to which the file was read: of the end of the data, or of what is not whole."""
+    problem: str
+    """What is wrong there; empty at the end of the data."""
+
+
+def losses_of(file: RecordFile, contents: Contents) -> tuple[Loss, ...]:
+    """What is damaged in a file with a whole summary, which is told only of what is not: unreadable chunks
+    and metadata leave `contents`, attachments stay."""
+    if file.read(0, len(MAGIC)) == MAGIC and _sum_is_right(file, contents.data_end):
+        return ()
+    losses: list[Loss] = []
+    chunks: list[ChunkAt] = []
+    contents.counts.clear()
+    for chunk in contents.chunks:
+        try:
+            contents.counts.update(chunk_content(_body(file, chunk.offset, Opcode.CHUNK)).counts())
+            chunks.append(chunk)
+        except DAMAGE:
+            losses.append(Loss(chunk.offset, _lost(chunk, contents)))
+    metadata: list[NamedAt] = []
+    for entry in contents.metadata:
+        try:
+            Metadata.read(stream(_body(file, entry.offset, Opcode.METADATA)))
+            metadata.append(entry)
+        except DAMAGE:
+            losses.append(Loss(entry.offset, f"metadata {entry.name} lost"))
+    for entry in contents.attachments:
+        try:
+            attachment(file, entry.offset)
+        except DAMAGE:
+            losses.append(Loss(entry.offset, f"file {entry.name} lost"))
+    contents.chunks[:], contents.metadata[:] = chunks, metadata
+    if not losses:
+        losses.append(Loss(0, "or later, outside of messages and files"))
+    return tuple(sorted(losses, key=lambda loss: loss.offset))
+
+
+def salvaged(file: RecordFile) -> Salvaged:
+    """Everything that can be read of a file without a whole summary; without chunks when there is nothing."""
+    return _Walk(file).result()
+
+
+def attachment(file: RecordFile, offset: int) -> Attachment:
+    """Raises one of `DAMAGE` when it is not as it was written."""
+    body = _body(file, offset, Opcode.ATTACHMENT)
+    if zlib.crc32(body[:-4]) != int.from_bytes(body[-4:], "little"):
+        raise ValueError("wrong check sum of a file")
+    return Attachment.read(stream(body))
+
+
+class _Walk:
+    """Through the records from the beginning to the end."""
+
+    def __init__(self, file: RecordFile) -> None:
+        self._file = file
+        self._contents = Contents()
+        self._losses: list[Loss] = []
+
+    def result(self) -> Salvaged:
+        file, offset = self._file, len(MAGIC)
+        problem = "the file ends without its summary"
+        while offset < file.size:
+            try:
+                offset, ended = self._take(offset)
+            except DAMAGE as error:
+                after = self._next(offset)
+                if after is None:
+                    problem = str(error) or type(error).__name__
+                    break
+                self._lose(offset, after)
+                offset = after
+                continue
+            if ended:
+                self._take_definitions(offset)
+                problem = ""
+                break
+        return Salvaged(self._contents, tuple(self._losses), offset, problem)
+
+    def _take(self, offset: int) -> tuple[int, bool]:
+        """The record there. Answers where the next one is, and whether this one was the last of the data."""
+        contents = self._contents
+        opcode, body = self._file.record(offset)
+        if opcode not in _KNOWN:
+            raise ValueError(f"a record of the unknown kind {opcode}")
+        if opcode == Opcode.CHUNK:
+            content = chunk_content(body)
+            contents.schemas.update((schema.id, schema) for schema in content.schemas)
+            contents.channels.update((channel.id, channel) for channel in content.channels)
+            counts = content.counts()
+            contents.counts.update(counts)
+            contents.chunks.append(ChunkAt(offset, content.start, content.end, frozenset(counts)))
+        elif opcode == Opcode.ATTACHMENT:
+            contents.attachments.append(NamedAt(offset, attachment(self._file, offset).name))
+        elif opcode == Opcode.METADATA:
+            contents.metadata.append(NamedAt(offset, Metadata.read(stream(body)).name))
+        return offset + 9 + len(body), opcode == Opcode.DATA_END
+
+    def _take_definitions(self, offset: int) -> None:
+        """Those in a damaged summary make up for a lost first chunk."""
+        contents = self._contents
+        while offset < self._file.size:
+            try:
+                opcode, body = self._file.record(offset)
+                if opcode == Opcode.SCHEMA:
+                    schema = Schema.read(stream(body))
+                    contents.schemas.setdefault(schema.id, schema)
+                elif opcode == Opcode.CHANNEL:
+                    channel = Channel.read(stream(body))
+                    contents.channels.setdefault(channel.id, channel)
+                else:
+                    return
+            except DAMAGE:
+                return
+            offset += 9 + len(body)
+
+    def _next(self, offset: int) -> int | None:
+        """Where a whole record stands behind the damaged one at `offset`."""
+        after = self._behind(offset)
+        if after is not None:
+            return after
+        for sign in self._file.places(_CHUNK_SIGN, offset + 1):
+            place = sign - _SIGN_AT
+            if place <= offset:
+                continue
+            try:
+                chunk_content(_body(self._file, place, Opcode.CHUNK))
+            except DAMAGE:
+                continue
+            return place
+        return None
+
+    def _behind(self, offset: int) -> int | None:
+        """Behind the record, if its length is right: then a known and whole record follows."""
+        try:
+            opcode, body = self._file.record(offset)
+            after = offset + 9 + len(body)
+            following, content = self._file.record(after)
+        except DAMAGE:
+            return None
+        if opcode not in _KNOWN or following not in _KNOWN or not body or not content:
+            return None
+        return after
+
+    def _lose(self, offset: int, after: int) -> None:
+        """Note that something between these two is lost."""
+        try:
+            opcode, _ = self._file.record(offset)
+        except DAMAGE:
+            opcode = None
+        if opcode == Opcode.ATTACHMENT:
+            what = "a file lost"
+        elif opcode == Opcode.METADATA:
+            what = "metadata lost"
+        elif opcode == Opcode.MESSAGE_INDEX:
+            return  # an aid to others; the messages are all there
+        else:
+            before = self._contents.chunks[-1].end / 1e9 if self._contents.chunks else 0.0
+            what = f"messages after {before:.2f} s lost"
+        self._losses.append(Loss(offset, what))
+
+
+def _sum_is_right(file: RecordFile, data_end: int) -> bool:
+    written = file.read(data_end, DATA_END.size)
+    if len(written) < DATA_END.size:
+        return False
+    opcode, length, crc = DATA_END.unpack(written)
+    return opcode == Opcode.DATA_END and length == 4 and crc == file.crc(0, data_end)
+
+
+def _body(file: RecordFile, offset: int, expected: int) -> bytes:
+    opcode, body = file.record(offset)
+    if opcode != expected:
+        raise ValueError(f"a record of the kind {opcode} instead of {expected}")
+    return body
+
+
+def _lost(chunk: ChunkAt, contents: Contents) -> str:
+    topics = [channel.topic for n, channel in contents.channels.items() if n in chunk.channels]
+    of = f" of {topics[0]}" if len(topics) == 1 else ""
+    return f"{chunk.start / 1e9:.2f} s to {chunk.end / 1e9:.2f} s{of} lost"

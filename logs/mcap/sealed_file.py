@@ -1,0 +1,172 @@
+"""A file that carries a whole ending behind its data at any time, and appears under its name all at once."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import threading
+from pathlib import Path
+from typing import Protocol
+
+from ...errors import PicktreeError
+
+ROOM = 32_000_000
+"""Bytes that must be free where a log begins: ten minutes of a run."""
+
+_ADVICE = "make room there, or give another folder with --out"
+
+
+class RawFile(Protocol):
+    """An unbuffered binary file: what it has been given, the operating system has."""
+
+    def seek(self, offset: int, /) -> int: ...
+    def write(self, data: memoryview, /) -> int | None: ...
+    def truncate(self, size: int, /) -> int: ...
+    def fileno(self) -> int: ...
+    def close(self) -> None: ...
+
+
+def open_raw(path: Path) -> RawFile:
+    """A new, empty file."""
+    return path.open("w+b", buffering=0)
+
+
+def require_room(path: Path) -> None:
+    """Raises PicktreeError when a log at `path` would soon fill the disk."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        free = shutil.disk_usage(path.parent).free
+    except OSError as error:
+        raise _unwritable(path, error) from None
+    if free < ROOM:
+        raise PicktreeError(
+            f"{path}: only {free / 1e6:.1f} MB are free there, and a log begins with {ROOM / 1e6:.0f} MB of "
+            f"room; {_ADVICE}"
+        )
+
+
+class EndedFile:
+    """Data that grows, and behind it an ending that each write replaces.
+
+    An ending is never shorter than the one before, so one write both replaces it and leaves no rest behind.
+    The file has another name until `publish`. Once the disk has refused, `failure` says so, and the file is
+    closed with the ending that it had before.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.end = 0
+        """Bytes of data so far; the ending stands there."""
+        self.failure: PicktreeError | None = None
+        self._ending = b""
+        self._hidden: Path | None = path.with_name(f"{path.name}.part")
+        self._syncing = threading.Lock()
+        self._unsynced = False
+        self._refused: OSError | None = None
+        self._file: RawFile | None = None
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = open_raw(self._hidden)
+        except OSError as error:
+            raise _unwritable(path, error) from None
+
+    @property
+    def closed(self) -> bool:
+        return self._file is None
+
+    @property
+    def published(self) -> bool:
+        return self._hidden is None
+
+    @property
+    def size(self) -> int:
+        return self.end + len(self._ending)
+
+    def append(self, data: bytes, ending: bytes) -> None:
+        """Raises PicktreeError when the disk refuses, or has refused before."""
+        file = self._open()
+        try:
+            if self._refused is not None:
+                raise self._refused
+            _write(file, data + ending, self.end)
+        except OSError as error:
+            raise self._given_up(file, error) from None
+        self.end += len(data)
+        self._ending = ending
+        self._unsynced = True
+
+    def publish(self) -> None:
+        """Let the file appear under its name, in the place of one that had it before."""
+        if self._hidden is None:
+            return
+        file = self._open()
+        try:
+            self._hidden.replace(self.path)
+        except OSError as error:
+            raise self._given_up(file, error) from None
+        self._hidden = None
+
+    def sync(self) -> None:
+        """Wait until the disk has what the operating system has; from any thread, beside writes."""
+        with self._syncing:
+            if self._file is None or not self._unsynced:
+                return
+            self._unsynced = False
+            try:
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                self._refused = error  # whoever appends next gives the file up
+
+    def finish(self) -> None:
+        """Close it when the disk has it all."""
+        self.sync()
+        if self._refused is not None and self._file is not None:
+            raise self._given_up(self._file, self._refused) from None
+        self.close()
+
+    def close(self) -> None:
+        with self._syncing:
+            file, self._file = self._file, None
+            if file is not None:
+                file.close()
+        if self._hidden is not None:
+            self._hidden.unlink(missing_ok=True)
+            self._hidden = None
+
+    def _open(self) -> RawFile:
+        if self._file is None:
+            raise self.failure or PicktreeError(f"{self.path}: the log is closed")
+        return self._file
+
+    def _given_up(self, file: RawFile, error: OSError) -> PicktreeError:
+        """Put the old ending back, so that the file opens with what it held before, and close it."""
+        why = error.strerror or str(error)
+        if self._hidden is None:
+            self.failure = PicktreeError(
+                f"{self.path}: the log cannot be written any further: {why}; it keeps what it held until "
+                f"then; {_ADVICE}"
+            )
+        else:
+            self.failure = _unwritable(self.path, error)
+        try:
+            _write(file, self._ending, self.end)
+            file.truncate(self.end + len(self._ending))
+        except OSError:
+            pass  # the reader recovers the file from its chunks
+        self.close()
+        return self.failure
+
+
+def _unwritable(path: Path, error: OSError) -> PicktreeError:
+    return PicktreeError(f"{path}: the log cannot be written: {error.strerror or error}; {_ADVICE}")
+
+
+def _write(file: RawFile, data: bytes, offset: int) -> None:
+    file.seek(offset)
+    view = memoryview(data)
+    while view:
+        written = file.write(view)
+        if not written:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        view = view[written:]

@@ -1,0 +1,297 @@
+"""Writing MCAP so that the file on disk is whole at every checkpoint, whatever then kills the process.
+
+A checkpoint appends the messages so far as one compressed chunk, and behind it the summary and the footer
+with which any reader opens the file; the next checkpoint overwrites these from the end of the data on.
+https://mcap.dev/spec
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+import time
+import zlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Protocol
+
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from .sealed_file import EndedFile
+
+MAGIC = b"\x89MCAP0\r\n"
+_MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_HEAD = 22
+
+
+class SchemaSource(Protocol):
+    """What must be known of a topic to write its channel."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def schema(self) -> str: ...
+    @property
+    def encoding(self) -> str: ...
+    @property
+    def schema_encoding(self) -> str: ...
+    def schema_data(self) -> bytes: ...
+
+
+class McapFile:
+    """An MCAP file being written. Times are ns and never go back. All methods raise PicktreeError when the
+    disk refuses or has refused; they may be called from more than one thread.
+
+    A checkpoint is due when `checkpoint` seconds have passed in the messages' time or on the wall, or
+    `chunk_bytes` are waiting. The file appears under its name with the first one.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        checkpoint: float = 1.0,
+        chunk_bytes: int = 4 << 20,
+        wall: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.path = path
+        self._disk = EndedFile(path)
+        self._lock = threading.RLock()
+        self._interval = checkpoint
+        self._chunk_bytes = chunk_bytes
+        self._wall = wall
+        self._crc = 0
+        self._compressor = zstandard.ZstdCompressor(level=3)
+
+        self._chunk = bytearray()
+        self._index: dict[int, list[tuple[int, int]]] = {}
+        self._chunk_start = self._chunk_end = 0
+        self._waiting_since = 0.0
+        """Wall time of the oldest message that no checkpoint has brought to disk."""
+
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._schema_records = bytearray()
+        self._channel_records = bytearray()
+        self._chunk_indexes = bytearray()
+        self._attachment_indexes = bytearray()
+        self._metadata_indexes = bytearray()
+        self._statistics = Statistics(0, 0, {}, 0, 0, 0, 0, 0, 0)
+        self._append(MAGIC + _bytes(Header(profile="", library="picktree")))
+
+    def channel(self, topic: SchemaSource) -> int:
+        """The number of the topic's channel, which is made when it is asked for the first time."""
+        with self._lock:
+            known = self._channels.get(topic.name)
+            return known if known is not None else self._new_channel(topic)
+
+    def _new_channel(self, topic: SchemaSource) -> int:
+        schema = self._schemas.get(topic.schema)
+        if schema is None:
+            schema = self._schemas[topic.schema] = len(self._schemas) + 1
+            record = _bytes(
+                Schema(id=schema, name=topic.schema, encoding=topic.schema_encoding, data=topic.schema_data())
+            )
+            self._schema_records += record
+            self._chunk += record
+            self._statistics.schema_count += 1
+        number = self._channels[topic.name] = len(self._channels) + 1
+        record = _bytes(
+            Channel(
+                id=number, topic=topic.name, message_encoding=topic.encoding, metadata={}, schema_id=schema
+            )
+        )
+        self._channel_records += record
+        self._chunk += record
+        self._statistics.channel_count += 1
+        self._statistics.channel_message_counts[number] = 0
+        return number
+
+    def message(self, channel: int, log_time: int, data: bytes) -> None:
+        with self._lock:
+            now = self._wall()
+            if self._index and (
+                log_time - self._chunk_start >= self._interval * 1e9
+                or len(self._chunk) >= self._chunk_bytes
+                or now - self._waiting_since >= self._interval
+            ):
+                self._write_chunk()
+            if self._disk.closed:
+                self._append(b"")  # says why
+            if not self._index:
+                self._chunk_start = log_time
+                self._waiting_since = now
+            statistics = self._statistics
+            if statistics.message_count == 0:
+                statistics.message_start_time = log_time
+            self._index.setdefault(channel, []).append((log_time, len(self._chunk)))
+            sequence = statistics.channel_message_counts[channel] + 1
+            length = _MESSAGE_HEAD + len(data)
+            self._chunk += _MESSAGE.pack(
+                Opcode.MESSAGE, length, channel, sequence & 0xFFFFFFFF, log_time, log_time
+            )
+            self._chunk += data
+            self._chunk_end = statistics.message_end_time = log_time
+            statistics.message_count += 1
+            statistics.channel_message_counts[channel] = sequence
+
+    def attachment(self, name: str, media_type: str, data: bytes, log_time: int = 0) -> None:
+        record = _bytes(
+            Attachment(create_time=0, log_time=log_time, name=name, media_type=media_type, data=data)
+        )
+        with self._lock:
+            self._write_chunk()
+            index = AttachmentIndex(
+                offset=self._disk.end,
+                length=len(record),
+                log_time=log_time,
+                create_time=0,
+                data_size=len(data),
+                name=name,
+                media_type=media_type,
+            )
+            self._attachment_indexes += _bytes(index)
+            self._statistics.attachment_count += 1
+            self._append(record)
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        record = _bytes(Metadata(name=name, metadata=dict(values)))
+        with self._lock:
+            self._write_chunk()
+            index = MetadataIndex(offset=self._disk.end, length=len(record), name=name)
+            self._metadata_indexes += _bytes(index)
+            self._statistics.metadata_count += 1
+            self._append(record)
+
+    def checkpoint(self) -> None:
+        """Bring everything so far into the file, which then opens with it."""
+        with self._lock:
+            self._write_chunk()
+            if not self._disk.published:
+                self._append(b"")
+                self._disk.publish()
+
+    def keep_up(self, age: float) -> None:
+        """A checkpoint when a message has been waiting for `age` wall seconds; and the disk is to have what
+        was written before."""
+        with self._lock:
+            if self._index and self._wall() - self._waiting_since >= age:
+                self._write_chunk()
+        self._disk.sync()
+
+    def finish(self) -> None:
+        """Write what is left and close."""
+        with self._lock:
+            try:
+                if not self.closed:
+                    self.checkpoint()
+                    self._disk.finish()
+            finally:
+                self._disk.close()
+
+    @property
+    def closed(self) -> bool:
+        """Finished, or given up because the disk refused."""
+        return self._disk.closed
+
+    @property
+    def failed(self) -> bool:
+        """Whether the disk has refused."""
+        return self._disk.failure is not None
+
+    @property
+    def size(self) -> int:
+        """Bytes on disk."""
+        return self._disk.size
+
+    def _write_chunk(self) -> None:
+        if not self._index:
+            return
+        data = bytes(self._chunk)
+        packed = self._compressor.compress(data)
+        chunk = _bytes(
+            Chunk(
+                compression="zstd",
+                data=packed,
+                message_start_time=self._chunk_start,
+                message_end_time=self._chunk_end,
+                uncompressed_crc=zlib.crc32(data),
+                uncompressed_size=len(data),
+            )
+        )
+        start = self._disk.end
+        indexes = bytearray()
+        offsets: dict[int, int] = {}
+        for channel, entries in self._index.items():
+            offsets[channel] = start + len(chunk) + len(indexes)
+            indexes += _bytes(MessageIndex(channel_id=channel, records=entries))
+        index = ChunkIndex(
+            chunk_length=len(chunk),
+            chunk_start_offset=start,
+            compression="zstd",
+            compressed_size=len(packed),
+            message_end_time=self._chunk_end,
+            message_index_length=len(indexes),
+            message_index_offsets=offsets,
+            message_start_time=self._chunk_start,
+            uncompressed_size=len(data),
+        )
+        self._chunk_indexes += _bytes(index)
+        self._statistics.chunk_count += 1
+        self._append(chunk + indexes)
+        self._chunk.clear()
+        self._index.clear()
+
+    def _append(self, data: bytes) -> None:
+        """Put `data` where the data section ends now, and the ending of the file behind it."""
+        crc = zlib.crc32(data, self._crc)
+        self._disk.append(data, self._ending(self._disk.end + len(data), crc))
+        self._crc = crc
+
+    def _ending(self, start: int, crc: int) -> bytes:
+        """DataEnd, summary, footer and magic of a file whose data section ends at `start`."""
+        head = _bytes(DataEnd(data_section_crc=crc))
+        summary_start = start + len(head)
+        summary, offsets = bytearray(), bytearray()
+        for opcode, group in (
+            (Opcode.SCHEMA, self._schema_records),
+            (Opcode.CHANNEL, self._channel_records),
+            (Opcode.STATISTICS, _bytes(self._statistics)),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes),
+            (Opcode.ATTACHMENT_INDEX, self._attachment_indexes),
+            (Opcode.METADATA_INDEX, self._metadata_indexes),
+        ):
+            if group:
+                offsets += _bytes(SummaryOffset(opcode, summary_start + len(summary), len(group)))
+                summary += group
+        offsets_start = summary_start + len(summary)
+        summary += offsets
+        # The footer's check sum covers the footer up to itself.
+        footer_head = struct.pack("<BQQQ", Opcode.FOOTER, 20, summary_start, offsets_start)
+        footer = Footer(summary_start, offsets_start, zlib.crc32(footer_head, zlib.crc32(summary)))
+        return head + bytes(summary) + _bytes(footer) + MAGIC
+
+
+def _bytes(record: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()

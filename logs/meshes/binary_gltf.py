@@ -1,0 +1,198 @@
+"""Binary glTF 2.0, the little of it that a link's mesh needs. Y is up, as viewers expect.
+https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import TypedDict
+
+import numpy as np
+import orjson
+
+from .triangle_meshes import Indices, Mesh
+
+_HEADER = struct.Struct("<4sII")
+_CHUNK = struct.Struct("<II")
+_JSON, _BINARY = 0x4E4F534A, 0x004E4942
+_FLOAT, _UINT16 = 5126, 5123
+_MOST_VERTICES = 65535
+
+
+_GENERATOR = "picktree, Y up"
+"""Files of which the generator is `picktree` alone have their Y down."""
+
+
+class _View(TypedDict):
+    buffer: int
+    byteOffset: int
+    byteLength: int
+
+
+class _Primitive(TypedDict):
+    attributes: dict[str, int]
+    indices: int
+    material: int
+
+
+def write_glb(mesh: Mesh) -> bytes:
+    """The mesh with one primitive for each of its colours. Raises ValueError for too many vertices."""
+    # Corners with the same vertex and the same normal are one vertex of the file.
+    keys = np.column_stack([mesh.faces.ravel(), np.round(mesh.normals.reshape(-1, 3) * 100).astype(np.int64)])
+    _, first, corner = np.unique(keys @ _MIX, return_index=True, return_inverse=True)
+    vertices = mesh.vertices[mesh.faces.ravel()[first]]
+    normals = mesh.normals.reshape(-1, 3)[first]
+    faces = corner.reshape(-1, 3)
+    if len(vertices) > _MOST_VERTICES:
+        raise ValueError(f"{len(vertices)} vertices; a link's model may have {_MOST_VERTICES}")
+    palette, colour = np.unique(np.round(mesh.colours * 255).astype(np.int64) @ _RGB, return_inverse=True)
+
+    blobs = [
+        _up(vertices).astype("<f4").tobytes(),
+        _up(normals).astype("<f4").tobytes(),
+        *(_padded(faces[colour == k].astype("<u2").tobytes()) for k in range(len(palette))),
+    ]
+    views: list[_View] = []
+    offset = 0
+    for blob in blobs:
+        views.append({"buffer": 0, "byteOffset": offset, "byteLength": len(blob)})
+        offset += len(blob)
+    lifted = _up(vertices).astype("<f4")
+    accessors: list[dict[str, object]] = [
+        {
+            "bufferView": 0,
+            "componentType": _FLOAT,
+            "count": len(vertices),
+            "type": "VEC3",
+            "min": lifted.min(axis=0).tolist(),
+            "max": lifted.max(axis=0).tolist(),
+        },
+        {"bufferView": 1, "componentType": _FLOAT, "count": len(vertices), "type": "VEC3"},
+        *(
+            {
+                "bufferView": 2 + k,
+                "componentType": _UINT16,
+                "count": int((colour == k).sum()) * 3,
+                "type": "SCALAR",
+            }
+            for k in range(len(palette))
+        ),
+    ]
+    document = {
+        "asset": {"version": "2.0", "generator": _GENERATOR},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [
+            {
+                "primitives": [
+                    {"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2 + k, "material": k}
+                    for k in range(len(palette))
+                ]
+            }
+        ],
+        "materials": [
+            {
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": [*_rgb(int(code)), 1.0],
+                    "metallicFactor": 0.0,
+                    "roughnessFactor": 0.6,
+                }
+            }
+            for code in palette
+        ],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": offset}],
+    }
+    text = orjson.dumps(document)
+    text += b" " * (-len(text) % 4)
+    binary = b"".join(blobs)
+    total = _HEADER.size + 2 * _CHUNK.size + len(text) + len(binary)
+    return b"".join(
+        (
+            _HEADER.pack(b"glTF", 2, total),
+            _CHUNK.pack(len(text), _JSON),
+            text,
+            _CHUNK.pack(len(binary), _BINARY),
+            binary,
+        )
+    )
+
+
+class _Material(TypedDict):
+    pbrMetallicRoughness: dict[str, list[float]]
+
+
+class _Accessor(TypedDict):
+    count: int
+
+
+class _Asset(TypedDict):
+    generator: str
+
+
+class _Document(TypedDict):
+    asset: _Asset
+    accessors: list[_Accessor]
+    meshes: list[dict[str, list[_Primitive]]]
+    materials: list[_Material]
+    bufferViews: list[_View]
+
+
+def upright(data: bytes) -> bytes:
+    """A file of an older picktree, which stood on its head in viewers, as it is written now; any other as it
+    is."""
+    return data if _GENERATOR.encode() in data[:200] else write_glb(read_glb(data))
+
+
+def read_glb(data: bytes) -> Mesh:
+    """What `write_glb` wrote. Raises ValueError for a file that is not of that kind."""
+    magic, version, total = _HEADER.unpack_from(data)
+    if magic != b"glTF" or version != 2 or total != len(data):
+        raise ValueError("not a binary glTF 2.0 file")
+    length, _ = _CHUNK.unpack_from(data, _HEADER.size)
+    start = _HEADER.size + _CHUNK.size
+    document: _Document = orjson.loads(data[start : start + length])
+    binary = start + length + _CHUNK.size
+
+    def part(index: int) -> bytes:
+        view = document["bufferViews"][index]
+        return data[binary + view["byteOffset"] :][: view["byteLength"]]
+
+    def triangles_of(index: int) -> Indices:
+        count = document["accessors"][index]["count"]
+        return np.frombuffer(part(index), "<u2")[:count].reshape(-1, 3).astype(np.int64)
+
+    up = _UP if document["asset"]["generator"] == _GENERATOR else _UP * [1.0, -1.0, -1.0]
+    vertices = np.frombuffer(part(0), "<f4").reshape(-1, 3).astype(np.float64) @ up
+    normals = np.frombuffer(part(1), "<f4").reshape(-1, 3).astype(np.float64) @ up
+    faces: list[Indices] = []
+    colours: list[np.ndarray] = []
+    for primitive in document["meshes"][0]["primitives"]:
+        triangles = triangles_of(primitive["indices"])
+        factor = document["materials"][primitive["material"]]["pbrMetallicRoughness"]["baseColorFactor"]
+        linear = np.array(factor[:3])
+        faces.append(triangles)
+        colours.append(np.tile(linear ** (1 / 2.2), (len(triangles), 1)))
+    joined = np.concatenate(faces)
+    return Mesh(vertices, joined, normals[joined], np.concatenate(colours))
+
+
+_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""Row vectors: (x, y, z) of a Z-up frame = (X, Y, Z) of the file @ _UP."""
+_MIX = np.array([1 << 32, 1 << 20, 1 << 10, 1], dtype=np.int64)
+_RGB = np.array([65536, 256, 1], dtype=np.int64)
+
+
+def _up(points: np.ndarray) -> np.ndarray:
+    return points @ _UP.T
+
+
+def _padded(data: bytes) -> bytes:
+    return data + bytes(-len(data) % 4)
+
+
+def _rgb(code: int) -> list[float]:
+    """The colour as glTF wants it: linear light."""
+    return [((code >> shift & 255) / 255) ** 2.2 for shift in (16, 8, 0)]

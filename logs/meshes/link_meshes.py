@@ -1,0 +1,49 @@
+"""What the links of a robot look like, from its URDF, light enough to stand in every log."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from importlib.util import find_spec
+
+from ...errors import PicktreeError
+from ...robots.urdf_geometry import LinkMesh as MeshFile
+from ...robots.urdf_geometry import LinkShape, link_geometry
+from ..schema.records import LinkMesh
+from .binary_gltf import write_glb
+from .triangle_meshes import Mesh, joined, load_mesh, shape_mesh
+
+MOST_FACES = 2000
+
+
+def _shown(urdf: str) -> list[MeshFile | LinkShape]:
+    """The visual geometry, or the collision geometry of links that nobody here can show otherwise."""
+    visual = link_geometry(urdf, "visual")
+    unread = {e.link for e in visual if isinstance(e, MeshFile) and not _is_readable(e.path)}
+    plain = [e for e in link_geometry(urdf, "collision") if e.link in unread] if unread else []
+    return [*(e for e in visual if e.link not in unread), *plain]
+
+
+def _is_readable(path: str) -> bool:
+    return not path.lower().endswith(".dae") or find_spec("collada") is not None
+
+
+@lru_cache(maxsize=4)
+def link_meshes(urdf: str) -> tuple[LinkMesh, ...]:
+    """A model for each link that has a visual element. Raises PicktreeError for an unreadable mesh.
+
+    A link whose meshes are of a kind that only an absent library reads looks like what collides of it.
+    """
+    parts: dict[str, list[Mesh]] = {}
+    files: dict[str, Mesh] = {}
+    for element in _shown(urdf):
+        if isinstance(element, MeshFile):
+            if element.path not in files:
+                try:
+                    files[element.path] = load_mesh(element.path, MOST_FACES)
+                except (OSError, ValueError) as error:
+                    raise PicktreeError(f"{element.path}: the mesh cannot be read: {error}") from None
+            mesh = files[element.path].placed(element.pose_in_link, element.scale)
+        else:
+            mesh = shape_mesh(element.shape).placed(element.pose_in_link)
+        parts.setdefault(element.link, []).append(mesh)
+    return tuple(LinkMesh(link, write_glb(joined(meshes))) for link, meshes in parts.items())

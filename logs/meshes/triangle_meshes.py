@@ -1,0 +1,220 @@
+"""Triangle meshes for looking at: read from files, made of shapes, and thinned out for the log."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...world.scene.holes import Hole
+from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
+from ...world.values import Array, Pose, Vector3
+from .mesh_decimation import thinned
+
+Indices = NDArray[np.int64]
+
+WHITE = (0.93, 0.93, 0.94)
+
+_LIBRARY = re.compile(rb"^mtllib (.*)", re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Vertices (n, 3) m, faces (m, 3), and for each face its corners' normals (m, 3, 3) and colour (m, 3)."""
+
+    vertices: Array
+    faces: Indices
+    normals: Array
+    colours: Array
+
+    def placed(self, pose: Pose, scale: Vector3 = (1.0, 1.0, 1.0)) -> Mesh:
+        """Scaled, then given in the frame in which `pose` is given."""
+        rotation = pose.rotation()
+        normals = (self.normals / np.array(scale)) @ rotation.T
+        return Mesh(pose.apply(self.vertices * np.array(scale)), self.faces, unit(normals), self.colours)
+
+    def coloured(self, colour: tuple[float, float, float]) -> Mesh:
+        return Mesh(self.vertices, self.faces, self.normals, np.tile(np.array(colour), (len(self.faces), 1)))
+
+
+def unit(vectors: Array) -> Array:
+    """Vectors (…, 3) brought to length 1; a zero vector stays."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(lengths > 0, lengths, 1.0)
+
+
+def joined(meshes: Iterable[Mesh]) -> Mesh:
+    """One mesh of all; empty when there are none."""
+    parts = list(meshes)
+    if not parts:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 3, 3)), np.zeros((0, 3)))
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    return Mesh(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.faces + o for part, o in zip(parts, offsets, strict=True)]),
+        np.concatenate([part.normals for part in parts]),
+        np.concatenate([part.colours for part in parts]),
+    )
+
+
+def smoothed(vertices: Array, faces: Indices, colours: Array, crease: float = 0.7) -> Mesh:
+    """With corner normals: averaged over the faces around a vertex unless the edge is a crease.
+
+    `crease` is the cosine of the angle beyond which a face keeps its own normal.
+    """
+    corners = vertices[faces]
+    areas = _areas(corners)
+    own = unit(areas)
+    sums = np.zeros_like(vertices)
+    for axis in range(3):
+        shares = np.repeat(areas[:, axis], 3)
+        sums[:, axis] = np.bincount(faces.ravel(), weights=shares, minlength=len(vertices))
+    mean = unit(sums)[faces]
+    soft = np.einsum("fci,fi->fc", mean, own) > crease
+    return Mesh(vertices, faces, np.where(soft[:, :, None], mean, own[:, None, :]), colours)
+
+
+def _areas(corners: Array) -> Array:
+    """Normal of each triangle (n, 3, 3) with twice its area as length, (n, 3)."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    x = a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1]
+    y = a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2]
+    z = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return np.stack([x, y, z], axis=1)
+
+
+def load_mesh(path: str, most: int) -> Mesh:
+    """A mesh file with about `most` faces at most, in its own frame. OBJ keeps its materials' colours."""
+    if path.lower().endswith(".obj"):
+        vertices, faces, colours = _read_obj(Path(path))
+    else:
+        import trimesh  # slow to import, and rarely needed
+
+        loaded = trimesh.load_mesh(path, process=False)  # pyright: ignore[reportUnknownMemberType]
+        vertices = np.asarray(loaded.vertices, dtype=np.float64)
+        faces = np.asarray(loaded.faces, dtype=np.int64)
+        colours = np.tile(np.array(WHITE), (len(faces), 1))
+    return smoothed(*thinned(vertices, faces, colours, most))
+
+
+def _read_obj(path: Path) -> tuple[Array, Indices, Array]:
+    """Vertices, triangles and the triangles' colours of a Wavefront OBJ file."""
+    data = path.read_bytes()
+    if not data.endswith(b"\n"):
+        data += b"\n"
+    # Lines are told apart by their first two letters, in numpy: files have tens of thousands.
+    letters = np.frombuffer(data + b"\n", np.uint8)
+    ends = np.flatnonzero(letters[:-1] == ord("\n"))
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    kinds = letters[starts].astype(np.int64) * 256 + letters[starts + 1]
+
+    def numbers(keyword: bytes) -> bytes:
+        lines = np.flatnonzero(kinds == keyword[0] * 256 + keyword[1])
+        breaks = np.flatnonzero(np.diff(lines) > 1) + 1
+        runs = [data[starts[run[0]] : ends[run[-1]] + 1] for run in np.split(lines, breaks) if len(run)]
+        return b"".join(runs).replace(keyword, b" ")
+
+    vertices = np.fromstring(numbers(b"v "), dtype=np.float64, sep=" ").reshape(-1, 3)
+    blob = numbers(b"f ")
+    face_lines = np.flatnonzero(kinds == ord("f") * 256 + ord(" "))
+    fields = 1 + blob.split(None, 1)[0].count(b"/") if blob else 1
+    if b"//" in blob:
+        blob = blob.replace(b"//", b"/0/")
+    flat = np.fromstring(blob.replace(b"/", b" "), dtype=np.int64, sep=" ")
+    if len(flat) != len(face_lines) * 3 * fields:
+        raise ValueError("its faces must be triangles")
+    faces = flat.reshape(-1, fields)[:, 0].reshape(-1, 3)
+    faces = np.where(faces < 0, faces + len(vertices), faces - 1)
+    if len(faces) == 0 or faces.min() < 0 or faces.max() >= len(vertices):
+        raise ValueError("its faces name vertices that it does not have")
+
+    palette = _materials(path, data[:4096])
+    colours = np.tile(np.array(WHITE), (len(faces), 1))
+    for line in np.flatnonzero(kinds == ord("u") * 256 + ord("s")):
+        name = data[starts[line] + 7 : ends[line]].strip().decode(errors="replace")
+        colours[np.searchsorted(face_lines, line) :] = palette.get(name, WHITE)
+    return vertices, faces, colours
+
+
+def _materials(path: Path, head: bytes) -> dict[str, tuple[float, float, float]]:
+    """Diffuse colour by material name; empty when the file has no library beside it."""
+    palette: dict[str, tuple[float, float, float]] = {}
+    library = _LIBRARY.search(head)
+    file = path.parent / library[1].strip().decode(errors="replace") if library else path
+    if library is None or not file.is_file():
+        return palette
+    name = ""
+    for line in file.read_text(errors="replace").splitlines():
+        word, _, rest = line.strip().partition(" ")
+        if word == "newmtl":
+            name = rest.strip()
+        elif word == "Kd":
+            red, green, blue = (float(number) for number in rest.split()[:3])
+            palette[name] = (red, green, blue)
+    return palette
+
+
+def part_mesh(shape: Shape, holes: tuple[Hole, ...], colour: tuple[float, float, float] = WHITE) -> Mesh:
+    """The surface of a part that never moves, in its own frame; a box may have holes."""
+    if not holes or not isinstance(shape, Box):
+        return shape_mesh(shape, colour)
+    from ...world.scene.fixture_surfaces import surface
+
+    seen = surface(shape, holes)
+    faces = np.arange(len(seen.corners), dtype=np.int64).reshape(-1, 3)
+    colours = np.tile(np.array(colour), (len(faces), 1))
+    return Mesh(seen.corners, faces, seen.normals.reshape(-1, 3, 3), colours)
+
+
+def shape_mesh(shape: Shape, colour: tuple[float, float, float] = WHITE) -> Mesh:
+    """The surface of a shape in its own frame."""
+    match shape:
+        case Box(size):
+            vertices, faces = _box(size)
+        case Cylinder(radius, height):
+            vertices, faces = _turned([(0.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0)], 48)
+            vertices = vertices * np.array([radius, radius, height / 2])
+        case Sphere(radius):
+            angles = np.linspace(-math.pi / 2, math.pi / 2, 25)[1:-1]
+            rings = [(math.cos(a), math.sin(a)) for a in angles]
+            vertices, faces = _turned([(0.0, -1.0), *rings, (0.0, 1.0)], 48)
+            vertices = vertices * radius
+        case ConvexMesh(points):
+            from scipy.spatial import ConvexHull
+
+            vertices = np.array(points)
+            faces = ConvexHull(vertices).simplices.astype(np.int64)
+            corners = vertices[faces]
+            outward = np.einsum("fi,fi->f", _areas(corners), corners.mean(axis=1) - vertices.mean(axis=0))
+            faces = np.where(outward[:, None] > 0, faces, faces[:, ::-1])
+    return smoothed(vertices, faces, np.tile(np.array(colour), (len(faces), 1)))
+
+
+def _box(size: Vector3) -> tuple[Array, Indices]:
+    vertices = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    # Vertices of its own for each side: a box has no smooth edge.
+    faces = [(4 * k + a, 4 * k + b, 4 * k + c) for k in range(6) for a, b, c in ((0, 1, 2), (0, 2, 3))]
+    return vertices[np.array(quads).ravel()] * np.array(size), np.array(faces, dtype=np.int64)
+
+
+def _turned(profile: list[tuple[float, float]], around: int) -> tuple[Array, Indices]:
+    """The surface that a profile of (radius, height), from below upwards, makes around z."""
+    angles = np.arange(around) * (2 * math.pi / around)
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    vertices = np.concatenate([np.column_stack([ring * r, np.full(around, z)]) for r, z in profile])
+    faces: list[tuple[int, int, int]] = []
+    for level in range(len(profile) - 1):
+        for k in range(around):
+            a, b = level * around + k, level * around + (k + 1) % around
+            c, d = a + around, b + around
+            if profile[level][0] > 0:
+                faces.append((a, b, d))
+            if profile[level + 1][0] > 0:
+                faces.append((a, d, c))
+    return vertices, np.array(faces, dtype=np.int64)

@@ -1,0 +1,47 @@
+"""Libraries that only some installations have."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import PicktreeError
+
+
+@contextmanager
+def extra(name: str, library: str, what: str) -> Generator[None]:
+    """Turn a failed import of `library` into a PicktreeError that says how to add the extra.
+
+    >>> with extra("video", "av", "A video"):  # doctest: +ELLIPSIS
+    ...     raise ModuleNotFoundError("No module named 'av'", name="av")
+    Traceback (most recent call last):
+        ...
+    picktree.errors.PicktreeError: A video needs the extra 'video': ... 'picktree[video]'
+    """
+    try:
+        yield
+    except ImportError as error:
+        if error.name is None or error.name.split(".")[0] != library:
+            raise
+        raise PicktreeError(f"{what} needs the extra '{name}': {adding(name)}") from None
+
+
+def adding(name: str) -> str:
+    """Return the command that adds the extra to the environment in use.
+
+    In a checkout it takes the versions that the checkout pins.
+    """
+    pins = Path(__file__).parents[1] / "constraints.txt"
+    constraint = ["-c", _shown(pins)] if pins.is_file() else []
+    return shlex.join(
+        [_shown(Path(sys.executable)), "-m", "pip", "install", *constraint, f"picktree[{name}]"]
+    )
+
+
+def _shown(path: Path) -> str:
+    """The path from the working directory if it is in there."""
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)

@@ -1,0 +1,1 @@
+"""Writing a log, and putting the files of one together."""

@@ -1,0 +1,322 @@
+"""Foxglove's messages: made from our values, and read back into them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
+from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from foxglove_schemas_protobuf.KeyValuePair_pb2 import KeyValuePair
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.ModelPrimitive_pb2 import ModelPrimitive
+from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.Pose_pb2 import Pose as PoseMessage
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.SpherePrimitive_pb2 import SpherePrimitive
+from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3 as VectorMessage
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from ...world.colours import COLOURS, Rgb
+from ...world.protocols import Intrinsics
+from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
+from ...world.values import Pose, Vector3
+from ..meshes.body_parts import parts_of
+from ..meshes.triangle_meshes import Mesh, part_mesh, shape_mesh
+from ..schema.json_records import decode, encode
+from ..schema.records import Body, Joints, LinkMesh, LogLine, Part, Scene, Transform
+
+WORLD = "world"
+UNKNOWN_COLOUR: Rgb = (0.6, 0.6, 0.65)
+
+_BODY = "picktree.body"
+_PART = "picktree.part"
+"""Keys of an entity's metadata under which the whole record stands: primitives cannot hold it."""
+
+
+def stamp(time: int) -> Timestamp:
+    """Simulated ns as a message's timestamp."""
+    return Timestamp(seconds=time // 1_000_000_000, nanos=time % 1_000_000_000)
+
+
+class Transforms:
+    """The message of `/tf`. Most of it is the same from tick to tick: only what differs is set."""
+
+    def __init__(self) -> None:
+        self._message = FrameTransforms()
+        self._frames: list[str] = []
+        self._poses: list[Pose] = []
+        self._stamps: list[Timestamp] = []
+        self._parts: list[tuple[VectorMessage, Quaternion]] = []
+
+    def encode(self, time: int, frames_in_world: Mapping[str, Pose]) -> bytes:
+        frames, poses = list(frames_in_world), list(frames_in_world.values())
+        if frames != self._frames:
+            self._start(frames, poses)
+        seconds, nanos = divmod(time, 1_000_000_000)
+        for slot in self._stamps:
+            slot.seconds = seconds
+            slot.nanos = nanos
+        for k, (pose, before) in enumerate(zip(poses, self._poses, strict=True)):
+            if pose is not before:
+                self._set(k, pose)
+        self._poses = poses
+        return self._message.SerializeToString(deterministic=True)
+
+    def _start(self, frames: list[str], poses: list[Pose]) -> None:
+        self._frames, self._poses = frames, poses
+        self._message = FrameTransforms()
+        slots = [self._message.transforms.add(parent_frame_id=WORLD, child_frame_id=f) for f in frames]
+        self._stamps = [slot.timestamp for slot in slots]
+        self._parts = [(slot.translation, slot.rotation) for slot in slots]
+        for k, pose in enumerate(poses):
+            self._set(k, pose)
+
+    def _set(self, k: int, pose: Pose) -> None:
+        translation, rotation = self._parts[k]
+        translation.x, translation.y, translation.z = pose.position
+        rotation.x, rotation.y, rotation.z, rotation.w = pose.orientation
+
+
+def read_transforms(data: bytes) -> tuple[Transform, ...]:
+    message = FrameTransforms.FromString(data)
+    return tuple(
+        Transform(
+            t.parent_frame_id,
+            t.child_frame_id,
+            Pose(
+                (t.translation.x, t.translation.y, t.translation.z),
+                (t.rotation.x, t.rotation.y, t.rotation.z, t.rotation.w),
+            ),
+        )
+        for t in message.transforms
+    )
+
+
+def encode_joints(time: int, joints: Joints) -> bytes:
+    message = JointStates(timestamp=stamp(time))
+    for name, position, velocity, effort in zip(
+        joints.names, joints.position, joints.velocity, joints.effort, strict=True
+    ):
+        message.joints.add(name=name, position=position, velocity=velocity, effort=effort)
+    return message.SerializeToString(deterministic=True)
+
+
+def read_joints(data: bytes) -> Joints:
+    joints = JointStates.FromString(data).joints
+    return Joints(
+        tuple(j.name for j in joints),
+        tuple(j.position for j in joints),
+        tuple(j.velocity for j in joints),
+        tuple(j.effort for j in joints),
+    )
+
+
+def encode_log(time: int, line: LogLine) -> bytes:
+    """Raises ValueError for a level that does not exist."""
+    message = Log(timestamp=stamp(time), message=line.message, name=line.name)
+    message.level = Log.Level.Value(line.level)
+    return message.SerializeToString(deterministic=True)
+
+
+def read_log(data: bytes) -> LogLine:
+    message = Log.FromString(data)
+    return LogLine(Log.Level.Name(message.level), message.message, message.name)
+
+
+def encode_image(time: int, frame: str, form: str, data: bytes) -> bytes:
+    message = CompressedImage(timestamp=stamp(time), frame_id=frame, data=data, format=form)
+    return message.SerializeToString(deterministic=True)
+
+
+def read_image(data: bytes) -> bytes:
+    """The image file inside."""
+    return CompressedImage.FromString(data).data
+
+
+def encode_calibration(time: int, frame: str, i: Intrinsics) -> bytes:
+    message = CameraCalibration(
+        timestamp=stamp(time),
+        frame_id=frame,
+        width=i.width,
+        height=i.height,
+        distortion_model="plumb_bob",
+        D=[0.0] * 5,
+        K=[i.fx, 0.0, i.cx, 0.0, i.fy, i.cy, 0.0, 0.0, 1.0],
+        R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        P=[i.fx, 0.0, i.cx, 0.0, 0.0, i.fy, i.cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    )
+    return message.SerializeToString(deterministic=True)
+
+
+def read_calibration(data: bytes) -> Intrinsics:
+    message = CameraCalibration.FromString(data)
+    k = message.K
+    return Intrinsics(message.width, message.height, k[0], k[4], k[2], k[5])
+
+
+def encode_robot(time: int, meshes: Iterable[LinkMesh]) -> bytes:
+    """Each link's model, locked to the link's frame."""
+    update = SceneUpdate()
+    for mesh in meshes:
+        entity = _entity(update, time, f"robot/{mesh.link}", mesh.link, locked=True)
+        entity.models.append(
+            ModelPrimitive(
+                pose=_pose(Pose()),
+                scale=VectorMessage(x=1.0, y=1.0, z=1.0),
+                color=Color(r=1.0, g=1.0, b=1.0, a=1.0),
+                media_type="model/gltf-binary",
+                data=mesh.glb,
+            )
+        )
+    return update.SerializeToString(deterministic=True)
+
+
+def read_robot(data: bytes) -> tuple[LinkMesh, ...]:
+    update = SceneUpdate.FromString(data)
+    return tuple(LinkMesh(e.frame_id, e.models[0].data) for e in update.entities if e.models)
+
+
+def encode_scene(time: int, scene: Scene, *, locked: bool) -> bytes:
+    """A scene by itself; who writes many has a `Scenes`."""
+    return Scenes(locked=locked).encode(time, scene)
+
+
+class Scenes:
+    """The messages of a scene's topic. Each holds the full scene: what an earlier one showed goes. A body's
+    id is the name of its frame when `locked`, so that it moves with `/tf`; else it stands where it is in the
+    world.
+
+    Most of a scene is the same from message to message: only what differs is made anew.
+    """
+
+    def __init__(self, *, locked: bool) -> None:
+        self._locked = locked
+        self._fixed: tuple[Part, ...] = ()
+        self._fixtures: list[SceneEntity] = []
+        self._bodies: dict[str, tuple[Body, SceneEntity]] = {}
+
+    def encode(self, time: int, scene: Scene) -> bytes:
+        at = stamp(time)
+        update = SceneUpdate()
+        update.deletions.add(timestamp=at, type=SceneEntityDeletion.Type.ALL)
+        if scene.fixed is not self._fixed:
+            self._fixed, self._fixtures = scene.fixed, _fixtures(scene.fixed)
+        known, self._bodies = self._bodies, {}
+        for body in scene.bodies:
+            before = known.get(body.id)
+            same = before is not None and before[0] == body
+            self._bodies[body.id] = before if before is not None and same else (body, self._body(body))
+        update.entities.extend(self._fixtures)
+        update.entities.extend(entity for _, entity in self._bodies.values())
+        for entity in update.entities:
+            entity.timestamp.CopyFrom(at)
+        return update.SerializeToString(deterministic=True)
+
+    def _body(self, body: Body) -> SceneEntity:
+        locked = self._locked
+        entity = SceneEntity(frame_id=body.id if locked else WORLD, id=body.id, frame_locked=True)
+        colour = COLOURS.get(body.colour, UNKNOWN_COLOUR)
+        alpha = 0.45 if body.role == "obstacle" else 1.0
+        frame = Pose() if locked else body.pose
+        for shape, pose in parts_of(body):
+            _add_shape(entity, shape, frame @ pose, colour, alpha)
+        for key, value in (
+            ("kind", body.kind),
+            ("colour", body.colour),
+            ("place", body.place),
+            ("confidence", f"{body.confidence:.2f}"),
+        ):
+            entity.metadata.append(KeyValuePair(key=key, value=value))
+        entity.metadata.append(KeyValuePair(key=_BODY, value=encode(body).decode()))
+        return entity
+
+
+def _fixtures(parts: Iterable[Part]) -> list[SceneEntity]:
+    entities: dict[str, SceneEntity] = {}
+    for part in parts:
+        owner = part.id.split("/")[0]
+        entity = entities.setdefault(owner, SceneEntity(frame_id=WORLD, id=owner, frame_locked=True))
+        colour = COLOURS.get(part.colour, UNKNOWN_COLOUR)
+        if part.holes:
+            _add_mesh(entity, part_mesh(part.shape, part.holes), _pose(part.pose), _paint(colour, 1.0))
+        else:
+            _add_shape(entity, part.shape, part.pose, colour, 1.0)
+        entity.metadata.append(KeyValuePair(key=_PART, value=encode(part).decode()))
+    return list(entities.values())
+
+
+def read_scene(data: bytes) -> Scene:
+    """What picktree wrote; empty for another's scene. Raises ValueError when a field is missing."""
+    bodies: list[Body] = []
+    fixed: list[Part] = []
+    for entity in SceneUpdate.FromString(data).entities:
+        for pair in entity.metadata:
+            if pair.key == _PART:
+                fixed.append(decode(Part, pair.value.encode()))
+            elif pair.key == _BODY:
+                bodies.append(decode(Body, pair.value.encode()))
+    return Scene(tuple(bodies), tuple(fixed))
+
+
+def _entity(update: SceneUpdate, time: int, name: str, frame: str, *, locked: bool) -> SceneEntity:
+    return update.entities.add(timestamp=stamp(time), frame_id=frame, id=name, frame_locked=locked)
+
+
+def _add_shape(entity: SceneEntity, shape: Shape, pose: Pose, colour: Rgb, alpha: float) -> None:
+    where = _pose(pose)
+    paint = _paint(colour, alpha)
+    match shape:
+        case Box(size):
+            entity.cubes.append(CubePrimitive(pose=where, size=_vector(size), color=paint))
+        case Cylinder(radius, height):
+            size = _vector((2 * radius, 2 * radius, height))
+            entity.cylinders.append(
+                CylinderPrimitive(pose=where, size=size, bottom_scale=1.0, top_scale=1.0, color=paint)
+            )
+        case Sphere(radius):
+            size = _vector((2 * radius, 2 * radius, 2 * radius))
+            entity.spheres.append(SpherePrimitive(pose=where, size=size, color=paint))
+        case ConvexMesh():
+            _add_mesh(entity, shape_mesh(shape), where, paint)
+
+
+def _paint(colour: Rgb, alpha: float) -> Color:
+    return Color(r=colour[0], g=colour[1], b=colour[2], a=alpha)
+
+
+def _add_mesh(entity: SceneEntity, mesh: Mesh, where: PoseMessage, paint: Color) -> None:
+    entity.triangles.append(
+        TriangleListPrimitive(
+            pose=where,
+            points=[Point3(x=x, y=y, z=z) for x, y, z in mesh.vertices.tolist()],
+            color=paint,
+            indices=mesh.faces.ravel().tolist(),
+        )
+    )
+
+
+def _pose(pose: Pose) -> PoseMessage:
+    x, y, z, w = pose.orientation
+    return PoseMessage(position=_vector(pose.position), orientation=Quaternion(x=x, y=y, z=z, w=w))
+
+
+def _vector(vector: Vector3) -> VectorMessage:
+    return VectorMessage(x=vector[0], y=vector[1], z=vector[2])
+
+
+def restamped(data: bytes, time: int) -> bytes:
+    """A SceneUpdate as if it had been made at `time`."""
+    update = SceneUpdate.FromString(data)
+    at = stamp(time)
+    for dated in (*update.deletions, *update.entities):
+        dated.timestamp.CopyFrom(at)
+    return update.SerializeToString(deterministic=True)

@@ -1,0 +1,161 @@
+"""A log on its way to disk: in one file, or in several that each open by themselves."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from ...errors import PicktreeError
+from ..mcap.sealed_file import require_room
+from ..mcap.writer import McapFile
+from ..schema import topics
+from ..schema.records import Tick
+from ..schema.topics import Topic
+from .background_beat import Heartbeat
+from .repeated_records import CarriedFile, CarriedOver
+from .rotation import NEXT, PART, PartInfo, Rotation, part_path
+
+_BEAT = 0.2
+_AGE = 0.3
+"""Wall seconds: how often a look is taken, and after how long a message must not wait any more. Together with
+the time that a checkpoint takes they stay below a second."""
+
+
+class LogFile:
+    """Writes topics, files and metadata of one run. Times are ns and never go back. All methods raise
+    PicktreeError when the disk refuses or has refused."""
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        rotation: Rotation,
+        checkpoint: float = 1.0,
+        chunk_bytes: int = 4 << 20,
+        wall: Callable[[], float] = time.monotonic,
+    ) -> None:
+        require_room(path)
+        self._first = path
+        self._rotation = rotation
+        self._carried = CarriedOver() if rotation else None
+        self._number = 1
+        self._start = 0
+        """Of the first tick that is new in the present file, simulated ns."""
+        self._heartbeat: Heartbeat | None = None
+        self._checkpoint, self._chunk_bytes, self._wall = checkpoint, chunk_bytes, wall
+        self._channels: dict[str, int] = {}
+        self._file = self._new_file(path, self._channels)
+
+    def start_heartbeat(self) -> None:
+        """From now on messages reach the disk within a second, however long the next one is in coming."""
+        self._heartbeat = Heartbeat(self._beat, _BEAT, "log")
+        self._heartbeat.start()
+
+    def stop_heartbeat(self) -> None:
+        if self._heartbeat is not None:
+            self._heartbeat.stop()
+
+    @property
+    def closed(self) -> bool:
+        """Finished, or given up because the disk refused."""
+        return self._file.closed
+
+    @property
+    def failed(self) -> bool:
+        """Whether the disk has refused."""
+        return self._file.failed
+
+    @property
+    def part(self) -> int:
+        """Number of the present file, from 1 on."""
+        return self._number
+
+    def message(self, topic: Topic, at: int, data: bytes) -> None:
+        channel = self._channels.get(topic.name)
+        if channel is None:
+            channel = self._channels[topic.name] = self._file.channel(topic)
+        self._file.message(channel, at, data)
+        if self._carried is not None:
+            self._carried.message(topic, at, data)
+
+    def tick(self, at: int, tick: Tick) -> None:
+        """What the message of that tick says, for the beginning of a further file."""
+        if self._carried is not None:
+            self._carried.tick(at, tick)
+
+    def attachment(self, name: str, media_type: str, data: bytes, slot: str = "") -> None:
+        """Of the files of one slot a further part of the log repeats only the last."""
+        self._file.attachment(name, media_type, data)
+        if self._carried is not None:
+            self._carried.file(CarriedFile(name, media_type, data), slot or name)
+
+    def metadata(self, name: str, words: Mapping[str, str]) -> None:
+        self._file.metadata(name, words)
+        if self._carried is not None:
+            self._carried.metadata(name, words)
+
+    def checkpoint(self) -> None:
+        self._file.checkpoint()
+
+    def finish(self) -> None:
+        self._file.finish()
+
+    def rotate_if_due(self, at: int, digest: str) -> None:
+        """Between two ticks: go on in a further file when the present one has reached its limit."""
+        carried = self._carried
+        if carried is None:
+            return
+        if carried.time < 0:
+            self._check_limit()
+            self._start = at
+        elif at > carried.time >= self._start and self._full(at):
+            self._rotate(carried, digest)
+            self._start = at
+
+    def _full(self, at: int) -> bool:
+        size, seconds = self._rotation.size, self._rotation.seconds
+        return bool((size and self._file.size >= size) or (seconds and at - self._start >= seconds * 1e9))
+
+    def _check_limit(self) -> None:
+        limit, begun = self._rotation.size, self._file.size
+        if 0 < limit < 2 * begun:
+            raise PicktreeError(
+                f"{self._first}: each part of this log begins with {begun / 1e6:.1f} MB that it needs to "
+                f"open by itself; rotate it at {-(-2 * begun // 10**6)} MB or more"
+            )
+
+    def _rotate(self, carried: CarriedOver, digest: str) -> None:
+        self._file.checkpoint()
+        path = part_path(self._first, self._number + 1)
+        channels: dict[str, int] = {}
+        file = self._new_file(path, channels)
+        again = carried.all_messages()
+        repeated = Counter(topic.name for topic, _ in again)
+        part = PartInfo(self._number + 1, carried.time, digest, repeated)
+        for name, words in carried.all_metadata().items():
+            file.metadata(name, words)
+        file.metadata(PART, part.words())
+        for carry in carried.all_files():
+            file.attachment(carry.name, carry.media_type, carry.data)
+        for topic, data in again:
+            file.message(channels[topic.name], carried.time, data)
+        file.checkpoint()
+        before = self._file
+        self._file, self._channels = file, channels
+        self._number += 1
+        before.metadata(NEXT, {"part": path.name, "digest": digest})
+        before.finish()
+
+    def _new_file(self, path: Path, channels: dict[str, int]) -> McapFile:
+        file = McapFile(path, checkpoint=self._checkpoint, chunk_bytes=self._chunk_bytes, wall=self._wall)
+        channels.update((topic.name, file.channel(topic)) for topic in topics.FIXED)
+        return file
+
+    def _beat(self) -> bool:
+        try:
+            self._file.keep_up(_AGE)
+        except PicktreeError:
+            return False  # whoever writes next is told
+        return not self._file.failed

@@ -1,0 +1,425 @@
+"""The recorder: each tick's values in, one log file out, its digest at hand at any time."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TypeAlias
+
+from ...errors import PicktreeError
+from ...world.belief.planning_scene import BeliefChange, BeliefObject
+from ...world.journal import CandidatesRanked, Entry, Happened, ImageTaken, PlanMade
+from ...world.protocols import RgbdImage
+from ...world.scene.calibration_targets import sticker
+from ...world.scene.description import Bin, Fixture
+from ...world.values import GripperState, JointState, Pose, Wrench
+from ..schema import topics
+from ..schema.json_records import encode
+from ..schema.records import (
+    FORMAT,
+    Control,
+    Event,
+    Joints,
+    LinkMesh,
+    LogLine,
+    NodeStatus,
+    Part,
+    RunInfo,
+    Scene,
+    Tick,
+    Timing,
+    Tree,
+    Vector,
+    WrenchReading,
+)
+from ..schema.topics import Topic
+from . import foxglove_messages as messages
+from . import journal_records as conversions
+from .digest import Digest
+from .images import encode_colour, encode_depth
+from .interrupts import Interrupts
+from .journal_records import TrueBody
+from .log_file import LogFile
+from .rotation import NEVER, Rotation
+from .true_state import StateWriter
+
+EVERY = 1.0
+"""Simulated seconds after which belief and truth are written again, changed or not."""
+
+STICKER = 0.001
+"""Thickness of the squares of a target in pictures, m."""
+_WARNINGS = frozenset({"recovery", "safety_stop", "fault"})
+"""Kinds of event that the log line topic repeats for people, as warnings."""
+
+Listener: TypeAlias = Callable[[Topic, int, bytes], None]
+"""Is shown messages: topic, simulated ns, payload."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingState:
+    """What the next messages of a log depend on, besides what is handed over; for checkpoints."""
+
+    believed: float
+    """When the belief was written last, simulated s."""
+    true: float
+    """When the truth was."""
+    failing: tuple[str, ...]
+    """Paths of the nodes that failed in the last tick."""
+    cameras: tuple[tuple[str, Pose], ...]
+    """Frames of the cameras that took a picture."""
+    digest: str
+    """Of everything simulated so far, in hex."""
+
+
+class Recorder:
+    """Writes one run's log. Times are simulated seconds and never go back.
+
+    Use it as a context manager: whatever ends the run (an exception, SIGINT, SIGTERM), the file is finished.
+    All methods raise PicktreeError when the disk refuses.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        run: RunInfo,
+        *,
+        checkpoint: float = 1.0,
+        chunk_bytes: int = 4 << 20,
+        wall: Callable[[], float] = time.monotonic,
+        rotation: Rotation = NEVER,
+        resumed: RecordingState | None = None,
+        tap: Callable[[str, int, bytes], None] | None = None,
+        listener: Listener | None = None,
+    ) -> None:
+        """`resumed`: the run goes on from a checkpoint, and so does its digest. `tap` is shown each message
+        that is part of the digest: topic, time in ns, payload; `listener` every message that is written."""
+        self.path = path.absolute()
+        self._file = LogFile(
+            self.path, rotation=rotation, checkpoint=checkpoint, chunk_bytes=chunk_bytes, wall=wall
+        )
+        self._interrupts = Interrupts()
+        self._resumed = resumed
+        self._tap = tap
+        self._listener = listener
+        self._preamble = False
+        self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
+        self._transforms = messages.Transforms()
+        self._beliefs = messages.Scenes(locked=True)
+        self._truths = messages.Scenes(locked=False)
+        self._states = StateWriter()
+        self._part = 0
+        """The file of the log that has the last state."""
+        self._fixed: tuple[Part, ...] = ()
+        self._standing: tuple[Part, ...] = ()
+        self._cameras: dict[str, Pose] = {}  # by frame
+        self._believed = self._true = -EVERY
+        self._failing: frozenset[str] = frozenset()
+        if resumed is not None:
+            self._take_up(resumed)
+        self._file.metadata("picktree", _run_words(run))
+        self._file.metadata("picktree.parameters", run.parameters)
+        self._file.metadata("picktree.physics", run.physics)
+        self._file.metadata("picktree.versions", run.versions)
+        self._file.metadata("picktree.machine", run.machine)
+        self._file.metadata("picktree.arithmetic", run.arithmetic.words())
+        self._file.metadata("picktree.files", run.files)
+        if run.continues is not None:
+            self._file.metadata("picktree.continues", run.continues.words())
+
+    def __enter__(self) -> Recorder:
+        self._interrupts.__enter__()
+        self._file.start_heartbeat()
+        return self
+
+    def settle(self) -> None:
+        """An interrupt was heard; it is raised no more."""
+        self._interrupts.settle()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.settle()
+        try:
+            self._file.stop_heartbeat()
+            if not (self._file.failed and isinstance(error, PicktreeError)):  # that error has said it
+                self.finish({"ended": "orderly" if kind is None else kind.__name__})
+        finally:
+            self._interrupts.__exit__(kind, error, trace)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over everything simulated so far, in hex."""
+        return self._digest.hex
+
+    @property
+    def failed(self) -> bool:
+        """Whether the disk has refused."""
+        return self._file.failed
+
+    def state(self) -> RecordingState:
+        return RecordingState(
+            self._believed,
+            self._true,
+            tuple(sorted(self._failing)),
+            tuple(self._cameras.items()),
+            self.digest,
+        )
+
+    @contextmanager
+    def preamble(self) -> Generator[None]:
+        """What is written in here says from where a resumed run goes on, so that its log stands alone. It is
+        no part of the digest: the run that it continues has written the same in its own time."""
+        assert self._resumed is not None
+        self._preamble = True
+        self._believed = self._true = -math.inf
+        try:
+            yield
+        finally:
+            self._preamble = False
+            self._take_up(self._resumed)
+
+    def _take_up(self, state: RecordingState) -> None:
+        self._believed, self._true = state.believed, state.true
+        self._failing, self._cameras = frozenset(state.failing), dict(state.cameras)
+
+    def checkpoint(self) -> None:
+        """Bring everything so far into the file; happens by itself each second."""
+        with self._interrupts.held():
+            self._file.checkpoint()
+
+    def finish(self, result: Mapping[str, str] | None = None) -> None:
+        """Add the run's result and the digest to the metadata, and close the file; once."""
+        if self._file.closed and not self._file.failed:
+            return
+        with self._interrupts.held():
+            self._file.checkpoint()
+            self._file.metadata("picktree.result", {"digest": self.digest, **(result or {})})
+            self._file.finish()
+
+    # At the start of a run
+
+    def attach(
+        self, name: str, content: str | bytes, media_type: str = "text/plain", *, slot: str = ""
+    ) -> None:
+        """A file that the run was made from: mission, scene, robot, URDF, faults. Of the files of one slot
+        the last is enough to go on from there: a further part of a rotated log repeats no other."""
+        data = content.encode() if isinstance(content, str) else content
+        with self._interrupts.held():
+            self._file.attachment(name, media_type, data, slot)
+
+    def tree(self, tree: Tree, now: float = 0.0) -> None:
+        """The tree as it was loaded: a message, and a metadata record for readers that seek."""
+        data = encode(tree)
+        self._write(topics.TREE, now, data)
+        with self._interrupts.held():
+            self._file.metadata("picktree.tree", {"json": data.decode()})
+            self._file.checkpoint()  # a run that dies at once still tells what it was
+
+    def edited_tree(self, now: float, tree: Tree) -> None:
+        """The tree of an edited mission: the next tick is the first of it."""
+        self._write(topics.TREE, now, encode(tree))
+
+    def robot_model(self, meshes: Iterable[LinkMesh], now: float = 0.0) -> None:
+        """What the links look like, from `robot_meshes.link_meshes`."""
+        self._write(topics.ROBOT, now, messages.encode_robot(_ns(now), meshes))
+        self.checkpoint()
+
+    def fixed(
+        self, fixtures: Iterable[Fixture], bins: Iterable[Bin], really: Iterable[Fixture] | None = None
+    ) -> None:
+        """What never moves; it stands in each message of the belief and of the truth from now on. `really`:
+        the fixtures where they truly stand, if that is elsewhere."""
+        walls = tuple(
+            Part(f"{b.id}/{k}", b.colour, box, pose) for b in bins for k, (box, pose) in enumerate(b.parts())
+        )
+        self._fixed = (*_parts(fixtures), *walls)
+        self._standing = self._fixed if really is None else (*_parts(really), *walls)
+
+    # At each tick
+
+    def rotate_if_due(self, now: float) -> None:
+        """Before the first word on a tick: go on in a further file when the present one is full."""
+        with self._interrupts.held():
+            self._file.rotate_if_due(_ns(now), self.digest)
+
+    def tick(self, now: float, tick: Tick) -> None:
+        """The whole tree after a tick. A failure that begins in this tick also becomes a line for people."""
+        self._write(topics.TICK, now, encode(tick))
+        self._file.tick(_ns(now), tick)
+        failing = [n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked]
+        for node in _origins(failing):
+            if node.path not in self._failing:
+                self.log(now, "ERROR", f"{node.cause}: {node.message}", node.path)
+        self._failing = frozenset(n.path for n in failing)
+
+    def timing(self, now: float, timing: Timing) -> None:
+        self._write(topics.TIMING, now, encode(timing))
+
+    def joints(
+        self,
+        now: float,
+        names: Sequence[str],
+        state: JointState,
+        fingers: Sequence[str] = (),
+        gripper: GripperState | None = None,
+        fingers_at: Sequence[float] = (),
+    ) -> None:
+        """The arm's joints, and those of the fingers: at `fingers_at`, else each at half of the opening."""
+        position, velocity, effort = (a.tolist() for a in (state.position, state.velocity, state.effort))
+        if gripper is not None:
+            position += fingers_at or [gripper.width / 2] * len(fingers)
+            for _ in fingers:
+                velocity.append(gripper.speed)
+                effort.append(gripper.force)
+            names = (*names, *fingers)
+        joints = Joints(tuple(names), tuple(position), tuple(velocity), tuple(effort))
+        self._write(topics.JOINTS, now, messages.encode_joints(_ns(now), joints))
+
+    def transforms(
+        self,
+        now: float,
+        links: Mapping[str, Pose],
+        objects: Iterable[BeliefObject] = (),
+        moving: Mapping[str, Pose] | None = None,
+    ) -> None:
+        """Every link and every believed object in the world, by name, and cameras: those that are `moving`
+        where they are now, others by themselves where they were when they took a picture."""
+        frames = dict(links)
+        for o in objects:
+            frames[o.id] = o.pose
+        frames.update(self._cameras)
+        frames.update((_camera_frame(camera), pose) for camera, pose in (moving or {}).items())
+        self._write(topics.TF, now, self._transforms.encode(_ns(now), frames))
+
+    def wrench(self, now: float, wrench: Wrench) -> None:
+        """The external wrench at the wrist, in the world's axes."""
+        reading = WrenchReading(Vector(*wrench.force), Vector(*wrench.torque), wrench.magnitude())
+        self._write(topics.WRENCH, now, encode(reading))
+
+    def control(self, now: float, control: Control) -> None:
+        """What the arm's servo had been told."""
+        self._write(topics.CONTROL, now, encode(control))
+
+    def belief(
+        self, now: float, objects: Iterable[BeliefObject], changes: Iterable[BeliefChange] = ()
+    ) -> None:
+        """The belief, written when something changed or a second has passed; each change is an event."""
+        changed = False
+        for change in changes:
+            changed = True
+            self._event(now, conversions.changed(change))
+        if changed or now - self._believed >= EVERY - 1e-6:
+            self._believed = now
+            scene = Scene(tuple(conversions.believed(o) for o in objects), self._fixed)
+            self._write(topics.OBJECTS, now, self._beliefs.encode(_ns(now), scene))
+
+    def truth_due(self, now: float) -> bool:
+        """Whether a second has passed: the simulation need not be asked more often."""
+        return now - self._true >= EVERY - 1e-6
+
+    def truth(self, now: float, bodies: Iterable[TrueBody]) -> None:
+        """The simulator's truth, for the analyst only."""
+        self._true = now
+        scene = Scene(
+            tuple(map(conversions.real, bodies)),
+            self._standing,
+        )
+        self._write(topics.TRUTH, now, self._truths.encode(_ns(now), scene))
+
+    def state_due(self, now: float) -> bool:
+        """Whether it is time to write the simulation's own state."""
+        return self._states.due(now)
+
+    def true_state(self, now: float, state: Mapping[str, Any]) -> None:
+        """The simulation's own state, as plain values, from which it can be built again."""
+        anew, self._part = self._part != self._file.part, self._file.part
+        self._write(topics.STATE, now, self._states.encode(now, state, anew=anew))
+
+    # As they happen
+
+    def entry(self, now: float, entry: Entry) -> None:
+        """Whatever the journal holds."""
+        match entry:
+            case PlanMade():
+                self._write(topics.PLAN, now, encode(conversions.planned(entry)))
+            case CandidatesRanked():
+                self._write(topics.CANDIDATES, now, encode(conversions.ranked(entry)))
+            case ImageTaken(image, findings):
+                self.image(now, image)
+                self._event(now, Event("image", f"image from {image.camera}", "", {"findings": findings}))
+            case Happened(kind, message, node, data):
+                self._event(now, Event(kind, message, node, data))
+                if kind in _WARNINGS:
+                    self.log(now, "WARNING", message, node)
+
+    def image(self, now: float, image: RgbdImage) -> None:
+        """Colour, depth and calibration of a camera shot."""
+        camera, frame, at = image.camera, _camera_frame(image.camera), _ns(now)
+        self._cameras[frame] = image.camera_in_world
+        calibration = messages.encode_calibration(at, frame, image.intrinsics)
+        colour = messages.encode_image(at, frame, "jpeg", encode_colour(image.colour))
+        depth = messages.encode_image(at, frame, "png", encode_depth(image.depth))
+        self._write(topics.calibration_topic(camera), now, calibration)
+        self._write(topics.colour_topic(camera), now, colour)
+        self._write(topics.depth_topic(camera), now, depth)
+
+    def log(self, now: float, level: str, message: str, name: str = "") -> None:
+        """A line for people; `level` is DEBUG, INFO, WARNING, ERROR or FATAL."""
+        self._write(topics.LOG, now, messages.encode_log(_ns(now), LogLine(level, message, name)))
+
+    def _event(self, now: float, event: Event) -> None:
+        self._write(topics.EVENTS, now, encode(event))
+
+    def _write(self, topic: Topic, now: float, data: bytes) -> None:
+        at = _ns(now)
+        with self._interrupts.held():
+            if topic.simulated and not self._preamble:
+                self._digest.add(topic.name, at, data)
+                if self._tap is not None:
+                    self._tap(topic.name, at, data)
+            self._file.message(topic, at, data)
+        if self._listener is not None:
+            self._listener(topic, at, data)
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1e9)
+
+
+def _camera_frame(camera: str) -> str:
+    return f"camera/{camera}"
+
+
+def _origins(failing: Sequence[NodeStatus]) -> list[NodeStatus]:
+    """The failing nodes below which none of the others is: where the failure came from."""
+    return [n for n in failing if not any(other.path.startswith(n.path + "/") for other in failing)]
+
+
+def _run_words(run: RunInfo) -> dict[str, str]:
+    return {
+        "format": str(FORMAT),
+        "mission": run.mission,
+        "scene": run.scene,
+        "robot": run.robot,
+        "seed": str(run.seed),
+        "backend": run.backend,
+        "tick": repr(run.tick),
+        "revision": run.revision,
+        "verify": str(run.verify).lower(),
+        **({} if run.limit is None else {"limit": repr(run.limit)}),
+        "own_scene": str(run.own_scene).lower(),
+    }
+
+
+def _parts(fixtures: Iterable[Fixture]) -> Iterator[Part]:
+    """Each fixture, and the squares on it."""
+    for fixture in fixtures:
+        yield Part(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
+        for tile in fixture.tiles:
+            box, inner = sticker(tile, STICKER)
+            yield Part(f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner)

@@ -1,0 +1,183 @@
+"""A log in several files, read as the one that it is."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...errors import PicktreeError
+from ..mcap.reader import McapReading, RawMessage
+from .rotation import NEXT, PART, PartInfo, part_path, part_paths
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelInfo:
+    topic: str
+    schema: str
+    encoding: str
+    messages: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """One file. Of a further one only what comes after `since` (ns) is new."""
+
+    reading: McapReading
+    metadata: dict[str, dict[str, str]]
+    info: PartInfo | None
+    since: int | None
+
+    @property
+    def ends(self) -> int:
+        """Time of the last message, ns."""
+        return max((chunk.end for chunk in self.reading.contents.chunks), default=0)
+
+    def after(self, start: int | None) -> int | None:
+        if self.since is None:
+            return start
+        return self.since + 1 if start is None else max(start, self.since + 1)
+
+
+class JoinedReading:
+    """The log in the file at `path`, and in those beside it that go on with it; a file that goes on with
+    another stands alone. Raises PicktreeError, also from all methods.
+
+    `recovered` is a sentence when something is missing or damaged, else empty.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._parts: list[_Part] = []
+        try:
+            first = self._open(path)
+            self._parts.append(first)
+            self.goes_on = first.info
+            """What the file goes on with; None for the beginning of a log."""
+            gaps = self._join(path, first) if first.info is None else []
+        except PicktreeError:
+            self.close()
+            raise
+        told = [part.reading.recovered for part in self._parts if part.reading.recovered]
+        self.recovered = "; ".join((*told, *gaps))
+
+    def close(self) -> None:
+        for part in self._parts:
+            part.reading.close()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        return tuple(part.reading.path for part in self._parts)
+
+    @property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """As the log began with them; what is new in later files is added, but for how they hang together."""
+        merged: dict[str, dict[str, str]] = {}
+        for part in reversed(self._parts):
+            merged.update(part.metadata)
+        if len(self._parts) > 1:
+            for name in (PART, NEXT):
+                merged.pop(name, None)
+        return merged
+
+    @property
+    def channels(self) -> tuple[ChannelInfo, ...]:
+        found: dict[str, ChannelInfo] = {}
+        counts: Counter[str] = Counter()
+        for part in self._parts:
+            contents = part.reading.contents
+            for number, channel in contents.channels.items():
+                schema = contents.schemas.get(channel.schema_id)
+                name = schema.name if schema else ""
+                found.setdefault(channel.topic, ChannelInfo(channel.topic, name, channel.message_encoding, 0))
+                counts[channel.topic] += contents.counts[number]
+            if part.since is not None and part.info is not None:
+                counts.subtract(part.info.repeated)
+        return tuple(
+            ChannelInfo(c.topic, c.schema, c.encoding, max(counts[c.topic], 0)) for c in found.values()
+        )
+
+    @property
+    def end(self) -> int:
+        """Time of the last message, ns."""
+        return max(part.ends for part in self._parts)
+
+    @property
+    def attachments(self) -> tuple[str, ...]:
+        names = (entry.name for part in self._parts for entry in part.reading.contents.attachments)
+        return tuple(dict.fromkeys(names))
+
+    def attachment(self, name: str) -> bytes | None:
+        """None when there is none of that name."""
+        for part in self._parts:
+            found = part.reading.attachment(name)
+            if found is not None:
+                return found.data
+        return None
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        start: int | None = None,
+        end: int | None = None,
+        *,
+        newest_first: bool = False,
+    ) -> Iterator[RawMessage]:
+        """Messages of these topics with start ≤ time ≤ end (ns), in the order of time."""
+        for part in reversed(self._parts) if newest_first else self._parts:
+            yield from part.reading.messages(topics, part.after(start), end, newest_first=newest_first)
+
+    def _open(self, path: Path) -> _Part:
+        reading = McapReading(path)
+        try:
+            metadata = reading.metadata()
+            words = metadata.get(PART)
+            try:
+                info = PartInfo.from_words(words) if words is not None else None
+            except (KeyError, ValueError) as error:
+                raise PicktreeError(f"{path}: the metadata {PART} are damaged: {error}") from None
+        except PicktreeError:
+            reading.close()
+            raise
+        return _Part(reading, metadata, info, None)
+
+    def _join(self, path: Path, first: _Part) -> list[str]:
+        """Add the files that go on with the first. Answers what is missing, as sentences."""
+        beside = part_paths(path)
+        gaps: list[str] = []
+        lost = ""  # why there is a gap before the next part
+        last = max(beside, default=1)
+        for number in range(2, last + 1):
+            file = part_path(path, number)
+            try:
+                if number not in beside:
+                    raise PicktreeError(f"{file} is missing")
+                part = self._open(beside[number])
+                if not self._goes_on(part, number, adjacent=not lost):
+                    part.reading.close()
+                    raise PicktreeError(f"{file} belongs to another log")
+            except PicktreeError as error:
+                lost = f"{lost} and {error}" if lost else str(error)
+                continue
+            assert part.info is not None
+            if lost:
+                gaps.append(f"{lost}: {self.end / 1e9:.2f} s to {part.info.start / 1e9:.2f} s lost")
+                lost = ""
+            self._parts.append(_Part(part.reading, part.metadata, part.info, part.info.start))
+        following = self._parts[-1].metadata.get(NEXT, {}).get("part")
+        if following is not None and not lost:
+            lost = f"{path.with_name(following)} is missing"
+        if lost:
+            gaps.append(f"{lost}: everything after {self.end / 1e9:.2f} s lost")
+        return gaps
+
+    def _goes_on(self, part: _Part, number: int, *, adjacent: bool) -> bool:
+        """Whether this part is of the same log, as far as the files tell."""
+        before = self._parts[-1]
+        if part.info is None or part.info.number != number:
+            return False
+        if part.metadata.get("picktree") != self._parts[0].metadata.get("picktree"):
+            return False
+        told = before.metadata.get(NEXT)
+        return not adjacent or told is None or told.get("digest") == part.info.digest

@@ -1,0 +1,78 @@
+"""The simulation's own state in the log, several times a second, so that a run can go on as things stood.
+
+It is no part of the digest: what it says is simulated, but it is written for nobody who watches the run. Most
+of it stays as it is, so that a message holds what changed since the one before; every few seconds it holds
+everything, in case one is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, cast
+
+import orjson
+
+from ..schema.records import TrueState
+
+EVERY: Final = 0.2
+"""Simulated seconds between two messages."""
+WHOLE_EVERY: Final = 10.0
+"""Simulated seconds after which everything is written again."""
+_ITEMS: Final = "items"
+"""The field that is a list of bodies, each with its `id`: of these, too, only those that changed are told."""
+
+
+class StateWriter:
+    """Makes messages of states."""
+
+    def __init__(self) -> None:
+        self._before: Mapping[str, Any] = {}
+        self._at = self._whole_at = float("-inf")
+
+    def due(self, now: float) -> bool:
+        return now - self._at >= EVERY - 1e-6
+
+    def encode(self, now: float, state: Mapping[str, Any], *, anew: bool = False) -> bytes:
+        """`anew`: who reads this message has none before it."""
+        whole = anew or now - self._whole_at >= WHOLE_EVERY - 1e-6
+        self._at = now
+        self._whole_at = now if whole else self._whole_at
+        told = state if whole else _changed(self._before, state)
+        self._before = state
+        return orjson.dumps({"whole": whole, "state": told})
+
+
+def read_state(data: bytes) -> TrueState:
+    """Raises ValueError for something else."""
+    said = cast("dict[str, Any]", orjson.loads(data))
+    if not isinstance(said.get("whole"), bool) or not isinstance(said.get("state"), dict):
+        raise ValueError("no state of a simulation")
+    return TrueState(said["whole"], said["state"])
+
+
+def folded(messages: Iterable[TrueState]) -> dict[str, Any] | None:
+    """What all of them say together, the first of which is whole; None without any."""
+    state: dict[str, Any] | None = None
+    for message in messages:
+        if message.whole or state is None:
+            state = dict(message.state)
+            continue
+        told = dict(message.state)
+        if _ITEMS in told:
+            news = {body["id"]: body for body in told.pop(_ITEMS)}
+            order = told.pop("item_ids", None) or [body["id"] for body in state[_ITEMS]]
+            known = {body["id"]: body for body in state[_ITEMS]} | news
+            told[_ITEMS] = [known[name] for name in order]
+        state.update(told)
+    return state
+
+
+def _changed(before: Mapping[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
+    told = {key: value for key, value in state.items() if key not in before or before[key] != value}
+    if _ITEMS in told:
+        known = {body["id"]: body for body in before[_ITEMS]}
+        told[_ITEMS] = [body for body in state[_ITEMS] if known.get(body["id"]) != body]
+        ids = [body["id"] for body in state[_ITEMS]]
+        if ids != list(known):
+            told["item_ids"] = ids
+    return told

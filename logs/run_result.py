@@ -1,0 +1,340 @@
+"""What a run came to: one value, rendered once as text and once as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+from ..cell.operator_desk import Question
+from ..errors import PicktreeError
+from ..world.journal import Plain
+from .episodes.episode_counts import CureCount, PlantedCount, cause_lines, planted_lines
+
+RunStatus: TypeAlias = Literal["success", "incomplete", "failure", "timeout", "paused", "interrupted"]
+
+_SENTENCES: Mapping[RunStatus, str] = {
+    "success": "the goal is reached",
+    "incomplete": "the tree ended in SUCCESS, but the goal is missed",
+    "failure": "the tree ended in FAILURE",
+    "timeout": "the run was ended at its limit of simulated time",
+    "paused": "it waits for help",
+    "interrupted": "the run was interrupted",
+}
+
+
+def _none() -> Mapping[str, int]:
+    return {}
+
+
+@dataclass(frozen=True, slots=True)
+class FormCount:
+    """Items of one form (box, cylinder, …)."""
+
+    total: int
+    sorted: int
+
+
+@dataclass(frozen=True, slots=True)
+class ItemCount:
+    """Where the scorer found the items. `total` = `sorted` + `misplaced` + `left`."""
+
+    total: int
+    sorted: int
+    misplaced: int
+    left: int
+    by_form: Mapping[str, FormCount]
+
+
+@dataclass(frozen=True, slots=True)
+class PickCount:
+    """Grasps as the robot felt them."""
+
+    tried: int
+    """Times that the fingers closed on an object."""
+    held: int
+    objects: int
+    """Different objects that were tried."""
+    held_first_try: int
+    """Objects that were held when the fingers first closed on them."""
+
+
+@dataclass(frozen=True, slots=True)
+class FeedCount:
+    """Of a run whose scene has a feed."""
+
+    deliveries: int
+    """Loads that have come."""
+    exchanges: int
+    """Bins that were exchanged for empty ones."""
+    set_aside: int
+    """Items that the mission gave up where they lie."""
+
+
+@dataclass(frozen=True, slots=True)
+class HoleItem:
+    """An item that ended at a hole of a fixture, as the scorer measured it."""
+
+    item: str
+    kind: str
+    hole: str
+    verdict: str
+    depth: float
+    """Of its lowest point below the mouth, m."""
+    bottom: float
+    """Depth of the hole, m."""
+    tilt: float
+    """rad"""
+    penetration: float
+    """How deep it and the fixture were in each other at most within the last second, m."""
+    reason: str
+    """Why it does not count as in the hole, or as where it belongs; empty when it does."""
+
+    def to_text(self) -> str:
+        """A line for a terminal."""
+        measured = (
+            f"{1000 * self.depth:.1f} of {1000 * self.bottom:.1f} mm deep, leans "
+            f"{math.degrees(self.tilt):.1f} deg, {1000 * self.penetration:.3f} mm in the wall"
+        )
+        said = self.verdict + (f": {self.reason}" if self.reason else "")
+        return f"{self.kind} in {self.hole}: {measured}; {said}"
+
+
+@dataclass(frozen=True, slots=True)
+class WallSeconds:
+    """Seconds of the wall clock; the parts do not sum up to the total."""
+
+    total: float
+    physics: float
+    planning: float
+    perception: float
+    logging: float
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """The result of one run. All but wall and CPU seconds and the paths follows from the request."""
+
+    status: RunStatus
+    seed: int
+    digest: str
+    """SHA-256 over all simulated content, hexadecimal."""
+    items: ItemCount
+    picks: PickCount
+    sim_seconds: float
+    cpu_seconds: float
+    wall_seconds: WallSeconds
+    log: Path
+    folder: Path
+    """Of the run: the log, the result, reports."""
+    failures: Mapping[str, int] = field(default_factory=_none)
+    """How often a leaf failed, by cause."""
+    recoveries: Mapping[str, int] = field(default_factory=_none)
+    """How often recovery was tried, by cause."""
+    cures: tuple[CureCount, ...] | None = None
+    """What was seen, what was tried against it and what came of it, in the words of `episodes.episode`; None
+    in older logs."""
+    planted: tuple[PlantedCount, ...] = ()
+    """Faults that were planted in the simulation, with what failed first after them."""
+    message: str = ""
+    """Why the tree failed, in a sentence."""
+    thinking_charged: bool = True
+    """Whether planning and perception took simulated time."""
+    disagreements: int | None = None
+    """Trajectories that the second collision checker judged otherwise; None when it did not judge."""
+    feed: FeedCount | None = None
+    """None for a scene to which nothing is brought."""
+    holes: tuple[HoleItem, ...] = ()
+    """Items that ended at holes."""
+    asked: Question | None = None
+    """Of a run that is paused: what a person is to say."""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the tree ended in SUCCESS and the goal is reached."""
+        return self.status == "success"
+
+    @property
+    def seconds_per_pick(self) -> float | None:
+        """Simulated seconds for each object held; None when none was."""
+        return self.sim_seconds / self.picks.held if self.picks.held else None
+
+    def explain(self, program: str = "picktree") -> str:
+        """The command that tells what happened; `program` is how picktree is called here."""
+        return f"{program} explain {shlex.quote(str(self.folder))}"
+
+    def goes_on(self, program: str = "picktree") -> str:
+        """The command that takes a paused run up again, with the first of the answers that it knows."""
+        answer = f" --answer {shlex.quote(self.asked.choices[0])}" if self.asked else ""
+        return f"{program} run --resume {shlex.quote(str(self.folder))}{answer}"
+
+    def to_json(self) -> dict[str, Plain]:
+        items, picks, wall = self.items, self.picks, self.wall_seconds
+        by_form: dict[str, Plain] = {
+            form: {"total": count.total, "sorted": count.sorted}
+            for form, count in sorted(items.by_form.items())
+        }
+        return {
+            "status": self.status,
+            "message": self.message,
+            "seed": self.seed,
+            "digest": self.digest,
+            "items": {
+                "total": items.total,
+                "sorted": items.sorted,
+                "misplaced": items.misplaced,
+                "left": items.left,
+                "by_form": by_form,
+            },
+            "picks": {
+                "tried": picks.tried,
+                "held": picks.held,
+                "held_first_try": picks.held_first_try,
+                "objects": picks.objects,
+            },
+            "failures": dict(sorted(self.failures.items())),
+            "recoveries": dict(sorted(self.recoveries.items())),
+            "cures": None if self.cures is None else [asdict(each) for each in self.cures],
+            "planted": [asdict(each) for each in self.planted],
+            "sim_seconds": round(self.sim_seconds, 6),
+            "thinking_charged": self.thinking_charged,
+            "disagreements": self.disagreements,
+            "feed": None if self.feed is None else asdict(self.feed),
+            "holes": [asdict(item) for item in self.holes],
+            "asked": None if self.asked is None else self.asked.to_json(),
+            "cpu_seconds": round(self.cpu_seconds, 3),
+            "wall_seconds": {
+                "total": round(wall.total, 3),
+                "physics": round(wall.physics, 3),
+                "planning": round(wall.planning, 3),
+                "perception": round(wall.perception, 3),
+                "logging": round(wall.logging, 3),
+            },
+            "log": str(self.log.absolute()),
+            "folder": str(self.folder.absolute()),
+        }
+
+    def to_json_text(self) -> str:
+        """One object, with a line's end."""
+        return json.dumps(self.to_json(), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
+
+    @classmethod
+    def from_json_text(cls, text: str, source: Path) -> RunResult:
+        """What `to_json_text` wrote into the log `source`. Raises PicktreeError when it is something else."""
+        try:
+            said = json.loads(text)
+            wall = said["wall_seconds"]
+            items = dict(said["items"])
+            forms = {form: FormCount(**count) for form, count in items.pop("by_form").items()}
+            return cls(
+                items=ItemCount(**items, by_form=forms),
+                picks=PickCount(**said["picks"]),
+                wall_seconds=WallSeconds(**wall),
+                feed=FeedCount(**said["feed"]) if said.get("feed") else None,
+                cures=_cures(said.get("cures")),
+                planted=tuple(PlantedCount(**each) for each in said.get("planted", ())),
+                holes=tuple(HoleItem(**item) for item in said.get("holes", ())),
+                asked=Question.from_json(said["asked"]) if said.get("asked") else None,
+                log=Path(said["log"]),
+                folder=Path(said["folder"]),
+                **{name: said[name] for name in _PLAIN_FIELDS},
+            )
+        except (ValueError, KeyError, TypeError) as error:
+            raise PicktreeError(f"{source}: the result in the log is unreadable: {error!r}") from None
+
+    def to_text(self, program: str = "picktree") -> str:
+        """The summary for a terminal, without a line's end; `program` as in `explain`."""
+        items, picks, wall = self.items, self.picks, self.wall_seconds
+        lines = [
+            f"{self.status}: {_SENTENCES[self.status]}" + (f": {self.message}" if self.message else ""),
+            *self._waits(program),
+            f"items       {items.sorted} of {items.total} sorted, "
+            f"{items.misplaced} misplaced, {items.left} left",
+        ]
+        lines += [
+            f"  {form:<10}{count.sorted} of {count.total}" for form, count in sorted(items.by_form.items())
+        ]
+        lines += [
+            *(f"{'holes' if n == 0 else '':<12}{item.to_text()}" for n, item in enumerate(self.holes)),
+            f"grasps      {picks.tried} tried, {picks.held} held; "
+            f"{picks.held_first_try} of {picks.objects} objects held at the first try",
+            f"failures    {_counts(self.failures)}",
+            *self._recovered(),
+            *self._fed(),
+            *self._verified(),
+            f"simulated   {self.sim_seconds:.1f} s{self._rate()}{self._thinking()}",
+            f"wall        {wall.total:.1f} s: physics {wall.physics:.1f}, planning {wall.planning:.1f}, "
+            f"perception {wall.perception:.1f}, logging {wall.logging:.1f}; CPU {self.cpu_seconds:.1f} s",
+            f"seed        {self.seed}, digest {self.digest[:16]}",
+            f"log         {self.log.absolute()}",
+            f"look at it  {self.explain(program)}",
+        ]
+        return "\n".join(lines)
+
+    def _waits(self, program: str) -> list[str]:
+        """Lines when a person is to answer."""
+        if self.asked is None:
+            return []
+        return [
+            f"it is so    {self.asked.situation}",
+            f"answers     {', '.join(self.asked.choices)}",
+            f"go on with  {self.goes_on(program)}",
+        ]
+
+    def _recovered(self) -> list[str]:
+        """A line for each cause, what cost the most time first."""
+        if self.cures is None:
+            return [f"recoveries  {_counts(self.recoveries)}"]
+        told = _under("recovery", cause_lines(self.cures))
+        return [*told, *_under("planted", planted_lines(self.planted))]
+
+    def _fed(self) -> list[str]:
+        """A line when a feed brought items."""
+        if self.feed is None:
+            return []
+        feed = self.feed
+        parts = (
+            (feed.deliveries, "delivery", "deliveries"),
+            (feed.exchanges, "bin exchanged", "bins exchanged"),
+            (feed.set_aside, "item set aside", "items set aside"),
+        )
+        return ["feed        " + ", ".join(f"{n} {one if n == 1 else more}" for n, one, more in parts)]
+
+    def _verified(self) -> list[str]:
+        """A line when trajectories were judged twice."""
+        if self.disagreements is None:
+            return []
+        return [f"verified    {self.disagreements} trajectories judged otherwise by the second checker"]
+
+    def _rate(self) -> str:
+        rate = self.seconds_per_pick
+        if rate is None:
+            return ""
+        hourly = f" ({3600 / rate:.0f} an hour)" if self.feed is not None else ""
+        return f", {rate:.1f} s a pick{hourly}"
+
+    def _thinking(self) -> str:
+        return "" if self.thinking_charged else " (planning and perception took no simulated time)"
+
+
+_PLAIN_FIELDS = (
+    "status", "seed", "digest", "sim_seconds", "cpu_seconds", "failures", "recoveries", "message",
+    "thinking_charged", "disagreements",
+)  # fmt: skip
+
+
+def _cures(said: list[dict[str, Any]] | None) -> tuple[CureCount, ...] | None:
+    return None if said is None else tuple(CureCount(**each) for each in said)
+
+
+def _under(title: str, told: Iterable[str]) -> list[str]:
+    """Lines of which the first has the title."""
+    return [f"{title if n == 0 else '':<12}{line}" for n, line in enumerate(told)]
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {number}" for name, number in sorted(counts.items())) or "none"

@@ -1,0 +1,1 @@
+"""What a log holds: records, topics, JSON Schemas."""

@@ -1,0 +1,1 @@
+"""Grasp candidates, and closing on an object by feel."""

@@ -1,0 +1,133 @@
+"""Closing the fingers by feel: until both touch, the hand giving way to the one that touches first.
+
+Fingers of a parallel gripper move together. Where the hand is beside the middle of an object, one of them
+touches first. It pushes what is light along, which does no harm; what stands fast pushes back, which the
+wrist feels, and then the arm goes soft across the fingers until they are centred.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...control.cartesian.anchor_courses import Course, Felt
+from ...control.cartesian.stiffness import Stiffness
+from ...control.wrist.contact_detection import ContactDetector
+from ...world.journal import Happened
+from ...world.values import Array
+from .grip_force import Pressure
+
+if TYPE_CHECKING:
+    from ...cell.world import World
+    from ...control.execution.gripper_motion import Grip
+
+ASIDE = 2.5
+"""Force across the fingers that says that one of them touches alone, N."""
+EVEN = 1.2
+"""Below this it says that both do, or none, N."""
+STANDS = 0.004
+"""Speed of the opening below which the fingers stand, m/s."""
+PRESSES = 0.6
+"""Share of the force that the drive has when it presses against something."""
+SOFT = Stiffness(linear=(1500.0, 0.0, 1500.0), angular=40.0, frame="tool")
+"""The closing direction is the tool's y."""
+GIVING_WAY = 1.0
+"""Longest time for which the hand gives way, s."""
+FARTHEST = 0.015
+"""It gives way by no more than this, m."""
+SPARE = 0.7
+"""Time beyond what the way takes at the fingers' speed, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """How the fingers ended."""
+
+    width: float
+    """Opening, m."""
+    gave_way: float
+    """How far the hand went across, m; 0 when it did not have to."""
+    aside: float
+    """Force across the fingers that is left, N."""
+
+
+class GiveWay(Course):
+    """The hand lets itself be pushed along the tool's y axis, until the fingers stand and press evenly."""
+
+    def __init__(self, grip: Grip, force: float) -> None:
+        """`force`: with which the fingers close, N."""
+        super().__init__()
+        self._grip = grip
+        self._press = force
+        self._even = 0.0
+
+    def step(self, felt: Felt) -> None:
+        axis = self.turn[:, 1]
+        way = felt.position - self.origin
+        # Only the closing direction is free: the anchor goes along with the tool there.
+        self.position = self.origin + axis * float(axis @ way)
+        across = abs(float(axis @ felt.force))
+        even = across < EVEN and stand(self._grip, self._press)
+        self._even = self._even + felt.period if even else 0.0
+        if self._even >= 0.03 or abs(float(axis @ way)) > FARTHEST:
+            self.finished = True
+
+
+def stand(grip: Grip, force: float) -> bool:
+    """Whether the fingers stand and press against something, or have met."""
+    state = grip.state
+    return abs(state.speed) < STANDS and state.force >= PRESSES * force
+
+
+def close(world: World, pressure: Pressure, node: str) -> Generator[None, None, Closed]:
+    """Close the fingers, the arm being at rest; they go on closing with `pressure.closing` afterwards.
+
+    Raises what `Motions.comply` does, and control.gripper where the fingers do not do what they are told.
+    """
+    control, grip = world.control, world.grip
+    q = control.state.position
+    axis = world.robot.tcp(q).rotation()[:, 1]
+    zero = control.wrist.over(0.05, q)
+    detector = ContactDetector(ASIDE, EVEN)
+    seen = world.clock.now
+    detector.watch(control.wrist.since(seen - 0.1))
+    speed = pressure.speed or world.robot.description.gripper.speed
+    until = seen + grip.width / (2 * speed) + SPARE
+    grip.start(0.0, pressure.closing, pressure.speed)
+    begin, begun = np.array(control.tcp.position), grip.width
+    gave = False
+    while world.clock.now < until:
+        yield
+        detector.watch(control.wrist.since(seen))
+        seen = world.clock.now
+        if abs(_across(detector, axis)) > ASIDE and not gave:
+            gave = True
+            course = GiveWay(grip, pressure.closing)
+            yield from world.move.comply(course, GIVING_WAY, node=node, stiffness=SOFT, zero=zero)
+            detector = ContactDetector(ASIDE, EVEN)
+            until = world.clock.now + SPARE
+            seen = world.clock.now
+        if stand(grip, pressure.closing):
+            break
+    way = float(axis @ (np.array(control.tcp.position) - begin)) if gave else 0.0
+    left = control.wrist.over(0.02, control.state.position)[:3] - zero[:3]
+    yield from grip.sound(begun)
+    closed = Closed(grip.width, way, float(axis @ left))
+    if gave:
+        world.journal.note(
+            Happened(
+                "centred",
+                f"the hand gave way by {abs(way) * 1000:.1f} mm until both fingers touched",
+                node,
+                {"way": way, "aside": closed.aside, "width": closed.width},
+            )
+        )
+    return closed
+
+
+def _across(detector: ContactDetector, axis: Array) -> float:
+    """Of what touches, along the closing direction, N."""
+    return 0.0 if detector.contact is None else float(axis @ np.array(detector.contact.force))

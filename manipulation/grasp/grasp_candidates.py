@@ -1,0 +1,167 @@
+"""Grasp candidates: poses of the TCP from which a parallel gripper can close on an object from above.
+
+The closing direction is the y axis of the TCP, z points down onto the object. Candidates come in two
+tiers: first with room to spare, then tighter ones for dense scenes (less opening, beside the centre, higher).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...robots.description import GripperDescription
+from ...world.belief.planning_scene import BeliefObject
+from ...world.shapes import Box, ConvexMesh, Cylinder, Sphere, corners, extents
+from ...world.values import Array, Pose
+
+ROOMY, TIGHT = 0.020, 0.010
+"""How much wider than the object the fingers open, m."""
+NEIGHBOUR_MARGIN = {ROOMY: 0.003, TIGHT: 0.001}
+"""Free distance demanded between the open hand and everything else, m."""
+TIP_CLEARANCE = 0.002
+"""Of the finger tips above the surface that the object lies on, m."""
+PALM_CLEARANCE = 0.006
+"""Of the palm above the object, m."""
+FLAT = 0.014
+"""Objects lower than this are felt for: the hand descends until it touches, m."""
+SLIDES = (0.0, 0.25, -0.25)
+"""Places along the object's free axis, as shares of its length beyond one finger width."""
+HIGHER = 0.010
+"""How much higher than the best height the second choice grips, m."""
+YAWS = 8
+"""Directions tried for an object without a preferred one, over half a turn."""
+
+
+@dataclass(frozen=True, slots=True)
+class GraspCandidate:
+    """One way to grasp: the TCP in the world at closing, the opening before, what to expect after."""
+
+    name: str
+    tcp_in_world: Pose
+    opening: float
+    """Between the pads on the way down, m."""
+    expected_width: float
+    """Of the object along the closing direction, m."""
+    margin: float
+    """Free distance demanded around the hand, m."""
+    flat: bool
+    """Whether the last bit of the way down is felt, not measured."""
+    score: float
+    """Lower is better."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Span:
+    """A closing direction: yaw of the TCP's y axis, width along it, free length across it."""
+
+    yaw: float
+    width: float
+    length: float
+
+
+def grasp_candidates(belief: BeliefObject, gripper: GripperDescription) -> list[GraspCandidate]:
+    """Candidates for the object, best first; empty when it is wider than the gripper opens."""
+    rotation = belief.pose.rotation()
+    low, high = extents(belief.shape, rotation)
+    x, y, z = belief.pose.position
+    bottom, top = z + float(low[2]), z + float(high[2])
+    height = top - bottom
+    lowest = bottom + gripper.tip + TIP_CLEARANCE
+    best_z = max(z, lowest, top - gripper.palm + PALM_CLEARANCE)
+    heights = [best_z]
+    if best_z + HIGHER < top - 0.004:
+        heights.append(best_z + HIGHER)
+    finger = gripper.pads[0][0].size[0]
+
+    found: list[GraspCandidate] = []
+    for span in _spans(belief, rotation):
+        for tier in (ROOMY, TIGHT):
+            opening = span.width + tier
+            if opening > gripper.max_width:
+                opening = gripper.max_width
+                if opening - span.width < TIGHT * 0.6 or tier == TIGHT:
+                    continue
+            slack = max(0.0, span.length - finger)
+            for slide in SLIDES if slack > 0.02 else SLIDES[:1]:
+                for k, tcp_z in enumerate(heights):
+                    for turn in (0.0, math.pi):
+                        yaw = span.yaw + turn
+                        along = np.array([math.sin(span.yaw), -math.cos(span.yaw)]) * slide * slack
+                        tcp = _from_above((x + float(along[0]), y + float(along[1]), tcp_z), yaw)
+                        found.append(
+                            GraspCandidate(
+                                name=f"yaw {math.degrees(yaw):.0f} width {opening * 1000:.0f} "
+                                f"slide {slide:+.2f} high {k}",
+                                tcp_in_world=tcp,
+                                opening=opening,
+                                expected_width=span.width,
+                                margin=NEIGHBOUR_MARGIN[tier],
+                                flat=height < FLAT,
+                                score=span.width * 4 + (0.5 if tier == TIGHT else 0.0) + abs(slide) + 0.3 * k,
+                            )
+                        )
+    return sorted(found, key=lambda c: (c.score, c.name))
+
+
+def _from_above(position: tuple[float, float, float], yaw: float) -> Pose:
+    """TCP with z down and its y axis at `yaw` from the world's x axis."""
+    closing = np.array([math.cos(yaw), math.sin(yaw), 0.0])
+    down = np.array([0.0, 0.0, -1.0])
+    rotation = np.column_stack([np.cross(closing, down), closing, down])
+    return Pose.from_rotation(position, rotation)
+
+
+def _spans(belief: BeliefObject, rotation: Array) -> list[_Span]:
+    match belief.shape:
+        case Box(size):
+            return _box_spans(size, rotation)
+        case Cylinder(radius, height):
+            axis = rotation[:, 2]
+            if abs(float(axis[2])) > 0.7:
+                return _round_spans(2 * radius, belief.pose)
+            yaw = math.atan2(float(axis[1]), float(axis[0])) + math.pi / 2
+            return [_Span(yaw, 2 * radius, height)]
+        case Sphere(radius):
+            return _round_spans(2 * radius, belief.pose)
+        case ConvexMesh():
+            return _hull_spans(belief.shape, rotation)
+
+
+def _round_spans(width: float, pose: Pose) -> list[_Span]:
+    """All directions are equal; the one that lies across the way from the robot's base comes first."""
+    first = math.atan2(pose.position[1], pose.position[0]) + math.pi / 2
+    return [_Span(first + k * math.pi / YAWS, width + 1e-4 * min(k, YAWS - k), 0.0) for k in range(YAWS)]
+
+
+def _box_spans(size: tuple[float, float, float], rotation: Array) -> list[_Span]:
+    """Both pairs of upright faces of a box that stands on a face (or nearly so)."""
+    up = int(np.argmax(np.abs(rotation[2])))
+    a, b = (k for k in range(3) if k != up)
+    spans: list[_Span] = []
+    for closing, free in ((a, b), (b, a)):
+        direction = rotation[:, closing]
+        yaw = math.atan2(float(direction[1]), float(direction[0]))
+        spans.append(_Span(yaw, size[closing], size[free]))
+    return spans
+
+
+def _hull_spans(shape: ConvexMesh, rotation: Array) -> list[_Span]:
+    """Directions across the flat sides of the hull's outline, narrow ones first (rotating calipers)."""
+    import cv2
+
+    points = (corners(shape) @ rotation.T)[:, :2].astype(np.float32)
+    outline = cv2.convexHull(points)[:, 0, :].astype(np.float64)
+    spans: list[_Span] = []
+    for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        edge = end - start
+        length = float(np.linalg.norm(edge))
+        if length < 0.008:
+            continue
+        normal = np.array([-edge[1], edge[0]]) / length
+        reach = outline @ normal
+        yaw = math.atan2(float(normal[1]), float(normal[0])) % math.pi
+        if all(abs(yaw - s.yaw) > 0.05 for s in spans):
+            spans.append(_Span(yaw, float(reach.max() - reach.min()), length))
+    return sorted(spans, key=lambda s: s.width)[:4]

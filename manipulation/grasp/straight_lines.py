@@ -1,0 +1,94 @@
+"""The last centimetres: straight lines onto an object, up from it, into a bin and out again."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import TYPE_CHECKING
+
+from ...planning.requests import Offset
+from ...world.belief.planning_scene import BeliefObject
+from ...world.scene.description import Bin
+from ...world.shapes import bottom
+from ...world.values import ObjectId
+from .grasp_candidates import GraspCandidate
+
+if TYPE_CHECKING:
+    from ...cell.world import World
+
+Steps = Generator[None, None, None]
+
+NEAR = 0.02
+"""Neighbours closer than this may be grazed while lifting: they were cleared by the open hand before, m."""
+DOWN, UP = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
+CARRIED = 10.0
+"""Force that lifting an object may add to the guard of a motion, N."""
+
+
+def feel(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str) -> Steps:
+    """The last bit of the way down onto a flat object, until it is touched; others need none."""
+    if not candidate.flat:
+        return
+    # Fingers on knuckles reach further out the more they are closed.
+    fingers = world.robot.fingers
+    at_grip, opened = fingers.reach(candidate.expected_width), fingers.reach(candidate.opening)
+    way = world.handling.felt_way + (world.robot.description.gripper.tip - opened)
+    with world.scene.allow(("gripper", object_id)):
+        felt = yield from world.move.guarded(
+            DOWN, way, force=world.handling.touch, speed=world.handling.touch_speed, node=node
+        )
+        if felt.contact:
+            rise = world.handling.back_off + max(0.0, at_grip - opened)
+            up = Offset((0.0, 0.0, rise), least_fraction=0.5)
+            plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
+            yield from world.move.along(plan.trajectory, node=node)
+
+
+def lift(world: World, object_id: ObjectId, node: str) -> Steps:
+    """Straight up out of the neighbours, with or without the object in the hand."""
+    held = world.scene.held
+    near = [
+        ("gripper", str(c.b))
+        for c in world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=NEAR)
+        if c.b != object_id
+    ]
+    with world.scene.allow(("gripper", object_id), *near):
+        up = Offset((0.0, 0.0, world.handling.approach), least_fraction=0.3)
+        plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
+        guard = world.handling.guard + (0.0 if held is None else CARRIED)
+        yield from world.move.along(plan.trajectory, guard=guard, node=node)
+
+
+def raise_off(world: World, node: str) -> Steps:
+    """Straight up with what is between the fingers, off what it stands on or out of what it sticks in, or
+    until that holds it."""
+    handling = world.handling
+    yield from world.move.guarded(
+        UP, handling.approach, force=handling.guard + CARRIED, speed=handling.lower_speed, node=node
+    )
+
+
+def lower(world: World, held: BeliefObject, bin_: Bin | None, node: str) -> Steps:
+    """Down with the object until it is felt, or into a bin as deep as the finger tips stay above its rim."""
+    if bin_ is None:
+        way = world.handling.approach + world.handling.felt_way
+    else:
+        rim = bin_.pose.position[2] + bin_.size[2]
+        tips = world.control.tcp.position[2] - world.robot.description.gripper.tip
+        floor = bin_.pose.position[2] + bin_.wall
+        way = min(tips - rim - world.handling.rim_clearance, bottom(held.shape, held.pose) - floor)
+    if way > world.handling.felt_way:
+        yield from world.move.guarded(
+            DOWN, way, force=world.handling.touch, speed=world.handling.lower_speed, node=node
+        )
+
+
+def withdraw(world: World, node: str) -> Steps:
+    """Straight up from what was just released, as far as that is free."""
+    near = [
+        ("gripper", str(c.b))
+        for c in world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=NEAR)
+    ]
+    with world.scene.allow(*near):
+        up = Offset((0.0, 0.0, world.handling.approach / 2), least_fraction=0.2)
+        plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
+        yield from world.move.along(plan.trajectory, node=node)

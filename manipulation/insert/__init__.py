@@ -1,0 +1,1 @@
+"""Putting what is held into a hole."""

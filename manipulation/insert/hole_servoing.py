@@ -1,0 +1,166 @@
+"""Looking at a hole with the camera on the hand, so that what is put into it comes over its mouth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...perception.fitting.hole_mouths import find_mouth
+from ...planning.requests import PoseGoal, Request
+from ...world.belief.hole_matching import find_hole
+from ...world.causes import Failure
+from ...world.journal import Happened
+from ...world.protocols import Intrinsics
+from ...world.shapes import corners
+from ...world.values import Array, ObjectId, Pose
+from ..motion.replanning import travel
+
+if TYPE_CHECKING:
+    from ...cell.world import World
+    from ...world.scene.description import CameraDescription
+    from ...world.scene.holes import Hole
+
+OFF = 0.008
+"""How far a mouth may be from where it is believed to be, m."""
+FROM = (0.20, 0.24, 0.17)
+"""Distances from which it is looked at, the best first, m."""
+FREE = 0.010
+"""Of the face around the mouth that the hand must not hide, m."""
+AIDE = 8
+"""Pixels by which the hand hides more than its boxes do."""
+TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.57, -1.57, 2.2, -2.2, 3.14)
+"""Of the hand about the hole's axis that are tried, rad, from how it is turned now."""
+
+
+def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Generator[None, None, Pose | None]:
+    """The pose of a hole's mouth in the world (z out of the hole, x along a slot), as a camera on the hand
+    sees it; None where it cannot tell, or where there is no such camera.
+
+    The arm moves: it holds the camera over the hole so that neither fingers nor what they hold are in the
+    way. Fails as motions do; with world.unknown_object when there is no such hole.
+    """
+    camera = next((c for c in world.description.cameras if c.on == "hand"), None)
+    fixture, hole = find_hole(world.scene, hole_id)
+    if camera is None:
+        return None
+    believed = fixture.pose @ hole.pose
+    if not (yield from _go(world, camera, hole, believed, node)):
+        _note(world, f"{hole_id}: nowhere within reach is it seen beside the hand", node, hole_id)
+        return None
+    yield from world.control.settle()
+    shot = yield from world.eyes.shoot(camera.name)
+    seen = find_mouth(shot.image, hole, believed, OFF)
+    if seen is None:
+        _note(world, f"{hole_id}: its mouth is not recognised from the hand", node, hole_id)
+        return None
+    off, tilt = believed.distance(seen.pose), believed.angle(seen.pose)
+    _note(
+        world,
+        f"{hole_id}: seen {1000 * off:.1f} mm and {math.degrees(tilt):.1f}° from where it should be",
+        node,
+        hole_id,
+        off=off,
+        turn=tilt,
+        agreement=seen.agreement,
+    )
+    return seen.pose
+
+
+def _go(
+    world: World, camera: CameraDescription, hole: Hole, believed: Pose, node: str
+) -> Generator[None, None, bool]:
+    """To where the mouth is seen; False when there is no way there."""
+    for distance in FROM:
+        poses = views(world, camera, hole, believed, distance)
+        if not poses:
+            continue
+        request = Request(PoseGoal(poses), scaling=world.handling.scaling(1.0))
+        try:
+            yield from travel(
+                world,
+                lambda request=request: world.plan.solve(request, node=node),
+                guard=world.handling.guard,
+                node=node,
+            )
+        except Failure as failure:
+            if not failure.cause.name.startswith("planning."):
+                raise
+            continue
+        return True
+    return False
+
+
+def views(
+    world: World, camera: CameraDescription, hole: Hole, believed: Pose, distance: float
+) -> tuple[Pose, ...]:
+    """Poses of the TCP in the world, pointing into the hole's direction, with the mouth `distance` m from the
+    camera in that part of the picture that the hand leaves free. Empty when that part is too small."""
+    intrinsics = _optics(camera)
+    hidden = _hidden(world, camera, intrinsics)
+    room = cv2.distanceTransform((~hidden).astype(np.uint8), cv2.DIST_L2, 5)
+    rows, columns = np.indices(hidden.shape)
+    height, width = hidden.shape
+    border = np.minimum(np.minimum(rows, height - 1 - rows), np.minimum(columns, width - 1 - columns)).astype(
+        np.float64
+    )
+    room = np.minimum(np.asarray(room, dtype=np.float64), border)
+    long = math.hypot(*hole.size) if hole.form != "round" else hole.size[0]
+    needed = (long / 2 + OFF + FREE) * intrinsics.fx / distance
+    row, column = (int(n) for n in np.unravel_index(int(room.argmax()), room.shape))
+    if room[row, column] < needed:
+        return ()
+    ray = np.array([(column - intrinsics.cx) / intrinsics.fx, (row - intrinsics.cy) / intrinsics.fy, 1.0])
+    in_tcp = camera.pose.apply(ray / np.linalg.norm(ray) * distance)
+    return tuple(_over(believed, in_tcp, turn + _turned(world, believed)) for turn in TURNS)
+
+
+def _over(believed: Pose, in_tcp: Array, yaw: float) -> Pose:
+    """The TCP, pointing into the hole and turned by `yaw` about its axis, that has the mouth at `in_tcp`."""
+    axes = believed.rotation() @ np.array(
+        [[math.cos(yaw), math.sin(yaw), 0.0], [math.sin(yaw), -math.cos(yaw), 0.0], [0.0, 0.0, -1.0]]
+    )
+    return Pose.from_rotation(np.array(believed.position) - axes @ in_tcp, axes)
+
+
+def _turned(world: World, believed: Pose) -> float:
+    """How the hand is turned about the hole's axis now, rad."""
+    x = believed.rotation().T @ world.control.tcp.rotation()[:, 0]
+    return math.atan2(float(x[1]), float(x[0]))
+
+
+def _optics(camera: CameraDescription) -> Intrinsics:
+    """As far as the scene file tells them, which is to a pixel."""
+    width, height = camera.size
+    focal = height / 2 / math.tan(camera.fov / 2)
+    return Intrinsics(width, height, focal, focal, width / 2, height / 2)
+
+
+def _hidden(world: World, camera: CameraDescription, intrinsics: Intrinsics) -> NDArray[np.bool_]:
+    """(h, w): where the hand, its fingers and what they hold are in the camera's picture."""
+    robot, width = world.robot, world.grip.width
+    bodies = [pose.apply(corners(box)) for box, pose in robot.description.gripper.hand]
+    bodies += [pose.apply(corners(box)) for box, pose in robot.finger_boxes(width)]
+    held = world.scene.held
+    if held is not None and held.object_in_tcp is not None:
+        bodies.append(held.object_in_tcp.apply(corners(held.shape)))
+    mask = np.zeros((intrinsics.height, intrinsics.width), dtype=np.uint8)
+    to_camera = camera.pose.inverse()
+    for points in bodies:
+        seen = to_camera.apply(points)
+        if (seen[:, 2] < camera.near / 2).all():
+            continue
+        seen[:, 2] = np.maximum(seen[:, 2], 0.01)
+        pixels = seen[:, :2] / seen[:, 2:] * (intrinsics.fx, intrinsics.fy) + (intrinsics.cx, intrinsics.cy)
+        rounded = np.clip(np.round(pixels), -8000, 8000).astype(np.int32)
+        cv2.fillConvexPoly(mask, cv2.convexHull(rounded), 1)
+    kernel = np.ones((2 * AIDE + 1, 2 * AIDE + 1), dtype=np.uint8)
+    return cv2.dilate(mask, kernel).astype(np.bool_)
+
+
+def _note(world: World, message: str, node: str, hole: ObjectId, **data: float) -> None:
+    world.journal.note(Happened("servo", message, node, {"hole": hole, **data}))

@@ -1,0 +1,1 @@
+"""Motions that are watched, and planned again."""

@@ -1,0 +1,72 @@
+"""The motions of a pick and place as requests: onto the grasp, and from there over the bin."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...planning.requests import Holding, JointGoal, Line, Offset, PoseGoal, Request
+from ...world.values import Array, ObjectId, Pose
+from ..grasp.grasp_candidates import GraspCandidate
+from ..grasp.straight_lines import NEAR
+
+if TYPE_CHECKING:
+    from ...cell.world import World
+
+LEAST_LIFT = 0.3
+"""Share of the way straight up, or down, that must be free: what is left is done without."""
+
+
+def approach(
+    world: World, object_id: ObjectId, grasp: GraspCandidate, over: Array, speed: float
+) -> tuple[Request, ...]:
+    """From where the arm is to `over` (n,) the grasp, and straight down onto it; for a flat object so far
+    that the rest can be felt."""
+    return (
+        Request(JointGoal(over), scaling=world.handling.scaling(speed)),
+        onto(world, object_id, grasp),
+    )
+
+
+def onto(world: World, object_id: ObjectId, grasp: GraspCandidate) -> Request:
+    """From over a grasp straight onto it; for a flat object so far that the rest can be felt."""
+    felt = world.handling.felt_way / 2 if grasp.flat else 0.0
+    down = Line(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
+    return Request(
+        down, width=grasp.opening, allowed=(("gripper", object_id),), scaling=world.handling.slowly
+    )
+
+
+def onward(
+    world: World,
+    holding: Holding,
+    start: Array,
+    width: float,
+    over: Array | tuple[Pose, ...],
+    drop: float,
+    speed: float,
+) -> tuple[Request, ...]:
+    """From a grasp (n,) with the object between the fingers straight up, over the bin, and down by `drop` m.
+
+    `over`: the configuration (n,) over the landing, or poses of the TCP of which one will do.
+    """
+    handling = world.handling
+    tcp = world.robot.tcp(start)
+    near = world.queries.hand_contacts(tcp, width, ignore=(holding.object,), margin=NEAR)
+    neighbours = tuple(("gripper", name) for name in sorted({contact.b for contact in near}))
+    goal = PoseGoal(over) if isinstance(over, tuple) else JointGoal(over)
+    up = Offset((0.0, 0.0, handling.approach), least_fraction=LEAST_LIFT)
+    legs = [
+        Request(up, start, width, holding, neighbours, scaling=handling.slowly),
+        Request(goal, width=width, holding=holding, scaling=handling.scaling(speed)),
+    ]
+    if drop > 0.0:
+        legs.append(lowering(world, drop, width, holding))
+    return tuple(legs)
+
+
+def lowering(
+    world: World, drop: float, width: float | None = None, holding: Holding | None = None
+) -> Request:
+    """Straight down with an object in the hand, where nothing is expected to be touched."""
+    down = Offset((0.0, 0.0, -drop), least_fraction=LEAST_LIFT)
+    return Request(down, width=width, holding=holding, scaling=world.handling.slowly)

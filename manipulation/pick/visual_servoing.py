@@ -1,0 +1,198 @@
+"""Position-based visual servoing: over the grasp the hand looks through its own camera, and corrects its way
+by where it sees the object from there.
+
+A camera that hangs far away is off by as much as its mounting; what the hand sees, it sees beside its own
+fingers. So only what is seen relative to the tool counts, and the belief is brought to agree with it: of the
+target, of what stands around it in the picture, and, by the same shift, of what had been seen in the same
+picture before. It is the look-then-move form of visual servoing (Chaumette & Hutchinson, "Visual servo
+control, part I", 2006).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
+
+from ...planning.requests import Line, Request
+from ...world.causes import Failure, perception
+from ...world.journal import Happened
+from ...world.values import ObjectId, Pose
+from ..grasp.grasp_candidates import GraspCandidate
+from ..grasp.patch_matching import Matched, matched
+from .pick_candidates import PickAndPlace
+from .transfer_requests import onto
+
+if TYPE_CHECKING:
+    from ...cell.world import World
+    from ...control.execution.motions import Watch
+    from ...world.belief.planning_scene import BeliefObject
+
+T = TypeVar("T")
+Doing: TypeAlias = Generator[None, None, T]
+
+LOOKS = 3
+"""Looks for one grasp at most."""
+LARGE, LARGE_TURN = 0.003, math.radians(2.5)
+"""A correction beyond this is checked by another look, m and rad."""
+LAST = 0.05
+"""Height over the grasp from which it is looked again, m: lower, the fingers hide too much."""
+NEARBY = 0.25
+"""Objects within this distance of the target are looked for in the same picture, m."""
+SAME = 0.0005
+"""What is less is no shift, m."""
+TOLD, BELIEVED = math.radians(1.0), math.radians(6.0)
+"""A turn of the target between these is one of the camera that had seen it before: below the first it may be
+noise, and above the second the target has been moved."""
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """What one look says of the target."""
+
+    moved: Pose
+    """The motion in the world that brings the believed target to where it is seen."""
+    distance: float
+    """By which the target is moved, m."""
+    turn: float
+    """By which it is turned, rad."""
+
+    @property
+    def large(self) -> bool:
+        return self.distance > LARGE or self.turn > LARGE_TURN
+
+
+def close_in(
+    world: World, pick: PickAndPlace, node: str, *, first: bool = True, watch: Watch | None = None
+) -> Doing[PickAndPlace]:
+    """Bring the hand over a grasp, look, and correct the grasp by what is seen; the arm then stands over it,
+    and the pick's approach is what is left of the way. Without a camera on the hand nothing is done.
+
+    What is not recognised is grasped as believed. Fails with perception.ambiguous where it may be either of
+    two; only the `first` time: then the grasp is tried as believed. `watch` is asked on the way there.
+    """
+    camera = world.eyes.hand
+    if camera is None:
+        return pick
+    yield from world.control.settle()
+    world.grip.start(pick.grasp.opening)
+    over = pick.approach.legs[0].trajectory
+    yield from world.move.along(over, guard=world.handling.guard, watch=watch, node=node)
+    grasp = yield from _corrected(world, pick, camera, node, first=first)
+    plan = yield from world.plan.through((onto(world, pick.object, grasp),), node=node)
+    return replace(pick, grasp=grasp, at=plan.trajectory.end, approach=plan)
+
+
+def _corrected(
+    world: World, pick: PickAndPlace, camera: str, node: str, *, first: bool
+) -> Doing[GraspCandidate]:
+    """The grasp after as many looks as it takes until the last one hardly corrects it."""
+    grasp = pick.grasp
+    for n in range(LOOKS):
+        try:
+            correction = yield from look(world, pick.object, camera, node)
+        except Failure as failure:
+            if failure.cause is perception.AMBIGUOUS and (n > 0 or not first):
+                break
+            raise
+        if correction is None:
+            break
+        grasp = replace(grasp, tcp_in_world=correction.moved @ grasp.tcp_in_world)
+        if not correction.large or n == LOOKS - 1:
+            break
+        yield from _lower(world, pick.object, grasp, node)
+    return grasp
+
+
+def _lower(world: World, object_id: ObjectId, grasp: GraspCandidate, node: str) -> Doing[None]:
+    """To where it is looked again: over the corrected grasp, and nearer."""
+    line = Line(grasp.tcp_in_world.shifted((0.0, 0.0, LAST)))
+    allowed = (("gripper", object_id),)
+    request = Request(line, width=grasp.opening, allowed=allowed, scaling=world.handling.slowly)
+    plan = yield from world.plan.solve(request, node=node)
+    yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)
+
+
+def look(world: World, target: ObjectId, camera: str, node: str) -> Doing[Correction | None]:
+    """Where the camera on the hand sees an object; the belief of it, and of what stands around, is corrected.
+
+    None: it was not recognised, and nothing is changed. Fails with perception.ambiguous where it may be
+    either of two, and with world.unknown_object.
+    """
+    yield from world.control.settle()
+    believed = world.scene.get(target)
+    objects = [o for o in world.scene.objects if _is_around(o, believed)]
+    found = yield from world.eyes.follow(camera, objects)
+    reading = matched(believed, objects, found)
+    if reading.target is None:
+        what = "ambiguous" if reading.ambiguous else "not recognised"
+        _note(world, f"{target}: {what} from the hand", node, object=target)
+    if reading.ambiguous:
+        raise Failure(
+            perception.AMBIGUOUS,
+            f"{target} may be either of {reading.seen} things of its colour that {camera} sees",
+            object=target,
+            seen=reading.seen,
+        )
+    if reading.target is None:
+        return None
+    seen = reading.target.pose
+    correction = Correction(
+        seen @ believed.pose.inverse(), believed.pose.distance(seen), believed.pose.angle(seen)
+    )
+    _note(
+        world,
+        f"{target}: {1000 * correction.distance:.1f} mm, {math.degrees(correction.turn):.1f}° off",
+        node,
+        object=target,
+        distance=correction.distance,
+        turn=correction.turn,
+        others=len(reading.others),
+        misfit=reading.target.misfit,
+    )
+    _correct(world, believed, reading, seen)
+    return correction
+
+
+def _is_around(one: BeliefObject, target: BeliefObject) -> bool:
+    return one.role == "item" and not one.attached and one.pose.distance(target.pose) < NEARBY
+
+
+def _correct(world: World, believed: BeliefObject, reading: Matched, at: Pose) -> None:
+    """Bring the belief to agree with what was seen; the target was seen at `at`."""
+    for sighting in (*reading.others, *((reading.target,) if reading.target else ())):
+        one = world.scene.get(sighting.object)
+        seen = replace(
+            one,
+            pose=sighting.pose,
+            sigma_position=sighting.sigma_position,
+            sigma_angle=sighting.sigma_angle if one.sigma_angle < math.pi else one.sigma_angle,
+            last_seen=world.clock.now,
+        )
+        world.scene.put(seen, "seen from the hand")
+    moved = _of_camera(believed, at)
+    if moved is None:
+        return
+    for one in world.scene.objects:
+        # What the same picture had shown was off by the same way.
+        same_picture = one.last_seen == believed.last_seen and one.place == believed.place
+        if one.role == "item" and not one.attached and same_picture:
+            world.scene.put(replace(one, pose=moved @ one.pose), "moved with what was seen")
+
+
+def _of_camera(believed: BeliefObject, at: Pose) -> Pose | None:
+    """The motion in the world, along the level, that makes up for the camera that had seen the target before;
+    None: there is nothing to make up for."""
+    turn = at.angle(believed.pose)
+    if max(believed.pose.distance(at), turn * NEARBY) < SAME:
+        return None
+    if TOLD < turn < BELIEVED and believed.sigma_angle < TOLD:
+        return at @ believed.pose.inverse()
+    x, y = (a - b for a, b in zip(at.position[:2], believed.pose.position[:2], strict=True))
+    return Pose((x, y, 0.0))
+
+
+def _note(world: World, message: str, node: str, **data: str | float) -> None:
+    """One look from the hand."""
+    world.journal.note(Happened("servo", message, node, data))

@@ -1,0 +1,1 @@
+"""Where an object can be put, and what is believed of it then."""

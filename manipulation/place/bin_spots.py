@@ -1,0 +1,125 @@
+"""Where in a bin to release an object: over the lowest part of what already lies there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...world.belief.planning_scene import BeliefObject
+from ...world.scene.description import Bin
+from ...world.shapes import Shape, extents, top
+from ...world.values import Array, Pose
+
+if TYPE_CHECKING:
+    from ...planning.collision.scene_queries import SceneQueries
+
+CELLS = 3
+"""A bin is divided into 3 × 3 cells."""
+ABOVE_RIM = 0.020
+"""Of the object's bottom above the rim when it is released, m."""
+STEPS = (0.0, 0.03, 0.06, 0.10)
+"""How much higher the release may be when nothing lower is free, m."""
+YAWS = 8
+SUNK = 0.001
+"""Depth in something else at which a place counts as taken: believed poses are no better, m."""
+ABOVE = 0.002
+"""Above its place an object is tried for room, so that what it will stand on does not count, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A cell of a bin: centre in the world (x, y), height of the heap above the bin's floor, m."""
+
+    name: str
+    centre: tuple[float, float]
+    height: float
+
+
+def heap(bin_: Bin, objects: Sequence[BeliefObject], seen: Array | None) -> Array:
+    """Height of what lies in each cell above the bin's floor, (3, 3) m.
+
+    The higher of what the camera saw (`seen`, NaN where it did not) and what is believed to lie there.
+    """
+    heights = np.zeros((CELLS, CELLS)) if seen is None else np.nan_to_num(seen, nan=0.0).copy()
+    low, high = bin_.inside()
+    to_bin = bin_.pose.inverse()
+    for belief in objects:
+        if belief.place == bin_.id:
+            x, y, _ = (to_bin @ belief.pose).position
+            row = int(np.clip((x - low[0]) / (high[0] - low[0]) * CELLS, 0, CELLS - 1))
+            column = int(np.clip((y - low[1]) / (high[1] - low[1]) * CELLS, 0, CELLS - 1))
+            above = top(belief.shape, belief.pose) - bin_.pose.position[2] - bin_.wall
+            heights[row, column] = max(heights[row, column], above)
+    return heights
+
+
+def spots(bin_: Bin, heights: Array, shape: Shape, rotation: Array) -> list[Spot]:
+    """Cells whose heap leaves room below the rim, lowest first; those nearer to the middle before equals.
+
+    The centre is drawn in so far that the object (its shape turned by `rotation`) clears the walls.
+    """
+    low, high = bin_.inside()
+    reach = float(np.linalg.norm(extents(shape, rotation)[1][:2]))
+    found: list[tuple[float, float, Spot]] = []
+    for row in range(CELLS):
+        for column in range(CELLS):
+            height = float(heights[row, column])
+            if height > high[2] - low[2]:
+                continue
+            local: list[float] = []
+            for axis, k in ((0, row), (1, column)):
+                span = high[axis] - low[axis]
+                centre = low[axis] + (k + 0.5) * span / CELLS
+                room = max(0.0, span / 2 - reach - 0.008)
+                local.append(min(max(centre, -room), room))
+            x, y, _ = bin_.pose.apply(np.array([local[0], local[1], 0.0]))
+            spot = Spot(f"cell {row},{column}", (float(x), float(y)), height)
+            found.append((round(height / 0.015), math.hypot(row - 1, column - 1), spot))
+    return [spot for _, _, spot in sorted(found, key=lambda f: (f[0], f[1], f[2].name))]
+
+
+def release_poses(
+    bin_: Bin, spot: Spot, shape: Shape, object_in_tcp: Pose, higher: float = 0.0
+) -> tuple[Pose, ...]:
+    """TCP poses, pointing down at several yaws, that hold the object over the spot and above the rim."""
+    rim = bin_.pose.position[2] + bin_.size[2]
+    poses: list[Pose] = []
+    for k in range(YAWS):
+        tcp = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, 2 * math.pi * k / YAWS))
+        held = tcp @ object_in_tcp
+        low = float(extents(shape, held.rotation())[0][2])
+        offset = np.array(held.position)
+        poses.append(
+            tcp.shifted(
+                (
+                    spot.centre[0] - float(offset[0]),
+                    spot.centre[1] - float(offset[1]),
+                    rim + ABOVE_RIM + higher - low - float(offset[2]),
+                )
+            )
+        )
+    return tuple(poses)
+
+
+def put_down_poses(point: tuple[float, float, float], shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:
+    """TCP poses, pointing down at several yaws, with the object's underside centred on a point, m."""
+    poses: list[Pose] = []
+    for k in range(YAWS):
+        tcp = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, 2 * math.pi * k / YAWS))
+        held = tcp @ object_in_tcp
+        x, y, z = held.position
+        low = float(extents(shape, held.rotation())[0][2])
+        poses.append(tcp.shifted((point[0] - x, point[1] - y, point[2] - low - z)))
+    return tuple(poses)
+
+
+def blocked(queries: SceneQueries, held: BeliefObject, tcp_in_world: Pose) -> str | None:
+    """The id of what stands where the held object would be with the TCP at that pose, or None."""
+    assert held.object_in_tcp is not None
+    there = tcp_in_world.shifted((0.0, 0.0, ABOVE)) @ held.object_in_tcp
+    contacts = queries.free(held.shape, there, ignore=(held.id,))
+    return next((c.b for c in contacts if c.distance < -SUNK), None)

@@ -1,0 +1,126 @@
+"""Putting down what is in the hand when it belongs nowhere in particular: on the nearest free spot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ...planning.requests import PoseGoal, Scaling
+from ...world.belief.planning_scene import BeliefObject
+from ...world.causes import Failure, place
+from ...world.journal import Happened
+from ..grasp.straight_lines import DOWN
+from ..retreat.clearing import ON_THE_WAY, REDUCED, WARY, Doing, Leaving
+from ..retreat.homing import look_around
+from .bin_spots import blocked, put_down_poses
+from .dropped_objects import board_at
+
+if TYPE_CHECKING:
+    from ...cell.world import World
+    from ...world.values import Pose, Vector3
+
+RINGS = (0.0, 0.05, 0.10, 0.16, 0.24)
+"""Distances from where the object hangs at which a spot is looked for, m."""
+AROUND = 8
+"""Spots on each ring."""
+TRIES = 4
+"""Free spots to which a way is looked for."""
+ROOM = 0.05
+"""Around the middle of a spot the fixture is level for so far, m."""
+BESIDE = 0.01
+"""Room that the hand has beside it on a spot, m."""
+SPARE = 0.02
+"""The object is lowered by so much more than its support should be away, m."""
+
+
+def set_down(world: World, leaving: Leaving, scaling: Scaling, node: str) -> Doing[None]:
+    """Lower what is held onto a free spot of a fixture, near where it is, until it is felt to stand, and let
+    go of it. Fails with place.occupied where there is none, the object still in the hand."""
+    held = world.scene.held
+    if held is None:
+        return
+    seen = yield from look_around(world)
+    why = "no spot near it is free"
+    tries = 0
+    for spot in _free_spots(world, held):
+        if tries == TRIES or leaving.late:
+            break
+        tries += 1
+        assert held.object_in_tcp is not None
+        over = tuple(
+            pose.shifted((0.0, 0.0, world.handling.approach))
+            for pose in put_down_poses(spot, held.shape, held.object_in_tcp)
+            if _room(world, held, pose)
+        )
+        try:
+            plan = yield from world.plan.to(PoseGoal(over), scaling=scaling, node=node)
+            way = world.move.slowed(plan.trajectory, REDUCED if seen else WARY)
+            result = yield from leaving.follow(way, ON_THE_WAY)
+        except Failure as failure:
+            if not failure.cause.name.startswith("planning."):
+                raise
+            why = failure.message
+            continue
+        if not result.completed:
+            yield from leaving.touched_on_the_way(result, f"to a spot for {held.id}")
+            why = "something is in the way to it"
+            continue
+        yield from _lower(world, held, node)
+        yield from leaving.up()
+        return
+    raise Failure(
+        place.OCCUPIED,
+        f"{held.id} cannot be put down: {why}; it is still in the hand",
+        object=held.id,
+        spots=tries,
+    )
+
+
+def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
+    """Until it is felt, then let go."""
+    handling = world.handling
+    yield from world.move.guarded(
+        DOWN, handling.approach + SPARE, force=handling.touch, speed=handling.touch_speed, node=node
+    )
+    before = world.scene.get(held.id)
+    try:
+        yield from world.grip.release(handling.release)
+    except GeneratorExit:  # halted, but the fingers go on opening
+        world.scene.detach(held.id, before.pose, "table", "let go")
+        raise
+    world.control.wrist.carry(None)
+    world.scene.detach(held.id, before.pose, "table", "put down by a retreat")
+    world.journal.note(Happened("put_down", f"{held.id} is put down", node, {"object": held.id}))
+
+
+def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:
+    """Points on fixtures where the object's underside may come to stand, the nearest first."""
+    assert held.object_in_tcp is not None
+    x, y, _ = held.pose.position
+    for ring in RINGS:
+        for k in range(AROUND if ring else 1):
+            angle = 2 * math.pi * k / AROUND
+            at = (x + ring * math.cos(angle), y + ring * math.sin(angle))
+            height = _level(world, at)
+            if height is None:
+                continue
+            spot = (*at, height)
+            poses = put_down_poses(spot, held.shape, held.object_in_tcp)
+            if blocked(world.queries, held, poses[0]) is None and any(_room(world, held, p) for p in poses):
+                yield spot
+
+
+def _room(world: World, held: BeliefObject, tcp_in_world: Pose) -> bool:
+    """Whether the hand has room there, too, with the fingers as far open as they let go."""
+    opened = min(world.grip.width + world.handling.release, world.robot.description.gripper.max_width)
+    boards = tuple(world.scene.fixtures)
+    return not world.queries.hand_contacts(tcp_in_world, opened, (str(held.id), *boards), margin=BESIDE)
+
+
+def _level(world: World, at: tuple[float, float]) -> float | None:
+    """Height of what lies below a point; None where that is not level around it."""
+    x, y = at
+    around = [(0.0, 0.0), (ROOM, 0.0), (-ROOM, 0.0), (0.0, ROOM), (0.0, -ROOM)]
+    heights = [board_at(world.scene, x + dx, y + dy) for dx, dy in around]
+    return heights[0] if len(set(heights)) == 1 else None

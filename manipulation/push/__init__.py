@@ -1,0 +1,1 @@
+"""Pushing an object over a table, and making room by pushing."""

@@ -1,0 +1,318 @@
+"""One stroke of a push as motions: beside the object, along with it, off it and out of the camera's way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from ...control.cartesian.stiffness import Stiffness
+from ...planning.requests import JointGoal, Line, NamedGoal, Offset, PoseGoal, Request
+from ...world.belief.planning_scene import BeliefObject
+from ...world.planar_geometry import Outline, Planar, gap, moved, outline, planar
+from ...world.scene.description import Fixture
+from ...world.shapes import Box, bottom, top
+from ...world.values import Array, ObjectId, Pose
+from ..motion.replanning import travel
+from .contact_faces import height, tool_outline
+from .stroke_course import SLOW, PushCourse
+from .stroke_planning import Stroke
+
+if TYPE_CHECKING:
+    from ...cell.world import World
+    from ...planning.service.solver import Solver
+
+T = TypeVar("T")
+Doing = Generator[None, None, T]
+
+STIFF = Stiffness(linear=1500.0, angular=60.0)
+EDGE = 0.015
+"""What is pushed stays so far from the edge of what it stands on, m; the tool stays above it."""
+BESIDE = 0.004
+"""It keeps so far from everything else, m, and so many standard deviations of where it is believed to be."""
+SIGMAS = 2.0
+SAMPLE = 0.02
+"""Way between two poses that are looked at before a stroke, m."""
+CONTINUOUS = 0.5
+"""Greatest change of a joint between two of them, rad."""
+LIMIT_ROOM = 0.1
+"""The joints stay so far from their limits, rad: a compliant arm is not where it was planned to be."""
+LOOKING = "home"
+"""Named pose from which cameras see the table."""
+UP = 0.10
+"""Straight up beside the object after a stroke, m."""
+SPARE = 6.0
+"""Time that a stroke may take beyond its way, s."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ready:
+    """A stroke that was found free: how the tool is turned, how high it is, and where the arm stands above
+    its start (n,) rad."""
+
+    stroke: Stroke
+    flipped: bool
+    height: float
+    over: Array
+    opening: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pushed:
+    """What a stroke has come to, as far as it was felt."""
+
+    touched: bool
+    in_contact: bool
+    """To the end."""
+    blocked: bool
+    lost: bool
+    reached: float
+    """Way of the carrier, m."""
+    force: float
+    """Greatest force on the tool, N."""
+    ends: Planar
+    """Where the object is if it has stayed at the tool."""
+
+    @property
+    def told(self) -> str:
+        way = f"{self.reached * 1000:.0f} mm"
+        if self.blocked:
+            return f"blocked at {self.force:.1f} N after {way}"
+        if self.lost:
+            return f"contact lost after {way}"
+        if not self.touched:
+            return f"nothing was felt on {way}"
+        return f"pushed for {way}"
+
+
+def support_of(world: World, belief: BeliefObject) -> Fixture | None:
+    """The level fixture that an object stands on; None when it is in a bin or on none."""
+    low = bottom(belief.shape, belief.pose)
+    x, y, _ = belief.pose.position
+    found = [
+        f
+        for f in world.scene.fixtures.values()
+        if isinstance(f.shape, Box)
+        and abs(float(f.pose.rotation()[2, 2])) > 0.999
+        and abs(top(f.shape, f.pose) - low) < 0.03
+        and within(f, np.array([[x, y]]), 0.0)
+    ]
+    in_bin = belief.place in world.scene.bins
+    return None if in_bin else max(found, key=lambda f: top(f.shape, f.pose), default=None)
+
+
+def within(fixture: Fixture, points: Array, margin: float) -> bool:
+    """Whether points (n, 2) of the world are over a level box and so far from its edges, m."""
+    assert isinstance(fixture.shape, Box)
+    there = planar(fixture.shape, fixture.pose).inverse().apply(points)
+    half = np.array(fixture.shape.size[:2]) / 2 - margin
+    return bool((np.abs(there) <= half).all())
+
+
+def placed(shape: Outline, at: Planar) -> Array:
+    """Points (n, 2) in the world on the border of an outline."""
+    if shape.round:
+        ring = np.arange(16) * (2 * math.pi / 16)
+        return np.stack([np.cos(ring), np.sin(ring)], axis=1) * shape.radius + (at.x, at.y)
+    return at.apply(shape.corners)
+
+
+def unfit(
+    world: World, belief: BeliefObject, places: Sequence[Planar], touching: Collection[str] = ()
+) -> str | None:
+    """Why the object must not be at one of these places; `touching`: what may be pushed along."""
+    support = support_of(world, belief)
+    if support is None:
+        return f"{belief.id} does not stand on a level fixture"
+    shape = outline(belief.shape, belief.pose)
+    margin = BESIDE + SIGMAS * belief.sigma_position
+    others = [o for o in world.scene.objects if o.id != belief.id and o.id not in touching and not o.attached]
+    around = [(o.id, outline(o.shape, o.pose), planar(o.shape, o.pose)) for o in others]
+    ignore = (belief.id, support.id, *(o.id for o in world.scene.objects))
+    for at in places:
+        if not within(support, placed(shape, at), EDGE):
+            return f"it would come to the edge of {support.id}"
+        for hole in support.holes:
+            middle = (support.pose @ hole.pose).position
+            free = at.distance(Planar(middle[0], middle[1])) - shape.reach
+            if free < math.hypot(*hole.size) / 2 + hole.chamfer:
+                return f"it would come over {hole.id}"
+        hit = next((name for name, other, there in around if gap(shape, at, other, there) < margin), None)
+        if hit is None:
+            there = moved(belief.shape, belief.pose, at)
+            hit = next((c.b for c in world.queries.free(belief.shape, there, ignore, margin)), None)
+        if hit is not None:
+            return f"it would touch {hit}"
+    return None
+
+
+def refused(world: World, belief: BeliefObject, stroke: Stroke) -> str | None:
+    """Why the object, or the tool, must not go that way."""
+    why = unfit(world, belief, [stroke.object_at(way) for way in _samples(0.0, stroke.way.length)])
+    support = support_of(world, belief)
+    if why is not None or support is None:
+        return why
+    fingers = tool_outline(world.robot.description.gripper, stroke.side.opening)
+    for way in _samples(-stroke.gap, stroke.way.length):
+        at = stroke.way.at(way) @ stroke.side.tool
+        if not all(within(support, at.apply(finger.corners), 0.0) for finger in fingers):
+            return f"the tool would leave {support.id}"
+    return None
+
+
+def ready(world: World, belief: BeliefObject, stroke: Stroke, touching: Collection[str] = ()) -> Ready | str:
+    """The stroke as the arm can make it, or why it cannot. Costs are owed to the thinking account."""
+    opening = stroke.side.opening
+    tip = world.robot.fingers.reach(opening)
+    level = height(belief, world.robot.description.gripper, tip)
+    why = "the arm does not reach it"
+    answers: list[tuple[float, Ready]] = []
+    for flipped in (False, True):
+        found = _followed(world, belief, stroke, level, flipped, touching)
+        if isinstance(found, str):
+            why = found
+        else:
+            travel = float(np.abs(found - world.control.held_position).max())
+            answers.append((travel, Ready(stroke, flipped, level, found, opening)))
+    return min(answers, key=lambda a: a[0])[1] if answers else why
+
+
+def _followed(
+    world: World, belief: BeliefObject, stroke: Stroke, level: float, flipped: bool, touching: Collection[str]
+) -> Array | str:
+    """The arm over the start of the stroke (n,), if it can follow it from there without a swing.
+
+    Looked for from the middle of the way outwards: there the arm stands comfortably, and what changes on the
+    way is shared between both ends.
+    """
+    ways = _samples(-stroke.gap, stroke.way.length)
+    start = stroke.tcp_at(-stroke.gap, level, flipped)
+    poses = [stroke.tcp_at(way, level, flipped) for way in ways]
+    middle = len(poses) // 2
+    pairs = tuple(("gripper", name) for name in (belief.id, *touching))
+    opening = stroke.side.opening
+    pushing = Request(PoseGoal((poses[middle],)), None, opening, allowed=pairs)
+    found = world.plan.reached(pushing)
+    if found.q is None:
+        return f"on the way {found.why_not}"
+    with world.plan.checking():
+        solver = world.plan.solver
+        solver.look(pushing)
+        first = _chain(solver, found.q, poses[middle + 1 :])
+        back = first if isinstance(first, str) else _chain(solver, found.q, poses[middle - 1 : 0 : -1])
+        if isinstance(back, str):
+            return f"on the way {back}"
+        solver.look(Request(PoseGoal((start,)), None, opening))
+        over = start.shifted((0.0, 0.0, world.handling.approach))
+        above = _chain(solver, back, [start, over])
+    return f"beside it {above}" if isinstance(above, str) else above
+
+
+def _chain(solver: Solver, q: Array, poses: Sequence[Pose]) -> Array | str:
+    """From q (n,) through all poses without a swing, free, and away from the joints' limits: the last
+    configuration, or what is in the way."""
+    model = solver.model
+    for pose in poses:
+        near, q_next = q, solver.ik.descend(pose, q)
+        if q_next is None:
+            return "the arm does not reach"
+        q = q_next
+        if float(np.abs(q - near).max()) > CONTINUOUS:
+            return "the arm would have to swing round"
+        if float(np.minimum(q - model.lower, model.upper - q).min()) < LIMIT_ROOM:
+            return "a joint would come to its limit"
+        if not solver.collision.free(q):
+            touched = next(iter(solver.collision.contacts(q)), None)
+            if touched is None:
+                return "the tool leaves the workspace"
+            return f"{touched.a} would touch {touched.b}"
+    return q
+
+
+def _samples(start: float, end: float) -> Sequence[float]:
+    count = max(2, math.ceil((end - start) / SAMPLE) + 1)
+    return [start + (end - start) * k / (count - 1) for k in range(count)]
+
+
+def make(
+    world: World,
+    belief: BeliefObject,
+    one: Ready,
+    speed: float,
+    force: float,
+    node: str,
+    along: Mapping[ObjectId, Planar] | None = None,
+) -> Doing[Pushed]:
+    """Make the stroke; the tool ends beside the object, and the belief says where it ought to be now.
+
+    `along`: where else what is expected to come to that is pushed along. Failures: planning.*, control.*,
+    safety.*, world.disturbed.
+    """
+    stroke, handling = one.stroke, world.handling
+    world.grip.start(one.opening)
+    start = stroke.tcp_at(-stroke.gap, one.height, one.flipped)
+    legs = (
+        Request(JointGoal(one.over), width=_widest(world, one.opening), scaling=handling.scaling(1.0)),
+        Request(Line(start), width=one.opening, scaling=handling.slowly),
+    )
+    yield from travel(world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node)
+    if abs(world.grip.width - one.opening) > 0.002:
+        yield from world.grip.move(one.opening, world.robot.description.gripper.max_force)
+    course = PushCourse(
+        stroke.way,
+        stroke.side.tool,
+        stroke.gap,
+        speed,
+        force,
+        world.robot.hand_mass,
+        rolls=stroke.side.rolls,
+    )
+    limit = (stroke.gap + stroke.way.length) / min(speed, SLOW) + SPARE
+    along = {} if along is None else along
+    with world.scene.allow(*(("gripper", str(name)) for name in (belief.id, *along))):
+        result = yield from world.move.comply(course, limit, stiffness=STIFF, node=node)
+    touched = course.touched_at is not None
+    ends = stroke.side.object(course.carrier)
+    pushed = Pushed(
+        touched, course.in_contact, course.blocked, course.lost, course.reached, result.force, ends
+    )
+    if stroke.side.rolls or (touched and not course.lost):
+        for name, at in {**along, belief.id: ends}.items():
+            _believe(world, name, at)
+    return pushed
+
+
+def _widest(world: World, opening: float) -> float:
+    """The fingers are under way to their opening while the arm is: the wider of the two counts."""
+    return max(opening, world.grip.width)
+
+
+def _believe(world: World, name: ObjectId, at: Planar) -> None:
+    known = world.scene.find(name)
+    if known is not None:
+        pose = moved(known.shape, known.pose, at)
+        sigma = max(known.sigma_position, 0.002)
+        world.scene.put(replace(known, pose=pose, sigma_position=sigma), "pushed there")
+
+
+def step_back(world: World, names: Collection[str], node: str) -> Doing[None]:
+    """Up beside the object and to where the cameras see the table."""
+    handling = world.handling
+    near = world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=0.02)
+    touched = {*names, *(c.b for c in near if c.b not in world.scene.fixtures)}
+    pairs = tuple(("gripper", name) for name in sorted(touched))
+    legs = (
+        Request(Offset((0.0, 0.0, UP), least_fraction=0.3), allowed=pairs, scaling=handling.slowly),
+        Request(NamedGoal(LOOKING), allowed=pairs, scaling=handling.scaling(1.0)),
+    )
+    yield from travel(world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node)
+
+
+def go_looking(world: World, node: str) -> Doing[None]:
+    """To where the arm does not hide the table from the cameras."""
+    goal, scaling = NamedGoal(LOOKING), world.handling.scaling(1.0)
+    ask = lambda: world.plan.to(goal, scaling=scaling, node=node)  # noqa: E731
+    yield from travel(world, ask, guard=world.handling.guard, node=node)

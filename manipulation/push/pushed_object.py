@@ -1,0 +1,90 @@
+"""Where a pushed object is, by touch and by sight: what was at the tool in the end is where the tool was.
+
+A Kalman filter of place and heading in the plane. A stroke that ended in contact measures the object across
+the touched side, and how it is turned, far better than a camera does; along the side a little is lost. A look
+that contradicts what was felt counts alone: then something else has happened.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...world.planar_geometry import Outline, Planar, wrapped
+from ...world.values import Array
+from .stroke_planning import Stroke
+
+SIGHT = 5e-4
+"""Error of a mean of several pictures along an axis, m: noise, and the grid of pixels."""
+SIGHT_TURNED = math.radians(0.8)
+"""Of the heading, rad."""
+FELT, FELT_TURNED = 2e-4, math.radians(0.25)
+"""Across a side that was touched to the end, m, and of the heading, rad."""
+SLIPPED = 2e-4
+"""Along the side, m; and of each metre of way a share of it:"""
+SLIP = 0.03
+RESERVE = 0.5
+"""Share of the turning on a way that is counted on: friction at the corner holds some back."""
+WIDE = 0.016
+"""Half of a length of touch that is wide enough for that heading, m."""
+DOUBT = 4.0
+"""Difference between sight and touch, in standard deviations, that both cannot be right with."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """Place and heading with what they are worth: covariance (2, 2) m², standard deviation, rad."""
+
+    at: Planar
+    covariance: Array
+    turned: float
+
+    @property
+    def sigma(self) -> float:
+        """Of the place, along the worse axis, m."""
+        return math.sqrt(float(np.linalg.eigvalsh(self.covariance)[-1]))
+
+
+def seen(at: Planar) -> Estimate:
+    """By a camera alone."""
+    return Estimate(at, np.eye(2) * SIGHT**2, SIGHT_TURNED)
+
+
+def felt(before: Estimate, stroke: Stroke, ends: Planar, shape: Outline) -> Estimate:
+    """After a stroke that ended in contact, with the tool where it is when the object is at `ends`."""
+    side, way = stroke.side, stroke.way.length
+    if shape.round:
+        return Estimate(ends, np.eye(2) * FELT**2 * 2, math.pi)
+    nx, ny = side.carrier(ends).direction
+    normal, along = np.array([nx, ny]), np.array([-ny, nx])
+    lateral = float(along @ before.covariance @ along) + SLIPPED**2 + (SLIP * way) ** 2
+    covariance = np.outer(normal, normal) * FELT**2 + np.outer(along, along) * lateral
+    # Pushed at one corner the object turns until it lies at the flat of the fingers.
+    askew = abs(wrapped(stroke.way.start.yaw - side.carrier(before.at).yaw)) + 2.0 * before.turned
+    turning = side.half / (shape.inertia() + side.half**2)
+    squared = RESERVE * turning * max(0.0, way - 2.0 * SIGHT) > askew
+    narrow = max(1.0, WIDE / side.half) ** 2
+    return Estimate(ends, covariance, FELT_TURNED * narrow if squared else askew)
+
+
+def together(touch: Estimate, sight: Estimate, turn: float) -> Estimate:
+    """What both say, or what is seen alone where they contradict each other. `turn`: turned by it the object
+    looks the same, rad."""
+    off = np.array([sight.at.x - touch.at.x, sight.at.y - touch.at.y])
+    yaw = wrapped(sight.at.yaw - touch.at.yaw, turn)
+    both = touch.covariance + sight.covariance
+    spread = touch.turned**2 + sight.turned**2
+    apart = float(off @ np.linalg.solve(both, off)) + (yaw**2 / spread if turn else 0.0)
+    if apart > DOUBT**2:
+        return sight
+    gain = touch.covariance @ np.linalg.inv(both)
+    x, y = np.array([touch.at.x, touch.at.y]) + gain @ off
+    share = touch.turned**2 / spread if turn else 1.0
+    covariance = (np.eye(2) - gain) @ touch.covariance
+    return Estimate(
+        Planar(float(x), float(y), touch.at.yaw + share * yaw),
+        (covariance + covariance.T) / 2,
+        math.sqrt(1.0 / (1.0 / touch.turned**2 + 1.0 / sight.turned**2)),
+    )

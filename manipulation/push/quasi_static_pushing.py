@@ -1,0 +1,246 @@
+"""What slides where when fingers push it over a table, and what it pushes in turn; seen from above, without
+inertia.
+
+Bodies are moved out of the tool, and out of each other, by the least effort: a place is worth as much as a
+turn about the root of the mean square distance of the underside's points, which stands for the ellipsoid of
+the friction's limit surface (Howe and Cutkosky, "Practical force-motion models for sliding manipulation",
+IJRR 15, 1996). Solved by projections, one contact after the other (Müller et al., "Position based dynamics",
+2007).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from ...world.planar_geometry import Outline, Planar
+
+ROUNDS = 8
+"""Times that all contacts are gone through, at most."""
+EXACT = 1e-5
+"""Depth that is left, m."""
+DEEPEST = 0.004
+"""What is deeper in the tool than this was not reached from the side, m."""
+
+Point: TypeAlias = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Contact:
+    """A point of touch, the way out for the second body (unit vector), and how deep it is, m."""
+
+    at: Point
+    out: Point
+    depth: float
+
+
+class _Slider:
+    """One outline, and where it is."""
+
+    def __init__(self, shape: Outline, at: Planar, *, fixed: bool) -> None:
+        self.at = at
+        self.radius = shape.radius
+        self.fixed = fixed
+        self.reach = shape.reach
+        self._square = max(shape.inertia(), 1e-9)
+        self._local = [(float(x), float(y)) for x, y in shape.corners]
+        self._points: list[Point] | None = None
+
+    @property
+    def points(self) -> list[Point]:
+        """Corners in the world, counter-clockwise."""
+        if self._points is None:
+            c, s, x, y = math.cos(self.at.yaw), math.sin(self.at.yaw), self.at.x, self.at.y
+            self._points = [(x + c * a - s * b, y + s * a + c * b) for a, b in self._local]
+        return self._points
+
+    def give(self, contact: _Contact) -> float:
+        """By how much it gives way at a contact for a unit of effort; 0 for what is fixed."""
+        if self.fixed:
+            return 0.0
+        lever = (contact.at[0] - self.at.x) * contact.out[1] - (contact.at[1] - self.at.y) * contact.out[0]
+        return 1.0 + lever * lever / self._square
+
+    def move(self, contact: _Contact, effort: float) -> None:
+        nx, ny = contact.out
+        lever = (contact.at[0] - self.at.x) * ny - (contact.at[1] - self.at.y) * nx
+        turn = effort * lever / self._square
+        self.at = Planar(self.at.x + effort * nx, self.at.y + effort * ny, self.at.yaw + turn)
+        self._points = None
+
+
+class Sliding:
+    """Bodies on one table, by name, among what stands still there."""
+
+    def __init__(
+        self, bodies: Mapping[str, tuple[Outline, Planar]], still: Iterable[tuple[Outline, Planar]] = ()
+    ) -> None:
+        self._bodies = {name: _Slider(shape, at, fixed=False) for name, (shape, at) in bodies.items()}
+        self._still = [_Slider(shape, at, fixed=True) for shape, at in still]
+
+    def where(self, name: str) -> Planar:
+        return self._bodies[name].at
+
+    def press(self, tool: Sequence[tuple[Outline, Planar]], deepest: float = DEEPEST) -> frozenset[str]:
+        """The outlines of the tool are there now; move what they reach into, and answer who was moved."""
+        parts = [_Slider(shape, at, fixed=True) for shape, at in tool]
+        moved: set[str] = set()
+        for round_ in range(ROUNDS):
+            worst = 0.0
+            for name, body in self._bodies.items():
+                for part in parts:
+                    depth = _part(part, body, deepest if round_ == 0 else math.inf)
+                    if depth > EXACT:
+                        moved.add(name)
+                    worst = max(worst, depth)
+            worst = max(worst, self._among(moved))
+            if worst < EXACT or not moved:
+                break
+        return frozenset(moved)
+
+    def _among(self, moved: set[str]) -> float:
+        """Part what was moved from what it has come into; what is moved by that is moved, too."""
+        worst = 0.0
+        for name in list(moved):
+            body = self._bodies[name]
+            for other_name, other in self._bodies.items():
+                if other_name != name and not (other_name in moved and other_name < name):
+                    depth = _part(body, other)
+                    if depth > EXACT:
+                        moved.add(other_name)
+                    worst = max(worst, depth)
+            for wall in self._still:
+                worst = max(worst, _part(wall, body))
+        return worst
+
+
+def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
+    """Move two out of each other; how deep they were, m."""
+    apart = math.hypot(one.at.x - other.at.x, one.at.y - other.at.y)
+    if apart > one.reach + other.reach:
+        return 0.0
+    contacts = _contacts(one, other)
+    depth = max((c.depth for c in contacts), default=0.0)
+    if depth <= EXACT or depth > deepest:
+        return 0.0 if depth > deepest else depth
+    starts = (one.at, other.at)
+    for contact in contacts:
+        left = contact.depth - _come_apart(contact, starts, one, other)
+        give = one.give(contact) + other.give(contact)
+        if left <= 0.0 or give == 0.0:
+            continue
+        effort = left / give
+        if not one.fixed:
+            one.move(contact, -effort)
+        if not other.fixed:
+            other.move(contact, effort)
+    return depth
+
+
+def _come_apart(contact: _Contact, starts: tuple[Planar, Planar], one: _Slider, other: _Slider) -> float:
+    """By how much the two have parted at a contact since it was found, m."""
+    (px, py), (nx, ny) = contact.at, contact.out
+
+    def way(start: Planar, now: Planar) -> float:
+        turn = now.yaw - start.yaw
+        dx = now.x - start.x - turn * (py - start.y)
+        dy = now.y - start.y + turn * (px - start.x)
+        return dx * nx + dy * ny
+
+    return way(starts[1], other.at) - way(starts[0], one.at)
+
+
+def _contacts(one: _Slider, other: _Slider) -> list[_Contact]:
+    """Where two outlines overlap; `out` leads the second out of the first."""
+    a, b = one.points, other.points
+    if len(a) == 1 and len(b) == 1:
+        return _of_rounds(a[0], one.radius, b[0], other.radius)
+    if len(b) == 1:
+        return _of_round(a, b[0], other.radius)
+    if len(a) == 1:
+        return [_Contact(c.at, (-c.out[0], -c.out[1]), c.depth) for c in _of_round(b, a[0], one.radius)]
+    return _of_polygons(a, b)
+
+
+def _of_rounds(a: Point, ra: float, b: Point, rb: float) -> list[_Contact]:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    away = math.hypot(dx, dy)
+    if away >= ra + rb:
+        return []
+    nx, ny = (dx / away, dy / away) if away > 1e-9 else (1.0, 0.0)
+    return [_Contact((a[0] + nx * ra, a[1] + ny * ra), (nx, ny), ra + rb - away)]
+
+
+def _of_round(polygon: list[Point], middle: Point, radius: float) -> list[_Contact]:
+    """A round body at a polygon."""
+    deepest, edge = _outermost(polygon, middle)
+    if deepest >= radius:
+        return []
+    (ax, ay), (bx, by), (nx, ny) = edge
+    if deepest <= 0.0:
+        at = (middle[0] - nx * deepest, middle[1] - ny * deepest)
+        return [_Contact(at, (nx, ny), radius - deepest)]
+    dx, dy = bx - ax, by - ay
+    share = ((middle[0] - ax) * dx + (middle[1] - ay) * dy) / (dx * dx + dy * dy)
+    x, y = ax + min(1.0, max(0.0, share)) * dx, ay + min(1.0, max(0.0, share)) * dy
+    ox, oy = middle[0] - x, middle[1] - y
+    away = math.hypot(ox, oy)
+    if away >= radius:
+        return []
+    out = (ox / away, oy / away) if away > 1e-9 else (nx, ny)
+    return [_Contact((x, y), out, radius - away)]
+
+
+def _outermost(polygon: list[Point], at: Point) -> tuple[float, tuple[Point, Point, Point]]:
+    """Of the lines along the edges the one that a point is furthest outside of: by how much, m (negative:
+    inside), the edge and its outward normal."""
+    best, found = -math.inf, (polygon[0], polygon[0], (1.0, 0.0))
+    for k, (ax, ay) in enumerate(polygon):
+        bx, by = polygon[(k + 1) % len(polygon)]
+        dx, dy = bx - ax, by - ay
+        length = math.hypot(dx, dy)
+        if length < 1e-9:
+            continue
+        nx, ny = dy / length, -dx / length
+        off = (at[0] - ax) * nx + (at[1] - ay) * ny
+        if off > best:
+            best, found = off, ((ax, ay), (bx, by), (nx, ny))
+    return best, found
+
+
+def _of_polygons(a: list[Point], b: list[Point]) -> list[_Contact]:
+    """By the axis along which they overlap least; the corners of either that lie in the other touch."""
+    depth, out = math.inf, (1.0, 0.0)
+    for polygon, points, sign in ((a, b, 1.0), (b, a, -1.0)):
+        for k, (ax, ay) in enumerate(polygon):
+            bx, by = polygon[(k + 1) % len(polygon)]
+            dx, dy = bx - ax, by - ay
+            length = math.hypot(dx, dy)
+            if length < 1e-9:
+                continue
+            nx, ny = dy / length, -dx / length
+            off = -min((x - ax) * nx + (y - ay) * ny for x, y in points)
+            if off <= 0.0:
+                return []
+            if off < depth - 1e-9:
+                depth, out = off, (sign * nx, sign * ny)
+    nx, ny = out
+    front = max(x * nx + y * ny for x, y in a)
+    back = min(x * nx + y * ny for x, y in b)
+    found = [_Contact((x, y), out, front - (x * nx + y * ny)) for x, y in b if _inside(a, x, y)] + [
+        _Contact((x, y), out, x * nx + y * ny - back) for x, y in a if _inside(b, x, y)
+    ]
+    if found:
+        return [c for c in found if c.depth > 0.0]
+    x, y = max(a, key=lambda p: p[0] * nx + p[1] * ny)
+    return [_Contact((x, y), out, depth)]
+
+
+def _inside(polygon: list[Point], x: float, y: float) -> bool:
+    for k, (ax, ay) in enumerate(polygon):
+        bx, by = polygon[(k + 1) % len(polygon)]
+        if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < -1e-12:
+            return False
+    return True

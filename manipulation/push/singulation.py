@@ -1,0 +1,348 @@
+"""Pushes that make room: which object, where, how far, so that a grasp becomes possible.
+
+What would come of a push is worked out beforehand, among all that stand around (see `sliding`): a push is
+worth the grasps that there are then.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...planning.requests import PoseGoal, Request
+from ...world.belief.planning_scene import BeliefObject
+from ...world.planar_geometry import Outline, Planar, gap, moved, outline, planar
+from ...world.scene.description import Fixture
+from ...world.shapes import Shape, bottom, extents, top
+from ...world.values import ObjectId
+from ..grasp.grasp_candidates import grasp_candidates
+from .contact_faces import Side, height, sides, tool_outline
+from .push_arcs import straight
+from .push_stroke import EDGE, placed, support_of, within
+from .quasi_static_pushing import Sliding
+from .stroke_planning import Stroke, slid
+
+if TYPE_CHECKING:
+    from ...cell.world import World
+
+AROUND = 0.05
+"""What is nearer to the target than this, from border to border, may be pushed in its stead, m."""
+SEEN = 0.25
+"""What is further from the target than this does not count, m."""
+LENGTHS = (0.035, 0.055, 0.08)
+"""Ways beyond the first contact, m."""
+ASIDE = 0.009
+"""Of closed fingers that push beside the middle of a side, m: what they push turns away from others."""
+TIGHT_GAP = 0.005
+"""Of the fingers from the object where there is no room for more, m."""
+STEP = 0.005
+"""Way between two moments that are worked out, m."""
+MARGIN = 0.003
+"""More room than a grasp needs, which makes up for what is not exactly as it was worked out, m."""
+CLEAR = 0.006
+"""What is pushed along stays so far from bins and other fixtures, m."""
+ALONE = 0.03
+"""Free distance at which something unknown stands alone, m."""
+HAND = 0.003
+"""Free distance of the hand where the push begins, m."""
+SURE, BARELY, OTHER = 3.0, 1.5, 0.4
+"""What it is worth that the target can be grasped surely, just so, and that another one can."""
+APART = 8.0
+"""What a metre of free distance around the target is worth, as far as `ALONE`."""
+WAY, MOVED = 2.0, 0.1
+"""What a metre of way costs, and each object that moves."""
+TALLER, LARGEST = 0.015, 0.12
+"""Something unknown that is taller than the tallest item by this, m, or reaches further from its middle, is
+no item and no few of them."""
+LEAST = 0.1
+"""What a push must be worth."""
+FINALISTS = 5
+"""Pushes of which it is worked out what else they are good for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Parting:
+    """A push at one object, and what is expected of it."""
+
+    name: str
+    pushed: BeliefObject
+    stroke: Stroke
+    along: tuple[ObjectId, ...]
+    """What else is moved by it."""
+    there: Mapping[ObjectId, Planar]
+    """Where all that moves comes to."""
+    worth: float
+
+
+def has_room(world: World, belief: BeliefObject) -> bool:
+    """Whether the hand fits around an object somewhere, and the arm reaches that; something unknown needs to
+    stand alone. Costs are owed."""
+    if belief.role != "item":
+        return alone(world, belief) >= ALONE
+    for grasp in grasp_candidates(belief, world.robot.description.gripper):
+        contacts = world.queries.hand_contacts(
+            grasp.tcp_in_world, grasp.opening, ignore=(belief.id,), margin=grasp.margin
+        )
+        if contacts:
+            continue
+        pair = (("gripper", str(belief.id)),)
+        asked = Request(PoseGoal((grasp.tcp_in_world,)), width=grasp.opening, allowed=pair)
+        if world.plan.reached(asked).q is not None:
+            return True
+    return False
+
+
+def alone(world: World, belief: BeliefObject) -> float:
+    """Free distance of an object from all others, m."""
+    return min((_between(belief, o) for o in world.scene.objects if o.id != belief.id), default=math.inf)
+
+
+def _between(one: BeliefObject, other: BeliefObject) -> float:
+    """Free distance of two objects as seen from above, m."""
+    return gap(
+        outline(one.shape, one.pose),
+        planar(one.shape, one.pose),
+        outline(other.shape, other.pose),
+        planar(other.shape, other.pose),
+    )
+
+
+def crowded(world: World) -> ObjectId | None:
+    """What needs room most: something unknown that is no larger than a few items, else the item with the
+    least room that the hand does not fit around; None when all have room."""
+    tallest = max((_longest(e.shape) for e in world.description.catalogue), default=0.0)
+    unknown = [
+        o
+        for o in world.scene.objects
+        if o.role == "obstacle"
+        and support_of(world, o) is not None
+        and top(o.shape, o.pose) - bottom(o.shape, o.pose) < tallest + TALLER
+        and outline(o.shape, o.pose).reach < LARGEST
+    ]
+    items = [o for o in world.to_do() if not o.attached and support_of(world, o) is not None]
+    for group in (unknown, items):
+        for o in sorted(group, key=lambda o: (alone(world, o), o.id)):
+            if not has_room(world, o):
+                return o.id
+    return None
+
+
+def _longest(shape: Shape) -> float:
+    """The greatest of its extents, m."""
+    low, high = extents(shape, np.eye(3))
+    return float((high - low).max())
+
+
+def partings(world: World, target: BeliefObject) -> list[Parting]:
+    """Pushes that give the target room, the best first. Their cost is owed to the thinking account."""
+    support = support_of(world, target)
+    if support is None:
+        return []
+    near = [
+        o
+        for o in world.scene.objects
+        if not o.attached and o.pose.distance(target.pose) < SEEN and support_of(world, o) is support
+    ]
+    case = _Case(world, target, near, support)
+    found = [
+        one for pushed in case.candidates() for begin in _begins(world, pushed) for one in case.judged(begin)
+    ]
+    found.sort(key=_rank)
+    # What else can be grasped afterwards is asked of the best only.
+    found[:FINALISTS] = [case.with_others(one) for one in found[:FINALISTS]]
+    world.thinking.spend(case.checks * world.description.thinking.collision_check)
+    return sorted(found, key=_rank)
+
+
+def _rank(one: Parting) -> tuple[float, str]:
+    return (-one.worth, one.name)
+
+
+class _Case:
+    """One target and what stands around it."""
+
+    def __init__(
+        self, world: World, target: BeliefObject, near: Sequence[BeliefObject], support: Fixture
+    ) -> None:
+        self._world = world
+        self._target = target
+        self._support = support
+        self._near = {o.id: o for o in near}
+        self._shapes: dict[ObjectId, tuple[Outline, Planar]] = {
+            o.id: (outline(o.shape, o.pose), planar(o.shape, o.pose)) for o in near
+        }
+        self._supposed = world.scene.supposing()
+        from ...planning.collision.scene_queries import (
+            SceneQueries,  # slow to load, and few pushes part anything
+        )
+
+        self._queries = SceneQueries(world.robot, self._supposed)
+        self._gripper = world.robot.description.gripper
+        self.checks = 0
+        self._now = self._worth()
+
+    def candidates(self) -> list[BeliefObject]:
+        """The target, and what is close to it."""
+        target = self._target
+        others = [o for o in self._near.values() if o.id != target.id]
+        return [target, *(o for o in others if _between(target, o) < AROUND)]
+
+    def judged(self, begin: Sequence[Stroke]) -> Iterator[Parting]:
+        """What the push is worth that is one of these strokes, the first that can begin; for each of the
+        lengths where it is allowed and worth something."""
+        stroke = next((one for one in begin if self._begins(one)), None)
+        if stroke is None:
+            return
+        pushed = self._near[stroke.object]
+        for length, there in self._slid(stroke).items():
+            if pushed.id not in there or not self._may_be(there):
+                continue
+            with self._supposing(there):
+                worth = self._worth() - self._now - WAY * length - MOVED * len(there)
+            if worth < LEAST:
+                continue
+            one = straight_on(stroke, length)
+            along = tuple(name for name in there if name != pushed.id)
+            x, y = stroke.way.start.direction
+            name = f"{pushed.id} {stroke.side.name} {math.degrees(math.atan2(y, x)):.0f} deg"
+            yield Parting(f"{name} {length * 1000:.0f} mm", pushed, one, along, there, worth)
+
+    def with_others(self, one: Parting) -> Parting:
+        """The same, and what it is worth to the others."""
+        others = [o for name, o in self._near.items() if o.role == "item" and name != self._target.id]
+        before = sum(self._fits(o) > 0.0 for o in others)
+        with self._supposing(one.there):
+            after = sum(self._fits(self._supposed.get(o.id)) > 0.0 for o in others)
+        return replace(one, worth=one.worth + OTHER * (after - before))
+
+    @contextmanager
+    def _supposing(self, there: Mapping[ObjectId, Planar]) -> Generator[None]:
+        for name, at in there.items():
+            o = self._near[name]
+            self._supposed.put(replace(o, pose=moved(o.shape, o.pose, at)), "supposed")
+        yield
+        for name in there:
+            self._supposed.put(self._near[name], "as it is")
+
+    def _begins(self, stroke: Stroke) -> bool:
+        """Whether the hand fits where the push begins, over the table."""
+        world, pushed = self._world, self._near[stroke.object]
+        opening = stroke.side.opening
+        level = height(pushed, self._gripper, world.robot.fingers.reach(opening))
+        start = stroke.way.at(-stroke.gap) @ stroke.side.tool
+        if not all(
+            within(self._support, start.apply(f.corners), 0.0) for f in tool_outline(self._gripper, opening)
+        ):
+            return False
+        self.checks += 1
+        tcp = stroke.tcp_at(-stroke.gap, level, flipped=False)
+        return not world.queries.hand_contacts(tcp, opening, (pushed.id,), HAND)
+
+    def _slid(self, stroke: Stroke) -> dict[float, dict[ObjectId, Planar]]:
+        """Where what is moved comes to, for each of the lengths that keeps the tool over the table."""
+        sliding = Sliding({str(name): both for name, both in self._shapes.items()})
+        fingers = tool_outline(self._gripper, stroke.side.opening)
+        touched: set[str] = set()
+        found: dict[float, dict[ObjectId, Planar]] = {}
+        begun = -STEP
+        for length in LENGTHS:
+            steps = math.ceil((length - begun) / STEP)
+            for k in range(1, steps + 1):
+                way = begun + (length - begun) * k / steps
+                at = stroke.way.at(way) @ stroke.side.tool
+                touched |= sliding.press([(finger, at) for finger in fingers], deepest=math.inf)
+            self.checks += steps
+            begun = length
+            at = stroke.way.at(length) @ stroke.side.tool
+            if not all(within(self._support, at.apply(f.corners), 0.0) for f in fingers):
+                break
+            found[length] = {name: sliding.where(name) for name in self._near if name in touched}
+        return found
+
+    def _may_be(self, there: Mapping[ObjectId, Planar]) -> bool:
+        """Whether all that moves stays on its table, and away from what stands still."""
+        ignore = (*self._near, self._support.id)
+        for name, at in there.items():
+            o, (shape, _) = self._near[name], self._shapes[name]
+            if not within(self._support, placed(shape, at), EDGE):
+                return False
+            self.checks += 1
+            if self._world.queries.free(o.shape, moved(o.shape, o.pose, at), ignore, CLEAR):
+                return False
+        return True
+
+    def _worth(self) -> float:
+        """Of the scene as it is supposed, to the target."""
+        here = self._supposed.get(self._target.id)
+        others = (self._supposed.get(name) for name in self._near if name != here.id)
+        near = min((_between(here, o) for o in others), default=ALONE)
+        away = min(ALONE, max(0.0, near))
+        if here.role != "item":
+            return 2 * APART * away
+        return self._fits(here) + APART * away
+
+    def _fits(self, o: BeliefObject) -> float:
+        """What it is worth how well the hand fits around an object."""
+        worth, seen = 0.0, set[tuple[float, ...]]()
+        for grasp in grasp_candidates(o, self._gripper):
+            # Turned by half a turn the hand looks the same.
+            x, y, z = grasp.tcp_in_world.position
+            turn = grasp.tcp_in_world.rotation()[:2, 1]
+            key = (
+                *(round(c, 4) for c in (x, y, z, grasp.opening)),
+                round(abs(float(turn[0])), 3),
+                round(float(turn[0] * turn[1]), 3),
+            )
+            if key in seen:
+                continue
+            seen.add(key)
+            self.checks += 1
+            margin = grasp.margin + MARGIN
+            contacts = self._queries.hand_contacts(grasp.tcp_in_world, grasp.opening, (o.id,), margin)
+            if not contacts:
+                return SURE
+            if contacts[0].distance >= grasp.margin:
+                worth = BARELY
+        return worth
+
+
+def straight_on(stroke: Stroke, length: float) -> Stroke:
+    """The same push, and so long, m."""
+    way = straight(stroke.way.start, length)
+    return replace(stroke, way=way, ends=stroke.side.object(way.at(length)))
+
+
+def _begins(world: World, belief: BeliefObject) -> Iterator[tuple[Stroke, Stroke]]:
+    """Ways to push an object straight on: the fingers at the middle of a side, or closed and beside it. Each
+    from where it is easy to begin, and from as close by as can be."""
+    gripper = world.robot.description.gripper
+    shape = outline(belief.shape, belief.pose)
+    for side in _all_sides(belief, world):
+        variants: list[Side] = [side]
+        if not shape.round:
+            at, half = side.tool, min(side.half, gripper.pads[0][0].size[1])
+            closed = replace(side, opening=0.0, half=half)
+            asides = (0.0, ASIDE, -ASIDE) if side.opening > 0.0 else (ASIDE, -ASIDE)
+            variants += [
+                replace(closed, name=f"{side.name} {aside * 1000:+.0f} mm", tool=Planar(at.x, at.y + aside))
+                for aside in asides
+            ]
+        for variant in variants:
+            stroke = slid(variant, belief, LENGTHS[-1])
+            yield stroke, replace(stroke, gap=min(stroke.gap, TIGHT_GAP))
+
+
+def _all_sides(belief: BeliefObject, world: World) -> Iterator[Side]:
+    gripper = world.robot.description.gripper
+    if outline(belief.shape, belief.pose).round:
+        for k in range(0, 8, 2):
+            yield from sides(belief, gripper, k * math.pi / 4)[:1]
+        for k in range(1, 8, 2):
+            yield from sides(belief, gripper, k * math.pi / 4)[:1]
+    else:
+        yield from sides(belief, gripper, 0.0)

@@ -1,0 +1,1 @@
+"""Getting clear of contacts and obstacles, and home."""

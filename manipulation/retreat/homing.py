@@ -1,0 +1,81 @@
+"""The way home of a retreat: planned, soft, and by another way where something unknown is in the first."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...planning.requests import NamedGoal, Scaling
+from ...world.causes import Failure, planning
+from .clearing import ON_THE_WAY, REDUCED, WARY, Doing, Leaving
+
+if TYPE_CHECKING:
+    from ...cell.world import World
+
+ROUNDS = 4
+"""Ways home that are tried."""
+DETOUR = 0.15
+"""By how much it leaves the place before it tries another way, m."""
+AT_POSE = 2e-3
+"""Distance of a joint from the pose up to which the arm is there, rad."""
+
+
+def go_home(world: World, leaving: Leaving, pose: str, scaling: Scaling, node: str) -> Doing[bool]:
+    """Bring the arm to a named pose. False: there is no safe way; `leaving` knows what was tried."""
+    looked = yield from look_around(world)
+    for attempt in range(ROUNDS):
+        if leaving.late:
+            return False
+        if attempt:
+            looked = yield from look_around(world)
+        try:
+            key = node if attempt == 0 else f"{node} again {attempt}"
+            plan = yield from world.plan.to(NamedGoal(pose), scaling=scaling, node=key)
+            wary = leaving.touched or not looked
+            trajectory = world.move.slowed(plan.trajectory, WARY if wary else REDUCED)
+            result = yield from leaving.follow(trajectory, ON_THE_WAY)
+        except Failure as failure:
+            if not failure.cause.name.startswith("planning."):
+                raise
+            leaving.tried.append(f"to {pose}: {failure.message}")
+            if failure.cause is planning.GOAL_IN_COLLISION:
+                return False
+            yield from leaving.out()
+            yield from leaving.up(DETOUR, always=True)
+            continue
+        if result.completed:
+            yield from _exactly(world, pose, scaling, node)
+            return True
+        if result.noticed is not None:
+            leaving.tried.append(f"to {pose}: {result.noticed.message}")
+            continue
+        yield from leaving.touched_on_the_way(result, f"to {pose}")
+        yield from leaving.out()
+        yield from leaving.up(DETOUR, always=True)
+    return False
+
+
+def look_around(world: World) -> Doing[bool]:
+    """See what stands there now, through every camera that does not move with the hand; one that gives no
+    image is no reason to stay. Answers whether anything was seen."""
+    seen = False
+    for camera in world.description.cameras:
+        if camera.on == "hand":
+            continue
+        try:
+            yield from world.eyes.look(camera.name)
+            seen = True
+        except Failure as failure:
+            if not failure.cause.name.startswith("perception."):
+                raise
+    return seen
+
+
+def _exactly(world: World, pose: str, scaling: Scaling, node: str) -> Doing[None]:
+    """What a soft spring leaves of the way, with the stiff servo."""
+    off = float(np.abs(world.control.state.position - world.robot.named(pose)).max())
+    if off < AT_POSE:
+        return
+    plan = yield from world.plan.to(NamedGoal(pose), scaling=scaling, node=node)
+    yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)

@@ -1,0 +1,186 @@
+"""From view to view: which detection is which believed object, what is gone, what is merely hidden."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from ..world.belief.planning_scene import BeliefObject, PlanningScene
+from ..world.values import ObjectId, Pose
+from .fitting.view import Detection, Unexplained, View
+from .voxels.obstacle_volumes import update_volumes
+
+NEAR = 0.04
+"""A detection this close to a belief of its colour is taken for it, m; what is unsure reaches further."""
+NEAR_IN_BIN = 0.10
+"""The same for what lies in one bin: heaps settle."""
+FAR = 0.50
+"""An object whose place is seen empty is looked for among the other detections of its kind, m."""
+OTHER_KIND = 0.02
+"""Distance that a difference in kind is worth, m: what was half hidden may have been misjudged."""
+CLEARLY = 0.8
+"""A detection whose confidence is below this share of the belief's sees the object worse than before."""
+IN_HAND = 0.06
+"""What has the held object's colour this near to it, is it, m."""
+CERTAIN = 0.6
+"""With this confidence a detection is an object of its own, whatever is believed hidden around it."""
+
+Cost: TypeAlias = Callable[[BeliefObject, Detection], float]
+
+
+@dataclass(frozen=True, slots=True)
+class ObservationSummary:
+    """What one view changed in the belief: ids."""
+
+    seen: tuple[ObjectId, ...]
+    """Items in the view, whether known before or new."""
+    new: tuple[ObjectId, ...]
+    removed: tuple[ObjectId, ...]
+    hidden: tuple[ObjectId, ...]
+    """Believed items that were neither recognised nor seen missing."""
+    unexplained: int
+    """Obstacles in the view."""
+
+
+def update_belief(
+    scene: PlanningScene, view: View, now: float, held_at: Pose | None = None
+) -> ObservationSummary:
+    """Bring the items and obstacles of `scene` up to date with what `view` showed at time `now`.
+
+    `held_at`: where what the hand holds was in the world then, if it has moved on since.
+
+    Ids stay with their objects: first by place, then by kind for those that left their place. What is
+    attached to the gripper is not touched. A belief goes only when its place is clearly seen to be empty.
+    """
+    held = scene.held
+    if held is not None and held_at is not None:
+        held = replace(held, pose=held_at)
+    detections = [d for d in view.detections if held is None or not _is_held(held, d)]
+    items = [o for o in scene.objects if o.role == "item" and not o.attached]
+    matched = _assigned(items, detections, _nearness)
+    missing = [o for o in items if o.id not in matched and _gone(view, o)]
+    matched |= _assigned(missing, _others(detections, matched), _moved)
+
+    removed: list[ObjectId] = []
+    hidden: list[BeliefObject] = []
+    for item in items:
+        if item.id in matched:
+            scene.put(_seen(item, matched[item.id], view, now), "seen")
+        elif item in missing:
+            scene.remove(item.id, "its place was seen empty")
+            removed.append(item.id)
+        else:
+            hidden.append(item)
+    new: list[ObjectId] = []
+    for detection in _others(detections, matched):
+        if not _part_of_known(detection, hidden):
+            belief = _believed(scene.new_id(f"{detection.colour}_{detection.kind}"), detection, now)
+            scene.put(belief, "seen for the first time")
+            new.append(belief.id)
+    obstacles = [u for u in view.unexplained if not _is_known(u, (*hidden, *([held] if held else [])))]
+    seen = (*(o.id for o in items if o.id in matched), *new)
+    removed += update_volumes(scene, view, obstacles, [scene.get(name) for name in seen], now)
+    return ObservationSummary(seen, tuple(new), tuple(removed), tuple(o.id for o in hidden), len(obstacles))
+
+
+def _assigned(
+    items: Sequence[BeliefObject], detections: Sequence[Detection], cost: Cost
+) -> dict[ObjectId, Detection]:
+    """The cheapest pairing of items with detections among the pairs whose cost is finite."""
+    if not items or not detections:
+        return {}
+    costs = np.array([[cost(o, d) for d in detections] for o in items])
+    possible = np.isfinite(costs)
+    rows, columns = linear_sum_assignment(np.where(possible, costs, 1e3))
+    pairs = zip((int(r) for r in rows), (int(c) for c in columns), strict=True)
+    return {items[r].id: detections[c] for r, c in pairs if possible[r, c]}
+
+
+def _others(detections: Sequence[Detection], matched: dict[ObjectId, Detection]) -> list[Detection]:
+    taken = {id(d) for d in matched.values()}
+    return [d for d in detections if id(d) not in taken]
+
+
+def _nearness(item: BeliefObject, detection: Detection) -> float:
+    """Distance on the table or in the same bin, m; inf when too far or of another colour."""
+    if item.colour != detection.colour:
+        return math.inf
+    same_bin = detection.place != "table" and item.place == detection.place
+    gate = (NEAR_IN_BIN if same_bin else NEAR) + 3.0 * min(item.sigma_position, 0.03)
+    distance = item.pose.distance(detection.pose)
+    return distance + (OTHER_KIND if item.kind != detection.kind else 0.0) if distance < gate else math.inf
+
+
+def _moved(item: BeliefObject, detection: Detection) -> float:
+    """Distance to something of the same kind and colour; inf when too far or another."""
+    if (item.colour, item.kind) != (detection.colour, detection.kind):
+        return math.inf
+    distance = item.pose.distance(detection.pose)
+    return distance if distance < FAR else math.inf
+
+
+def _is_held(held: BeliefObject, detection: Detection) -> bool:
+    return detection.colour == held.colour and held.pose.distance(detection.pose) < IN_HAND
+
+
+def _gone(view: View, item: BeliefObject) -> bool:
+    return view.look(item.shape, item.pose, item.colour).seen_empty
+
+
+def _part_of_known(detection: Detection, hidden: Sequence[BeliefObject]) -> bool:
+    """Whether it may be a piece of something that is believed there already, seen badly."""
+    in_bin = detection.place != "table"
+    if detection.confidence >= CERTAIN and not in_bin:
+        return False
+    reach = NEAR_IN_BIN if in_bin else 2 * NEAR
+    near = any(o.colour == detection.colour and o.pose.distance(detection.pose) < reach for o in hidden)
+    return near or (in_bin and detection.confidence < CERTAIN)
+
+
+def _is_known(unexplained: Unexplained, items: Sequence[BeliefObject]) -> bool:
+    """Whether the box stands about an item that is believed there but was not recognised."""
+    return any(
+        o.colour == unexplained.colour and o.pose.distance(unexplained.pose) < max(unexplained.shape.size)
+        for o in items
+    )
+
+
+def _believed(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
+    return BeliefObject(
+        object_id, "item", d.kind, d.form, d.shape, d.colour, d.pose, d.sigma_position, d.sigma_angle,
+        d.confidence, now, place=d.place,
+    )  # fmt: skip
+
+
+def _seen(item: BeliefObject, detection: Detection, view: View, now: float) -> BeliefObject:
+    """The belief after its object was seen. What was known better before is kept while the view bears it
+    out: of an object that is half hidden only the visible half speaks. What was given up is so where it lay:
+    elsewhere it may be had."""
+    given_up = item.place == "aside" and detection.place == "table"
+    stayed = item.pose.distance(detection.pose) < NEAR + 3.0 * min(item.sigma_position, 0.03)
+    place = item.place if given_up and stayed else detection.place
+    worse = detection.confidence < CLEARLY * item.confidence
+    if worse and view.look(item.shape, item.pose, item.colour).borne_out:
+        return replace(item, last_seen=now, place=place)
+    belief = replace(_believed(item.id, detection, now), place=place)
+    return replace(belief, pose=_likest(detection, item.pose))
+
+
+def _likest(detection: Detection, before: Pose) -> Pose:
+    """The detection's pose, or one that looks the same, with the orientation nearest to `before`."""
+    if not detection.turn:
+        return detection.pose
+    position, pose = detection.pose.position, detection.pose
+    turns = (Pose.from_rpy((0, 0, 0), (0, 0, k * detection.turn)) for k in range(1, _times(detection.turn)))
+    alike = [pose, *(Pose(position, (turn @ pose).orientation) for turn in turns)]
+    return min(alike, key=lambda pose: round(pose.angle(before), 6))
+
+
+def _times(turn: float) -> int:
+    """How often an angle goes into a full turn."""
+    return max(1, round(2 * math.pi / turn))

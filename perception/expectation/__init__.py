@@ -1,0 +1,1 @@
+"""What a picture should show of all that is known: background, robot, hand."""

@@ -1,0 +1,278 @@
+"""What the camera would see if nothing movable were there: fixtures and bins, from the scene file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...world.raycasting import cast
+from ...world.scene.description import Bin, Fixture, SceneDescription
+from ...world.scene.holes import CERTAIN
+from ...world.shapes import Box, Shape, corners, top
+from ...world.values import Array, Pose
+from ..geometry.camera_geometry import Sight
+from ..geometry.seated_items import spread
+from ..segmentation import hues
+
+WALL = 0.012
+"""What is nearer than this to a bin's wall cannot be told from it, m."""
+FIXTURE = 0.006
+"""The same for the sides of fixtures, m."""
+BELOW = 0.005
+"""What lies on a surface may be measured this much below it, m."""
+SURFACE = 0.004
+"""Depth that lies this far in front of a wall or fixture is something else, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Backdrop:
+    """Arrays (h, w)."""
+
+    depth: NDArray[np.float64]
+    """Of fixtures and bins, m; elsewhere of the plane of the table; inf above the horizon."""
+    guard: NDArray[np.float64]
+    """Depth of walls and of fixtures other than the table, swollen by their margins; inf elsewhere."""
+    label: NDArray[np.uint8]
+    """Colour that is painted there, see `hues`."""
+    table: NDArray[np.bool_]
+    """Where the table top is seen."""
+    in_bin: NDArray[np.bool_]
+    """Where the floor of a bin is seen, or its walls."""
+
+    @classmethod
+    def of(
+        cls, description: SceneDescription, sight: Sight, table: Fixture | None, table_z: float
+    ) -> Backdrop:
+        """`table_z` is the height of the ground where there is no fixture."""
+        scene = _Scene(sight)
+        belts = {belt.id for belt in description.belts}
+        for fixture in description.fixtures:
+            scene.paint(fixture.shape, fixture.pose, fixture.colour, _TABLE if fixture is table else _FIXTURE)
+            if fixture is not table:
+                scene.shield(*_where_it_may_be(fixture), FIXTURE, belt=fixture.id in belts)
+        for bin_ in description.bins:
+            floor, *walls = bin_.parts()
+            scene.paint(*floor, bin_.colour, _BIN)
+            for shape, pose in walls:
+                scene.paint(shape, pose, bin_.colour, _BIN)
+                scene.shield(shape, pose, WALL)
+        scene.ground(table_z)
+        return cls(scene.depth, scene.guard, scene.label, scene.owner == _TABLE, scene.owner == _BIN)
+
+
+def _where_it_may_be(fixture: Fixture) -> tuple[Shape, Pose]:
+    """The fixture's shape grown by all that is not known of where it stands."""
+    if not isinstance(fixture.shape, Box) or fixture.uncertainty == CERTAIN:
+        return fixture.shape, fixture.pose
+    x, y, z = fixture.shape.size
+    aside, up = spread(fixture), fixture.uncertainty.angle * float(np.hypot(x, y)) / 2
+    # Its underside stays: what it stands on hides that.
+    grown = Box((x + 2 * aside, y + 2 * aside, z + up))
+    return grown, fixture.pose @ Pose((0.0, 0.0, up / 2))
+
+
+_NOTHING, _TABLE, _FIXTURE, _BIN = range(4)
+
+
+class _Scene:
+    """Arrays (h, w) that shapes are painted into."""
+
+    def __init__(self, sight: Sight) -> None:
+        self._sight = sight
+        self._rays = sight.all_directions()
+        size = (sight.intrinsics.height, sight.intrinsics.width)
+        self.depth = np.full(size, np.inf)
+        self.guard = np.full(size, np.inf)
+        self.label = np.zeros(size, dtype=np.uint8)
+        self.owner = np.full(size, _NOTHING, dtype=np.uint8)
+
+    def paint(self, shape: Shape, pose: Pose, colour: str, owner: int) -> None:
+        window, depth = self._cast(shape, pose)
+        nearer = depth < self.depth[window]
+        self.depth[window][nearer] = depth[nearer]
+        self.label[window][nearer] = hues.label_of(colour)
+        self.owner[window][nearer] = owner
+
+    def shield(self, shape: Shape, pose: Pose, margin: float, *, belt: bool = False) -> None:
+        """`belt`: the top is left open but for its rim, for items lie there, and leave, as on a table."""
+        swollen = shape
+        if isinstance(shape, Box):
+            x, y, z = shape.size
+            swollen = Box((x + 2 * margin, y + 2 * margin, z))
+        window, depth = self._cast(swollen, pose)
+        if belt and isinstance(shape, Box):
+            x, y, z = shape.size
+            face = Box((x - 2 * margin, y - 2 * margin, margin))
+            inner, top = self._cast(face, pose @ Pose((0.0, 0.0, (z - margin) / 2)))
+            whole = np.full(self.guard.shape, np.inf)
+            whole[window] = depth
+            whole[inner][np.isfinite(top)] = np.inf
+            depth = whole[window]
+        np.minimum(self.guard[window], depth, out=self.guard[window])
+
+    def _cast(self, shape: Shape, pose: Pose) -> tuple[tuple[slice, slice], Array]:
+        """Depths of the shape in a window of the picture that contains it."""
+        height, width = self._sight.intrinsics.height, self._sight.intrinsics.width
+        points = pose.apply(corners(shape))
+        window = (slice(0, 0), slice(0, 0))
+        before = self._sight.before(points)
+        if len(before):
+            pixels = self._sight.pixels(before)
+            (u0, v0), (u1, v1) = np.floor(pixels.min(axis=0)), np.ceil(pixels.max(axis=0)) + 1
+            rows = (int(np.clip(v, 0, height)) for v in (v0, v1))
+            columns = (int(np.clip(u, 0, width)) for u in (u0, u1))
+            window = (slice(*rows), slice(*columns))
+        rays = self._rays[window]
+        depth = cast(shape, pose.rotation(), np.array(pose.position), self._sight.origin, rays.reshape(-1, 3))
+        return window, depth.reshape(rays.shape[:2])
+
+    def ground(self, height: float) -> None:
+        """Where no fixture is seen, whatever lies below this height is no concern of ours."""
+        falling = self._rays[:, :, 2]
+        down = falling < -1e-6
+        plane = np.where(down, (height - self._sight.origin[2]) / np.where(down, falling, -1.0), np.inf)
+        self.depth = np.where(np.isinf(self.depth), plane, self.depth)
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """A level surface on which things can lie."""
+
+    place: str
+    """`table` or a bin's id."""
+    height: float
+    """In the world, m."""
+    in_bin: bool
+
+
+class Floors:
+    """Finds what is under a point."""
+
+    def __init__(self, fixtures: tuple[Fixture, ...], bins: tuple[Bin, ...]) -> None:
+        self._bins = [(b, _Footprint(b.pose, b.size[0], b.size[1])) for b in bins]
+        self._tops = [
+            (top(f.shape, f.pose), _Footprint(f.pose, f.shape.size[0], f.shape.size[1]))
+            for f in fixtures
+            if isinstance(f.shape, Box)
+        ]
+
+    def under(self, x: float, y: float, below: float) -> Floor:
+        """The bin whose outside contains (x, y), else the highest fixture there whose top is not above
+        `below`; the height 0 where there is none."""
+        for bin_, outside in self._bins:
+            if outside.contains(x, y):
+                return Floor(bin_.id, bin_.pose.position[2] + bin_.wall, True)
+        tops = [height for height, area in self._tops if height <= below and area.contains(x, y)]
+        return Floor("table", max(tops, default=0.0), False)
+
+    def supports(self, points: Array) -> Array:
+        """How far down something at each point (n, 3) of the world may reach unseen (n,), m: to the rim of a
+        bin, to the highest fixture below it, else to the height 0."""
+        x, y, z = points.T
+        heights = np.full(len(points), -np.inf)
+        for height, area in self._tops:
+            under = area.covers(x, y) & (height <= z + BELOW)
+            heights[under] = np.maximum(heights[under], height)
+        heights[np.isinf(heights)] = 0.0
+        for bin_, outside in self._bins:
+            heights[outside.covers(x, y)] = bin_.pose.position[2] + bin_.size[2]
+        return heights
+
+    def in_heap(self, points: Array, over: float) -> NDArray[np.bool_]:
+        """Which points (n, 3) of the world lie over a bin, but not higher than `over` m over its rim."""
+        x, y, z = points.T
+        found = np.zeros(len(points), dtype=np.bool_)
+        for bin_, outside in self._bins:
+            found |= outside.covers(x, y) & (z < bin_.pose.position[2] + bin_.size[2] + over)
+        return found
+
+
+class _Footprint:
+    """An upright rectangle, seen from above."""
+
+    def __init__(self, pose: Pose, long: float, wide: float) -> None:
+        self._x, self._y = pose.position[:2]
+        (self._xx, self._xy), (self._yx, self._yy) = pose.rotation()[:2, :2].tolist()
+        self._half = (long / 2, wide / 2)
+
+    def contains(self, x: float, y: float) -> bool:
+        dx, dy = x - self._x, y - self._y
+        return (
+            abs(dx * self._xx + dy * self._yx) <= self._half[0]
+            and abs(dx * self._xy + dy * self._yy) <= self._half[1]
+        )
+
+    def covers(self, x: Array, y: Array) -> NDArray[np.bool_]:
+        """`contains` for many points, (n,) each."""
+        dx, dy = x - self._x, y - self._y
+        along = np.abs(dx * self._xx + dy * self._yx) <= self._half[0]
+        return along & (np.abs(dx * self._xy + dy * self._yy) <= self._half[1])
+
+
+def table_of(description: SceneDescription) -> Fixture | None:
+    """The fixture with the largest level top."""
+    boxes = [f for f in description.fixtures if isinstance(f.shape, Box)]
+    return max(
+        boxes,
+        key=lambda f: f.shape.size[0] * f.shape.size[1] if isinstance(f.shape, Box) else 0.0,
+        default=None,
+    )
+
+
+LEVEL_PIXELS = 400
+"""Fewer table pixels than this say nothing about the camera."""
+LEVEL_EVERY, LEVEL_WIDTH = 5, 320
+"""Of every so many rows and columns one is used in a picture so wide, of more in a smaller one."""
+LEVEL_SHIFT, LEVEL_TILT = 0.03, 0.052
+"""A correction beyond this is no error of the mounting, and is not made: m, rad."""
+
+
+def levelled(
+    sight: Sight,
+    depth: Array,
+    backdrop: Backdrop,
+    table_z: float,
+    clutter: NDArray[np.bool_] | None = None,
+) -> Sight:
+    """The camera moved and tilted so that the table, as measured, lies where the scene file says. `clutter`
+    (h, w): pixels that are known to show something else.
+
+    Only height and tilt show on a plane; they are what shifts every height above the table.
+    """
+    picked = np.zeros(depth.shape, dtype=np.bool_)
+    every = max(1, min(LEVEL_EVERY, depth.shape[1] // (LEVEL_WIDTH // LEVEL_EVERY)))
+    picked[::every, ::every] = True
+    picked &= backdrop.table & (depth > 0)
+    if clutter is not None:
+        picked &= ~clutter
+    rows, columns = np.nonzero(picked)
+    points = sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))
+    points *= depth[rows, columns][:, None]
+    off = points[:, 2] + sight.origin[2] - table_z
+    design = np.column_stack([points[:, :2], np.ones(len(points))])
+    near = np.abs(off) < 2 * LEVEL_SHIFT
+    plane = np.zeros(3)
+    for _ in range(3):
+        if int(near.sum()) < LEVEL_PIXELS:
+            return sight
+        a = design[near]
+        plane = np.asarray(np.linalg.solve(a.T @ a, a.T @ off[near]), dtype=np.float64)
+        left = off - design @ plane
+        near = np.abs(left) < 2.5 * max(1e-3, 1.5 * float(np.median(np.abs(left))))
+    tilt = float(np.hypot(plane[0], plane[1]))
+    if tilt > LEVEL_TILT or abs(float(plane[2])) > LEVEL_SHIFT:
+        return sight
+    normal = np.array([-plane[0], -plane[1], 1.0]) / np.sqrt(1.0 + tilt**2)
+    rotation = _turning(normal, np.array([0.0, 0.0, 1.0])) @ sight.rotation
+    above = (sight.origin[2] - table_z - float(plane[2])) * normal[2]
+    origin = np.array([sight.origin[0], sight.origin[1], table_z + above])
+    return Sight.along(sight.intrinsics, origin, rotation)
+
+
+def _turning(a: Array, b: Array) -> Array:
+    """The smallest rotation (3, 3) that takes the unit vector a to b (not opposite)."""
+    axis = np.cross(a, b)
+    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + skew + skew @ skew / (1.0 + float(a @ b))

@@ -1,0 +1,212 @@
+"""Where the robot is in the picture, from its own model: the hull of each link at the measured joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Protocol, cast
+
+import cv2
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from ...robots.urdf_geometry import LinkMesh, LinkShape
+from ...world.raycasting import inside
+from ...world.shapes import Shape, corners
+from ...world.values import Array, Pose, Vector3
+from ..geometry.camera_geometry import Sight
+from .hand_camera_pose import Facets
+
+GROWN = 3
+"""Pixels by which the mask is larger than the model."""
+DIRECTIONS = 96
+"""A link's hull is represented by its furthest points in so many directions."""
+HANGS = 16
+"""What hangs on the robot in the picture belongs to it so far from the model, pixels."""
+MOUNTING = 0.015
+"""How far off the hand may seem to a camera, by an error of its mounting, m."""
+REACHES = 0.4
+"""What is further from the TCP than this is not near the hand, m."""
+SOLID = 0.98
+"""A link that fills this share of its hull is convex."""
+HIGH = 0.15
+"""What hangs together with the robot in the picture above this height belongs to it, m over the table."""
+
+
+class Body(Protocol):
+    """What perception needs of the robot's model."""
+
+    @property
+    def finger_links(self) -> tuple[str, ...]: ...
+    def tcp(self, q: Array) -> Pose: ...
+    def link_poses(self, q: Array, width: float) -> dict[str, Pose]: ...
+    def collision_meshes(self) -> tuple[LinkMesh, ...]: ...
+    def collision_shapes(self) -> tuple[LinkShape, ...]: ...
+
+
+class _Hull:
+    """A link's hull in the link's frame: points (n, 3), and inside is `normals @ x <= offsets`."""
+
+    def __init__(self, points: Array) -> None:
+        equations = ConvexHull(points).equations
+        self.points = points
+        self.normals: Array = equations[:, :3].copy()
+        self.offsets: Array = -equations[:, 3]
+        self.middle: Array = points.mean(axis=0)
+        self.radius = float(np.linalg.norm(points - self.middle, axis=1).max())
+
+    def facets(self, pose: Pose) -> Facets:
+        """In the world, with the link's frame there."""
+        normals = self.normals @ pose.rotation().T
+        offsets = self.offsets + normals @ np.array(pose.position)
+        return Facets(normals, offsets, pose.apply(self.middle), self.radius)
+
+
+class RobotMask:
+    """Loads the links once; `paint` costs one projection and one filled polygon a link."""
+
+    def __init__(self, robot: Body) -> None:
+        self._robot = robot
+        self._hulls: list[tuple[str, _Hull]] = [
+            (mesh.link, _Hull(mesh.pose_in_link.apply(_outline(mesh).points)))
+            for mesh in robot.collision_meshes()
+        ]
+        self._hulls += [
+            (s.link, _Hull(s.pose_in_link.apply(corners(s.shape)))) for s in robot.collision_shapes()
+        ]
+        names = robot.finger_links
+        convex = all(_outline(mesh).convex for mesh in robot.collision_meshes() if mesh.link in names)
+        self._fingers = [(link, hull) for link, hull in self._hulls if link in names and convex]
+
+    def paint(
+        self, sight: Sight, joints: Array, width: float, held: tuple[Shape, Pose] | None
+    ) -> NDArray[np.bool_]:
+        """(h, w): pixels of the robot at `joints` (n,) and opening `width`, and of what it holds.
+
+        `held` is a shape with its pose in the TCP frame.
+        """
+        mask = np.zeros((sight.intrinsics.height, sight.intrinsics.width), dtype=np.uint8)
+        for points in self._placed(sight, joints, width, held):
+            fill(mask, sight.pixels(points))
+        return _grown(mask, GROWN)
+
+    def nearby(
+        self,
+        sight: Sight,
+        depth: Array,
+        joints: Array,
+        width: float,
+        held: tuple[Shape, Pose] | None,
+        reach: float = REACHES,
+    ) -> NDArray[np.bool_]:
+        """(h, w): pixels that show something within `MOUNTING` of the robot or what it holds, `reach` m from
+        the TCP at most. A camera on the
+        hand sees the fingers from so near that an error of its mounting shifts them far beyond `paint`, and
+        so does one overhead where the arm is high."""
+        rows, columns = np.nonzero(depth > 0)
+        pixels = np.stack([columns, rows], axis=1).astype(np.float64)
+        points = sight.origin + sight.directions(pixels) * depth[rows, columns][:, None]
+        tcp, poses = self._robot.tcp(joints), self._robot.link_poses(joints, width)
+        near = np.flatnonzero(((points - np.array(tcp.position)) ** 2).sum(axis=1) < reach**2)
+        of_robot = np.zeros(len(points), dtype=np.bool_)
+        for link, hull in self._hulls:
+            middle = poses[link].apply(hull.middle)
+            away = ((points[near] - middle) ** 2).sum(axis=1)
+            about = near[away < (hull.radius + MOUNTING) ** 2]
+            local = poses[link].inverse().apply(points[about])
+            of_robot[about] |= np.all(local @ hull.normals.T <= hull.offsets + MOUNTING, axis=1)
+        if held is not None:
+            shape, in_tcp = held
+            of_robot[near] |= inside(shape, tcp @ in_tcp, points[near], MOUNTING)
+        found = np.zeros(depth.shape, dtype=np.uint8)
+        found[rows[of_robot], columns[of_robot]] = 1
+        # Edges of what is so near are often lost.
+        return found.astype(np.bool_) | (_grown(found, 2) & (depth <= 0))
+
+    def fingers(self, joints: Array, width: float) -> tuple[Facets, ...]:
+        """The fingers in the world; none where their hulls are not all that there is of them."""
+        poses = self._robot.link_poses(joints, width)
+        return tuple(hull.facets(poses[link]) for link, hull in self._fingers)
+
+    def _placed(
+        self, sight: Sight, joints: Array, width: float, held: tuple[Shape, Pose] | None
+    ) -> Iterator[Array]:
+        """Points (n, 3) in the world of what is before the camera, of each link and of what is held."""
+        poses = self._robot.link_poses(joints, width)
+        bodies = [poses[link].apply(hull.points) for link, hull in self._hulls]
+        if held is not None:
+            shape, in_tcp = held
+            bodies.append((self._robot.tcp(joints) @ in_tcp).apply(corners(shape)))
+        for points in bodies:
+            before = sight.before(points)
+            if len(before):
+                yield before
+
+
+def _grown(mask: NDArray[np.uint8], pixels: int) -> NDArray[np.bool_]:
+    return cv2.dilate(mask, np.ones((2 * pixels + 1, 2 * pixels + 1), dtype=np.uint8)).astype(np.bool_)
+
+
+def fill(mask: NDArray[np.uint8], pixels: Array) -> None:
+    """Set the hull of `pixels` (n, 2) to 1."""
+    rounded = np.clip(np.round(pixels), -8000, 8000).astype(np.int32)
+    cv2.fillConvexPoly(mask, cv2.convexHull(rounded), 1)
+
+
+def with_what_hangs_on(
+    robot: NDArray[np.bool_], height: Array, known: NDArray[np.bool_], above: float
+) -> NDArray[np.bool_]:
+    """The mask and what is higher than `above`, touches it and is not far from it: cables, and what the model
+    lacks. What goes on beyond that may be something that stands behind the robot."""
+    high = known & (height > above) & ~robot
+    if not robot.any() or int(high.sum()) < 4:
+        return robot
+    _, found = cv2.connectedComponents((high | robot).astype(np.uint8), connectivity=4)
+    marks = np.asarray(found, dtype=np.intp)
+    touched = np.zeros(int(marks.max()) + 1, dtype=np.bool_)
+    touched[np.unique(marks[robot])] = True
+    kernel = np.ones((2 * HANGS + 1, 2 * HANGS + 1), dtype=np.uint8)
+    near = cv2.dilate(robot.astype(np.uint8), kernel).astype(np.bool_)
+    return touched[marks] & near
+
+
+@dataclass(frozen=True)
+class _Outline:
+    """Outside of a mesh file, scaled."""
+
+    points: Array
+    """The few vertices (k, 3) whose hull is nearly that of all, m; read-only."""
+    convex: bool
+    """The hull is about all that there is of the mesh."""
+
+
+def _outline(mesh: LinkMesh) -> _Outline:
+    """Outline of the file as it is now. A process reads each file once, unless it was changed since."""
+    file = Path(mesh.path).stat()
+    return _read(mesh.path, mesh.scale, file.st_mtime_ns, file.st_size)
+
+
+@lru_cache(maxsize=256)
+def _read(path: str, scale: Vector3, changed: int, size: int) -> _Outline:
+    loaded = cast(
+        "trimesh.Trimesh",
+        trimesh.load(path, force="mesh", skip_materials=True),  # pyright: ignore[reportUnknownMemberType]
+    )
+    vertices: Array = np.asarray(loaded.vertices, dtype=np.float64) * np.array(scale)
+    hull = ConvexHull(vertices)
+    points = _furthest(vertices[hull.vertices])
+    points.flags.writeable = False
+    convex = abs(float(loaded.volume) * float(np.prod(scale))) > SOLID * float(hull.volume)
+    return _Outline(points, convex)
+
+
+def _furthest(points: Array) -> Array:
+    """The few of these points (n, 3) of a hull whose hull is nearly that of all."""
+    k = np.arange(DIRECTIONS) + 0.5
+    polar, turn = np.arccos(1 - 2 * k / DIRECTIONS), np.pi * (1 + 5**0.5) * k
+    sphere = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
+    return points[np.unique((points @ sphere.T).argmax(axis=0))]

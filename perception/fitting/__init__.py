@@ -1,0 +1,1 @@
+"""Which known item explains what is seen."""

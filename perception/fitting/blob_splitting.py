@@ -1,0 +1,161 @@
+"""Blobs that are several touching items of one colour: cut, fit, hand each pixel to the item that
+explains it, fit again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...world.raycasting import cast
+from ...world.values import Array
+from ..geometry.silhouette_fitting import silhouette
+from ..segmentation.blobs import Blob, Picture, Pixels, outlined
+from .item_fitting import Fitter, Hypothesis
+
+MOST = 4
+"""Items that one blob is split into at most."""
+BETTER = 0.7
+"""A split must lower the misfit to this share of the whole's."""
+FINE = 1.3
+"""A misfit below this ends the search for more parts."""
+STACKED = 2.2
+"""A part that stands on the table with a misfit below this is not lifted onto others."""
+HOPELESS = 5.5
+"""A cut with a part that fits as badly as this is given up."""
+LEAST = 8
+"""Pixels of a part."""
+APART = 0.010
+"""Centres of two parts are at least this far from each other, m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A piece of a blob and what explains it, best first."""
+
+    blob: Blob
+    hypotheses: list[Hypothesis]
+
+
+def split(picture: Picture, fitter: Fitter, blob: Blob, support: float, misfit: float) -> list[Part] | None:
+    """The parts of the blob, or None when no split explains it clearly better than `misfit`."""
+    patch = blob.patch
+    best: tuple[float, list[Part]] | None = None
+    for count in range(2, min(MOST, fitter.at_most(blob)) + 1):
+        for cut in _cuts(picture, blob, count):
+            parts = _explained(picture, fitter, blob, support, cut)
+            if parts is None:
+                continue
+            score = _misfit(parts)
+            if best is None or score < 0.9 * best[0]:
+                best = (score, parts)
+        if best is not None and best[0] < FINE:
+            break
+    if best is None or best[0] > BETTER * misfit:
+        picture.owner[patch.rows, patch.columns] = patch.number
+        return None
+    for part in best[1]:
+        picture.owner[part.blob.patch.rows, part.blob.patch.columns] = part.blob.patch.number
+    return best[1]
+
+
+def _cuts(picture: Picture, blob: Blob, count: int) -> list[NDArray[np.intp]]:
+    """Ways to share out the blob's pixels: a part number for each pixel (n,)."""
+    rows, columns = blob.patch.rows, blob.patch.columns
+    spots = np.stack([columns, rows], axis=1).astype(np.float64)
+    centred = spots - spots.mean(axis=0)
+    _, axes = np.linalg.eigh(centred.T @ centred)
+    cuts = [_clusters(spots, centred @ axes[:, 1], count)]
+    heights = _smooth(picture, rows, columns)
+    if count == 2 and float(np.percentile(heights, 90) - np.percentile(heights, 15)) > 0.012:
+        cuts.append(_clusters(heights[:, None], heights, 2))
+    elif count > 2:
+        cuts.append(_clusters(spots, np.arctan2(centred[:, 1], centred[:, 0]), count))
+    return cuts
+
+
+def _smooth(picture: Picture, rows: Pixels, columns: Pixels) -> Array:
+    """Heights of the pixels (n,), averaged over their neighbours of known depth, m."""
+    y, x = int(rows.min()), int(columns.min())
+    window = (slice(y, int(rows.max()) + 1), slice(x, int(columns.max()) + 1))
+    known = (picture.depth[window] > 0).astype(np.float64)
+    total = cv2.blur(picture.height[window] * known, (3, 3))
+    return (total / np.maximum(cv2.blur(known, (3, 3)), 1e-6))[rows - y, columns - x]
+
+
+def _clusters(values: Array, order: Array, count: int) -> NDArray[np.intp]:
+    """Lloyd's algorithm on values (n, d), begun with equal shares along `order` (n,)."""
+    part = np.empty(len(values), dtype=np.intp)
+    part[np.argsort(order, kind="stable")] = np.arange(len(values)) * count // len(values)
+    for _ in range(8):
+        centres = np.stack(
+            [values[part == k].mean(axis=0) if (part == k).any() else values[0] for k in range(count)]
+        )
+        part = ((values[:, None, :] - centres) ** 2).sum(axis=2).argmin(axis=1)
+    return part
+
+
+def _explained(
+    picture: Picture, fitter: Fitter, blob: Blob, support: float, cut: NDArray[np.intp]
+) -> list[Part] | None:
+    parts = _fitted(picture, fitter, blob, support, cut)
+    for _ in range(2):
+        if parts is None:
+            return None
+        shared = _shared(fitter, blob, parts, picture)
+        if (shared == cut).all():
+            break
+        cut = shared
+        again = _fitted(picture, fitter, blob, support, cut)
+        if again is None or _misfit(again) > _misfit(parts):
+            break
+        parts = again
+    return parts if parts is not None and _distinct(parts) else None
+
+
+def _fitted(
+    picture: Picture, fitter: Fitter, blob: Blob, support: float, cut: NDArray[np.intp]
+) -> list[Part] | None:
+    """Each part's best explanations; None when a part is too small or fits nothing."""
+    rows, columns = blob.patch.rows, blob.patch.columns
+    members = [cut == k for k in range(int(cut.max()) + 1)]
+    if any(int(m.sum()) < LEAST for m in members):
+        return None
+    patches = [picture.claim(rows[m], columns[m], blob.patch.label) for m in members]
+    parts: list[Part] = []
+    for patch in patches:
+        piece = outlined(picture, patch)
+        hypotheses = fitter.explain(piece, support, STACKED) if piece.measured else []
+        if not hypotheses or hypotheses[0].misfit > HOPELESS:
+            return None
+        parts.append(Part(piece, hypotheses))
+    return parts
+
+
+def _shared(fitter: Fitter, blob: Blob, parts: list[Part], picture: Picture) -> NDArray[np.intp]:
+    """The part (n,) whose item explains each pixel of the blob best."""
+    rows, columns = blob.patch.rows, blob.patch.columns
+    pixels = np.stack([columns, rows], axis=1).astype(np.float64)
+    depths = picture.depth[rows, columns]
+    rays = fitter.sight.directions(pixels)
+    costs: list[Array] = []
+    for part in parts:
+        stand = part.hypotheses[0].stand
+        corners = silhouette(fitter.sight, stand).astype(np.float32)
+        outside = np.array([-cv2.pointPolygonTest(corners, (float(u), float(v)), True) for u, v in pixels])
+        surface = cast(stand.rest.entry.shape, stand.turned, stand.centre, fitter.sight.origin, rays)
+        off = np.where(depths > 0, np.minimum(np.abs(surface - depths) / 0.006, 1.5), 0.0)
+        costs.append(np.where(outside <= 0, off, 1.5 + outside))
+    return np.stack(costs).argmin(axis=0)
+
+
+def _misfit(parts: list[Part]) -> float:
+    weight = sum(p.hypotheses[0].weight for p in parts)
+    return sum(p.hypotheses[0].misfit * p.hypotheses[0].weight for p in parts) / weight
+
+
+def _distinct(parts: list[Part]) -> bool:
+    centres = [p.hypotheses[0].stand.centre for p in parts]
+    return all(float(np.linalg.norm(a - b)) > APART for i, a in enumerate(centres) for b in centres[i + 1 :])

@@ -1,0 +1,183 @@
+"""The mouth of a hole in a depth picture: where the rays go on below the face that it is cut into.
+
+The face is a plane through what is measured around the hole. A ray whose depth goes beyond that plane passed
+through the mouth, and was still between the walls a little below it. What of the picture does so has an
+outline of known form and size: its place and turn on the face are fitted to all pixels at once, those beyond
+the outline and those within it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from ...world.protocols import RgbdImage
+from ...world.scene.holes import Hole
+from ...world.values import Array, Pose
+from ..geometry.camera_geometry import Sight
+
+AROUND = 0.015
+"""Of the face around the mouth that tells its plane, beyond how far the mouth may be off, m."""
+BESIDE = 0.005
+"""The same that takes part in the fit, m: further away is another hole."""
+FACE = 0.012
+"""What is further from where the face should be than this is not taken for it at first, m."""
+BELOW = 0.003
+"""Depth below the face that is beyond noise, m."""
+ABOVE = 0.004
+"""What stands out from the face by more hides it: fingers, what they hold, m."""
+SOFT = (0.002, 0.0006)
+"""Width of the outline in the fits, one after the other, m: to be caught from afar, then to be exact."""
+SEGMENTED = 1.0016
+"""Radius of the circle that has as much area as a regular polygon of 32 sides around one of radius 1."""
+LEAST = 60
+"""Pixels within the mouth."""
+SEEN = 0.6
+"""Share of the mouth that must be in view."""
+AGREES = 0.95
+"""Share of pixels that must be on the side of the outline on which they should be."""
+TURN = math.radians(10.0)
+"""Greatest turn from what is believed."""
+
+
+@dataclass(frozen=True, slots=True)
+class MouthSeen:
+    """A hole as one picture shows it, through the camera pose that the picture states."""
+
+    pose: Pose
+    """Of the middle of its mouth in the world: z out of the hole, x along a slot."""
+    agreement: float
+    """Share of pixels that are on the right side of its outline."""
+    pixels: int
+    """Within the mouth."""
+
+
+def find_mouth(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> MouthSeen | None:
+    """The hole whose mouth is `believed` to be there in the world, to `off` m; None when that is not told."""
+    sight = Sight.at(image.intrinsics, image.camera_in_world)
+    camera = believed.inverse() @ image.camera_in_world
+    rows, columns = np.nonzero(image.depth > 0)
+    pixels = np.column_stack([columns, rows]).astype(np.float64)
+    rays: Array = sight.directions(pixels) @ believed.rotation()
+    points: Array = np.array(camera.position) + rays * image.depth[rows, columns].astype(np.float64)[:, None]
+    reach = max(hole.size) / 2 * (1.0 if hole.form == "round" else math.sqrt(2.0)) + off
+    face = _face(points, reach, off)
+    if face is None:
+        return None
+    # From here on in a frame on the measured face, with the believed mouth's directions.
+    turn = face.rotation()
+    rays, points = rays @ turn, face.inverse().apply(points)
+    eye = face.inverse().apply(np.array(camera.position))
+    onto = -eye[2] / np.where(np.abs(rays[:, 2]) < 1e-9, -1e-9, rays[:, 2])
+    there = eye[:2] + rays[:, :2] * onto[:, None]
+    near = (onto > 0) & (_within(hole, there, np.zeros(3)) > -off - BESIDE) & (points[:, 2] < ABOVE)
+    if int(near.sum()) < 2 * LEAST:
+        return None
+    below = points[near, 2] < -max(BELOW, hole.chamfer + BELOW / 2)
+    if int(below.sum()) < LEAST:
+        return None
+    slant = rays[near, :2] / -rays[near, 2:]
+    fit = _Fit(hole, there[near], slant, below, max(BELOW, hole.chamfer + BELOW / 2))
+    place = fit.solved(off)
+    if place is None:
+        return None
+    x, y, yaw = place.tolist()
+    agreement = fit.agreement(place)
+    inside = int(below.sum())
+    if agreement < AGREES or inside < SEEN * _pixels_of(hole, image, eye):
+        return None
+    if hole.form == "round":
+        yaw = 0.0
+    on_face = Pose((x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
+    return MouthSeen(believed @ face @ on_face, agreement, inside)
+
+
+def _face(points: Array, reach: float, off: float) -> Pose | None:
+    """A frame on the plane through what is measured around the mouth, in the believed mouth's frame, straight
+    above or below which its origin is. None when there is too little of it."""
+    aside = np.hypot(points[:, 0], points[:, 1])
+    around = (aside > reach) & (aside < reach + 2 * AROUND) & (np.abs(points[:, 2]) < FACE)
+    if int(around.sum()) < LEAST:
+        return None
+    chosen = points[around]
+    plane = np.zeros(3)
+    keep = np.ones(len(chosen), dtype=np.bool_)
+    for _ in range(5):
+        if int(keep.sum()) < LEAST:
+            return None
+        design = np.column_stack([chosen[:, :2], np.ones(len(chosen))])
+        plane = np.asarray(np.linalg.lstsq(design[keep], chosen[keep, 2], rcond=None)[0], np.float64)
+        left = np.abs(chosen[:, 2] - design @ plane)
+        keep = left < 3.0 * max(2e-4, 1.5 * float(np.median(left[keep])))
+    normal = np.array([-plane[0], -plane[1], 1.0])
+    normal /= np.linalg.norm(normal)
+    if normal[2] < math.cos(TURN) or abs(float(plane[2])) > FACE:
+        return None
+    x = np.array([1.0, 0.0, 0.0]) - normal[0] * normal
+    x /= np.linalg.norm(x)
+    return Pose.from_rotation((0.0, 0.0, float(plane[2])), np.column_stack([x, np.cross(normal, x), normal]))
+
+
+class _Fit:
+    """Place (x, y) and turn of an outline so that it parts what lies below the face from what does not."""
+
+    def __init__(self, hole: Hole, there: Array, slant: Array, below: NDArray[np.bool_], deep: float) -> None:
+        """`there` (n, 2): where rays meet the face; `slant` (n, 2): how far they go aside for each metre
+        below it; `below` (n,): which of them go `deep` m below it."""
+        self._hole = hole
+        # The walls begin below the chamfer; a ray counts as below when it is between them from there on.
+        self._upper = there + slant * hole.chamfer
+        self._lower = there + slant * deep
+        self._below = below.astype(np.float64)
+
+    def solved(self, off: float) -> Array | None:
+        """(x, y, yaw), or None when that is further off than it may be."""
+        inside = self._below > 0.5
+        first = np.array([*((self._upper + self._lower) / 2)[inside].mean(axis=0), 0.0])
+        place = first
+        for soft in SOFT:
+            width = soft
+            found = least_squares(
+                lambda guess: self._misses(guess, width),  # noqa: B023 - used up before it changes
+                place,
+                x_scale=np.array([1e-3, 1e-3, 2e-2]),
+            )
+            place = found.x
+        far = math.hypot(float(place[0]), float(place[1])) > 1.5 * off + 0.002
+        return None if far or abs(float(place[2])) > TURN else place
+
+    def agreement(self, place: Array) -> float:
+        return float(((self._depth(place) > 0) == (self._below > 0.5)).mean())
+
+    def _misses(self, place: Array, soft: float) -> Array:
+        expected = 0.5 * (1.0 + np.tanh(self._depth(place) / soft))
+        held = place[2] if self._hole.form != "round" else 10.0 * place[2]
+        return np.concatenate([expected - self._below, [0.1 * held]])
+
+    def _depth(self, place: Array) -> Array:
+        """How far within the outline (n,) both points of each ray are, m; negative outside."""
+        return np.minimum(_within(self._hole, self._upper, place), _within(self._hole, self._lower, place))
+
+
+def _within(hole: Hole, points: Array, place: Array) -> Array:
+    """How far points (n, 2) of the face are within the walls of a hole at (x, y, yaw), m: (n,), negative
+    outside."""
+    aside = points - place[:2]
+    if hole.form == "round":
+        return SEGMENTED * hole.size[0] / 2 - np.hypot(aside[:, 0], aside[:, 1])
+    c, s = math.cos(float(place[2])), math.sin(float(place[2]))
+    along = np.abs(aside @ np.array([c, s])) - hole.size[0] / 2
+    across = np.abs(aside @ np.array([-s, c])) - hole.size[1] / 2
+    return -np.maximum(along, across)
+
+
+def _pixels_of(hole: Hole, image: RgbdImage, eye: Array) -> float:
+    """How many pixels the mouth would fill when seen whole, about."""
+    area = math.pi / 4 * hole.size[0] ** 2 if hole.form == "round" else hole.size[0] * hole.size[1]
+    distance = float(np.linalg.norm(eye))
+    slant = abs(float(eye[2])) / distance
+    return area * slant * image.intrinsics.fx * image.intrinsics.fy / distance**2

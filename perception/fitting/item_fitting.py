@@ -1,0 +1,188 @@
+"""Which item explains a blob: each entry on each face is fitted to the outline and judged by the depth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...world.raycasting import cast
+from ...world.values import Array
+from ..geometry.camera_geometry import Sight
+from ..geometry.resting_poses import Rest
+from ..geometry.silhouette_fitting import OUTLIER, Stand, fit_outline, likely_turns, silhouette
+from ..segmentation.blobs import Blob
+
+HEIGHT_GATE = 0.009
+"""A rest whose top is further than this from the blob's is not tried, m."""
+HOVER = 0.025
+"""On a table an item that leans or lies on another is at most so far above it, m: what is believed to hover
+higher is a part of something else."""
+OUTLINE_GATE = 2.5
+"""A start whose support function is further off than this is not tried, pixels (root mean square)."""
+LARGE_GATE = 0.06
+"""The same for large blobs, as a share of their size: starts are 10° apart."""
+STARTS = 12
+"""Starts whose depth is compared; the fit begins with the best of them."""
+COARSE = 3
+"""Starts are ranked by every third of the depths."""
+SUNK = 0.002
+"""A height that is this far off is not what was believed, m."""
+MODEL_SIGMA = 0.0004
+"""What depth adds to its noise where surfaces are steep or edges rounded, m."""
+GOOD = 1.5
+"""A misfit below this needs no other explanation; a perfect one is about 0.8."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One item at one place, and how badly it explains a blob."""
+
+    stand: Stand
+    misfit: float
+    """Mean square of outline and depth residuals in sigmas, each capped at OUTLIER²; ≈ 0.8 is perfect."""
+    weight: float
+    """Number of residuals in it: half of weight × misfit is a negative log-likelihood."""
+    covariance: Array
+    """Of x, y, yaw (3, 3)."""
+    shown: float
+    """Share of the silhouette that the blob fills."""
+    supported: bool
+    """Whether it stands on the support, or floats at the height that was measured."""
+
+    @property
+    def cost(self) -> float:
+        return 0.5 * self.weight * self.misfit
+
+
+@dataclass(frozen=True, eq=False)
+class Fitter:
+    """Fits rests to blobs. `noise` is the depth's standard deviation at 0.7 m, `model` what is added to
+    it."""
+
+    rests: tuple[Rest, ...]
+    sight: Sight
+    noise: float
+    model: float = MODEL_SIGMA
+
+    def explain(
+        self, blob: Blob, support: float, content: float = GOOD, hover: float = HOVER
+    ) -> list[Hypothesis]:
+        """Hypotheses for the blob, best first, at most one for each entry and manner of support.
+
+        `support` is the height under it in the world, m. Items that lie on others, up to `hover` m
+        above the support, are tried when none on it has a misfit below `content`.
+        """
+        found = self._fits(blob, support, True, hover)
+        if all(f.misfit > content for f in found):
+            found += self._fits(blob, support, False, hover)
+        found.sort(key=_rank)
+        best: dict[tuple[str, bool], Hypothesis] = {}
+        for one in found:
+            best.setdefault((one.stand.rest.entry.kind, one.supported), one)
+        return list(best.values())
+
+    def judged(self, blob: Blob, start: Stand, rounds: int) -> Hypothesis:
+        """How well one body explains the blob, fitted from a start near to where it stands. It is lifted, or
+        lowered, only where its depth clearly says so."""
+        known = self._judge(blob, start, True, rounds)
+        _, off = self._off(blob, known.stand)
+        if not len(off) or abs(float(np.median(off))) < SUNK:
+            return known
+        moved = self._judge(blob, known.stand, False, rounds)
+        return moved if moved.misfit < known.misfit else known
+
+    def at_most(self, blob: Blob) -> int:
+        """How many items may make up the blob, by its area and that of the smallest rest."""
+        depth = float(blob.depths.mean()) if len(blob.depths) else 1.0
+        least = min(rest.footprint for rest in self.rests) * (self.sight.intrinsics.fx / depth) ** 2
+        return int(blob.area / (0.6 * least))
+
+    def _fits(self, blob: Blob, support: float, supported: bool, hover: float) -> list[Hypothesis]:
+        starts: list[tuple[float, Stand]] = []
+        for rest in self.rests:
+            below = support if supported else blob.top - rest.height
+            if supported and abs(support + rest.height - blob.top) > HEIGHT_GATE:
+                continue
+            if not supported and not support - HEIGHT_GATE <= below <= support + hover:
+                continue
+            x, y = self.sight.at_height(blob.middle, below + rest.height / 2)
+            stand = Stand(rest, np.array([x, y, below + rest.below]), 0.0)
+            if self._fits_in_size(blob, stand):
+                starts += self._starts(blob, stand)
+        return self._best(blob, starts, supported)
+
+    def _fits_in_size(self, blob: Blob, stand: Stand) -> bool:
+        """Whether the area of the blob can be that of the rest's silhouette there."""
+        rest, away = stand.rest, self.sight.origin - stand.centre
+        depth = abs(float(away @ self.sight.rotation[:, 2]))
+        pixels = (self.sight.intrinsics.fx / (depth - rest.height / 2)) ** 2
+        slant = float(np.hypot(away[0], away[1])) / max(0.05, float(away[2]))
+        most = 1.3 * (rest.footprint + rest.height * slant * 2 * rest.reach) * pixels + 8.0
+        return blob.area <= most and (not blob.whole or blob.area >= 0.7 * rest.footprint * pixels - 8.0)
+
+    def _best(self, blob: Blob, starts: list[tuple[float, Stand]], supported: bool) -> list[Hypothesis]:
+        """Fit the starts, the likeliest first, until what follows cannot be better."""
+        if blob.whole:
+            gate = max(OUTLINE_GATE, LARGE_GATE * math.sqrt(blob.area))
+            starts = [s for s in starts if s[0] < gate**2]
+        starts.sort(key=lambda s: s[0])
+        ranked = [(left + self._off(blob, stand, COARSE)[0], stand) for left, stand in starts[:STARTS]]
+        ranked.sort(key=lambda r: r[0])
+        found: list[Hypothesis] = []
+        for score, stand in ranked:
+            if found and min(f.misfit for f in found) < GOOD and score > 1.5 * ranked[0][0] + 0.7:
+                break
+            found.append(self._judge(blob, stand, supported, 5))
+        return found
+
+    def _starts(self, blob: Blob, stand: Stand) -> list[tuple[float, Stand]]:
+        rest = stand.rest
+        starts = likely_turns(self.sight, stand, blob.reach, 4 if rest.turn > np.pi else 2)
+        if blob.whole:
+            return [(s + rest.unlikely, stand) for s, stand in starts]
+        moved: list[tuple[float, Stand]] = []
+        for left, start in starts:
+            corners = silhouette(self.sight, start)
+            beyond = float((corners @ blob.hidden_side).max() - (blob.hull @ blob.hidden_side).max())
+            depth = float((start.centre - self.sight.origin) @ self.sight.rotation[:, 2])
+            shift = (
+                self.sight.rotation[:2, :2]
+                @ blob.hidden_side
+                * (max(0.0, beyond) * depth / self.sight.intrinsics.fx)
+            )
+            centre = start.centre + np.array([shift[0], shift[1], 0.0])
+            moved.append((left + rest.unlikely, replace(start, centre=centre)))
+        return moved
+
+    def _judge(self, blob: Blob, start: Stand, supported: bool, rounds: int) -> Hypothesis:
+        fitted = fit_outline(self.sight, blob.outline, start, rounds)
+        depth, off = self._off(blob, fitted.stand)
+        if not supported and len(off):
+            rise = float(np.sort(off)[len(off) // 2])
+            lifted = fitted.stand.centre + np.array([0.0, 0.0, rise])
+            fitted = fit_outline(self.sight, blob.outline, replace(fitted.stand, centre=lifted), 2)
+            depth, _ = self._off(blob, fitted.stand)
+        contour, measured = float(len(blob.outline.points)), float(blob.measured)
+        weight = contour + measured
+        misfit = (fitted.misfit * contour + depth * measured) / weight
+        shown = min(1.0, blob.area / max(1.0, fitted.area))
+        return Hypothesis(fitted.stand, misfit, weight, fitted.covariance, shown, supported)
+
+    def _off(self, blob: Blob, stand: Stand, every: int = 1) -> tuple[float, Array]:
+        """Mean square of the depth residuals in sigmas, capped; and by how much what is measured is
+        nearer than the model, for the rays that meet it (k,), m."""
+        rays, depths = blob.rays[::every], blob.depths[::every]
+        if not len(depths):
+            return 1.0, depths
+        model = cast(stand.rest.entry.shape, stand.turned, stand.centre, self.sight.origin, rays)
+        off = model - depths
+        sigma = self.noise * (float(depths[0]) / 0.7) ** 2 + self.model
+        square = np.minimum((off / sigma) ** 2, OUTLIER**2).sum() / len(depths)
+        return float(square), off[np.isfinite(model)]
+
+
+def _rank(one: Hypothesis) -> float:
+    """Lower is better: the cost, with a handicap for what floats and for unlikely faces."""
+    return one.cost + (0.0 if one.supported else 12.0) + 10.0 * one.stand.rest.unlikely

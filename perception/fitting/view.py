@@ -1,0 +1,167 @@
+"""What perception makes of one picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...world.raycasting import cast
+from ...world.scene.description import Form
+from ...world.shapes import Box, Shape, Sphere
+from ...world.values import Array, ObjectId, Pose
+from ..expectation.robot_mask import fill
+from ..geometry.camera_geometry import Sight
+from ..geometry.resting_poses import body_points
+from ..segmentation import hues
+
+BEHIND = 0.010
+"""Depth beyond a body's believed surface by more than this shows that the body is not there, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """One item that was recognised."""
+
+    kind: str
+    form: Form
+    shape: Shape
+    colour: str
+    pose: Pose
+    """In the world."""
+    sigma_position: float
+    """m along each axis"""
+    sigma_angle: float
+    """rad about the vertical; π for what looks the same from all sides."""
+    confidence: float
+    """0 … 1"""
+    turn: float = 0.0
+    """Turned by this about the vertical it looks the same, rad; 0 for what has no heading."""
+    place: str = "table"
+    """`table` or the id of the bin that it lies in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """A patch of depth that no known thing explains, and the upright box about it, from its support up."""
+
+    shape: Box
+    pose: Pose
+    colour: str
+    rows: NDArray[np.intp] = field(repr=False, compare=False)
+    """Of its pixels (n,); all of them have a depth."""
+    columns: NDArray[np.intp] = field(repr=False, compare=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BinView:
+    """What was seen inside a bin. Cells count along the bin's x (rows) and y (columns)."""
+
+    cells: Array
+    """Height of the heap above the bin's floor (n, n), m; NaN where it was not seen."""
+
+    def over(self, former: BinView | None) -> BinView:
+        """This, and in the cells that it does not show what was seen there before."""
+        if former is None:
+            return self
+        return BinView(np.where(np.isfinite(self.cells), self.cells, former.cells))
+
+    def highest(self) -> float:
+        """Of all seen cells, m; 0 when none was seen."""
+        return float(np.nanmax(self.cells)) if np.isfinite(self.cells).any() else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What the picture shows where a body is believed: counts of its pixels."""
+
+    total: int
+    """Pixels of its silhouette, inside the picture or not."""
+    visible: int
+    """Of these: neither masked, nor behind something nearer, nor without depth."""
+    empty: int
+    """Of the visible: they show something behind it, or another colour."""
+
+    @property
+    def seen_empty(self) -> bool:
+        """Whether it clearly is not there."""
+        return self.visible >= max(6, 0.3 * self.total) and self.empty >= 0.7 * self.visible
+
+    @property
+    def borne_out(self) -> bool:
+        """Whether what can be seen of its place looks as if it were there."""
+        return self.visible >= 6 and self.empty <= 0.1 * self.visible
+
+    @property
+    def hidden(self) -> bool:
+        """Whether too little of it could be seen to say anything."""
+        return self.visible < max(6, 0.3 * self.total)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The findings of one picture, and the picture's own answer to "is it still there?"."""
+
+    camera: str
+    stamp: float
+    detections: tuple[Detection, ...]
+    unexplained: tuple[Unexplained, ...]
+    bins: Mapping[ObjectId, BinView]
+    sight: Sight = field(repr=False)
+    depth: Array = field(repr=False)
+    """(h, w) m, 0 where unknown."""
+    label: NDArray[np.uint8] = field(repr=False)
+    """Colour of each pixel, see `hues` (h, w)."""
+    blocked: NDArray[np.bool_] = field(repr=False)
+    """Pixels that tell nothing: robot, held object, walls (h, w)."""
+    reach: NDArray[np.float32] = field(repr=False)
+    """How far each pixel's ray is known to pass through free space (h, w), m: to what is seen there, or a
+    little beyond what never moves; 0 where the robot is in the way, inf where the depth is unknown."""
+    supports: Callable[[Array], Array] = field(repr=False)
+    """See `backdrop.Floors.supports`."""
+
+    def look(self, shape: Shape, pose: Pose, colour: str) -> Look:
+        """What is seen where the body should be."""
+        rows, columns, total = self._silhouette(shape, pose)
+        if not len(rows):
+            return Look(total, 0, 0)
+        pixels = np.stack([columns, rows], axis=1).astype(np.float64)
+        surface = cast(
+            shape,
+            pose.rotation(),
+            np.array(pose.position),
+            self.sight.origin,
+            self.sight.directions(pixels),
+        )
+        depth, label = self.depth[rows, columns], self.label[rows, columns]
+        known = np.isfinite(surface) & ~self.blocked[rows, columns] & (depth > 0)
+        own = hues.label_of(colour)
+        there = label == own if own else np.abs(depth - surface) <= BEHIND
+        visible = known & (there | (depth > surface - BEHIND))
+        return Look(total, int(visible.sum()), int((visible & ~there).sum()))
+
+    def _silhouette(self, shape: Shape, pose: Pose) -> tuple[NDArray[np.intp], NDArray[np.intp], int]:
+        """Rows and columns of the pixels that the body covers, and how many there would be in all."""
+        if isinstance(shape, Sphere):
+            side = shape.radius
+            points = np.array(pose.position) + body_points(Box((2 * side, 2 * side, 2 * side)))
+        else:
+            points = pose.apply(body_points(shape))
+        if len(self.sight.before(points)) != len(points):
+            # A part of it is beside or behind the camera: too near to judge.
+            nothing = np.zeros(0, dtype=np.intp)
+            return nothing, nothing, 0
+        hull = cv2.convexHull(self.sight.pixels(points).astype(np.float32))
+        h, w = self.depth.shape
+        x, y, wide, high = (int(n) for n in cv2.boundingRect(hull))
+        x0, y0, x1, y1 = max(x, 0), max(y, 0), min(x + wide, w), min(y + high, h)
+        total = int(cv2.contourArea(hull))
+        if x0 >= x1 or y0 >= y1:
+            return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), total
+        mask = np.zeros((y1 - y0, x1 - x0), dtype=np.uint8)
+        fill(mask, hull[:, 0].astype(np.float64) - np.array([x0, y0]))
+        rows, columns = np.nonzero(mask)
+        return rows + y0, columns + x0, max(total, len(rows))

@@ -1,0 +1,1 @@
+"""The geometry of pictures, and of items at rest in them."""

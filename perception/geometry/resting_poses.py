@@ -1,0 +1,172 @@
+"""How the catalogue's items can lie: each entry on each face on which it stays."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from ...world.raycasting import half_spaces
+from ...world.scene.description import CatalogueEntry
+from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
+from ...world.values import Array
+
+ALIKE = 2e-4
+"""Corners that fall this near to others look the same, m."""
+RING = 16
+"""Corners of the polygon that stands for a circle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """An entry lying on one of its faces. Turned about the vertical by `yaw` it stands in the world."""
+
+    entry: CatalogueEntry
+    rotation: Array
+    """Orientation at yaw 0 (3, 3)."""
+    outline: Array
+    """Points (n, 3) about the centre at yaw 0 whose hull is the body; empty for a sphere."""
+    below: float
+    """Distance from the centre down to the support, m."""
+    height: float
+    """From the support to the top, m."""
+    turn: float
+    """Turning by this about the vertical looks the same, rad; 0 for a body of revolution."""
+    reach: float
+    """Radius of the circle about the vertical axis that holds it, m."""
+    footprint: float
+    """Area of its shadow under light from straight above, m²."""
+    unlikely: float = 0.0
+    """Added to the misfit: resting faces on which items are seldom found."""
+
+
+def rests(entry: CatalogueEntry) -> tuple[Rest, ...]:
+    """All stable ways in which the entry can lie on a level support, up to a turn about the vertical."""
+    shape = entry.shape
+    match shape:
+        case Sphere(radius):
+            return (
+                Rest(
+                    entry, np.eye(3), np.zeros((0, 3)), radius, 2 * radius, 0.0, radius, math.pi * radius**2
+                ),
+            )
+        case Cylinder():
+            lying = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+            return (
+                _rest(entry, np.eye(3), 0.0, 0.0),
+                _rest(entry, lying, math.pi, 0.0),
+            )
+        case Box(size):
+            return tuple(_boxes(entry, size))
+        case ConvexMesh():
+            return tuple(_mesh(entry, shape))
+
+
+def _rest(entry: CatalogueEntry, rotation: Array, turn: float, unlikely: float) -> Rest:
+    outline = body_points(entry.shape) @ rotation.T
+    low, high = float(outline[:, 2].min()), float(outline[:, 2].max())
+    if isinstance(entry.shape, Cylinder) and turn:
+        low, high = -entry.shape.radius, entry.shape.radius
+    reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
+    footprint = float(ConvexHull(outline[:, :2]).volume)
+    return Rest(entry, rotation, outline, -low, high - low, turn, reach, footprint, unlikely)
+
+
+def body_points(shape: Shape) -> Array:
+    """Points (n, 3) whose hull is the shape; a circle by a polygon of its area. None for a sphere."""
+    match shape:
+        case Box(size):
+            signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+            return signs * np.array(size) / 2
+        case Cylinder(radius, height):
+            step = 2 * math.pi / RING
+            ring = radius * math.sqrt(step / math.sin(step))
+            angles = np.arange(RING) * step
+            circle = np.stack([ring * np.cos(angles), ring * np.sin(angles)], axis=1)
+            return np.concatenate(
+                [np.column_stack([circle, np.full(RING, z)]) for z in (-height / 2, height / 2)]
+            )
+        case Sphere():
+            return np.zeros((0, 3))
+        case ConvexMesh(vertices):
+            points = np.array(vertices)
+            return points[ConvexHull(points).vertices]
+
+
+def _boxes(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[Rest]:
+    """One rest for each different edge length that can stand upright, the longer side along x."""
+    found: list[Rest] = []
+    heights: list[float] = []
+    for up in (2, 0, 1):
+        if any(abs(size[up] - h) < 1e-4 for h in heights):
+            continue
+        heights.append(size[up])
+        a, b = (i for i in range(3) if i != up)
+        if size[a] < size[b]:
+            a, b = b, a
+        rotation = np.zeros((3, 3))
+        rotation[0, a], rotation[1, b], rotation[2, up] = 1.0, 1.0, 1.0
+        rotation[1] *= np.linalg.det(rotation)
+        turn = math.pi / 2 if abs(size[a] - size[b]) < 1e-4 else math.pi
+        slender = size[up] > 2.5 * min(size[a], size[b])
+        found.append(_rest(entry, rotation, turn, 0.3 if slender else 0.0))
+    return found
+
+
+def _mesh(entry: CatalogueEntry, mesh: ConvexMesh) -> list[Rest]:
+    """One rest for each face over which the centroid stands."""
+    normals, offsets = half_spaces(mesh)
+    points = np.array(mesh.vertices)
+    found: list[Rest] = []
+    for normal, offset in zip(normals, offsets, strict=True):
+        face = points[np.abs(points @ normal - offset) < 1e-5]
+        rotation = _down(normal)
+        if len(face) >= 3 and _holds(face @ rotation.T):
+            one = _rest(entry, rotation, _turn(points @ rotation.T), 0.0)
+            if not any(_looks_like(one, other) for other in found):
+                found.append(one)
+    return found
+
+
+def _turn(points: Array) -> float:
+    """The smallest turn about the vertical that takes the corners (n, 3) to one another, rad."""
+    turns = (2 * math.pi / times for times in (12, 10, 8, 6, 5, 4, 3, 2))
+    return next((t for t in turns if _alike(_turned(points, t), points)), 2 * math.pi)
+
+
+def _looks_like(one: Rest, other: Rest) -> bool:
+    """Whether both are the same to the eye, on equal faces of a symmetric body."""
+    if abs(one.height - other.height) > ALIKE or abs(one.below - other.below) > ALIKE:
+        return False
+    far = one.outline[int(np.hypot(one.outline[:, 0], one.outline[:, 1]).argmax())]
+    start = math.atan2(far[1], far[0])
+    return any(
+        _alike(_turned(one.outline, math.atan2(to[1], to[0]) - start), other.outline) for to in other.outline
+    )
+
+
+def _turned(points: Array, angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _alike(a: Array, b: Array) -> bool:
+    """Whether each point of a (n, 3) falls on one of b (m, 3)."""
+    return bool(np.linalg.norm(a[:, None] - b, axis=2).min(axis=1).max() < ALIKE)
+
+
+def _down(normal: Array) -> Array:
+    """A rotation that turns `normal` to (0, 0, -1)."""
+    z = -normal
+    x = np.eye(3)[int(np.abs(z).argmin())]
+    x = x - z * float(x @ z)
+    x /= np.linalg.norm(x)
+    return np.asarray(np.stack([x, np.cross(z, x), z]), dtype=np.float64)
+
+
+def _holds(face: Array) -> bool:
+    """Whether the vertical through the origin meets the polygon of face (n, 3), 1 mm inside."""
+    hull = ConvexHull(face[:, :2])
+    return bool((hull.equations[:, 2] < -1e-3).all())

@@ -1,0 +1,197 @@
+"""Fitting a lying body to the outline of a blob: catalogue shapes are convex, so their pictures are hulls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...world.values import Array
+from .camera_geometry import Sight
+from .resting_poses import RING, Rest
+
+PIXEL_SIGMA = 0.33
+"""Spread of an outline point about the true edge, pixels: it lies half way between two pixels."""
+OUTLIER = 3.0
+"""A point further off than this many sigmas counts no more."""
+_CIRCLE = np.array([(np.cos(a), np.sin(a)) for a in np.arange(RING) * (2 * np.pi / RING)])
+_ROUND = np.sqrt((2 * np.pi / RING) / np.sin(2 * np.pi / RING))
+_FAN = np.array([(np.cos(a), np.sin(a)) for a in np.arange(36) * (2 * np.pi / 36)])
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Points (m, 2) between the pixels of a blob and its surroundings; `real` (m,) is False where the
+    blob may go on behind what hides it."""
+
+    points: Array
+    real: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """Where a rest stands: centre in the world (3,) and turn about the vertical, rad."""
+
+    rest: Rest
+    centre: Array
+    yaw: float
+
+    @property
+    def turned(self) -> Array:
+        """Orientation of the body in the world (3, 3)."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ self.rest.rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    stand: Stand
+    misfit: float
+    """Mean squared distance of the outline's points from the model's, in sigmas², each capped."""
+    covariance: Array
+    """Of x, y, yaw (3, 3); m², m·rad, rad²."""
+    area: float
+    """Of the silhouette, pixels."""
+
+
+def silhouette(sight: Sight, stand: Stand) -> Array:
+    """Corners (k, 2) of the hull of the picture of a standing body, pixels; its inside lies to the
+    left of each edge for an eye that sees y point up."""
+    hull = cv2.convexHull(sight.pixels(_body(sight, stand)).astype(np.float32))
+    return hull[:, 0].astype(np.float64)
+
+
+def _body(sight: Sight, stand: Stand) -> Array:
+    if not len(stand.rest.outline):
+        return _tangent_circle(sight, stand)
+    c, s = np.cos(stand.yaw), np.sin(stand.yaw)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return stand.rest.outline @ turn + stand.centre
+
+
+def _tangent_circle(sight: Sight, stand: Stand) -> Array:
+    """Where the camera's rays graze a sphere: a polygon of the circle's area (RING, 3)."""
+    radius = stand.rest.below
+    away = stand.centre - sight.origin
+    squared = float(away @ away)
+    share = radius**2 / squared
+    axis = away / np.sqrt(squared)
+    side = np.array([1.0, 0.0, 0.0]) - axis * axis[0]
+    side /= np.linalg.norm(side)
+    across = np.stack([side, np.cross(axis, side)])
+    return stand.centre - away * share + _CIRCLE @ across * (radius * np.sqrt(1 - share) * _ROUND)
+
+
+def fit_outline(sight: Sight, outline: Outline, start: Stand, rounds: int = 5) -> Fitted:
+    """Gauss–Newton over x, y and yaw of the signed distances between outline and silhouette.
+
+    A point on a hidden border pulls only when it lies outside the model.
+    """
+    stand = start
+    free = 3 if start.rest.turn else 2
+    while True:
+        corners = silhouette(sight, stand)
+        distance, slope = _distances(sight, stand, corners, outline.points, free)
+        rounds -= 1
+        pull = outline.real | (distance > 0)
+        scaled = np.abs(distance) * (pull / PIXEL_SIGMA)
+        weighted = slope * (pull / np.maximum(1.0, scaled / 2.0))[:, None]
+        inverse = np.linalg.inv(weighted.T @ slope + _DAMPING[:free, :free])
+        step = (-inverse @ (weighted.T @ distance)).tolist()
+        if rounds < 0:
+            break
+        x, y = (min(0.02, max(-0.02, c)) for c in step[:2])
+        turn = min(0.35, max(-0.35, step[2])) if free == 3 else 0.0
+        stand = Stand(stand.rest, stand.centre + np.array([x, y, 0.0]), stand.yaw + turn)
+        if abs(x) < CLOSE and abs(y) < CLOSE and abs(turn) < CLOSE_TURN:
+            break
+    covariance = np.diag([0.0, 0.0, np.pi**2])
+    covariance[:free, :free] = inverse * PIXEL_SIGMA**2
+    misfit = float(np.minimum(scaled * scaled, OUTLIER**2).sum()) / len(distance)
+    return Fitted(stand, misfit, covariance, polygon_area(corners))
+
+
+CLOSE, CLOSE_TURN = 3e-4, 6e-3
+"""A step below this is the last one, m and rad: what it leaves is of second order."""
+_DAMPING = np.diag([0.1, 0.1, 1e-3])
+"""Keeps the normal equations regular where the outline says nothing: pixels²/m², pixels²/rad²."""
+
+
+def _distances(sight: Sight, stand: Stand, corners: Array, points: Array, free: int) -> tuple[Array, Array]:
+    """Signed distance (m,) of each point from the silhouette, outside positive, pixels, and how it
+    changes with x, y and, if `free` is 3, yaw (m, free). The image is taken as affine about the centre
+    for the changes only."""
+    edge = _next(corners) - corners
+    out = np.empty_like(edge)
+    out[:, 0], out[:, 1] = edge[:, 1], -edge[:, 0]
+    out /= np.sqrt((edge * edge).sum(axis=1))[:, None] + 1e-9
+    away = points @ out.T - (corners * out).sum(axis=1)
+    nearest = away.argmax(axis=1)
+    distance = away[np.arange(len(points)), nearest]
+    out = out[nearest]
+    centre = (stand.centre - sight.origin) @ sight.projection.T
+    middle = centre[:2] / centre[2]
+    by_place = (sight.projection[:2] - middle[:, None] * sight.projection[2])[:, :2] / centre[2]
+    slope = np.empty((len(points), free))
+    slope[:, :2] = -out @ by_place
+    if free == 3:
+        slope[:, 2] = -(out * ((points - middle) @ _turning(by_place))).sum(axis=1)
+    return distance, slope
+
+
+def _turning(by_place: Array) -> Array:
+    """(2, 2): a pixel offset (row) times it is the offset's change by yaw, for the affine map (2, 2) from
+    the level plane to the image: M·Q·M⁻¹ transposed, Q a quarter turn."""
+    (a, b), (c, d) = by_place.tolist()
+    determinant = a * d - b * c
+    return np.array([[b * d + a * c, d * d + c * c], [-a * a - b * b, -a * c - b * d]]) / determinant
+
+
+def support(points: Array) -> tuple[Array, Array]:
+    """The support function (36,) of the hull of points (n, 2) about its Steiner point, and that point (2,).
+
+    The Steiner point turns and moves with the hull, and falls out of the support function's first
+    harmonic (Schneider, Convex Bodies, 1.7).
+    """
+    reach = (points @ _FAN.T).max(axis=0)
+    middle = reach @ _FAN / 18.0
+    return reach - _FAN @ middle, middle
+
+
+def likely_turns(
+    sight: Sight, stand: Stand, seen: tuple[Array, Array], keep: int
+) -> list[tuple[float, Stand]]:
+    """Starts for the fit, best first: the stand turned and shifted so that its silhouette's support
+    function fits the one `seen`; with the mean square that is left over, pixels²."""
+    model, at = support(sight.pixels(_body(sight, stand)))
+    count = max(1, round(36 * stand.rest.turn / (2 * np.pi))) if stand.rest.turn else 1
+    left = ((model[_SHIFTED[:count]] - seen[0]) ** 2).sum(axis=1) / 36.0
+    scale = float((stand.centre - sight.origin) @ sight.rotation[:, 2]) / sight.intrinsics.fx
+    x, y = (sight.rotation[:2, :2] @ (seen[1] - at)) * scale
+    centre = stand.centre + np.array([x, y, 0.0])
+    upwards = -1.0 if sight.rotation[2, 2] < 0 else 1.0
+    return [
+        (value, Stand(stand.rest, centre, stand.yaw + upwards * k * (2 * np.pi / 36)))
+        for value, k in _minima(left.tolist())[:keep]
+    ]
+
+
+_SHIFTED = (np.arange(36)[None, :] - np.arange(36)[:, None]) % 36
+
+
+def _minima(values: list[float]) -> list[tuple[float, int]]:
+    """The local minima of a periodic row with their indices, lowest first."""
+    return sorted(
+        (v, k) for k, v in enumerate(values) if v <= values[k - 1] and v <= values[(k + 1) % len(values)]
+    )
+
+
+def polygon_area(polygon: Array) -> float:
+    following = _next(polygon)
+    return 0.5 * abs(float((polygon[:, 0] * following[:, 1] - following[:, 0] * polygon[:, 1]).sum()))
+
+
+def _next(polygon: Array) -> Array:
+    return np.concatenate([polygon[1:], polygon[:1]])

@@ -1,0 +1,401 @@
+"""From one picture to a view: mask, segment, fit, and say what is left over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..world.belief.planning_scene import BeliefObject, PlanningScene
+from ..world.protocols import RgbdImage
+from ..world.scene.description import SceneDescription
+from ..world.shapes import top
+from ..world.values import Array, Pose
+from .bin_fill import heap
+from .expectation.backdrop import SURFACE, Backdrop, Floor, Floors, levelled, table_of
+from .expectation.hand_camera_pose import registered
+from .expectation.robot_mask import HIGH, Body, RobotMask, with_what_hangs_on
+from .fitting.blob_splitting import split
+from .fitting.item_fitting import GOOD, HOVER, MODEL_SIGMA, Fitter, Hypothesis
+from .fitting.known_object_fitting import ROUGH, Sighting, followed
+from .fitting.view import BinView, Detection, Look, Unexplained, View
+from .geometry.camera_geometry import Sight
+from .geometry.resting_poses import rests
+from .geometry.seated_items import Mouths
+from .geometry.silhouette_fitting import Stand
+from .segmentation import hues
+from .segmentation.blobs import Blob, Patch, Picture, connected, outlined
+from .segmentation.close_views import coarsened, cut_off
+from .voxels.unexplained_depth import RAISED, boxed, grey, points_of
+
+__all__ = ["BinView", "Detection", "Look", "Perception", "Unexplained", "View"]
+
+LEAST = 10
+"""Pixels of a patch of colour."""
+FLAT = 0.002
+"""A patch of colour whose top is lower than this over its support is paint, m."""
+PAINT = 0.0035
+"""Colour that is painted there needs this much height to be something else, m."""
+SUBPIXEL = 0.12
+"""What the grid of pixels costs however many of them an outline has, pixels: along an edge that lies with
+the grid they all err alike."""
+FRAGMENT = 0.4
+"""A blob that fills less of the silhouette than this may be a part of anything."""
+OVER_RIM, OVER_HEAP = 0.03, 0.10
+"""Depth over a bin that is not higher than this over its rim is of its heap, grey or of an item's colour:
+items may lean over the rim, m."""
+TALLER = 0.015
+"""What is higher than the tallest item by this is none, m."""
+BEYOND = 0.02
+"""So far beyond what never moves a ray is taken to go on, so that it clears what touches that, m."""
+OFF, FAR_OFF = 0.006, 0.8
+"""A camera whose correction moves what it sees by more than this hangs elsewhere than believed, at a distance
+of so much, m."""
+DOWNWARDS = 0.1
+"""A moving camera may look to the horizon, where nothing lies that is to be recognised: rays fall at least by
+so much for each m of depth."""
+GOOD_CUT, SHOWN_CUT = 2.5, 0.75
+"""What the hand, or the border of its camera's picture, cuts through is recognised with a misfit below this
+and so much of its silhouette; else it is nothing, for another picture shows it better."""
+VAGUE = 0.012
+"""A position that is less certain than this is none, m."""
+POOR = 4.0
+"""A misfit above this explains nothing."""
+POOR_IN_BIN = 2.6
+"""The same in a bin, where leaning items are not forced into a shape."""
+
+
+class Perception:
+    """Knows the scene's fixtures, bins, cameras and catalogue, and the robot's shape; keeps nothing from
+    picture to picture but what the cameras would see of an empty scene."""
+
+    def __init__(self, description: SceneDescription, robot: Body, table_z: float | None = None) -> None:
+        table = table_of(description)
+        self._description = description
+        self._robot = RobotMask(robot)
+        self._table = table
+        self._table_z = (
+            table_z if table_z is not None else 0.0 if table is None else top(table.shape, table.pose)
+        )
+        self.rests = tuple(rest for entry in description.catalogue for rest in rests(entry))
+        self.tallest = max((rest.height for rest in self.rests), default=0.0)
+        """Height of the tallest item as it stands, m."""
+        self._floors = Floors(description.fixtures, description.bins)
+        self.mouths = Mouths(description.fixtures, description.catalogue)
+        self._noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
+        self.moving = frozenset(c.name for c in description.cameras if c.on == "hand")
+        """Names of the cameras on the hand."""
+        self._backdrops: dict[tuple[object, Pose], Backdrop] = {}
+
+    def detect(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> View:
+        """What the picture shows, taken with the arm at `joints` (n,) rad and the fingers `width` m open.
+
+        The belief in `scene` only says what the hand holds; it is not changed.
+        """
+        shot = self._shot(image, joints, width, scene)
+        picture = shot.picture
+        finding = _Finding(self, shot)
+        finding.items()
+        finding.things()
+        bins = {b.id: heap(picture, shot.robot, b, shot.noise) for b in self._description.bins}
+        return View(
+            image.camera,
+            image.stamp,
+            tuple(finding.detections),
+            tuple(finding.unexplained),
+            bins,
+            picture.sight,
+            picture.depth,
+            picture.label,
+            picture.blocked,
+            finding.reach(),
+            self._floors.supports,
+        )
+
+    def follow(
+        self,
+        image: RgbdImage,
+        joints: Array,
+        width: float,
+        scene: PlanningScene,
+        objects: Sequence[BeliefObject],
+    ) -> tuple[Sighting, ...]:
+        """Where the picture shows the objects that are believed to be in it, given what they are: see
+        `following`. Cheaper and surer than `detect`, for nothing has to be recognised."""
+        shot = self._shot(image, joints, width, scene)
+        fitter = Fitter(self.rests, shot.picture.sight, shot.noise, shot.rough)
+        return followed(shot.picture, fitter, objects)
+
+    def _shot(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> _Shot:
+        moving = image.camera in self.moving
+        whole = image
+        if moving:
+            image = coarsened(image)
+        depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
+        believed = Sight.at(image.intrinsics, image.camera_in_world)
+        backdrop = self._backdrop(believed, image)
+        label = hues.labels(image.colour)
+        held = scene.held
+        in_hand = None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
+        if moving:
+            # From near, items and fingers may fill more of the picture than the table does.
+            clutter = (label > 0) | self._robot.nearby(believed, depth, joints, width, in_hand)
+            sight = levelled(believed, depth, backdrop, self._table_z, clutter)
+            sight = self._beside_hand(sight, whole, joints, width)
+        else:
+            sight = levelled(believed, depth, backdrop, self._table_z)
+        if believed.apart(sight, FAR_OFF) > OFF:
+            # What is seen of walls and table is to be compared with where they are from there.
+            believed = sight
+            backdrop = Backdrop.of(self._description, sight, self._table, self._table_z)
+        height = sight.heights(depth)
+        robot = self._robot.paint(believed, joints, width, in_hand)
+        if moving:
+            robot |= self._robot.nearby(believed, depth, joints, width, in_hand)
+        else:
+            # A camera that hangs elsewhere than believed sees a rim of the robot beside the model.
+            high = np.where(~robot & (height > self._table_z + HIGH), depth, 0.0)
+            if high.any():
+                robot |= self._robot.nearby(believed, high, joints, width, in_hand, math.inf) & (high > 0)
+        robot = with_what_hangs_on(robot, height, depth > 0, self._table_z + HIGH)
+        walls = np.isfinite(backdrop.guard) & ((depth == 0) | (depth > backdrop.guard - SURFACE))
+        if moving:
+            walls |= sight.all_directions()[:, :, 2] > -DOWNWARDS
+        picture = Picture(
+            sight, depth, height, label, robot | walls, np.zeros(depth.shape, dtype=np.int32), []
+        )
+        return _Shot(picture, backdrop, robot, self._noise.get(image.camera, 0.002), moving)
+
+    def _beside_hand(self, sight: Sight, image: RgbdImage, joints: Array, width: float) -> Sight:
+        """The levelled sight of a camera on the hand, corrected by the fingers that the whole picture
+        shows."""
+        fine = Sight.along(image.intrinsics, sight.origin, sight.rotation)
+        found = registered(fine, image.depth.astype(np.float64), self._robot.fingers(joints, width))
+        return Sight.along(sight.intrinsics, found.origin, found.rotation)
+
+    def _backdrop(self, sight: Sight, image: RgbdImage) -> Backdrop:
+        if image.camera in self.moving:
+            return Backdrop.of(self._description, sight, self._table, self._table_z)
+        key = (image.intrinsics, image.camera_in_world)
+        if key not in self._backdrops:
+            self._backdrops[key] = Backdrop.of(self._description, sight, self._table, self._table_z)
+        return self._backdrops[key]
+
+    def in_heap(self, points: Array, over: float = OVER_RIM) -> NDArray[np.bool_]:
+        """Which points (n, 3) of the world belong to what lies in a bin: no higher than `over` m over it."""
+        return self._floors.in_heap(points, over)
+
+    def floor(self, x: float, y: float, below: float) -> Floor:
+        return self._floors.under(x, y, below)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shot:
+    """One picture, masked."""
+
+    picture: Picture
+    backdrop: Backdrop
+    robot: NDArray[np.bool_]
+    noise: float
+    """Of the depth at 0.7 m."""
+    moving: bool
+    """Whether the camera is on the hand, so that hand and border may cut through what it sees."""
+
+    @property
+    def rough(self) -> float:
+        """What is added to the noise of a depth, m."""
+        return ROUGH if self.moving else MODEL_SIGMA
+
+
+class _Finding:
+    """The work on one picture."""
+
+    def __init__(self, perception: Perception, shot: _Shot) -> None:
+        self.perception = perception
+        self.picture = shot.picture
+        self.fitter = Fitter(perception.rests, shot.picture.sight, shot.noise, shot.rough)
+        self.backdrop = shot.backdrop
+        self.robot = shot.robot
+        self.moving = shot.moving
+        self.detections: list[Detection] = []
+        self.unexplained: list[Unexplained] = []
+
+    def items(self) -> None:
+        """Find the coloured patches and fit them; those that fit nothing become boxes."""
+        picture = self.picture
+        usable = (picture.label > 0) & ~picture.blocked
+        if self.backdrop.label.any():
+            usable &= self._is_more_than_paint()
+        present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(hues.NAMES)))
+        patches = [
+            picture.claim(rows, columns, int(label))
+            for label in present
+            for rows, columns in connected(usable & (picture.label == label), LEAST)
+        ]
+        for patch in patches:
+            if patch.measured >= 4:
+                self._item(patch)
+
+    def _is_more_than_paint(self) -> NDArray[np.bool_]:
+        """Pixels of another colour than what is painted behind them, and those that stand out from it as
+        far as their neighbours do; noise is as large as a plate is thick."""
+        picture, behind = self.picture, self.backdrop
+        known = picture.depth > 0
+        out = np.where(known, behind.depth - picture.depth, 0.0)
+        around = cv2.blur(out, (3, 3)) / np.maximum(cv2.blur(known.astype(np.float64), (3, 3)), 0.1)
+        raised = (around > PAINT) & (~known | (out > 0.5 * around))
+        clean = cv2.medianBlur(raised.astype(np.uint8), 3)
+        return clean.astype(np.bool_) | (picture.label != behind.label)
+
+    def things(self) -> None:
+        """Find the grey depth that nothing known explains. In bins it is a part of the heap."""
+        picture = self.picture
+        for rows, columns in grey(picture, self.backdrop.depth, self.robot, self.perception.in_heap):
+            self._box(rows, columns)
+
+    def reach(self) -> NDArray[np.float32]:
+        """See `View`."""
+        picture, behind = self.picture, self.backdrop
+        explained = behind.depth - picture.depth <= RAISED
+        explained |= np.isfinite(behind.guard) & (picture.depth > behind.guard - SURFACE)
+        explained &= picture.owner == 0
+        known = np.where(explained, np.maximum(picture.depth, behind.depth) + BEYOND, picture.depth)
+        known[picture.depth <= 0] = np.inf
+        known[self.robot] = 0.0
+        return known.astype(np.float32)
+
+    def _floor(self, rows: NDArray[np.intp], columns: NDArray[np.intp], height: float) -> Floor:
+        middle = np.array([columns.mean(), rows.mean()])
+        x, y = self.picture.sight.at_height(middle, height)
+        return self.perception.floor(float(x), float(y), height + 0.005)
+
+    def _item(self, patch: Patch) -> None:
+        floor = self._floor(patch.rows, patch.columns, patch.top)
+        if patch.top - floor.height < FLAT:
+            return
+        blob = outlined(self.picture, patch)
+        heaped = (0.0, math.inf) if floor.in_bin else (GOOD, HOVER)
+        hypotheses = self.fitter.explain(blob, floor.height, *heaped)
+        seated = self._seated(blob)
+        if seated is not None and (not hypotheses or seated.best.misfit < max(GOOD, hypotheses[0].misfit)):
+            self.detections.append(seated.detection)
+            return
+        misfit = hypotheses[0].misfit if hypotheses else 9.0
+        cut = cut_off(patch.rows, patch.columns, *self.picture.depth.shape) or self._beside_robot(blob)
+        if self.moving and cut:
+            if hypotheses and _clear(hypotheses[0], GOOD_CUT) and hypotheses[0].shown > SHOWN_CUT:
+                self._settle(blob, hypotheses, floor)
+            return
+        if misfit > GOOD and not floor.in_bin:
+            parts = split(self.picture, self.fitter, blob, floor.height, misfit)
+            if parts is not None and (misfit >= POOR or all(_clear(part.hypotheses[0]) for part in parts)):
+                for part in parts:
+                    self._settle(part.blob, part.hypotheses, floor)
+                return
+        self._settle(blob, hypotheses, floor)
+
+    def _seated(self, blob: Blob) -> _Seated | None:
+        """The item of which the blob is what stands out of a hole; None when it is none that is clear."""
+        x, y = self.picture.sight.at_height(blob.middle, blob.top)
+        mouth = self.perception.mouths.near(float(x), float(y))
+        if mouth is None or not mouth.stubs:
+            return None
+        found = replace(self.fitter, rests=mouth.rests).explain(blob, mouth.height)
+        stub = mouth.stub(found[0].stand.rest) if found else None
+        if stub is None or not _clear(found[0]):
+            return None
+        seen = _detection(self.picture.sight, blob, found, Floor(mouth.id, mouth.height, False))
+        # What the board hides of its outline leaves open where it is, and the hole tells.
+        at = seen.pose.position if seen.sigma_position < mouth.sigma else (*mouth.at, seen.pose.position[2])
+        pose = Pose(at, seen.pose.orientation).shifted((0.0, 0.0, -stub.sunk))
+        sigma = min(seen.sigma_position, mouth.sigma)
+        return _Seated(found[0], replace(seen, shape=stub.entry.shape, pose=pose, sigma_position=sigma))
+
+    def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: Floor) -> None:
+        """Take the best hypothesis for true, or box the blob."""
+        if hypotheses and _clear(hypotheses[0], POOR_IN_BIN if floor.in_bin else POOR):
+            detection = _detection(self.picture.sight, blob, hypotheses, floor)
+            if detection.sigma_position < VAGUE:
+                self.detections.append(detection)
+                return
+        if not self._beside_robot(blob) or self._too_large(blob, floor):
+            self._box(blob.patch.rows, blob.patch.columns, floor if floor.in_bin else None)
+
+    def _beside_robot(self, blob: Blob) -> bool:
+        """Whether the robot may hide a part of it, so that it cannot be expected to fit."""
+        rows, columns = blob.patch.rows, blob.patch.columns
+        y0, y1 = max(int(rows.min()) - 2, 0), int(rows.max()) + 3
+        x0, x1 = max(int(columns.min()) - 2, 0), int(columns.max()) + 3
+        return bool(self.robot[y0:y1, x0:x1].any()) and not blob.whole
+
+    def _too_large(self, blob: Blob, floor: Floor) -> bool:
+        """Whether it cannot be a part of any item, however much of that the robot hides."""
+        return blob.top - floor.height > self.perception.tallest + TALLER
+
+    def _box(self, rows: NDArray[np.intp], columns: NDArray[np.intp], heap: Floor | None = None) -> None:
+        """Take the patch for something unknown; of one that seems to lie in a `heap` what is far above it."""
+        known = self.picture.depth[rows, columns] > 0
+        points = points_of(self.picture, rows, columns)
+        known &= ~self.perception.in_heap(points, OVER_RIM if heap is None else OVER_HEAP)
+        if int(known.sum()) < LEAST:
+            return
+        x, y, z = (float(c) for c in np.median(points[known], axis=0))
+        below = self.perception.floor(x, y, z + 0.005)
+        box = boxed(self.picture, rows[known], columns[known], below.height)
+        if box is not None:
+            self.unexplained.append(box)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seated:
+    """An item that stands in a hole."""
+
+    best: Hypothesis
+    detection: Detection
+
+
+def _clear(hypothesis: Hypothesis, poor: float = POOR) -> bool:
+    """Whether it explains its blob, and the blob is enough to go by."""
+    return hypothesis.misfit < poor and hypothesis.shown >= FRAGMENT
+
+
+def _detection(sight: Sight, blob: Blob, hypotheses: list[Hypothesis], floor: Floor) -> Detection:
+    best = hypotheses[0]
+    rest = best.stand.rest
+    entry = rest.entry
+    turn = rest.turn
+    yaw = best.stand.yaw if not turn else (best.stand.yaw + turn / 2) % turn - turn / 2
+    stand = Stand(rest, best.stand.centre, yaw if turn else 0.0)
+    loose = math.sqrt(max(1.0, best.misfit)) / max(0.3, best.shown)
+    variance = best.covariance
+    position = math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose
+    angle = math.pi if not turn else min(math.pi, math.sqrt(float(variance[2, 2])) * loose)
+    pixel = float((stand.centre - sight.origin) @ sight.rotation[:, 2]) / sight.intrinsics.fx
+    position = math.hypot(position, SUBPIXEL * pixel)
+    return Detection(
+        entry.kind,
+        entry.form,
+        entry.shape,
+        hues.NAMES[blob.patch.label],
+        Pose.from_rotation(stand.centre, stand.turned),
+        position + (0.0 if best.supported else 1e-3),
+        max(angle, 2e-3),
+        _confidence(hypotheses),
+        turn,
+        floor.place,
+    )
+
+
+def _confidence(hypotheses: list[Hypothesis]) -> float:
+    """High when the best explains the blob well, is seen whole, and no other kind does nearly as well."""
+    best = hypotheses[0]
+    fit = float(np.clip((POOR - best.misfit) / (POOR - 1.2), 0.05, 1.0))
+    others = [h.cost for h in hypotheses if h.stand.rest.entry.kind != best.stand.rest.entry.kind]
+    lead = min(others, default=math.inf) - best.cost
+    certain = 1.0 / (1.0 + math.exp(-min(lead, 60.0) / 4.0))
+    seen = 0.4 + 0.6 * best.shown
+    return round(fit * certain * seen * (1.0 if best.supported else 0.7), 4)

@@ -1,0 +1,1 @@
+"""Space that nothing known explains, as voxels."""

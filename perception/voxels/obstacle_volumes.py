@@ -1,0 +1,174 @@
+"""What nothing known explains, as volumes of the belief: they grow with what is seen, clear where rays pass,
+and keep what is hidden.
+
+A cell is taken up when something unexplained was seen in it or above it, and no ray has passed it since. What
+the picture does not tell of stays: behind the robot, behind what is nearer, out of the view.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from ...world.belief.planning_scene import BeliefObject, PlanningScene
+from ...world.raycasting import inside
+from ...world.values import ObjectId
+from ..fitting.view import Unexplained, View
+from .box_merging import merged
+from .space_carving import found, still, surface_of
+from .voxel_grid import CELL, NONE, Keys, body_of, cells_of, centres, indices, touching
+
+LEAST = 6
+"""Fewer cells than this that hang together are noise."""
+NEAR = 0.05
+"""Something unexplained this near to a former obstacle, which went, is the same, m."""
+ITEM_MARGIN = 0.003
+"""Cells whose middles lie this near to a recognised item are its own, m."""
+SKIN = 0.03
+"""A change of less than this share of the cells, at the surface, is noise."""
+WAS_ITEM = 0.4
+"""An obstacle with this share of its cells in a recognised item was that item."""
+
+FIRST = "depth that nothing explains"
+AGAIN = "seen again"
+GREW = "more of it was seen"
+CLEARED = "rays pass through parts of it"
+CHANGED = "it was seen to take up other space"
+GONE = "its place was seen without it"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """The cells that hang together, and what the view shows of them."""
+
+    cells: Keys
+    patches: tuple[Unexplained, ...]
+
+
+def update_volumes(
+    scene: PlanningScene,
+    view: View,
+    patches: Sequence[Unexplained],
+    items: Sequence[BeliefObject],
+    now: float,
+) -> list[ObjectId]:
+    """Bring the obstacles of `scene` up to date; `items` are those that the view shows. Answers the ids of
+    those that are gone."""
+    former = {o.id: cells_of(o) for o in scene.objects if o.role == "obstacle" and not o.attached}
+    if not former and not patches:
+        return []
+    new = _without(found(view, patches), items)
+    kept = {name: _without(still(view, _unless_item(cells, items)), items) for name, cells in former.items()}
+    seen = _components(np.unique(np.concatenate([new, *kept.values()])), view, patches)
+    names = _named(seen, former)
+    for name, each in zip(names, seen, strict=True):
+        _put(scene, name or scene.new_id("obstacle"), each, former.get(name, NONE) if name else NONE, now)
+    gone = [name for name in former if name not in names]
+    for name in gone:
+        scene.remove(name, GONE)
+    return gone
+
+
+def _without(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
+    for item in items:
+        cells = cells[~inside(item.shape, item.pose, centres(cells), ITEM_MARGIN)]
+    return cells
+
+
+def _unless_item(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
+    """No cells when they were a recognised item: what it hides now is not to stay."""
+    points = centres(cells)
+    for item in items:
+        if inside(item.shape, item.pose, points, float(CELL[0])).mean() > WAS_ITEM:
+            return NONE
+    return cells
+
+
+def _components(cells: Keys, view: View, patches: Sequence[Unexplained]) -> list[_Seen]:
+    """Cells that hang together as seen from above, the largest first."""
+    if not len(cells):
+        return []
+    columns = indices(cells)[:, :2]
+    origin = columns.min(axis=0) - 1
+    at = tuple((columns - origin).T)
+    plan = np.zeros(tuple(columns.max(axis=0) - origin + 2), dtype=np.uint8)
+    plan[at] = 1
+    _, marks = cv2.connectedComponents(cv2.dilate(plan, np.ones((3, 3), np.uint8)), connectivity=8)
+    mark = np.asarray(marks, dtype=np.intp)[at]
+    groups = [cells[mark == k] for k in range(1, int(mark.max()) + 1)]
+    groups = sorted((g for g in groups if len(g) >= LEAST), key=lambda g: (-len(g), int(g[0])))
+    surfaces = [(patch, surface_of(view, patch)) for patch in patches]
+    return [
+        _Seen(g, tuple(patch for patch, surface in surfaces if len(np.intersect1d(g, surface)) > 0))
+        for g in groups
+    ]
+
+
+def _named(seen: Sequence[_Seen], former: dict[ObjectId, Keys]) -> list[ObjectId | None]:
+    """For each the id of the former obstacle that it shares most cells with, else of one close by that shares
+    none with any; None for a new one."""
+    shared = [
+        (len(np.intersect1d(each.cells, cells)), -n, name)
+        for n, each in enumerate(seen)
+        for name, cells in former.items()
+    ]
+    names: list[ObjectId | None] = [None] * len(seen)
+    left = list(former)
+    for count, minus_n, name in sorted(shared, key=lambda s: (-s[0], -s[1])):
+        if count > 0 and names[-minus_n] is None and name in left:
+            names[-minus_n] = name
+            left.remove(name)
+    for n, each in enumerate(seen):
+        if names[n] is None and left:
+            middle = centres(each.cells).mean(axis=0)
+            away = {name: float(np.linalg.norm(centres(former[name]).mean(axis=0) - middle)) for name in left}
+            nearest = min(left, key=lambda name: (away[name], name))
+            if away[nearest] < NEAR:
+                names[n] = nearest
+                left.remove(nearest)
+    return names
+
+
+def _put(scene: PlanningScene, name: ObjectId, seen: _Seen, before: Keys, now: float) -> None:
+    known = scene.find(name)
+    cells = seen.cells
+    if known is not None:
+        gone = np.setdiff1d(before, cells, assume_unique=True)
+        # Edges come and go with the noise: what is next to what is there goes on being blocked.
+        cells = np.union1d(cells, gone[touching(gone, cells)])
+        if _alike(cells, before):
+            if seen.patches:
+                scene.put(replace(known, last_seen=now), AGAIN)
+            return
+    shape, pose, blocks = body_of(merged(cells))
+    colour = _colour(seen.patches) or (known.colour if known is not None else "grey")
+    last_seen = now if seen.patches or known is None else known.last_seen
+    belief = BeliefObject(
+        name, "obstacle", "unknown", "unknown", shape, colour, pose, 0.005, 0.1, 0.5, last_seen, blocks=blocks
+    )
+    scene.put(belief, _reason(cells, before))
+
+
+def _alike(cells: Keys, before: Keys) -> bool:
+    """Whether nothing is gone, and nothing new but a little at the surface, as noise makes it."""
+    new = np.setdiff1d(cells, before, assume_unique=True)
+    if len(new) > SKIN * len(cells) or len(cells) - len(new) < len(before):
+        return False
+    return bool(touching(new, before).all())
+
+
+def _reason(cells: Keys, before: Keys) -> str:
+    if not len(before):
+        return FIRST
+    more = len(np.setdiff1d(cells, before, assume_unique=True)) > 0
+    less = len(np.setdiff1d(before, cells, assume_unique=True)) > 0
+    return CHANGED if more and less else GREW if more else CLEARED
+
+
+def _colour(patches: Sequence[Unexplained]) -> str | None:
+    """Of the largest patch."""
+    largest = max(patches, key=lambda patch: len(patch.rows), default=None)
+    return None if largest is None else largest.colour

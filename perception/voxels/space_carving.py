@@ -1,0 +1,110 @@
+"""What one view says of cells: where something unknown stands, where rays pass, what stays unseen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ...world.values import Array
+from ..fitting.view import Unexplained, View
+from .voxel_grid import CELL, HALF_DIAGONAL, NONE, Indices, Keys, centres, keys
+
+PAD = 2.0
+"""Each pixel stands for what lies within so many pixels of its middle: at edges every second one is lost."""
+SIGMAS = 2.5
+"""A ray passes a cell only if what it meets is so many sigmas of its depth beyond."""
+NOISE = 0.002
+"""Standard deviation of the depth at 0.7 m, m; it grows with the square."""
+WHOLE, ANY = 0.3, 0.01
+"""Less than this share of pixels with a depth says nothing of a cell as a whole, and of its middle."""
+SMOOTH = 5
+"""Depth is the median over so many pixels square: tops that noise makes uneven are many boxes."""
+
+
+def found(view: View, patches: Sequence[Unexplained]) -> Keys:
+    """The cells of what the patches show, from what is seen down to what it may stand on, but for those that
+    rays pass through as a whole: below a bar that hangs."""
+    surface = [_surface(view, patch) for patch in patches]
+    if not surface:
+        return NONE
+    columns = _columns(np.concatenate(surface), view)
+    return columns[~_passed(view, columns, HALF_DIAGONAL, window=True)]
+
+
+def still(view: View, known: Keys) -> Keys:
+    """Of cells that were taken up before those that no ray passes: hidden, out of the view, or seen again."""
+    return known[~_passed(view, known, 0.0, window=False)] if len(known) else known
+
+
+def surface_of(view: View, patch: Unexplained) -> Keys:
+    """The cells in which the patch's surface lies."""
+    return keys(np.floor(_surface(view, patch) / CELL).astype(np.int64))
+
+
+def _surface(view: View, patch: Unexplained) -> Array:
+    """Points (n, 3) on the patch's surface, each pixel's corners."""
+    rows, columns = patch.rows, patch.columns
+    y, x = int(rows.min()), int(columns.min())
+    window = np.zeros((int(rows.max()) - y + 1, int(columns.max()) - x + 1), dtype=np.float32)
+    window[rows - y, columns - x] = view.depth[rows, columns]
+    smooth = np.asarray(cv2.medianBlur(window, SMOOTH), dtype=np.float64)[rows - y, columns - x]
+    raw = view.depth[rows, columns]
+    # At borders the median is one of the emptiness around.
+    depth = np.where(np.abs(smooth - raw) < 4 * SIGMAS * NOISE, smooth, raw)
+    middle = np.stack([columns, rows], axis=1).astype(np.float64)
+    offsets = np.array([(0.0, 0.0), (-PAD, -PAD), (-PAD, PAD), (PAD, -PAD), (PAD, PAD)])
+    points = [view.sight.origin + view.sight.directions(middle + o) * depth[:, None] for o in offsets]
+    return np.concatenate(points)
+
+
+def _columns(points: Array, view: View) -> Keys:
+    """The cells that hold the points (n, 3), and those below them down to the supports."""
+    supports = view.supports(points)
+    upper = points[:, 2] > supports
+    cells = np.floor(points[upper] / CELL).astype(np.int64)
+    # A cell that holds the support belongs to what stands there.
+    lowest = np.floor(supports[upper] / CELL[2] + 1e-6).astype(np.int64)
+    places, column = np.unique(cells[:, :2], axis=0, return_inverse=True)
+    column = column.reshape(-1)
+    tops = np.full(len(places), np.iinfo(np.int64).min)
+    np.maximum.at(tops, column, cells[:, 2])
+    bottoms = np.full(len(places), np.iinfo(np.int64).max)
+    np.minimum.at(bottoms, column, np.minimum(lowest, cells[:, 2]))
+    heights = tops - bottoms + 1
+    stacked: Indices = np.empty((int(heights.sum()), 3), dtype=np.int64)
+    stacked[:, :2] = np.repeat(places, heights, axis=0)
+    starts = np.repeat(np.cumsum(heights) - heights, heights)
+    stacked[:, 2] = np.arange(len(stacked)) - starts + np.repeat(bottoms, heights)
+    return keys(stacked)
+
+
+def _passed(view: View, cells: Keys, clear: float, *, window: bool) -> NDArray[np.bool_]:
+    """Which cells (n,) rays pass through, to what lies more than `clear` m behind their middles: the rays
+    of the whole cell with `window`, else those through its middle."""
+    points = centres(cells)
+    depth = (points - view.sight.origin) @ view.sight.rotation[:, 2]
+    pixels = np.round(view.sight.pixels(points)).astype(np.int64)
+    h, w = view.reach.shape
+    inside = (depth > 0.05) & (pixels >= 0).all(axis=1) & (pixels < (w, h)).all(axis=1)
+    radius = np.ones(len(cells), dtype=np.int64)
+    if window:
+        radius = np.ceil(view.sight.intrinsics.fx * HALF_DIAGONAL / np.maximum(depth, 0.05)).astype(np.int64)
+        radius = np.minimum(radius, max(h, w) // 4)
+    needed = depth + clear + SIGMAS * NOISE * (depth / 0.7) ** 2
+    least = WHOLE if window else ANY
+    measured = view.depth > 0
+    passed = np.zeros(len(cells), dtype=np.bool_)
+    for r in np.unique(radius[inside]).tolist():
+        of = inside & (radius == r)
+        u, v = pixels[of].T
+        # Only the part of the picture that these cells are in.
+        y0, y1 = max(int(v.min()) - r, 0), min(int(v.max()) + r + 1, h)
+        x0, x1 = max(int(u.min()) - r, 0), min(int(u.max()) + r + 1, w)
+        size = (2 * r + 1, 2 * r + 1)
+        nearest = cv2.erode(view.reach[y0:y1, x0:x1], np.ones(size, np.uint8))
+        known = cv2.blur(measured[y0:y1, x0:x1].astype(np.float32), size)
+        passed[of] = (nearest[v - y0, u - x0] > needed[of]) & (known[v - y0, u - x0] >= least)
+    return passed

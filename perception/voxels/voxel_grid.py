@@ -1,0 +1,123 @@
+"""Space in cells: sets of them as sorted keys, and the bodies of the belief that they are kept in.
+
+The belief holds blocks alone; cells are read back from them exactly, so that there is no second memory that
+could differ from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from ...world.belief.planning_scene import BeliefObject, Block
+from ...world.raycasting import inside
+from ...world.shapes import Box, ConvexMesh, Shape, extents
+from ...world.values import Array, Pose
+
+CELL: Array = np.array([0.01, 0.01, 0.02])
+"""Edge lengths of a cell, m; the world's origin is a corner of one."""
+TIGHT = 1.25
+"""A hull with at most so many times the volume of the cells stands for them."""
+HALF_DIAGONAL = float(np.linalg.norm(CELL)) / 2
+
+Keys: TypeAlias = NDArray[np.int64]
+"""Cells, each packed into one number; sorted, none twice."""
+Indices: TypeAlias = NDArray[np.int64]
+"""Cells (n, 3) as numbers of cells from the origin along x, y, z."""
+
+NONE: Keys = np.zeros(0, dtype=np.int64)
+_OFFSET, _BITS = 1 << 19, 20
+_MASK = (1 << _BITS) - 1
+_AROUND = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
+
+
+def keys(cells: Indices) -> Keys:
+    shifted = cells + _OFFSET
+    return np.unique((shifted[:, 0] << (2 * _BITS)) | (shifted[:, 1] << _BITS) | shifted[:, 2])
+
+
+def indices(packed: Keys) -> Indices:
+    parts = (packed >> (2 * _BITS), (packed >> _BITS) & _MASK, packed & _MASK)
+    return np.stack(parts, axis=1) - _OFFSET
+
+
+def centres(packed: Keys) -> Array:
+    """In the world (n, 3), m."""
+    return (indices(packed) + 0.5) * CELL
+
+
+def touching(packed: Keys, others: Keys) -> NDArray[np.bool_]:
+    """Which cells (n,) are among the others or next to one of them."""
+    around = indices(packed)[:, None, :] + _AROUND[None] + _OFFSET
+    near = (around[..., 0] << (2 * _BITS)) | (around[..., 1] << _BITS) | around[..., 2]
+    return np.any(np.isin(near, others), axis=1)
+
+
+def within(shape: Shape, pose: Pose) -> Keys:
+    """The cells whose centres lie in a body."""
+    low, high = extents(shape, pose.rotation())
+    first = np.floor((np.array(pose.position) + low) / CELL).astype(np.int64)
+    last = np.ceil((np.array(pose.position) + high) / CELL).astype(np.int64)
+    cells = _span(first, np.maximum(last, first))
+    return keys(cells[inside(shape, pose, (cells + 0.5) * CELL)])
+
+
+def cells_of(o: BeliefObject) -> Keys:
+    """What an obstacle of the belief takes up."""
+    if not o.blocks:
+        return within(o.shape, o.pose)
+    return keys(np.concatenate([_cells(block, np.array(o.pose.position)) for block in o.blocks]))
+
+
+def _cells(block: Block, origin: Array) -> Indices:
+    """The cells of a block of a body at `origin` (3,)."""
+    middle, half = origin + block.at, np.array(block.size) / 2
+    first = np.round((middle - half) / CELL).astype(np.int64)
+    last = np.round((middle + half) / CELL).astype(np.int64)
+    return _span(first, last)
+
+
+def body_of(boxes: Sequence[tuple[Indices, Indices]]) -> tuple[Shape, Pose, tuple[Block, ...]]:
+    """What is about all, its place in the world, and each box as a block in it. A box is its first cell and
+    the one after its last, (3,) each.
+
+    What is about all is their convex hull where that wastes little, so that a check of collisions meets one
+    body for many boxes; else the box about them.
+    """
+    first = np.min([low for low, _ in boxes], axis=0)
+    last = np.max([high for _, high in boxes], axis=0)
+    middle = (first + last) * CELL / 2
+    blocks = tuple(
+        Block(_vector((high - low) * CELL), _vector((low + high) * CELL / 2 - middle)) for low, high in boxes
+    )
+    return _about(blocks), Pose(_vector(middle)), blocks
+
+
+def _about(blocks: Sequence[Block]) -> Shape:
+    signs = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    corners = np.concatenate([np.array(block.at) + signs * np.array(block.size) for block in blocks])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    if len(blocks) == 1:
+        return Box(_vector(high - low))
+    spans = [_cells(block, -low) for block in blocks]
+    volume = len(keys(np.concatenate(spans))) * float(np.prod(CELL))
+    hull = ConvexHull(corners)
+    if float(hull.volume) > TIGHT * volume:
+        return Box(_vector(high - low))
+    vertices = np.unique(corners[hull.vertices], axis=0)
+    return ConvexMesh(tuple(_vector(vertex) for vertex in vertices), "volume")
+
+
+def _span(first: Indices, last: Indices) -> Indices:
+    """All cells from `first` (3,) to `last` (3,), that one excluded."""
+    x, y, z = (max(0, int(n)) for n in last - first)
+    return first + np.argwhere(np.ones((x, y, z), dtype=np.bool_)).astype(np.int64)
+
+
+def _vector(numbers: Array) -> tuple[float, float, float]:
+    x, y, z = (round(float(n), 6) for n in numbers)
+    return x, y, z

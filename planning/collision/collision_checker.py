@@ -1,0 +1,313 @@
+"""Is a configuration free? Arm, gripper and what it holds against the scene, by pinocchio and coal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from ...robots.model import TCP_FRAME, RobotModel
+from ...robots.urdf_geometry import resolved_urdf
+from ...world.belief.planning_scene import BeliefObject, PlanningScene
+from ...world.scene.description import Bin, Fixture
+from ...world.values import Array, Bounds, Vector3
+from ..requests import Contact
+from .clearances import GRIPPER, Margins, Part
+from .coal_shapes import CoalShapes, hull
+from .collision_bodies import Body, loose_bodies, still_bodies
+from .robot_geometry import FAINT, Built, Checker, Content, Piece, Robot
+
+INSIDE = 0.002
+"""Distance of the tool to the edges of the workspace that planning keeps, m."""
+
+
+NANOMETRES = 9
+"""Decimals of distances, m."""
+KEPT = 6
+"""Geometries that are remembered: of the belief as it is, and with other things supposed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """What was taken over last."""
+
+    fixtures: Mapping[str, Fixture]
+    bins: Mapping[str, Bin]
+    objects: tuple[BeliefObject, ...]
+    allowed: frozenset[frozenset[str]]
+    clearance: float
+
+    def same_room(self, other: _Seen) -> bool:
+        """Fixtures and bins are never changed in place; a scene that is supposed shares them."""
+        return self.fixtures is other.fixtures and self.bins is other.bins
+
+    def same_belief(self, other: _Seen) -> bool:
+        mine = (self.objects, self.allowed, self.clearance)
+        return mine == (other.objects, other.allowed, other.clearance)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Separation:
+    """Two bodies that are near each other: their names, signed distance and margin, m, and the gradient (n,)
+    of the distance over the arm's joints, m/rad."""
+
+    key: tuple[int, str]
+    """The part of the robot, by its number, and the body: an obstacle of many blocks is one body."""
+    a: str
+    b: str
+    distance: float
+    margin: float
+    gradient: Array
+
+
+class Collision:
+    """The robot in the believed scene. Call `update` before asking; `checks` counts what was asked.
+
+    With a `workspace` (in the world) a configuration is free only if the TCP is INSIDE m within it.
+
+    Margins: see `Margins`. Names that a scene may allow to touch: object, fixture and bin ids, `arm`, and
+    `gripper` (hand, fingers and what they hold).
+    """
+
+    def __init__(
+        self, model: RobotModel, margins: Margins | None = None, workspace: Bounds | None = None
+    ) -> None:
+        self.model = model
+        self._room = None if workspace is None else _narrowed(workspace)
+        self.checks = 0
+        self._shapes = CoalShapes()
+        self._robot = _robot(model, margins or Margins())
+        self._tcp_offset: Array = self._robot.tcp_in_joint.translation.copy()
+        self._full_q = model.full_q(np.zeros(model.n), 0.0)
+        self._arm_v = [_v_index(model.full, joint) for joint in model.description.joints]
+        self._arm_q = _run([_q_index(model.full, joint) for joint in model.description.joints])
+        self._seen: _Seen | None = None
+        self._still: tuple[Body, ...] = ()
+        self._kept: list[Built] = []
+        self._now = self._built(Content((), None, frozenset(), 0.0))
+
+    # ---- following the scene
+
+    def update(self, scene: PlanningScene, width: float, *, clearance: float = 0.0) -> None:
+        """Take over what the scene believes now, and the opening of the fingers, m.
+
+        `clearance` m are added to all margins that are positive; tolerated depths stay as they are.
+        """
+        self._full_q = self.model.full_q(self._full_q[self._arm_q], width)
+        snapshot = scene.snapshot()
+        seen = _Seen(scene.fixtures, scene.bins, snapshot.objects, snapshot.allowed, clearance)
+        if self._seen is None or not seen.same_room(self._seen):
+            self._still = still_bodies(scene)
+        elif seen.same_belief(self._seen):
+            return
+        self._seen = seen
+        bodies = (*self._still, *loose_bodies(snapshot.objects))
+        held = next((o for o in snapshot.objects if o.attached), None)
+        self._now = self._built(
+            Content(
+                tuple((b.name, b.shape, b.support) for b in bodies),
+                None if held is None else (held.id, held.shape),
+                snapshot.allowed,
+                clearance,
+            )
+        )
+        self._now.place(bodies, None if held is None else held.object_in_tcp)
+
+    def _built(self, content: Content) -> Built:
+        """The geometry of that content: one that was made for it before, or a new one. Both answer alike."""
+        for index, built in enumerate(self._kept):
+            if built.content == content:
+                self._kept.insert(0, self._kept.pop(index))
+                return built
+        self._kept.insert(0, Built(self._robot, content, self._shapes))
+        del self._kept[KEPT:]
+        return self._kept[0]
+
+    # ---- questions
+
+    def free(self, q: Array) -> bool:
+        """Whether the arm at q keeps all margins, and its tool the workspace."""
+        self.checks += 1
+        checker, full_q = self._now.full, self._full_q
+        full_q[self._arm_q] = q
+        # Written out, because calls within calls are a tenth of a check.
+        hit = pin.computeCollisions(checker.model, checker.data, checker.manager, full_q, True)
+        return not hit and (self._room is None or self._inside(checker))
+
+    def nearly_free(self, q: Array) -> bool:
+        """The same with positive margins halved: for what lies between configurations found free."""
+        self.checks += 1
+        checker = self._now.halved
+        return checker.free(self._at(q)) and self._inside(checker)
+
+    def excusing(self, contacts: tuple[Contact, ...], slack: float) -> Checker:
+        """A checker in which the pairs of `contacts` may come as close as they are, and `slack` m closer."""
+        margins = self._now.least.copy()
+        for contact in contacts:
+            for i, j in self._indices(contact.a, contact.b):
+                margin = min(margins[i, j], contact.distance - slack)
+                margins[i, j] = margin if abs(margin) > FAINT else -FAINT
+        return self._now.checker(margins)
+
+    def asked(self, checker: Checker, q: Array, *, within: bool = False) -> bool:
+        """Ask another checker of this robot about q, and count it; `within`: and the workspace."""
+        self.checks += 1
+        return checker.free(self._at(q)) and not (within and not self._inside(checker))
+
+    def within(self, q: Array) -> bool:
+        """Whether the tool is within the workspace at q."""
+        pin.forwardKinematics(self.model.full, self._now.full.data, self._at(q))
+        return self._inside(self._now.full)
+
+    def believed(self, name: str) -> BeliefObject | None:
+        """The object of that id as it was last taken over; None for fixtures, bins and links."""
+        objects = () if self._seen is None else self._seen.objects
+        return next((o for o in objects if o.id == name), None)
+
+    def contacts(self, q: Array) -> tuple[Contact, ...]:
+        """Every pair that is closer than its margin at q, the deepest first. Slow: for explanations."""
+        self.checks += 1
+        geometry, least, pieces = self._now.geometry, self._now.least, self._now.pieces
+        data, geometry_data = self._now.distances
+        pin.updateGeometryPlacements(self.model.full, data, geometry, geometry_data, self._at(q))
+        found: list[Contact] = []
+        for index, pair in enumerate(geometry.collisionPairs):
+            distance = pin.computeDistance(geometry, geometry_data, index)
+            margin = float(least[pair.first, pair.second])
+            if distance.min_distance < margin:
+                a, b = pieces[pair.first], pieces[pair.second]
+                # In the last bits answers depend on where in memory things lie.
+                x, y, z = (round(float(c), NANOMETRES) for c in distance.getNearestPoint2())
+                point: Vector3 = (x, y, z)
+                depth = round(float(distance.min_distance), NANOMETRES)
+                found.append(Contact(a.name, b.name, depth, point, margin))
+        return tuple(sorted(found, key=lambda contact: contact.distance))
+
+    def nearest(self, q: Array, within: float = np.inf, *, itself: bool = False) -> Contact | None:
+        """The pair that is nearest at q, of all that may not touch, if nearer than `within` m: with what is
+        around, or with `itself` among the robot's own links. Not counted: nothing is planned with it."""
+        return self._now.gaps.nearest(self._at(q), within, itself=itself)
+
+    def separations(self, q: Array, within: float) -> tuple[Separation, ...]:
+        """Every pair that may not touch and comes within `within` m of its margin or is closer, with the
+        gradient of its distance over the arm's joints. Counted as one check."""
+        self.checks += 1
+        least, pieces = self._now.least, self._now.pieces
+        found: list[Separation] = []
+        for near in self._now.gaps.near(self._at(q), within + float(least.max(initial=0.0))):
+            margin = float(least[near.first, near.second])
+            if near.distance < margin + within:
+                a, b = pieces[near.first], pieces[near.second]
+                key, gradient = (near.first, b.name), near.gradient[self._arm_v]
+                found.append(Separation(key, a.name, b.name, near.distance, margin, gradient))
+        return tuple(found)
+
+    def penetrates(self, contact: Contact, tolerance: float) -> bool:
+        """Whether a contact is deeper than `tolerance` m and than what is tolerated of its pair anyway."""
+        allowed = min(
+            (float(self._now.least[i, j]) for i, j in self._indices(contact.a, contact.b)), default=0.0
+        )
+        return contact.distance < min(0.0, allowed) - tolerance
+
+    def _indices(self, a: str, b: str) -> list[tuple[int, int]]:
+        pieces = list(enumerate(self._now.pieces))
+        return [(i, j) for i, p in pieces for j, q in pieces[i + 1 :] if (p.name, q.name) == (a, b)]
+
+    def _inside(self, checker: Checker) -> bool:
+        """Whether the tool is within the workspace at the configuration that `checker` saw last."""
+        if self._room is None:
+            return True
+        tool = checker.tool_joint.act(self._tcp_offset)
+        (left, front, low), (right, back, high) = self._room
+        x, y, z = tool.tolist()
+        return left <= x <= right and front <= y <= back and low <= z <= high
+
+    def _at(self, q: Array) -> Array:
+        self._full_q[self._arm_q] = q
+        return self._full_q
+
+
+_MESHES: Final = coal.CachedMeshLoader()
+"""Meshes of links as they were read last; it reads a file again that has changed since."""
+
+
+def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
+    """The URDF's collision geometry on the joints of `model.full`; meshes as their convex hulls."""
+    urdf = resolved_urdf(model.description.urdf)
+    loaded = pin.buildGeomFromUrdfString(model.full, urdf, pin.COLLISION, mesh_loader=_MESHES)
+    for o in loaded.geometryObjects:
+        o.geometry = hull(o.geometry)
+    return tuple(loaded.geometryObjects)
+
+
+def _robot_piece(model: RobotModel, o: pin.GeometryObject) -> Piece:
+    frames = model.full.frames
+    link = frames[o.parentFrame].name
+    chain, at = [link], o.parentFrame
+    while at > 0:
+        at = frames[at].parentFrame
+        chain.append(frames[at].name)
+    if o.parentJoint == 0:
+        part = Part.BASE
+    elif link in model.description.gripper.fingers:
+        part = Part.FINGER
+    elif model.description.flange_joint in chain:
+        part = Part.HAND
+    else:
+        part = Part.ARM
+    return Piece(link, part, o.parentJoint)
+
+
+def _self_pairs(
+    model: RobotModel, robot: tuple[pin.GeometryObject, ...], pieces: tuple[Piece, ...]
+) -> np.typing.NDArray[np.bool_]:
+    disabled = {frozenset(pair) for pair in model.description.disabled_pairs}
+    pairs = np.zeros((len(robot), len(robot)), dtype=np.bool_)
+    for i, a in enumerate(pieces):
+        for j in range(i + 1, len(pieces)):
+            b = pieces[j]
+            both_gripper = a.part in GRIPPER and b.part in GRIPPER
+            pairs[i, j] = (
+                a.joint != b.joint and not both_gripper and frozenset((a.name, b.name)) not in disabled
+            )
+    return pairs
+
+
+def _robot(model: RobotModel, margins: Margins) -> Robot:
+    objects = robot_geometry(model)
+    pieces = tuple(_robot_piece(model, o) for o in objects)
+    geometry = pin.GeometryModel()
+    for o in objects:
+        geometry.addGeometryObject(o)
+    joint, placement = _tcp(model.full)
+    pairs = _self_pairs(model, objects, pieces)
+    return Robot(model.full, geometry, pieces, pairs, joint, placement, margins.table())
+
+
+def _narrowed(room: Bounds) -> tuple[Vector3, Vector3]:
+    """The corners of the room in which the tool may be."""
+    (left, front, low), (right, back, high) = room.min, room.max
+    return (left + INSIDE, front + INSIDE, low + INSIDE), (right - INSIDE, back - INSIDE, high - INSIDE)
+
+
+def _q_index(model: pin.Model, joint: str) -> int:
+    return model.joints[model.getJointId(joint)].idx_q
+
+
+def _v_index(model: pin.Model, joint: str) -> int:
+    return model.joints[model.getJointId(joint)].idx_v
+
+
+def _run(indices: list[int]) -> slice | list[int]:
+    """Indices as a slice where they are a run: writing through it is four times as fast."""
+    first, count = indices[0], len(indices)
+    return slice(first, first + count) if indices == list(range(first, first + count)) else indices
+
+
+def _tcp(model: pin.Model) -> tuple[int, pin.SE3]:
+    frame = model.frames[model.getFrameId(TCP_FRAME)]
+    return frame.parentJoint, frame.placement

@@ -1,0 +1,120 @@
+"""Our shapes as python-fcl's geometries, and the signed distance of two placed ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import coal
+import fcl
+import numpy as np
+
+from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, corners
+from ...world.values import Array, Pose, Vector3
+from .coal_shapes import CoalShapes
+
+# Without its signed distance: where bodies touch, the search for the depth throws where no Python can catch
+# it, and the process is gone (flexible-collision-library/fcl, issue 529).
+_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """A convex geometry in its own frame with the corners (m, 3) of a hull around it, for bounding boxes."""
+
+    geometry: fcl.CollisionGeometry
+    corners: Array
+    shape: Shape
+    """What it is, for whoever measures the depth of an overlap."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """A solid where python-fcl has put it."""
+
+    solid: Solid
+    object: fcl.CollisionObject
+
+
+class Placed:
+    """A solid at a pose in the world, with its axis-aligned bounds."""
+
+    def __init__(self, solid: Solid, rotation: Array, position: Array) -> None:
+        points = solid.corners @ rotation.T + position
+        self.low: Array = points.min(axis=0)
+        self.high: Array = points.max(axis=0)
+        self.solid = solid
+        self.object = fcl.CollisionObject(solid.geometry, fcl.Transform(rotation, position))
+
+
+def solid(shape: Shape) -> Solid:
+    match shape:
+        case Box((x, y, z)):
+            geometry = fcl.Box(x, y, z)
+        case Cylinder(radius, height):
+            geometry = fcl.Cylinder(radius, height)
+        case Sphere(radius):
+            geometry = fcl.Sphere(radius)
+        case ConvexMesh(vertices):
+            return hull(np.array(vertices))
+    return Solid(geometry, corners(shape), shape)
+
+
+def hull(points: Array) -> Solid:
+    """The convex hull of points (m, 3)."""
+    # Imported here: it takes 0.3 s, and who only checks a mission needs no hulls.
+    import trimesh
+
+    mesh = trimesh.Trimesh(points, process=False).convex_hull
+    vertices: Array = np.array(mesh.vertices, dtype=np.float64)
+    faces = np.array(mesh.faces, dtype=np.int64)
+    flat = np.column_stack([np.full(len(faces), 3, dtype=np.int64), faces]).ravel()
+    x, y, z = vertices.T
+    shape = ConvexMesh(tuple(zip(x.tolist(), y.tolist(), z.tolist(), strict=True)), "")
+    return Solid(fcl.Convex(vertices, len(faces), flat), vertices, shape)
+
+
+def place(shape: Solid, pose: Pose) -> Placed:
+    return Placed(shape, pose.rotation(), np.array(pose.position))
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Signed distance, m (negative: depth), and the two nearest points in the world."""
+
+    distance: float
+    point_a: Vector3
+    point_b: Vector3
+
+
+def gap(a: Placed | Moved, b: Placed | Moved) -> Gap:
+    """By python-fcl where they are apart; how deep they are in each other is measured by coal."""
+    result = fcl.DistanceResult()
+    fcl.distance(a.object, b.object, _REQUEST, result)
+    if result.min_distance > 0.0:
+        (ax, ay, az), (bx, by, bz) = (tuple(float(c) for c in p) for p in result.nearest_points)
+        return Gap(float(result.min_distance), (ax, ay, az), (bx, by, bz))
+    return _overlap(a, b)
+
+
+def _overlap(a: Placed | Moved, b: Placed | Moved) -> Gap:
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.enable_signed_distance = True
+    depth = coal.distance(*_for_coal(a), *_for_coal(b), request, result)
+    (ax, ay, az), (bx, by, bz) = (
+        tuple(float(c) for c in p) for p in (result.getNearestPoint1(), result.getNearestPoint2())
+    )
+    # The two disagree by rounding about bodies that just touch.
+    return Gap(min(float(depth), 0.0), (ax, ay, az), (bx, by, bz))
+
+
+def _for_coal(body: Placed | Moved) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+    there = coal.Transform3s(body.object.getRotation(), body.object.getTranslation())
+    return _SHAPES.of(body.solid.shape), there
+
+
+_SHAPES = CoalShapes()
+
+
+def bounds_apart(a: Placed, b: Placed, margin: float) -> bool:
+    """Whether the bounding boxes are further apart than `margin`: then the bodies are, too."""
+    return bool(np.any(a.low > b.high + margin) or np.any(b.low > a.high + margin))

@@ -1,0 +1,173 @@
+"""The robot among one set of bodies as pinocchio's geometry, with the checkers made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from ...robots.model import se3
+from ...world.shapes import Shape
+from ...world.values import Array, Pose
+from .clearances import GRIPPER, Part
+from .coal_shapes import CoalShapes, measuring
+from .collision_bodies import Body
+from .distances import Gaps
+
+FAINT = 1e-5
+"""The least margin there is, m. Without any, coal's GJK now and then takes bodies that lie deep in each other
+for apart: it stops a micrometre from contact and looks no further (one of 2,000 configurations)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One geometry, in the order in which pinocchio's model holds them."""
+
+    name: str
+    part: Part
+    joint: int
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """All that the pairs and margins of a geometry model follow from; its bodies can be moved."""
+
+    bodies: tuple[tuple[str, Shape, bool], ...]
+    """Name, shape, whether it is a support."""
+    held: tuple[str, Shape] | None
+    """Id and shape."""
+    allowed: frozenset[frozenset[str]]
+    clearance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Robot:
+    """What is the same in every scene."""
+
+    model: pin.Model
+    geometry: pin.GeometryModel
+    pieces: tuple[Piece, ...]
+    self_pairs: NDArray[np.bool_]
+    tcp_joint: int
+    tcp_in_joint: pin.SE3
+    margins: Array
+    """By the parts' values."""
+
+
+class Checker:
+    """One set of margins over the geometry. Broad phase and answers do not depend on earlier queries."""
+
+    def __init__(self, robot: Robot, geometry: pin.GeometryModel, margins: Array) -> None:
+        self.model = robot.model
+        self.data = robot.model.createData()
+        self.tool_joint = self.data.oMi[robot.tcp_joint]
+        """In the world, at the configuration that was asked about last: a view of what pinocchio writes."""
+        self._geometry_data = pin.GeometryData(geometry)
+        self._geometry_data.setSecurityMargins(geometry, margins, True, False)
+        # It compares the bounding boxes of all pairs: up to 200 bodies that costs less than keeping a tree of
+        # them, half at 30. SaP and AABBTreeArray miss collisions; this one was compared with the naive test.
+        self.manager = pin.BroadPhaseManager_NaiveCollisionManager(self.model, geometry, self._geometry_data)
+
+    def free(self, full_q: Array) -> bool:
+        return not pin.computeCollisions(self.model, self.data, self.manager, full_q, True)
+
+
+class Built:
+    """A geometry model for one content; `place` moves the bodies and what is held."""
+
+    def __init__(self, robot: Robot, content: Content, shapes: CoalShapes) -> None:
+        self.content = content
+        self._robot = robot
+        self._poses: list[Pose | None] = [None] * len(content.bodies)
+        self._held_in_tcp: Pose | None = None
+        self.geometry = robot.geometry.copy()
+        pieces = list(robot.pieces)
+        if content.held is not None:
+            name, shape = content.held
+            joint, at = robot.tcp_joint, robot.tcp_in_joint
+            self.geometry.addGeometryObject(pin.GeometryObject("held", joint, 0, at, shapes.of(shape)))
+            pieces.append(Piece(name, Part.HELD, joint))
+        self._first = len(pieces)
+        nowhere = pin.SE3.Identity()
+        for index, (name, shape, support) in enumerate(content.bodies):
+            self.geometry.addGeometryObject(
+                pin.GeometryObject(f"around {index}", 0, 0, nowhere, shapes.of(shape))
+            )
+            pieces.append(Piece(name, Part.SUPPORT if support else Part.OBSTACLE, 0))
+        self.pieces = tuple(pieces)
+        self.geometry.setCollisionPairs(self._pairs())
+        self.least = self._least_distances()
+        self.full = self.checker(self.least)
+        self._halved: Checker | None = None
+        self._distances: tuple[pin.Data, pin.GeometryData] | None = None
+        self._gaps: Gaps | None = None
+
+    def place(self, bodies: Sequence[Body], held_in_tcp: Pose | None) -> None:
+        """Where the bodies of the content stand, in the world, and what is held in the hand."""
+        objects = self.geometry.geometryObjects
+        for index, body in enumerate(bodies):
+            if self._poses[index] != body.pose:
+                self._poses[index] = body.pose
+                objects[self._first + index].placement = se3(body.pose)
+        if held_in_tcp is not None and held_in_tcp != self._held_in_tcp:
+            self._held_in_tcp = held_in_tcp
+            objects[self._first - 1].placement = self._robot.tcp_in_joint * se3(held_in_tcp)
+
+    def checker(self, margins: Array) -> Checker:
+        """With margins of its own for each pair of pieces."""
+        return Checker(self._robot, self.geometry, margins)
+
+    @property
+    def halved(self) -> Checker:
+        """With positive margins halved."""
+        if self._halved is None:
+            self._halved = self.checker(np.where(self.least > 0, self.least / 2, self.least))
+        return self._halved
+
+    @property
+    def distances(self) -> tuple[pin.Data, pin.GeometryData]:
+        """Scratch memory to measure distances with."""
+        if self._distances is None:
+            self._distances = (self._robot.model.createData(), measuring(self.geometry))
+        return self._distances
+
+    @property
+    def gaps(self) -> Gaps:
+        if self._gaps is None:
+            names = [piece.name for piece in self.pieces]
+            self._gaps = Gaps(self._robot.model, self.geometry, names, self._first)
+        return self._gaps
+
+    def _pairs(self) -> NDArray[np.bool_]:
+        """(all, all), above the diagonal: the pairs that are checked."""
+        robots = len(self._robot.pieces)
+        pairs = np.zeros((len(self.pieces), len(self.pieces)), dtype=np.bool_)
+        pairs[:robots, :robots] = self._robot.self_pairs
+        for i, piece in enumerate(self.pieces[: self._first]):
+            if i < robots and self._first > robots:
+                # What is held meets the arm, but for the link that carries the hand.
+                carried = piece.joint == self._robot.tcp_joint
+                pairs[i, robots] = piece.part in (Part.BASE, Part.ARM) and not carried
+            if piece.part is not Part.BASE:
+                pairs[i, self._first :] = self._may_not_touch(piece)
+        return pairs
+
+    def _may_not_touch(self, a: Piece) -> NDArray[np.bool_]:
+        """(bodies,): the bodies around which `a`, of the robot or held, is checked against."""
+        allowed = self.content.allowed
+        checked = np.ones(len(self.content.bodies), dtype=np.bool_)
+        if allowed:
+            side = "gripper" if a.part in GRIPPER else "arm"
+            for k, (name, _, _) in enumerate(self.content.bodies):
+                if frozenset((side, name)) in allowed or frozenset((a.name, name)) in allowed:
+                    checked[k] = False
+        return checked
+
+    def _least_distances(self) -> Array:
+        parts = [piece.part.value for piece in self.pieces]
+        least = self._robot.margins[np.ix_(parts, parts)]
+        least = np.where(least > 0, least + self.content.clearance, least)
+        return np.where(np.abs(least) < FAINT, FAINT, least)

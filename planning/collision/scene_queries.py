@@ -1,0 +1,122 @@
+"""What the scene can be asked without the arm: is a spot free, what would the hand touch, how near is it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.belief.planning_scene import BeliefObject, PlanningScene
+from ...world.shapes import Shape
+from ...world.values import Array, Pose, Vector3
+from ..requests import Contact
+from .clearances import Margins
+from .collision_bodies import Body, loose_bodies, still_bodies
+from .fcl_shapes import Gap, Placed, bounds_apart, gap, place, solid
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """The nearest body: its name, signed distance in m, nearest points on the asking shape and on it."""
+
+    name: str
+    distance: float
+    point: Vector3
+    point_on_body: Vector3
+
+
+class SceneQueries:
+    """Distances in the believed scene, by python-fcl. Objects in the hand are not part of it.
+
+    Follows the scene by itself; contacts come nearest first, `a` names the asker, `b` the scene's id.
+    """
+
+    def __init__(self, model: RobotModel, scene: PlanningScene) -> None:
+        self._gripper = model.description.gripper
+        self._model = model
+        self._scene = scene
+        self._margins = Margins()
+        self._hand = [(solid(shape), pose) for shape, pose in self._gripper.hand]
+        self._finger = solid(self._gripper.finger_boxes[0])
+        self._still = [(body, place(solid(body.shape), body.pose)) for body in still_bodies(scene)]
+        self._known: dict[Body, Placed] = {}
+        self._objects: tuple[BeliefObject, ...] | None = None
+        self._around: list[tuple[Body, Placed]] = []
+        self._low: Array = np.empty((0, 3))
+        self._high: Array = np.empty((0, 3))
+
+    def hand_contacts(
+        self, tcp_in_world: Pose, width: float, ignore: Collection[str] = (), margin: float = 0.003
+    ) -> list[Contact]:
+        """What hand and fingers, opened by `width` m, would come closer to than `margin` at that pose.
+
+        Fingers may come to 0.5 mm of a level board, unless a wider margin than the usual 3 mm is asked for.
+        """
+        usual = margin <= self._margins.gripper
+        finger_support = min(margin, self._margins.finger_support) if usual else margin
+        parts = [("hand", place(s, tcp_in_world @ pose)) for s, pose in self._hand]
+        for _, pose in self._model.finger_boxes(width):
+            parts.append(("finger", place(self._finger, tcp_in_world @ pose)))
+        found: list[Contact] = []
+        for name, part in parts:
+            for body, near in self._near(part, ignore, margin):
+                least = finger_support if name == "finger" and body.support else margin
+                if near.distance < least:
+                    found.append(Contact(name, body.name, near.distance, near.point_b))
+        return sorted(found, key=lambda contact: contact.distance)
+
+    def free(
+        self, shape: Shape, pose: Pose, ignore: Collection[str] = (), margin: float = 0.0
+    ) -> list[Contact]:
+        """What a shape at a pose in the world would come closer to than `margin`; empty: it is free."""
+        placed = place(solid(shape), pose)
+        found = [
+            Contact("shape", body.name, near.distance, near.point_b)
+            for body, near in self._near(placed, ignore, margin)
+            if near.distance < margin
+        ]
+        return sorted(found, key=lambda contact: contact.distance)
+
+    def clearance(self, shape: Shape, pose: Pose, ignore: Collection[str] = ()) -> Clearance | None:
+        """The body nearest to a shape at a pose in the world; None when there is no body."""
+        placed = place(solid(shape), pose)
+        nearest: tuple[Body, Gap] | None = None
+        self._follow()
+        for body, other in self._around:
+            if body.name in ignore:
+                continue
+            if nearest is not None and bounds_apart(placed, other, nearest[1].distance):
+                continue
+            near = gap(placed, other)
+            if nearest is None or near.distance < nearest[1].distance:
+                nearest = (body, near)
+        if nearest is None:
+            return None
+        body, near = nearest
+        return Clearance(body.name, near.distance, near.point_a, near.point_b)
+
+    def _near(self, part: Placed, ignore: Collection[str], margin: float) -> list[tuple[Body, Gap]]:
+        """Bodies whose bounding boxes come within `margin` of the part's, with the exact gap."""
+        self._follow()
+        reach = max(0.0, margin)
+        touched = np.all(self._low <= part.high + reach, axis=1) & np.all(
+            self._high >= part.low - reach, axis=1
+        )
+        bodies = [self._around[int(k)] for k in np.flatnonzero(touched)]
+        return [(body, gap(part, other)) for body, other in bodies if body.name not in ignore]
+
+    def _follow(self) -> None:
+        """Take over what the scene believes now; what did not change is kept."""
+        objects = self._scene.objects
+        if self._objects == objects:
+            return
+        known: dict[Body, Placed] = {}
+        for body in loose_bodies(objects):
+            before = self._known.get(body)
+            known[body] = before if before is not None else place(solid(body.shape), body.pose)
+        self._objects, self._known = objects, known
+        self._around = [*self._still, *known.items()]
+        self._low = np.array([placed.low for _, placed in self._around]).reshape(-1, 3)
+        self._high = np.array([placed.high for _, placed in self._around]).reshape(-1, 3)

@@ -1,0 +1,85 @@
+"""A timed trajectory is checked again before it counts as a plan, and when the belief has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from ...robots.model import RobotModel
+from ...world.trajectory import Trajectory
+from ...world.values import Array
+from .edges import halving
+
+STEP = 0.005
+"""Greatest way of the TCP between two configurations that are checked, m."""
+TURN = 0.03
+"""Greatest way in joint space between them, rad (Euclidean): the elbow may move while the TCP does not."""
+ROUNDING = 1e-6
+"""By how much a trajectory may leave the joints' limits, rad."""
+
+
+class Kept(Protocol):
+    """What a trajectory is checked with: a `Way`, or a `Collision`, which excuses nothing at the start."""
+
+    @property
+    def model(self) -> RobotModel: ...
+
+    def free(self, q: Array) -> bool: ...
+
+    def nearly_free(self, q: Array) -> bool: ...
+
+
+def stays_free(kept: Kept, trajectory: Trajectory) -> bool:
+    """Whether a timed trajectory keeps the joints' limits and, at every step, at least half of the margins.
+
+    Corners were cut, and its steps fall elsewhere than those of the path it was made from.
+    """
+    return first_hit(kept, trajectory) is None
+
+
+def first_hit(kept: Kept, trajectory: Trajectory) -> Array | None:
+    """A configuration (n,) of the trajectory that is not free or beyond a limit; None: there is none."""
+    model, q = kept.model, trajectory.position
+    # A start or an end that is given beyond a limit may be left or reached, but not exceeded.
+    lower = np.minimum(model.lower, np.minimum(q[0], q[-1])) - ROUNDING
+    upper = np.maximum(model.upper, np.maximum(q[0], q[-1])) + ROUNDING
+    outside = np.flatnonzero(((q < lower) | (q > upper)).any(axis=1))
+    if outside.size:
+        return q[int(outside[0])].copy()
+    checked = steps(model, trajectory)
+    # What is closer than the full margins is rare: the checker of the halved ones is then asked, too.
+    return next((at for at in _spread(checked) if not kept.free(at) and not kept.nearly_free(at)), None)
+
+
+def steps(model: RobotModel, trajectory: Trajectory) -> Array:
+    """Configurations (m, n) along a trajectory, start and end included, at most STEP and TURN apart."""
+    q = trajectory.position
+    tool = _tool_way(model, q)
+    moved: Array = np.linalg.norm(np.diff(tool, axis=0), axis=1) / STEP
+    turned: Array = np.linalg.norm(np.diff(q, axis=0), axis=1) / TURN
+    along: Array = np.concatenate([[0.0], np.cumsum(np.maximum(moved, turned))])
+    count = max(1, int(np.ceil(along[-1])))
+    marks: Array = np.linspace(0.0, float(along[-1]), count + 1)
+    joints: list[Array] = [np.interp(marks, along, joint) for joint in q.T]
+    return np.stack(joints, axis=1)
+
+
+def _tool_way(model: RobotModel, q: Array) -> Array:
+    """(m, 3): the TCP in the world at configurations (m, n)."""
+    arm, data, frame = model.arm, model.arm.createData(), model.tcp_frame
+    points = np.empty((len(q), 3))
+    for k, at in enumerate(q):
+        pin.forwardKinematics(arm, data, at)
+        points[k] = pin.updateFramePlacement(arm, data, frame).translation
+    return points
+
+
+def _spread(checked: Array) -> Iterator[Array]:
+    """The end first, then halves, quarters, …: what is hit, is hit over a stretch."""
+    yield checked[0]
+    count = len(checked) - 1
+    for k in halving(count):
+        yield checked[k]

@@ -1,0 +1,59 @@
+"""What stopped a straight line: which joint, how near to a singularity, which pair, and where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.values import Array, Pose
+from ..kinematics.cartesian_lines import LineFound, between
+from ..kinematics.inverse_kinematics import InverseKinematics
+from .number_wording import amount, missing
+
+AT_LIMIT = 0.002
+"""A joint this near to where planning ends stands there, rad."""
+SINGULAR = 0.03
+"""Smallest singular value of the Jacobian below which the arm stands in a singularity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """In words, with the joint that is at its limit (or empty) and the smallest singular value there."""
+
+    why: str
+    joint: str
+    singular: float
+
+
+def ending(model: RobotModel, ik: InverseKinematics, found: LineFound, tcp_in_world: Pose) -> Ending:
+    """Why a line towards that pose went no further, where it was no collision that ended it."""
+    last = found.path[-1]
+    singular = float(np.linalg.svd(model.jacobian(last), compute_uv=False)[-1])
+    stands = _at_limit(model, last)
+    if stands is not None:
+        joint, limit = stands
+        name = model.description.joints[joint]
+        return Ending(f"{name} is at its limit of {amount(model, joint, limit)}", name, singular)
+    if singular < SINGULAR:
+        how = "stretched out or folded, in" if found.ended_by == "reach" else "near"
+        why = f"the arm is {how} a singularity (smallest singular value {singular:.3f})"
+        return Ending(why, "", singular)
+    if found.ended_by == "jump":
+        return Ending("the arm would have to swing round", "", singular)
+    begin = model.tcp(found.path[0])
+    nearest = ik.nearest(between(begin, tcp_in_world, min(1.0, found.fraction + 0.02)), last)
+    if not nearest.obstacle:
+        return Ending("the arm cannot reach further without another posture", "", singular)
+    return Ending(f"the arm cannot reach further: {missing(model, nearest)}", "", singular)
+
+
+def _at_limit(model: RobotModel, q: Array) -> tuple[int, float] | None:
+    """The joint that stands where planning ends, and the limit beyond, rad or m."""
+    low, high = q - model.planned_lower, model.planned_upper - q
+    room = np.minimum(low, high)
+    joint = int(np.argmin(room))
+    if room[joint] > AT_LIMIT:
+        return None
+    return joint, float(model.lower[joint] if low[joint] <= high[joint] else model.upper[joint])

@@ -1,0 +1,130 @@
+"""Why no path was found: what stands between, and whether start or goal can be left at all."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.values import Array
+from ..collision.collision_checker import Collision
+from ..collision.edges import RESOLUTION
+from ..collision.start_tolerance import Way
+from ..path_constraints import PathConstraints
+
+TRIES = 240
+"""Extensions of a local search."""
+STRIDE = 0.3
+"""Its greatest extension, rad."""
+STEP = 0.06
+"""Between two configurations of an extension, rad."""
+FAR = 1.0
+"""A search that comes this far from where it begins has left, rad."""
+CHECKS = 2500
+"""That a local search may spend."""
+CONSTRAINT = "the constraint"
+"""Named among the bodies where it is what stops the arm."""
+LOOKED_AT = 40
+"""Blocked configurations that are looked at for what blocks them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Blocked:
+    """Bodies by how often they were in the way, the most frequent first; links of the robot among them."""
+
+    by: tuple[str, ...] = ()
+    share: float = 0.0
+    """Of the configurations looked at: at the first of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Enclosure:
+    """A local search from `where` (`start` or `goal`) that never came farther than `radius` rad."""
+
+    where: str
+    radius: float
+    blocked: Blocked
+
+
+class Obstructions:
+    """Looks into one request that found no path. Deterministic; its checks count as others do."""
+
+    def __init__(
+        self, model: RobotModel, collision: Collision, way: Way, constraints: PathConstraints
+    ) -> None:
+        """`way` and `constraints`: what the search was done with."""
+        self._model = model
+        self._collision = collision
+        self._way = way
+        self._constraints = constraints
+
+    def between(self, start: Array, goals: Sequence[Array]) -> Blocked:
+        """What blocks the straight ways in joint space from start to the goals (the first three)."""
+        hit: list[Array] = []
+        for goal in goals[:3]:
+            count = max(2, int(np.ceil(float(np.linalg.norm(goal - start)) / (2 * RESOLUTION))))
+            way = [start + (goal - start) * (k / count) for k in range(1, count)]
+            hit += [q for q in way if not self._free(q)]
+        return self._blocked(hit)
+
+    def enclosure(self, where: str, root: Array) -> Enclosure | None:
+        """Whether a search from a configuration remains near it: a tree that grows towards configurations
+        anywhere. None: it leaves, or comes so far within its checks that nothing can be said."""
+        rng = np.random.default_rng(0)
+        lower = np.minimum(self._model.planned_lower, root)
+        upper = np.maximum(self._model.planned_upper, root)
+        tree = [root]
+        hit: list[Array] = []
+        end = self._collision.checks + CHECKS
+        for attempt in range(TRIES):
+            if self._collision.checks >= end:
+                return None
+            # Ways out of narrow places begin with small moves: every second target lies nearby.
+            if attempt % 2:
+                target = np.clip(root + rng.normal(0.0, STRIDE, len(root)), lower, upper)
+            else:
+                target = rng.uniform(lower, upper)
+            near = tree[int(np.argmin([float(np.linalg.norm(q - target)) for q in tree]))]
+            along = target - near
+            if not along.any():
+                continue
+            along = along * min(1.0, STRIDE / float(np.linalg.norm(along)))
+            steps = max(1, int(np.ceil(float(np.linalg.norm(along)) / STEP)))
+            reached = near
+            for k in range(1, steps + 1):
+                straight = near + along * (k / steps)
+                q = self._constraints.project(straight, lower, upper)
+                if q is None or float(np.abs(q - reached).max()) > STRIDE or not self._free(q):
+                    hit.append(straight if q is None else q)
+                    break
+                reached = q
+            if reached is not near:
+                tree.append(reached)
+                if float(np.linalg.norm(reached - root)) > FAR:
+                    return None
+        radius = max(float(np.linalg.norm(q - root)) for q in tree)
+        return Enclosure(where, radius, self._blocked(hit))
+
+    def _free(self, q: Array) -> bool:
+        return self._constraints.hold(q) and self._way.free(q)
+
+    def _blocked(self, hit: Sequence[Array]) -> Blocked:
+        """By the deepest contact of each of some of these configurations."""
+        if not hit:
+            return Blocked()
+        picked = np.unique(np.linspace(0, len(hit) - 1, min(len(hit), LOOKED_AT)).astype(int))
+        names: Counter[str] = Counter()
+        for k in picked:
+            contacts = self._collision.contacts(hit[int(k)])
+            if contacts:
+                names.update((contacts[0].b,))
+            elif not self._constraints.hold(hit[int(k)]):
+                names.update((CONSTRAINT,))
+        if not names:
+            return Blocked()
+        return Blocked(
+            tuple(name for name, _ in names.most_common()), names.most_common(1)[0][1] / len(picked)
+        )

@@ -1,0 +1,289 @@
+"""Planning failures: their sentences and their evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees
+
+from ...robots.model import RobotModel
+from ...world.causes import Failure, planning
+from ...world.values import Array, Pose, Vector3
+from ..kinematics.cartesian_lines import LineFound
+from ..kinematics.unreachable_poses import Nearest
+from ..path_constraints import Broken
+from ..requests import (
+    Contact,
+    JointGoal,
+    Line,
+    NamedGoal,
+    Offset,
+    PoseGoal,
+    RegionGoal,
+    Request,
+    Target,
+    Upright,
+    Within,
+)
+from .goal_rejections import Outside, Rejection
+from .number_wording import beyond_limits, missing
+from .obstructions import Blocked, Enclosure
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Where a line stopped: the TCP's point in the world, what would be touched, the joint at its limit."""
+
+    point: Vector3
+    contacts: tuple[Contact, ...] = ()
+    joint: str = ""
+    singular: float | None = None
+
+
+def described(target: Target) -> str:
+    """What is asked for in a few words, for the record."""
+    match target:
+        case NamedGoal(name):
+            return f"to {name}"
+        case JointGoal():
+            return "to a configuration"
+        case Line(pose):
+            return f"straight to {_point(pose.position)}"
+        case Offset(by):
+            return f"straight by {_point(by)}"
+        case RegionGoal(pose):
+            return f"near {_point(pose.position)}"
+        case PoseGoal():
+            poses = target.tcp_in_world
+            more = f" or {len(poses) - 1} other poses" if len(poses) > 1 else ""
+            return f"to {_point(poses[0].position)}{more}" if poses else "to no pose"
+
+
+def asked(request: Request) -> str:
+    """The same with what is asked for beside the goal."""
+    words = [described(request.target)]
+    for constraint in request.constraints:
+        match constraint:
+            case Upright(tilt):
+                words.append(f"upright within {degrees(tilt):.0f} deg")
+            case Within():
+                words.append("within a box")
+    if request.clearance > 0:
+        words.append(f"{request.clearance * 1000:.0f} mm clear")
+    return ", ".join(words)
+
+
+def listed(contacts: Sequence[Contact]) -> list[str]:
+    """Contacts as evidence: one line each, the first ten."""
+    return [f"{c.a} {how_near(c)} {c.b}{_kept(c)}" for c in contacts[:10]]
+
+
+def _kept(contact: Contact) -> str:
+    """The margin, where that alone is broken."""
+    return f" ({contact.margin * 1000:.1f} mm to keep)" if 0 <= contact.distance < contact.margin else ""
+
+
+def stuck(q: Array, contacts: Sequence[Contact], *, believed: bool = True) -> Failure:
+    """`believed`: the start q (n,) is where the arm is, not one that the request gave."""
+    worst = contacts[0]
+    return Failure(
+        planning.START_IN_COLLISION,
+        f"{_start(believed)} {worst.a} is {how_near(worst)} {worst.b}",
+        pairs=listed(contacts),
+        depth=-worst.distance,
+        configuration=q.tolist(),
+    )
+
+
+def outside_limits(model: RobotModel, q: Array) -> Failure:
+    """A configuration that is asked for, with joints beyond their limits."""
+    beyond = beyond_limits(model, q)
+    more = f" (and {len(beyond) - 1} more)" if len(beyond) > 1 else ""
+    return Failure(
+        planning.NO_IK,
+        f"the configuration lies outside the joint limits: {beyond[0]}{more}",
+        configuration=q.tolist(),
+        joints=beyond,
+    )
+
+
+def out_of_reach(model: RobotModel, poses: Sequence[Pose], solves: int, nearest: Nearest) -> Failure:
+    """`nearest`: to the first pose."""
+    count = len(poses)
+    begun = "the pose is out of reach" if count == 1 else f"all {count} poses are out of reach, the first one"
+    return Failure(
+        planning.NO_IK,
+        f"{begun}: {missing(model, nearest)}",
+        poses=count,
+        descents=solves,
+        first=list(poses[0].position),
+        obstacle=nearest.obstacle,
+        short=nearest.distance,
+        turned=nearest.angle,
+        joints=[one.joint for one in nearest.beyond],
+        at_limit=list(nearest.at_limit),
+        configuration=nearest.q.tolist(),
+    )
+
+
+def outside_workspace(where: str, outside: Outside, poses: int = 1) -> Failure:
+    """`where`: as `at the goal`."""
+    return Failure(
+        planning.WORKSPACE,
+        f"{where} the tool is {how_outside(outside)}",
+        point=list(outside.at),
+        axis=outside.axis,
+        by=outside.by,
+        poses=poses,
+    )
+
+
+def goal_rejected(each: Sequence[Rejection], poses: int) -> Failure:
+    """`each`: what is wrong with every configuration that was found; the least bad one is told."""
+    best = "" if len(each) == 1 else f" (the best of {len(each)} solutions)"
+    rejected = [f"{k + 1}: {how_rejected(one)}" for k, one in enumerate(each[:10])]
+    touching = [one for one in each if one.contacts]
+    least = max(touching, key=lambda one: one.contacts[0].distance, default=each[0])
+    if not touching and least.outside is not None:
+        return outside_workspace("at the goal", least.outside, poses)
+    return Failure(
+        planning.GOAL_IN_COLLISION,
+        f"at the goal {how_rejected(least)}{best}",
+        pairs=listed(least.contacts),
+        depth=-least.contacts[0].distance if least.contacts else 0.0,
+        solutions=len(each),
+        poses=poses,
+        rejected=rejected,
+        configuration=least.q.tolist(),
+    )
+
+
+def how_rejected(rejection: Rejection, verb: str = "is") -> str:
+    """In words, beginning with what is wrong."""
+    if rejection.contacts:
+        worst = rejection.contacts[0]
+        return f"{worst.a} {verb} {how_near(worst)} {worst.b}{_kept(worst)}"
+    if rejection.outside is not None:
+        return f"the tool {verb} {how_outside(rejection.outside)}"
+    if rejection.broken:
+        return how_broken(rejection.broken[0])
+    # Two libraries measure a margin: at its very edge one may see a contact that the other does not.
+    return "the arm is at the very edge of its margin to something"
+
+
+def how_outside(outside: Outside) -> str:
+    """In words, with the axis."""
+    at = dict(zip("xyz", outside.at, strict=True))[outside.axis]
+    where = f"{outside.axis} = {at * 1000:.0f} mm"
+    if outside.by <= 0:
+        return f"only {-outside.by * 1000:.1f} mm from the edge of the workspace ({where})"
+    return f"{outside.by * 1000:.1f} mm outside of the workspace ({where})"
+
+
+def breaks(where: str, broken: Sequence[Broken]) -> Failure:
+    """`where`: the beginning of the sentence, as `at the goal`."""
+    return Failure(
+        planning.CONSTRAINT, f"{where} {how_broken(broken[0])}", constraints=[how_broken(b) for b in broken]
+    )
+
+
+def line_breaks(broken: Sequence[Broken], fraction: float) -> Failure:
+    """`fraction`: of the line's time, when it breaks a constraint."""
+    return Failure(
+        planning.CONSTRAINT,
+        f"on the line, at {fraction:.0%} of its time, {how_broken(broken[0])}",
+        constraints=[how_broken(b) for b in broken],
+        fraction=fraction,
+    )
+
+
+def how_broken(broken: Broken) -> str:
+    """In words, with what is and what may be."""
+    match broken.constraint:
+        case Upright(tilt):
+            return f"the tool tilts by {degrees(broken.is_at):.1f} deg, {degrees(tilt):.1f} deg are allowed"
+        case Within():
+            return f"the tool is {broken.by * 1000:.1f} mm outside of the box that it must stay in"
+
+
+def not_found(
+    spent: int,
+    budget: int,
+    goals: Sequence[Array],
+    excused: Sequence[Contact],
+    between: Blocked,
+    enclosed: Enclosure | None,
+) -> Failure:
+    """`spent`: checks (and projections) of the search. What is in the way was looked for afterwards."""
+    used_up = spent >= budget
+    sentence = (
+        f"no path within {budget} collision checks"
+        if used_up
+        else "every path that was found comes too close to something when it is timed"
+    )
+    if enclosed is not None:
+        by = f" by {joined(enclosed.blocked.by[:4])}" if enclosed.blocked.by else ""
+        sentence += f": the {enclosed.where} seems enclosed{by}, a search from there gets no further than "
+        sentence += f"{degrees(enclosed.radius):.0f} deg"
+    elif between.by:
+        are = "is" if len(between.by) == 1 else "are"
+        sentence += f": in the way of the straight motion {are} {joined(between.by[:3])}"
+    return Failure(
+        planning.BUDGET if used_up and enclosed is None else planning.NO_PATH,
+        sentence,
+        checks=spent,
+        goals=len(goals),
+        configuration=goals[0].tolist(),
+        excused=listed(excused),
+        in_the_way=list(between.by),
+        enclosed="" if enclosed is None else enclosed.where,
+        enclosed_by=[] if enclosed is None else list(enclosed.blocked.by),
+        gets=None if enclosed is None else enclosed.radius,
+    )
+
+
+def line_ended(found: LineFound, least: float, length: float, why: str, at: Stop) -> Failure:
+    """`why`: what stopped the line, in words; `length` of the whole line, m."""
+    where = f" (after {found.fraction * length * 1000:.0f} of {length * 1000:.0f} mm)" if length > 0 else ""
+    return Failure(
+        planning.NO_PATH,
+        f"only {found.fraction:.0%} of the line is free{where}, {least:.0%} are asked for: {why}",
+        fraction=found.fraction,
+        ended_by=found.ended_by,
+        at=list(at.point),
+        pairs=listed(at.contacts),
+        joint=at.joint,
+        singular=at.singular,
+        configuration=(found.path[-1] if found.blocked is None else found.blocked).tolist(),
+    )
+
+
+def line_grazes(fraction: float, contacts: Sequence[Contact] = ()) -> Failure:
+    """The line is free, its timing is not: what the first sample that is not touches."""
+    why = f": {contacts[0].a} would be {how_near(contacts[0])} {contacts[0].b}" if contacts else ""
+    return Failure(
+        planning.NO_PATH,
+        f"the timed line comes too close to something{why}",
+        fraction=fraction,
+        ended_by="timing",
+        pairs=listed(contacts),
+    )
+
+
+def how_near(contact: Contact) -> str:
+    """In words, to go between the two names."""
+    depth = -contact.distance * 1000
+    return f"{depth:.1f} mm deep in" if depth > 0 else f"only {-depth:.1f} mm from"
+
+
+def joined(names: Sequence[str]) -> str:
+    """`a, b and c`"""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _start(believed: bool) -> str:
+    return "where the arm is," if believed else "where the motion starts,"
+
+
+def _point(point: Sequence[float]) -> str:
+    return "(" + ", ".join(f"{c:.3f}" for c in point) + ")"

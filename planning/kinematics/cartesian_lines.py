@@ -1,0 +1,118 @@
+"""Straight lines of the TCP: small steps, each solved from the one before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.values import Array, Pose, Quaternion
+from ..collision.start_tolerance import Way
+from .inverse_kinematics import InverseKinematics
+
+STEP = 0.005
+"""m"""
+TURN = 0.05
+"""rad"""
+JUMP = 0.2
+"""Greatest change of a joint in one step: more means another branch of the kinematics, rad."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineFound:
+    """How far a line got: `path` (m, n) rad up to there, and what ended it before its end."""
+
+    path: Array
+    fraction: float
+    ended_by: str
+    """"" or `reach`, `jump`, `collision`."""
+    blocked: Array | None = None
+    """Configuration (n,) that was not free."""
+    ended_at: Pose | None = None
+    """Pose of the TCP that was to come next, where the line ended before its end."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LineFrom:
+    """A line from one of several starts, by its number."""
+
+    start: int
+    found: LineFound
+
+
+def straight(
+    model: RobotModel, ik: InverseKinematics, way: Way, start: Array, tcp_in_world: Pose
+) -> LineFound:
+    """From start (n,) straight to a pose, its orientation turned evenly (slerp).
+
+    Steps of the TCP are at most STEP and TURN; each is solved from the one before.
+    """
+    begin = model.tcp(start)
+    length, turn = begin.distance(tcp_in_world), begin.angle(tcp_in_world)
+    count = max(1, math.ceil(length / STEP - 1e-9), math.ceil(turn / TURN - 1e-9))
+    path = [start]
+    ended_by, blocked, pose = "", None, None
+    for k in range(1, count + 1):
+        pose = between(begin, tcp_in_world, k / count) if k < count else tcp_in_world
+        at = path[-1]
+        q = ik.descend(pose, at)
+        if q is None:
+            ended_by = "reach"
+        elif np.abs(q - at).max() > JUMP:
+            ended_by = "jump"
+        elif not way.free(q):
+            ended_by, blocked = "collision", q
+        else:
+            path.append(q)
+            continue
+        break
+    ended_at = pose if ended_by else None
+    return LineFound(np.array(path), (len(path) - 1) / count, ended_by, blocked, ended_at)
+
+
+def straight_from_any(
+    model: RobotModel,
+    ik: InverseKinematics,
+    way: Callable[[Array], Way],
+    starts: Sequence[Array],
+    tcp_in_world: Pose,
+) -> LineFrom | None:
+    """The same line from the first of several starts (n,) from which it is free to its end; else the one
+    that gets furthest. None when there is no start.
+
+    For who leaves the posture at the start open: an arm with a joint more than it needs, or with its elbow
+    on the other side, gets through where this one meets a limit. `way` makes the collision test of a start.
+    """
+    best: LineFrom | None = None
+    for index, start in enumerate(starts):
+        found = straight(model, ik, way(start), start, tcp_in_world)
+        if best is None or found.fraction > best.found.fraction:
+            best = LineFrom(index, found)
+        if not found.ended_by:
+            break
+    return best
+
+
+def between(a: Pose, b: Pose, share: float) -> Pose:
+    """The pose at `share` (0 … 1) of the way: straight for the position, slerp for the orientation."""
+    x, y, z = (p + (q - p) * share for p, q in zip(a.position, b.position, strict=True))
+    return Pose((x, y, z), slerp(a.orientation, b.orientation, share))
+
+
+def slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
+    """Shoemake's interpolation on the shorter great arc (SIGGRAPH 1985)."""
+    if a == b:
+        return a
+    dot = sum(p * q for p, q in zip(a, b, strict=True))
+    sign = -1.0 if dot < 0.0 else 1.0
+    angle = math.acos(min(1.0, abs(dot)))
+    if angle < 1e-6:
+        of_a, of_b = 1.0 - share, share
+    else:
+        of_a, of_b = math.sin((1.0 - share) * angle), math.sin(share * angle)
+    x, y, z, w = (of_a * p + sign * of_b * q for p, q in zip(a, b, strict=True))
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    return (x / norm, y / norm, z / norm, w / norm)

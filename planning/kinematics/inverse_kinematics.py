@@ -1,0 +1,203 @@
+"""Inverse kinematics: descents from where the arm is and from configurations known to reach nearby poses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pinocchio as pin
+
+from ...robots.model import RobotModel
+from ...world.values import Array, Pose
+from .ik_seeds import Atlas, key
+from .levenberg_marquardt import ANGLE, GAIN, POSITION, STALL, TURN, Descent, is_hinge, target_of
+from .unreachable_poses import Beyond, Nearby, Nearest
+
+__all__ = ["ANGLE", "APART", "POSITION", "RESTARTS", "Beyond", "InverseKinematics", "Nearest"]
+
+RESTARTS = 40
+"""Descents in vain after which a pose is taken to be out of reach: of a thousand poses that can be reached
+one takes more than twenty."""
+NO_MORE = 10
+"""Descents in vain after which what was found is taken to be all: an arm of six joints has eight at most."""
+AROUND = 48
+"""Configurations of the atlas that are looked at."""
+APART = 0.1
+"""Solutions whose joints all differ by less are the same one, rad."""
+OTHER = 0.7
+"""A seed whose joints all differ by less from a solution that is known would lead there again, rad."""
+PATIENT = (5, 0.9)
+"""A descent that somebody asked for by its seed is given up later than one of many: steps, gain."""
+
+GAP = 0.2
+"""A hinge that can turn all the way round but for this counts as one that can, on the way, rad."""
+ENDLESS = 1e3
+"""rad"""
+SPARING = 6
+"""Joints of an arm that has none to spare: its first one must turn towards the pose."""
+FACED = 0.05
+"""Nearer to the axis of its first joint a point has no direction from it, m."""
+
+
+class InverseKinematics:
+    """Solutions for the TCP of a robot. `solves` counts descents; answers depend on the arguments alone."""
+
+    def __init__(self, model: RobotModel) -> None:
+        self.model = model
+        self.solves = 0
+        self._descent = Descent(model)
+        self._first_joint: list[float] = model.arm.jointPlacements[1].translation.tolist()
+        self._length = _length(model)
+        self._atlas: Atlas | None = None
+        self._winding = _winding(model)
+        self._facing = _Facing(model, self._descent) if model.n <= SPARING else None
+        open_joints = [joint for joint, _, _ in self._winding]
+        self._open_lower: Array = model.planned_lower.copy()
+        self._open_upper: Array = model.planned_upper.copy()
+        self._open_lower[open_joints], self._open_upper[open_joints] = -ENDLESS, ENDLESS
+
+    def descend(self, tcp_in_world: Pose, seed: Array) -> Array | None:
+        """The solution (n,) that the seed leads to, within the limits that are planned with, or None."""
+        return self._descend(target_of(tcp_in_world), seed, *PATIENT)
+
+    def solutions(
+        self, tcp_in_world: Pose, rng: np.random.Generator, near: Array, want: int = 4
+    ) -> list[Array]:
+        """Up to `want` different solutions, sorted by their distance in joint space to `near` (n,).
+
+        A joint that may turn more than once round stands as few turns from `near` as its limits allow. A pose
+        that is further away than the arm is long is answered without a descent.
+        """
+        if math.dist(tcp_in_world.position, self._first_joint) > self._length:
+            return []
+        target = target_of(tcp_in_world)
+        found: list[Array] = []
+        in_vain = 0
+        for seed in self._seeds(target, rng, near, found):
+            q = self._found(target, seed, near)
+            if q is not None and (not found or all(np.abs(q - other).max() > APART for other in found)):
+                found.append(q)
+                in_vain = 0
+            else:
+                in_vain += 1
+            if len(found) == want or in_vain == (NO_MORE if found else RESTARTS):
+                break
+        return found if len(found) < 2 else sorted(found, key=lambda q: float(np.linalg.norm(q - near)))
+
+    def unwound(self, q: Array, near: Array) -> Array:
+        """The same configuration (n,) with joints turned by whole turns towards `near`, within the limits."""
+        if not self._winding:
+            return q
+        angles = q.tolist()
+        for joint, low, high in self._winding:
+            angle = angles[joint]
+            turns = round((float(near[joint]) - angle) / TURN)
+            if not low <= angle + TURN * turns <= high:
+                fewest, most = math.ceil((low - angle) / TURN), math.floor((high - angle) / TURN)
+                # Between the limits there may be a gap that no number of turns leads out of.
+                turns = min(max(turns, fewest), most) if fewest <= most else fewest
+            angles[joint] = angle + TURN * turns
+        return np.array(angles)
+
+    def _found(self, target: pin.SE3, seed: Array, near: Array) -> Array | None:
+        """What a seed leads to when joints that turn (almost) all the way round may do so on the way."""
+        if not self._winding:
+            return self._descend(target, seed)
+        self.solves += 1
+        reached = self._descent.run(target, seed, self._open_lower, self._open_upper)
+        if not reached.solved:
+            return None
+        q = self.unwound(reached.q, near)
+        for joint, low, high in self._winding:
+            if not low <= q[joint] <= high:
+                return self._descend(target, q)
+        return q
+
+    def nearest(self, tcp_in_world: Pose, near: Array) -> Nearest:
+        """How near the arm comes to a pose that it cannot reach, and what keeps it from it; `near` (n,) is
+        one of the configurations to begin with. For explanations: some ten milliseconds, not counted."""
+        return Nearby(self.model, self._descent, self._known()).nearest(tcp_in_world, near)
+
+    def _known(self) -> Atlas:
+        # Made when it is first needed: from the robot alone, so that no answer depends on when.
+        if self._atlas is None:
+            self._atlas = Atlas(self.model, self._descent)
+        return self._atlas
+
+    def _descend(self, target: pin.SE3, seed: Array, stall: int = STALL, gain: float = GAIN) -> Array | None:
+        self.solves += 1
+        lower, upper = self.model.planned_lower, self.model.planned_upper
+        q: Array = np.minimum(np.maximum(seed, lower), upper)
+        reached = self._descent.run(target, q, lower, upper, stall=stall, gain=gain)
+        return reached.q if reached.solved else None
+
+    def _seeds(
+        self, target: pin.SE3, rng: np.random.Generator, near: Array, found: list[Array]
+    ) -> Iterator[Array]:
+        """Endless. First `near` (its first joint turned, where none is to spare). Then of the atlas what
+        reaches nearby poses: by turns the nearest to `near` and any, passing over what would lead to what is
+        `found` already. Then anything."""
+        yield near if self._facing is None else self._facing.turned(near, target)
+        around = self._known().around(key(target), AROUND)
+        far = np.abs(around - near).max(axis=1)
+        order = np.argsort(far, kind="stable")
+        left = [around[int(k)] for k in order]
+        attempt = 0
+        while left:
+            attempt += 1
+            seed = left.pop(0 if attempt % 2 else int(rng.integers(len(left))))
+            if all(float(np.abs(seed - q).max()) > OTHER for q in found):
+                yield seed
+        while True:
+            yield rng.uniform(self.model.planned_lower, self.model.planned_upper)
+
+
+class _Facing:
+    """Turns the first joint so that the TCP comes into the plane of that joint's axis and the target."""
+
+    def __init__(self, model: RobotModel, descent: Descent) -> None:
+        self._model = model
+        self._descent = descent
+        self._origin: list[float] = model.arm.jointPlacements[1].translation.tolist()
+        self._axis: list[float] = model.jacobian(model.named("home"))[3:, 0].tolist()
+
+    def turned(self, q: Array, target: pin.SE3) -> Array:
+        ax, ay, az = self._axis
+        ox, oy, oz = self._origin
+        x, y, z = self._descent.place(q).translation.tolist()
+        u, v, w = target.translation.tolist()
+        x, y, z, u, v, w = x - ox, y - oy, z - oz, u - ox, v - oy, w - oz
+        across = ax * (y * w - z * v) + ay * (z * u - x * w) + az * (x * v - y * u)
+        along = x * u + y * v + z * w - (ax * x + ay * y + az * z) * (ax * u + ay * v + az * w)
+        if across * across + along * along < FACED**4:
+            return q
+        angle = float(q[0]) + math.atan2(across, along)
+        low, high = float(self._model.planned_lower[0]), float(self._model.planned_upper[0])
+        if not low <= angle <= high:
+            other = angle - math.copysign(TURN, angle)
+            angle = other if low <= other <= high else min(max(angle, low), high)
+        turned = q.copy()
+        turned[0] = angle
+        return turned
+
+
+def _length(model: RobotModel) -> float:
+    """No pose of the TCP is further from the first joint, m."""
+    arm = model.arm
+    links = sum(float(np.linalg.norm(placement.translation)) for placement in arm.jointPlacements[2:])
+    slides = [k for k, joint in enumerate(arm.joints[1:]) if not is_hinge(joint)]
+    strokes = sum(max(abs(float(model.lower[k])), abs(float(model.upper[k]))) for k in slides)
+    return links + strokes + float(np.linalg.norm(arm.frames[model.tcp_frame].placement.translation))
+
+
+def _winding(model: RobotModel) -> list[tuple[int, float, float]]:
+    """Hinges that can turn all the way round, but for a small gap: number, lower and upper limit."""
+    limits = zip(
+        model.arm.joints[1:], model.planned_lower.tolist(), model.planned_upper.tolist(), strict=True
+    )
+    return [
+        (k, low, high)
+        for k, (joint, low, high) in enumerate(limits)
+        if is_hinge(joint) and high - low > TURN - GAP
+    ]

@@ -1,0 +1,152 @@
+"""One descent of inverse kinematics: Levenberg-Marquardt with joint limits as an active set.
+
+Damping after Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method",
+IEEE Transactions on Robotics 27 (2011).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg.lapack import dposv
+
+from ...robots.model import RobotModel
+from ...world.values import Array, Pose
+
+POSITION = 1e-5
+"""Accuracy, m."""
+ANGLE = 1e-4
+"""Accuracy, rad."""
+STEPS = 60
+STALL = 4
+"""Steps without an improvement after which a descent is given up."""
+GAIN = 0.7
+"""An improvement: the squared error falls to this share of the least so far."""
+DAMPING = 1e-2
+"""Of the squared error that is left; fewer steps than with a tenth or ten times as much."""
+LONGEST = 1.5
+"""Length of a step in joint space, rad."""
+PULL = 0.1
+"""Longest way that is aimed at at once where the target need not be reached, m. After Buss and Kim,
+"Selectively damped least squares for inverse kinematics", Journal of Graphics Tools 10 (2005)."""
+TURN = 2 * math.pi
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reached:
+    """The best configuration (n,) of a descent; `solved`: it reaches the target within the accuracy."""
+
+    q: Array
+    solved: bool
+    square: float
+    """What is left: squared (weighted) distance and angle together, m² + rad²."""
+
+
+class Descent:
+    """Descends for one robot; holds scratch memory only. A step costs about ten bare forward kinematics:
+    most of it is the price of calling numpy, so calls are few and work on arrays that stand ready."""
+
+    def __init__(self, model: RobotModel) -> None:
+        self._arm = model.arm
+        self._frame = model.tcp_frame
+        self._data = model.arm.createData()
+        self._hessian: Array = np.empty((6, 6))
+        self._diagonal: Array = self._hessian.ravel()[::7]
+
+    def place(self, q: Array) -> pin.SE3:
+        """The TCP in the world at q (n,): a live view, until the next call."""
+        pin.forwardKinematics(self._arm, self._data, q)
+        return pin.updateFramePlacement(self._arm, self._data, self._frame)
+
+    def run(
+        self,
+        target: pin.SE3,
+        seed: Array,
+        lower: Array,
+        upper: Array,
+        *,
+        weights: Array | None = None,
+        stall: int = STALL,
+        gain: float = GAIN,
+        steps: int = STEPS,
+    ) -> Reached:
+        """From a seed (n,) within the limits (n,) towards the TCP's target in the world.
+
+        `weights` (6,) scale the error's three linear and three angular parts, in the TCP's axes: 0 leaves
+        one free.
+        """
+        arm, data, frame, hessian, diagonal = (
+            self._arm,
+            self._data,
+            self._frame,
+            self._hessian,
+            self._diagonal,
+        )
+        joint_jacobians, frame_jacobian = pin.computeJointJacobians, pin.getFrameJacobian
+        lows, highs = lower.tolist(), upper.tolist()
+        q = best_q = seed
+        angles = q.tolist()
+        best, patience = math.inf, stall
+        at_limit = True
+        for _ in range(steps):
+            joint_jacobians(arm, data, q)
+            offset = pin.updateFramePlacement(arm, data, frame).actInv(target)
+            if weights is None:
+                error = pin.log6(offset).vector
+            else:
+                # Taken apart, because the logarithm's linear part is the way along a screw.
+                error = np.concatenate([offset.translation, pin.log3(offset.rotation)]) * weights
+            x, y, z, a, b, c = error.tolist()
+            position, angle = x * x + y * y + z * z, a * a + b * b + c * c
+            left = position + angle
+            if weights is not None and position > PULL**2:
+                # What is out of reach would pull the arm to and fro.
+                error[:3] *= PULL / math.sqrt(position)
+            if position < POSITION**2 and angle < ANGLE**2:
+                return Reached(q, True, left)
+            if left < gain * best:
+                best, best_q, patience = left, q, stall
+            else:
+                patience -= 1
+                if patience == 0:
+                    break
+            jacobian = frame_jacobian(arm, data, frame, pin.LOCAL)
+            if weights is not None:
+                jacobian *= weights[:, None]
+            if at_limit:
+                # Joints that stand at a limit and would go on leave the set that moves.
+                slopes = error.dot(jacobian).tolist()
+                for joint, (at, low, high) in enumerate(zip(angles, lows, highs)):  # noqa: B905  it costs
+                    if (at <= low and slopes[joint] < 0.0) or (at >= high and slopes[joint] > 0.0):
+                        jacobian[:, joint] = 0.0
+            # The damped step among the six errors: J^T (J J^T + d)^-1 e equals (J^T J + d)^-1 J^T e.
+            np.dot(jacobian, jacobian.T, out=hessian)
+            diagonal += DAMPING * left + 1e-7
+            step = dposv(hessian, error)[1].dot(jacobian)
+            length = math.hypot(*step.tolist())
+            if length > LONGEST:
+                step *= LONGEST / length
+            q = q + step
+            angles = q.tolist()
+            at_limit = False
+            for joint, (at, low, high) in enumerate(zip(angles, lows, highs)):  # noqa: B905  it costs
+                if not low < at < high:
+                    angles[joint] = low if at <= low else high
+                    at_limit = True
+            if at_limit:
+                q = np.array(angles)
+        return Reached(best_q, False, best)
+
+
+def target_of(pose: Pose) -> pin.SE3:
+    """A pose as pinocchio's rigid transform, made in one call."""
+    return pin.XYZQUATToSE3(np.array((*pose.position, *pose.orientation)))
+
+
+def is_hinge(joint: pin.JointModel) -> bool:
+    """Whether it turns (else it slides): pinocchio has a type for each axis."""
+    name = joint.shortname()
+    return "Prismatic" not in name and not name.startswith("JointModelP")

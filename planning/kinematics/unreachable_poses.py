@@ -1,0 +1,129 @@
+"""Why a pose cannot be reached, and how near the arm comes to it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+
+from ...robots.model import RobotModel, pose_of
+from ...world.values import Array, Pose
+from .ik_seeds import Atlas, key
+from .levenberg_marquardt import TURN, Descent, Reached, is_hinge, target_of
+
+SEEDS = 12
+"""Configurations from which each question is answered; the best answer counts."""
+POINT = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+"""Weights of the position alone."""
+MOSTLY_POINT = np.array([1.0, 1.0, 1.0, 0.03, 0.03, 0.03])
+"""The orientation as near as possible where the position is nearly right."""
+THERE = 1e-4
+"""A position that is missed by less is reached, m."""
+AT_LIMIT = 1e-6
+"""rad or m"""
+
+Obstacle = Literal["", "position", "orientation", "limits"]
+
+
+@dataclass(frozen=True, slots=True)
+class Beyond:
+    """A joint that would have to go beyond a limit: where to, and the limit; rad (m for one that slides)."""
+
+    joint: str
+    wanted: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Nearest:
+    """How near the arm comes to a pose of the TCP, with the limits that are planned with."""
+
+    q: Array
+    """(n,)"""
+    tcp_in_world: Pose
+    """Reached there."""
+    distance: float
+    """From the wanted position, m."""
+    angle: float
+    """From the wanted orientation, rad."""
+    obstacle: Obstacle
+    """What keeps it from the pose: "" (nothing), `position` (no configuration brings the TCP to the point,
+    however it is turned), `limits` (it could but for the limits of `beyond`), `orientation` (the point can be
+    reached, but not turned like that)."""
+    at_limit: tuple[str, ...] = ()
+    """Joints that stand at a limit in q."""
+    beyond: tuple[Beyond, ...] = ()
+    """With the obstacle `limits`: the joints that would have to go beyond them, in the configuration that
+    needs the least of it."""
+
+
+class Nearby:
+    """Answers for one robot."""
+
+    def __init__(self, model: RobotModel, descent: Descent, atlas: Atlas) -> None:
+        self._model = model
+        self._descent = descent
+        self._atlas = atlas
+        hinge = np.array([is_hinge(joint) for joint in model.arm.joints][1:])
+        self._open_lower: Array = np.where(hinge, -TURN, model.planned_lower)
+        self._open_upper: Array = np.where(hinge, TURN, model.planned_upper)
+        self._hinge = hinge
+
+    def nearest(self, tcp_in_world: Pose, near: Array) -> Nearest:
+        """How near the arm comes to a pose: depends on the pose, on `near` (n,) and the robot alone."""
+        model, target = self._model, target_of(tcp_in_world)
+        lower, upper = model.planned_lower, model.planned_upper
+        seeds: list[Array] = [np.clip(near, lower, upper), *self._atlas.around(key(target), SEEDS - 1)]
+        for seed in seeds:
+            reached = self._minimum(target, seed, None)
+            if reached.solved:
+                return self._answer(reached.q, tcp_in_world, "")
+        beyond = self._beyond(target, seeds)
+        turned = [
+            self._minimum(target, self._minimum(target, seed, MOSTLY_POINT).q, POINT).q for seed in seeds
+        ]
+        pointed = [self._minimum(target, seed, POINT).q for seed in seeds]
+        answers = [self._answer(q, tcp_in_world, "orientation") for q in (*turned, *pointed)]
+        best = min(answers, key=lambda a: (0.0, a.angle) if a.distance < THERE else (a.distance, 0.0))
+        if beyond:
+            return replace(best, obstacle="limits", beyond=beyond)
+        return best if best.distance < THERE else replace(best, obstacle="position")
+
+    def _minimum(self, target: pin.SE3, seed: Array, weights: Array | None) -> Reached:
+        lower, upper = self._model.planned_lower, self._model.planned_upper
+        return self._descent.run(target, seed, lower, upper, weights=weights, stall=8, gain=0.9999, steps=150)
+
+    def _beyond(self, target: pin.SE3, seeds: list[Array]) -> tuple[Beyond, ...]:
+        """What the limits forbid, in the solution that breaks them least; () when there is none at all."""
+        model = self._model
+        lower, upper = model.planned_lower, model.planned_upper
+        best, least = None, math.inf
+        for seed in seeds:
+            reached = self._descent.run(target, seed, self._open_lower, self._open_upper)
+            if reached.solved:
+                middle = 0.5 * (lower + upper)
+                turns = np.rint((middle - reached.q) / TURN)
+                q = np.where(self._hinge, reached.q + TURN * turns, reached.q)
+                over = float(np.linalg.norm(np.maximum(lower - q, 0.0) + np.maximum(q - upper, 0.0)))
+                if over < least:
+                    best, least = q, over
+        if best is None:
+            return ()
+        joints = zip(model.description.joints, best.tolist(), lower.tolist(), upper.tolist(), strict=True)
+        return tuple(
+            Beyond(name, angle, low if angle < low else high)
+            for name, angle, low, high in joints
+            if not low <= angle <= high
+        )
+
+    def _answer(self, q: Array, tcp_in_world: Pose, obstacle: Obstacle) -> Nearest:
+        model = self._model
+        reached = pose_of(self._descent.place(q))
+        stands = (q <= model.planned_lower + AT_LIMIT) | (q >= model.planned_upper - AT_LIMIT)
+        names = zip(model.description.joints, stands.tolist(), strict=True)
+        at_limit = tuple(name for name, at in names if at)
+        distance, angle = reached.distance(tcp_in_world), reached.angle(tcp_in_world)
+        return Nearest(q, reached, distance, angle, obstacle, at_limit)

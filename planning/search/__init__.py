@@ -1,0 +1,1 @@
+"""Search for paths: RRT-Connect, constraints, goals, ways out of penetration."""

@@ -1,0 +1,271 @@
+"""Paths on which constraints hold: bidirectional RRT whose steps are projected onto them.
+
+Berenson, Srinivasa, Ferguson and Kuffner, "Manipulation planning on constraint manifolds", ICRA 2009
+(CBiRRT); Berenson, Srinivasa and Kuffner, "Task Space Regions", IJRR 30 (2011).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.trajectory import Trajectory
+from ...world.values import Array
+from ..collision.collision_checker import Collision
+from ..collision.edges import RESOLUTION, edge_free
+from ..collision.start_tolerance import Way
+from ..kinematics.posture import discomfort
+from ..path_constraints import RESERVE, PathConstraints
+from ..requests import Scaling
+from ..timing.time_parameterization import time_corners, time_smooth
+from .joint_planner import RADII, Found, stays_free
+
+NAME = "CBiRRT"
+STRIDE = 0.3
+"""Greatest step of a tree between two projections, rad."""
+STEPS = 1
+"""Of the tree that grows towards a sample; the other one then comes to meet it as far as it gets."""
+WITHIN = (0.1, 0.9)
+"""Share of their room that samples keep from the constraints' borders, at least and at most: else all of
+them would lie on the borders."""
+CURVATURE = 8.0
+"""A step s rad leaves a constraint between its ends by about s² / CURVATURE."""
+SHORTEN = 60
+"""Attempts to shorten a path."""
+MANY = 8
+"""A path with more corners is also tried as a spline through all of them."""
+ATTEMPTS = 3
+"""Searches, each with finer steps, when what was found cannot be timed."""
+
+
+class ConstrainedPlanner:
+    """One request's search under constraints; the same questions as `Planner`.
+
+    The trees' projections count against the budget together with the collision checks.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        way: Way,
+        start: Array,
+        scaling: Scaling,
+        collision: Collision,
+        checks: int,
+        constraints: PathConstraints,
+    ) -> None:
+        """`checks`: of `collision`, and projections, that it may spend."""
+        self._model = model
+        self._way = way
+        self._start = start
+        self._scaling = scaling
+        self._collision = collision
+        self._constraints = constraints
+        self._end = collision.checks + constraints.projections + checks
+
+    def direct(self, goals: Sequence[Array]) -> Found | None:
+        """Straight in joint space to one of the goals, where the constraints hold on that."""
+
+        def effort(k: int) -> float:
+            return float(np.linalg.norm(goals[k] - self._start)) + discomfort(self._model, goals[k])
+
+        for k in sorted(range(len(goals)), key=effort):
+            if self.edge(self._start, goals[k], RESOLUTION):
+                path = np.array([self._start, goals[k]])
+                trajectory = self._timed(path)
+                if trajectory is not None:
+                    return Found(trajectory, path, "direct", k)
+        return None
+
+    def around(self, goals: Sequence[Array], seed: int) -> Found | None:
+        """By projected trees to any of the goals. None: the budget is spent, or no timing keeps to it all."""
+        lower: Array = np.min([self._model.planned_lower, self._start, *goals], axis=0)
+        upper: Array = np.max([self._model.planned_upper, self._start, *goals], axis=0)
+        stride = min(STRIDE, float(np.sqrt(CURVATURE * self._constraints.room / 2)))
+        rng = np.random.default_rng(seed)
+        for attempt in range(ATTEMPTS):
+            search = _Search(self, lower, upper, stride / 2**attempt, RESOLUTION / 2**attempt, rng)
+            path = search.connect(self._start, goals)
+            if path is None:
+                return None
+            path = search.shortened(path)
+            trajectory = self._timed(path)
+            if trajectory is not None:
+                nearest = [float(np.abs(goal - path[-1]).max()) for goal in goals]
+                return Found(trajectory, path, NAME, int(np.argmin(nearest)))
+        return None
+
+    def project(self, q: Array, lower: Array, upper: Array, reserve: float = RESERVE) -> Array | None:
+        """A configuration near q where the constraints hold with a reserve."""
+        return self._constraints.project(q, lower, upper, reserve)
+
+    @property
+    def spent(self) -> bool:
+        """Whether the budget is used up."""
+        return self._collision.checks + self._constraints.projections >= self._end
+
+    def _free(self, q: Array) -> bool:
+        return not self.spent and self._constraints.hold(q) and self._way.free(q)
+
+    def edge(self, a: Array, b: Array, resolution: float) -> bool:
+        """Whether the straight segment from a (exclusive) to b is free and keeps the constraints."""
+        return edge_free(self._free, a, b, resolution)
+
+    def _timed(self, path: Array) -> Trajectory | None:
+        """The fastest of the timings that stay free and keep the constraints."""
+        found: list[Trajectory] = []
+        for radius in RADII if len(path) > 2 else RADII[:1]:
+            trajectory = time_corners(self._model, path, self._scaling, radius)
+            if trajectory is not None and self._stays(trajectory):
+                found.append(trajectory)
+                break
+        if len(path) > MANY:
+            trajectory = time_smooth(self._model, path, self._scaling)
+            if trajectory is not None and self._stays(trajectory):
+                found.append(trajectory)
+        return min(found, key=lambda trajectory: trajectory.duration, default=None)
+
+    def _stays(self, trajectory: Trajectory) -> bool:
+        return all(self._constraints.hold(q) for q in trajectory.position) and stays_free(
+            self._way, trajectory
+        )
+
+
+class _Tree:
+    """Configurations with their parents, in one growing array."""
+
+    def __init__(self, roots: Sequence[Array]) -> None:
+        self._q: Array = np.empty((256, len(roots[0])))
+        self._parents: list[int] = []
+        for root in roots:
+            self.add(root, -1)
+
+    def add(self, q: Array, parent: int) -> int:
+        index = len(self._parents)
+        if index == len(self._q):
+            self._q = np.concatenate([self._q, np.empty_like(self._q)])
+        self._q[index] = q
+        self._parents.append(parent)
+        return index
+
+    def at(self, index: int) -> Array:
+        return self._q[index].copy()
+
+    def nearest(self, q: Array) -> int:
+        off = self._q[: len(self._parents)] - q
+        return int(np.argmin(np.einsum("ij,ij->i", off, off)))
+
+    def branch(self, index: int) -> list[Array]:
+        """From a root to that configuration."""
+        back: list[Array] = []
+        while index >= 0:
+            back.append(self.at(index))
+            index = self._parents[index]
+        return back[::-1]
+
+
+class _Search:
+    """One pair of trees, with its steps."""
+
+    def __init__(
+        self,
+        planner: ConstrainedPlanner,
+        lower: Array,
+        upper: Array,
+        stride: float,
+        resolution: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._planner = planner
+        self._lower, self._upper = lower, upper
+        self._stride = stride
+        self._resolution = resolution
+        self._rng = rng
+
+    def connect(self, start: Array, goals: Sequence[Array]) -> Array | None:
+        """A path (m, n) from start to one of the goals, or None when the budget is spent."""
+        trees = [_Tree([start]), _Tree(goals)]
+        target: Array = goals[0]
+        turn = 0
+        while not self._planner.spent:
+            one, other = trees[turn], trees[1 - turn]
+            reached = self._extend(one, one.nearest(target), target, STEPS)
+            tip = one.at(reached)
+            met = self._extend(other, other.nearest(tip), tip)
+            if float(np.abs(other.at(met) - tip).max()) < 1e-9:
+                halves = [one.branch(reached), other.branch(met)]
+                forward, back = halves if turn == 0 else halves[::-1]
+                return np.array([*forward, *back[::-1][1:]])
+            turn = 1 - turn
+            target = self._sample()
+        return None
+
+    def _sample(self) -> Array:
+        q = self._rng.uniform(self._lower, self._upper)
+        reserve = float(self._rng.uniform(*WITHIN))
+        projected = self._planner.project(q, self._lower, self._upper, reserve)
+        return q if projected is None else projected
+
+    def _extend(self, tree: _Tree, index: int, target: Array, most: int | None = None) -> int:
+        """From a configuration of a tree towards the target, as far as it goes or so many steps; the last
+        one's index."""
+        for q in self._walk(tree.at(index), target, most):
+            index = tree.add(q, index)
+        return index
+
+    def _walk(self, q: Array, target: Array, most: int | None = None) -> list[Array]:
+        """Projected steps from q (exclusive) towards the target, which is the last where it is reached."""
+        steps: list[Array] = []
+        left = float(np.linalg.norm(target - q))
+        while left > 1e-9 and not self._planner.spent and (most is None or len(steps) < most):
+            towards = target if left <= self._stride else q + (target - q) * (self._stride / left)
+            step = towards if towards is target else self._planner.project(towards, self._lower, self._upper)
+            if step is None or float(np.linalg.norm(step - q)) > 2 * self._stride:
+                break
+            still = float(np.linalg.norm(target - step))
+            if still > left - 0.05 * self._stride and towards is not target:
+                break
+            if not self._planner.edge(q, step, self._resolution):
+                break
+            steps.append(step)
+            q, left = step, still
+        return steps
+
+    def shortened(self, path: Array) -> Array:
+        """The same with detours cut off: straight where the constraints allow it, else by projected steps."""
+        points = list(path)
+        for _ in range(SHORTEN):
+            if len(points) < 3 or self._planner.spent:
+                break
+            a, b = sorted(int(k) for k in self._rng.choice(len(points), 2, replace=False))
+            if b - a < 2:
+                continue
+            between = self._between(points[a], points[b])
+            if between is not None and _length([points[a], *between, points[b]]) < 0.999 * _length(
+                points[a : b + 1]
+            ):
+                points[a + 1 : b] = between
+        return np.array(self._fewer(points))
+
+    def _between(self, a: Array, b: Array) -> list[Array] | None:
+        """What lies between the ends of a shorter way; None: none was found."""
+        if self._planner.edge(a, b, self._resolution):
+            return []
+        steps = self._walk(a, b)
+        return steps[:-1] if steps and steps[-1] is b else None
+
+    def _fewer(self, points: list[Array]) -> list[Array]:
+        """Without corners that can be left out."""
+        k = 1
+        while k < len(points) - 1 and not self._planner.spent:
+            if self._planner.edge(points[k - 1], points[k + 1], self._resolution):
+                del points[k]
+            else:
+                k += 1
+        return points
+
+
+def _length(points: Sequence[Array]) -> float:
+    return float(np.linalg.norm(np.diff(np.array(points), axis=0), axis=1).sum())

@@ -1,0 +1,140 @@
+"""From a configuration to any of several others: the direct edge first, RRT-Connect when none is free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.trajectory import Trajectory
+from ...world.values import Array
+from ..collision.collision_checker import Collision
+from ..collision.edges import Strides
+from ..collision.start_tolerance import Way
+from ..collision.trajectory_check import first_hit
+from ..collision.trajectory_check import stays_free as stays_free
+from ..kinematics.posture import discomfort
+from ..requests import Scaling
+from ..timing.time_parameterization import time_corners
+from .rrt_connect import EdgeFree, Rooted, connect, shortened
+from .start_retreat import retreat
+
+RADII = (0.1, 0.05, 0.02, 0.005)
+"""How far corners are cut, tried in this order until the timed path is free, rad."""
+SHARES = (1.0, 0.5, 0.25)
+"""Of the greatest steps of an edge, in this order, for as long as paths graze."""
+ON_PATH = 1e-4
+"""A configuration this close to a path lies on a straight part of it, rad."""
+ROOTS = 4
+"""Goals, the nearest first, of which a way out is looked for."""
+
+
+class Budget:
+    """Collision checks that a request may still spend."""
+
+    def __init__(self, collision: Collision, checks: int) -> None:
+        self._collision = collision
+        self._end = collision.checks + checks
+
+    def is_spent(self) -> bool:
+        return self._collision.checks >= self._end
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """A timed answer: its corners (m, n) rad, how it was found, and which goal it reached."""
+
+    trajectory: Trajectory
+    path: Array
+    planner: str
+    goal: int
+
+
+class Planner:
+    """One request's search from the start of `way` (n,) to goals; edges and budget are shared."""
+
+    def __init__(self, model: RobotModel, way: Way, start: Array, scaling: Scaling, budget: Budget) -> None:
+        self._model = model
+        self._way = way
+        self._start = start
+        self._scaling = scaling
+        self._budget = budget
+        self._strides = Strides(model)
+
+    def direct(self, goals: Sequence[Array]) -> Found | None:
+        """Straight in joint space to one of the goals: the nearest first, uncomfortable ones as detours."""
+
+        def effort(k: int) -> float:
+            return float(np.linalg.norm(goals[k] - self._start)) + discomfort(self._model, goals[k])
+
+        for k in sorted(range(len(goals)), key=effort):
+            if self._edge(self._start, goals[k]):
+                path = np.array([self._start, goals[k]])
+                trajectory = self._timed(path)
+                if trajectory is not None:
+                    return Found(trajectory, path, "direct", k)
+        return None
+
+    def around(self, goals: Sequence[Array], seed: int) -> Found | None:
+        """By RRT-Connect to any of the goals. None: the budget is spent, or no timing keeps the margins."""
+        # Start and goals may lie nearer to the limits than what is planned between them.
+        lower, upper = self._model.planned_lower, self._model.planned_upper
+        # A path that grazes between its steps is searched again with smaller ones.
+        for attempt, share in enumerate(SHARES):
+            strides = Strides(self._model, share)
+            rng = np.random.default_rng([seed, attempt])
+
+            def edge(a: Array, b: Array, strides: Strides = strides) -> bool:
+                return strides.free(self._free, a, b)
+
+            def between(a: Array, b: Array, strides: Strides = strides) -> bool:
+                return strides.free(self._free, a, b, ends_free=True)
+
+            def rooted(q: Array, edge: EdgeFree = edge) -> Rooted:
+                return q, retreat(self._model, edge, q)
+
+            ends = self._near_first(goals, rooted)
+            spent = self._budget.is_spent
+            path = connect(lower, upper, rooted(self._start), ends, edge, between, spent, rng)
+            if path is None:
+                return None
+            corners = np.array(shortened(path, between, rng))
+            trajectory = self._timed(corners)
+            if trajectory is not None:
+                missed = [float(np.abs(goal - corners[-1]).max()) for goal in goals]
+                return Found(trajectory, corners, "RRTConnect", int(np.argmin(missed)))
+        return None
+
+    def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
+        nearest = sorted(goals, key=lambda q: float(np.linalg.norm(q - self._start)))
+        return [rooted(q) for q in nearest[:ROOTS]] + [(q, ()) for q in nearest[ROOTS:]]
+
+    def _free(self, q: Array) -> bool:
+        return not self._budget.is_spent() and self._way.free(q)
+
+    def _edge(self, a: Array, b: Array) -> bool:
+        return self._strides.free(self._free, a, b)
+
+    def _timed(self, path: Array) -> Trajectory | None:
+        for radius in RADII if len(path) > 2 else RADII[:1]:
+            trajectory = time_corners(self._model, path, self._scaling, radius)
+            if trajectory is None:
+                continue
+            hit = first_hit(self._way, trajectory)
+            if hit is None:
+                return trajectory
+            if _apart(path, hit) < ON_PATH:
+                # Where it is straight, cutting less of the corners helps nothing.
+                return None
+        return None
+
+
+def _apart(path: Array, q: Array) -> float:
+    """Distance of q (n,) to a polyline (m, n), rad."""
+    along = np.diff(path, axis=0)
+    squared = np.maximum(np.einsum("ij,ij->i", along, along), 1e-12)
+    share = np.clip(np.einsum("ij,ij->i", q - path[:-1], along) / squared, 0.0, 1.0)
+    apart: Array = np.linalg.norm(path[:-1] + share[:, None] * along - q, axis=1)
+    return float(apart.min())

@@ -1,0 +1,256 @@
+"""Ways out of what the arm is believed to be in or next to, by the gradients of the whole arm's distances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from ...robots.model import RobotModel
+from ...world.values import Array
+from ..collision.collision_checker import Collision, Separation
+from .escape_directions import Direction
+
+STEP = 0.005
+"""Way of whatever moves most in a step, m."""
+TURN = 0.04
+"""Of a joint in a step, rad."""
+BAND = 0.02
+"""What is so far beyond its margin is looked at in a step, m."""
+KEPT = 0.0005
+"""Beyond its margin a pair counts as out, m."""
+SHARES = (1.0, 0.4, 0.15)
+"""Of a step, in this order, for as long as it would bring something closer."""
+LEAST = 2e-4
+"""A step of less is none, rad."""
+SLACK = 0.0005
+"""By how much what is too close already may come closer on the way, m: it happens in steps."""
+STEPS = 120
+DAMPING = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WayOut:
+    """A way in one direction: configurations (m, n) from where it began, and how it ended."""
+
+    direction: str
+    path: Array
+    free: bool
+    """All margins are kept at its end."""
+    length: float
+    """Way of the tool, m."""
+    depth: float
+    """The greatest that is left of what it was too close to: below the margin, m."""
+    ended_by: str
+    """What ended it before it was free, in words; nothing where it got as far as was asked."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inequalities:
+    """G x ≥ h over a step x (n,) of the joints."""
+
+    g: Array
+    h: Array
+
+
+class Outward:
+    """Walks out of the belief that `collision` has taken over last, from one configuration.
+
+    A step is the least change of the joints that goes where it is asked to, while every pair that is too
+    close comes no closer and every other keeps its margin: least distance programming (Lawson and Hanson,
+    "Solving least squares problems", 1974, chapter 23). Each step is measured, not only its gradient: what is
+    too close may not come closer, and nothing else may be touched. The answer follows from belief and start.
+    """
+
+    def __init__(self, model: RobotModel, collision: Collision, start: Array) -> None:
+        self._model = model
+        self._collision = collision
+        self._start = start
+        self._lower = np.minimum(model.planned_lower, start)
+        self._upper = np.maximum(model.planned_upper, start)
+
+    def way(self, direction: Direction, reach: float, *, until_free: bool = True) -> WayOut:
+        """In that direction until it is free, or, without `until_free`, for `reach` m of the tool; at most
+        that far in either case."""
+        model, q = self._model, self._start
+        path, length = [q], 0.0
+        near = self._collision.separations(q, BAND)
+        allowed = _closest(near)
+        ended_by = ""
+        for _ in range(STEPS):
+            if (until_free and not _violated(near) and self._free(q)) or length >= reach - 1e-6:
+                break
+            behind, ended_by = q, _between(near)
+            for step in self._steps(q, near, direction):
+                tried = np.clip(q + step, self._lower, self._upper)
+                if float(np.abs(tried - q).max()) < LEAST:
+                    continue
+                after = self._collision.separations(tried, BAND)
+                worse = _worse(after, allowed)
+                if worse is None:
+                    behind, near, ended_by = tried, after, ""
+                    break
+                ended_by = f"{worse.a} would come closer to {worse.b}"
+            if ended_by:
+                break
+            way = model.tcp(q).distance(model.tcp(behind))
+            for key, closest in _closest(near).items():
+                allowed[key] = max(allowed.get(key, closest), closest)
+            q = behind
+            length += way
+            path.append(q)
+        violated = _violated(near)
+        depth = max((s.margin - s.distance for s in violated), default=0.0)
+        free = not violated and self._free(q)
+        if not free and not ended_by and until_free:
+            ended_by = f"not free after {length * 1000:.0f} mm"
+        return WayOut(direction, np.array(path), free, length, depth, ended_by)
+
+    def along(self, name: str, path: Array) -> WayOut:
+        """Along configurations (m, n), the first where it begins, as far as nothing comes closer than it may.
+        `name`: what that direction is called."""
+        near = self._collision.separations(path[0], BAND)
+        allowed = _closest(near)
+        length, ended_by, end = 0.0, "", 1
+        for k in range(1, len(path)):
+            after = self._collision.separations(path[k], BAND)
+            worse = _worse(after, allowed)
+            if worse is not None:
+                ended_by = f"{worse.a} would come closer to {worse.b}"
+                break
+            near, end = after, k + 1
+            for key, closest in _closest(near).items():
+                allowed[key] = max(allowed.get(key, closest), closest)
+            length += self._model.tcp(path[k - 1]).distance(self._model.tcp(path[k]))
+        depth = max((s.margin - s.distance for s in _violated(near)), default=0.0)
+        free = depth == 0.0 and self._free(path[end - 1])
+        return WayOut(name, path[:end], free, length, depth, ended_by)
+
+    def heading(self, direction: Direction) -> Array:
+        """Where the tool goes in that direction: unit vector (3,) in the world; zero for `out`."""
+        return np.zeros(3) if direction == "out" else self._along(self._start, direction)
+
+    def _free(self, q: Array) -> bool:
+        return self._collision.free(q)
+
+    def _steps(self, q: Array, near: tuple[Separation, ...], direction: Direction) -> Iterator[Array]:
+        """Steps to try, in this order: the wanted one, smaller ones, and for `out` along the gradient of all
+        depths and of the deepest alone."""
+        steps = [self._step(q, near, direction)]
+        if direction == "out":
+            violated = sorted(_violated(near), key=lambda s: s.distance - s.margin)
+            steps += [_shrinking(violated), _shrinking(violated[:1])]
+        for step in steps:
+            if step is None or not step.any():
+                continue
+            size = min(1.0, STEP / self._moves(q, step), TURN / float(np.abs(step).max()))
+            for share in SHARES:
+                yield step * (size * share)
+
+    def _step(self, q: Array, near: tuple[Separation, ...], direction: Direction) -> Array | None:
+        wanted = self._wanted(q, direction)
+        rows, least = [np.eye(len(q)), -np.eye(len(q))], [self._lower - q, q - self._upper]
+        for s in near:
+            room = s.distance - s.margin - KEPT
+            rows.append(s.gradient[None])
+            if room >= 0.0:
+                least.append(np.array([-room]))
+            else:
+                least.append(np.array([min(-room, STEP) if direction == "out" else 0.0]))
+        bounds = Inequalities(np.concatenate(rows), np.concatenate(least))
+        return least_distance(bounds, wanted)
+
+    def _wanted(self, q: Array, direction: Direction) -> Array:
+        """Change (n,) of the joints for a step in that direction, the tool keeping its orientation where that
+        costs little; zero for `out`, which the depths alone lead."""
+        if direction == "out":
+            return np.zeros(len(q))
+        model = self._model
+        twist: Array = np.zeros(6)
+        twist[:3] = STEP * self._along(q, direction)
+        jacobian = model.jacobian(q)
+        square: Array = jacobian @ jacobian.T
+        square[np.diag_indices(6)] += DAMPING
+        return jacobian.T @ np.asarray(np.linalg.solve(square, twist), np.float64)
+
+    def _along(self, q: Array, direction: Direction) -> Array:
+        """Unit vector (3,) in the world."""
+        tcp = self._model.tcp(q)
+        base = np.array(self._model.description.base_in_world.position)
+        outwards = np.array(tcp.position) - base
+        outwards[2] = 0.0
+        outwards /= max(float(np.linalg.norm(outwards)), 1e-6)
+        match direction:
+            case "back":
+                return -tcp.rotation()[:, 2]
+            case "inwards":
+                return -outwards
+            case "outwards":
+                return outwards
+            case "left":
+                return np.array([-outwards[1], outwards[0], 0.0])
+            case "right":
+                return np.array([outwards[1], -outwards[0], 0.0])
+            case "down":
+                return np.array([0.0, 0.0, -1.0])
+            case _:
+                return np.array([0.0, 0.0, 1.0])
+
+    def _moves(self, q: Array, step: Array) -> float:
+        """How far the tool moves by a step, with its turn at a hand's length, m."""
+        six = self._model.jacobian(q) @ step
+        return max(float(np.linalg.norm(six[:3])) + 0.1 * float(np.linalg.norm(six[3:])), 1e-9)
+
+
+def least_distance(bounds: Inequalities, wanted: Array) -> Array | None:
+    """The x nearest to `wanted` (n,) with G x ≥ h; None when there is none."""
+    h = bounds.h - bounds.g @ wanted
+    if float(h.max(initial=0.0)) <= 1e-12:
+        return wanted
+    scale = float(np.abs(h).max())
+    e = np.vstack([bounds.g.T, (h / scale)[None]])
+    f = np.zeros(len(wanted) + 1)
+    f[-1] = 1.0
+    u, _ = nnls(e, f)
+    residual = e @ u - f
+    if float(np.linalg.norm(residual)) < 1e-9 or abs(float(residual[-1])) < 1e-9:
+        return None
+    x = -residual[:-1] / residual[-1] * scale
+    return wanted + x
+
+
+def _shrinking(pairs: Sequence[Separation]) -> Array | None:
+    """Along the gradient of the sum of these distances, where they cannot all grow at once."""
+    if not pairs:
+        return None
+    total: Array = np.sum([s.gradient for s in pairs], axis=0)
+    size = float(np.linalg.norm(total))
+    return total * (TURN / size) if size > 1e-6 else None
+
+
+def _violated(near: tuple[Separation, ...]) -> list[Separation]:
+    return [s for s in near if s.distance < s.margin]
+
+
+def _closest(near: tuple[Separation, ...]) -> dict[tuple[int, str], float]:
+    """How close each part of the robot is to each body, m; at most the margin."""
+    closest: dict[tuple[int, str], float] = {}
+    for s in near:
+        closest[s.key] = min(closest.get(s.key, s.margin), s.distance)
+    return closest
+
+
+def _worse(near: tuple[Separation, ...], allowed: dict[tuple[int, str], float]) -> Separation | None:
+    """A pair that has come closer than it may."""
+    for s in near:
+        if s.distance < allowed.get(s.key, s.margin) - SLACK:
+            return s
+    return None
+
+
+def _between(near: tuple[Separation, ...]) -> str:
+    """What leaves no room, in words."""
+    names = dict.fromkeys(f"{s.a} at {s.b}" for s in sorted(near, key=lambda s: s.distance - s.margin))
+    return "no room: " + ", ".join(list(names)[:3]) if names else "a joint is at its limit"

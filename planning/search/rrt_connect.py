@@ -1,0 +1,176 @@
+"""RRT-Connect between a start and any of several goals, and shorter paths afterwards.
+
+Kuffner and LaValle, "RRT-Connect: an efficient approach to single-query path planning", ICRA 2000. The
+nearest node is found by comparing all: in trees of some hundred nodes that costs less than a collision check.
+Both trees may begin with a way out of the place where they are rooted, see `retreat`.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...world.values import Array
+
+RANGE = 1.0
+"""Greatest extension of a tree, rad."""
+ATTEMPTS = 120
+"""To shorten a path between two random points."""
+IN_VAIN = 20
+"""Attempts in vain one after the other that end shortening."""
+GAIN = 0.02
+"""Share of a path's length below which a shortcut is not worth its checks."""
+
+EdgeFree = Callable[[Array, Array], bool]
+"""Whether all between two configurations is free, and the second one, where that is not known before."""
+Rooted = tuple[Array, Sequence[Array]]
+"""A root (n,) and a chain of configurations that leads away from it by free edges."""
+
+
+def connect(
+    lower: Array,
+    upper: Array,
+    start: Rooted,
+    goals: Sequence[Rooted],
+    edge: EdgeFree,
+    between: EdgeFree,
+    give_up: Callable[[], bool],
+    rng: np.random.Generator,
+) -> list[Array] | None:
+    """A path, each (n,), from start to one of the goals, or None when `give_up` came true first.
+
+    `edge` asks about the second configuration, too, `between` does not.
+    """
+    ours, theirs = _Tree([start]), _Tree(goals)
+    forward = True
+    for end in ours.ends:
+        for other in theirs.ends:
+            if between(ours.points[end], theirs.points[other]):
+                return ours.back(end)[::-1] + theirs.back(other)
+    while not give_up():
+        # The smaller tree grows: the one that sits in a narrow place is not left behind.
+        if ours.count > theirs.count:
+            ours, theirs, forward = theirs, ours, not forward
+        new = _extended(ours, rng.uniform(lower, upper), edge)
+        if new is None:
+            continue
+        met = _met(theirs, ours.points[new], edge, between)
+        if met is not None:
+            path = ours.back(new)[::-1] + theirs.back(met)
+            return path if forward else path[::-1]
+    return None
+
+
+def shortened(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
+    """A path with the same ends and free edges that is no longer; `between` is asked about free ends only."""
+    known: dict[tuple[bytes, bytes], bool] = {}
+
+    def asked_once(a: Array, b: Array) -> bool:
+        key = a.tobytes(), b.tobytes()
+        if key not in known:
+            known[key] = between(a, b)
+        return known[key]
+
+    return _skipped(_cut(_skipped(path, asked_once), asked_once, rng), asked_once)
+
+
+class _Tree:
+    """Nodes by number: their configurations and their parents; the roots come first."""
+
+    def __init__(self, roots: Sequence[Rooted]) -> None:
+        self.points: Array = np.empty((256, len(roots[0][0])))
+        self._parents: list[int] = []
+        self.count = 0
+        self.ends: list[int] = []
+        """The last node of each root's chain."""
+        for root, _ in roots:
+            self.add(root, -1)
+        for k, (_, chain) in enumerate(roots):
+            end = k
+            for q in chain:
+                end = self.add(q, end)
+            self.ends.append(end)
+
+    def add(self, q: Array, parent: int) -> int:
+        if self.count == len(self.points):
+            self.points = np.concatenate([self.points, np.empty_like(self.points)])
+        self.points[self.count] = q
+        self._parents.append(parent)
+        self.count += 1
+        return self.count - 1
+
+    def nearest(self, q: Array) -> tuple[int, float]:
+        """The node and its distance, rad."""
+        apart = self.points[: self.count] - q
+        squared: Array = np.einsum("ij,ij->i", apart, apart)
+        k = int(squared.argmin())
+        return k, math.sqrt(float(squared[k]))
+
+    def back(self, k: int) -> list[Array]:
+        """From a node to its root; copies."""
+        path = list[Array]()
+        while k >= 0:
+            path.append(self.points[k].copy())
+            k = self._parents[k]
+        return path
+
+
+def _extended(tree: _Tree, towards: Array, edge: EdgeFree) -> int | None:
+    """The new node, at most RANGE from the nearest one, if the edge is free."""
+    k, distance = tree.nearest(towards)
+    near = tree.points[k]
+    q = towards if distance <= RANGE else near + (towards - near) * (RANGE / distance)
+    return tree.add(q, k) if edge(near, q) else None
+
+
+def _met(tree: _Tree, target: Array, edge: EdgeFree, between: EdgeFree) -> int | None:
+    """The tree grows towards the target for as long as edges are free; the node from which it is reached."""
+    k, distance = tree.nearest(target)
+    while distance > RANGE:
+        near = tree.points[k]
+        q = near + (target - near) * (RANGE / distance)
+        if not edge(near, q):
+            return None
+        k, distance = tree.add(q, k), distance - RANGE
+    return k if between(tree.points[k], target) else None
+
+
+def _skipped(path: list[Array], between: EdgeFree) -> list[Array]:
+    """From each point on the furthest that can be reached straight."""
+    kept, k = [path[0]], 0
+    while k < len(path) - 1:
+        k = next(j for j in range(len(path) - 1, k, -1) if j == k + 1 or between(path[k], path[j]))
+        kept.append(path[k])
+    return kept
+
+
+def _cut(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
+    """Shortcuts between random points. Geraerts and Overmars, "Creating high-quality paths for motion
+    planning", IJRR 26 (2007)."""
+    failed, along = 0, _lengths(path)
+    for low, high in np.sort(rng.random((ATTEMPTS, 2)), axis=1).tolist():
+        if len(path) < 3 or failed == IN_VAIN:
+            break
+        low, high = low * along[-1], high * along[-1]
+        i, j = bisect(along, low) - 1, min(bisect(along, high) - 1, len(path) - 2)
+        if i == j:
+            continue
+        a = path[i] + (path[i + 1] - path[i]) * ((low - along[i]) / (along[i + 1] - along[i]))
+        b = path[j] + (path[j + 1] - path[j]) * ((high - along[j]) / (along[j + 1] - along[j]))
+        if high - low - math.sqrt(float((b - a) @ (b - a))) < GAIN * along[-1]:
+            continue
+        if between(a, b):
+            path, failed = [*path[: i + 1], a, b, *path[j + 1 :]], 0
+            along = _lengths(path)
+        else:
+            failed += 1
+    return path
+
+
+def _lengths(path: list[Array]) -> list[float]:
+    """Up to each point, rad."""
+    steps: Array = np.diff(np.array(path), axis=0)
+    return [0.0, *np.cumsum(np.sqrt(np.einsum("ij,ij->i", steps, steps))).tolist()]

@@ -1,0 +1,1 @@
+"""The planner as skills meet it."""

@@ -1,0 +1,278 @@
+"""Several motions, each from where the one before ends, as one trajectory without a stop between them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ...world.causes import Failure, planning
+from ...world.trajectory import Trajectory
+from ...world.values import Array
+from ..collision.start_tolerance import Way
+from ..collision.trajectory_check import stays_free
+from ..failures import planning_failures as failing
+from ..path_constraints import PathConstraints
+from ..requests import Line, Offset, Plan, Request
+from ..search.joint_planner import RADII
+from ..timing.path_curves import Curve, bridge, cornered, distinct, joined, splined
+from ..timing.path_limits import Stretch
+from ..timing.time_parameterization import Timed, standing, time_curve
+from .solver import Solver
+
+ROUNDED = 0.02
+"""How much of a straight line may be rounded at each of its ends unless the caller says otherwise, m."""
+BETWEEN = (0.4, 0.2, 0.1, 0.05, 0.02)
+"""How far the corner between two legs is cut on either side, tried in this order, rad."""
+SHARE = 0.45
+"""Of a leg that may be rounded at each of its ends."""
+TURN = -0.9
+"""Cosine of the turn between two legs beyond which the arm stops: it goes back the way it came."""
+STEP = 0.02
+"""Distance of the configurations at which a rounded corner is checked, rad."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Leg:
+    """One planned leg and its path, as long as it moves at all."""
+
+    index: int
+    request: Request
+    plan: Plan
+    curve: Curve
+
+    @property
+    def line(self) -> bool:
+        return isinstance(self.request.target, Line | Offset)
+
+
+class Chain:
+    """The legs of one request to `PlanService.through`."""
+
+    def __init__(self, solver: Solver, rounded: float = ROUNDED) -> None:
+        """`rounded`: how much of a straight line may be rounded at each of its ends, m."""
+        self._solver = solver
+        self._rounded = rounded
+
+    def solve(self, legs: Sequence[Request], seeds: Sequence[int]) -> Plan:
+        """The chain's plan. Fails as the leg that fails does, and says which it is."""
+        plans: list[Plan] = []
+        requests: list[Request] = []
+        for k, (leg, seed) in enumerate(zip(legs, seeds, strict=True)):
+            request = replace(leg, start=plans[-1].path[-1]) if plans else leg
+            try:
+                plans.append(self._solver.solve(request, seed))
+            except Failure as failure:
+                raise _of_leg(failure, k, leg, len(legs)) from None
+            requests.append(replace(request, start=plans[-1].path[0]))
+        return self._as_one(requests, plans)
+
+    def _as_one(self, requests: Sequence[Request], plans: Sequence[Plan]) -> Plan:
+        begun = self._solver.collision.checks
+        moving = [
+            _Leg(k, request, plan, curve)
+            for k, (request, plan) in enumerate(zip(requests, plans, strict=True))
+            if (curve := self._curve(request, plan)) is not None
+        ]
+        if not moving:
+            trajectory, ends = standing(plans[-1].path[-1]), [0.0] * len(plans)
+        else:
+            corners = [self._corner(a, b) for a, b in itertools.pairwise(moving)]
+            timed = self._timed(moving, corners)
+            if timed is None and any(corners):
+                timed = self._timed(moving, [None] * len(corners))
+            if timed is None:
+                raise Failure(
+                    planning.NO_PATH,
+                    "each of the motions is free, but not all of them as one, stops between them included",
+                    motions=len(plans),
+                )
+            trajectory, passed = timed
+            ends = _passes([leg.index for leg in moving], passed, len(plans))
+        checks = sum(plan.checks for plan in plans) + self._solver.collision.checks - begun
+        path = np.concatenate([plans[0].path[:1], *(plan.path[1:] for plan in plans)])
+        return Plan(
+            trajectory,
+            path,
+            "chain",
+            checks,
+            plans[-1].goal_index,
+            plans[-1].fraction,
+            passes=tuple(ends),
+            legs=tuple(plans),
+        )
+
+    def _way(self, request: Request) -> Way:
+        """The leg's own test of collision. The checker follows its supposition from now on."""
+        self._solver.look(request)
+        assert request.start is not None
+        return Way(self._solver.collision, request.start)
+
+    def _curve(self, request: Request, plan: Plan) -> Curve | None:
+        points = distinct(plan.path)
+        if len(points) < 2:
+            return None
+        if len(points) == 2:
+            return cornered(points, 0.0)
+        if isinstance(request.target, Line | Offset):
+            return splined(points)
+        if not request.constraints:
+            way = self._way(request)
+            for radius in RADII:
+                curve = cornered(points, radius)
+                if all(way.nearly_free(q) for q in curve.at(_steps(0.0, curve.length))):
+                    return curve
+        return splined(distinct(plan.trajectory.position[:: max(1, len(plan.trajectory.times) // 60)]))
+
+    def _corner(self, before: _Leg, after: _Leg) -> float | None:
+        """How far the corner between two legs is cut, rad; None: the arm stops there."""
+        if float(_end(before.curve) @ after.curve.at(0.0, 1)) < TURN:
+            return None
+        room = min(self._room(before, at_end=True), self._room(after, at_end=False))
+        tried = sorted({min(radius, room) for radius in BETWEEN if min(radius, room) > 1e-3}, reverse=True)
+        for radius in tried:
+            blend = bridge(before.curve, after.curve, radius)
+            first, second = _steps(0.0, radius), _steps(radius, 2.0 * radius)
+            if self._allows(before, blend.at(first)) and self._allows(after, blend.at(second)):
+                return radius
+        return None
+
+    def _allows(self, leg: _Leg, configurations: Array) -> bool:
+        constraints = PathConstraints(self._solver.model, leg.request.constraints)
+        way = self._way(leg.request)
+        return all(way.free(q) for q in configurations) and all(constraints.hold(q) for q in configurations)
+
+    def _room(self, leg: _Leg, *, at_end: bool) -> float:
+        """How far a corner may reach into a leg, rad."""
+        whole = leg.curve.length
+        if not leg.line:
+            return SHARE * whole
+        begin = np.array(self._solver.model.tcp(leg.plan.path[0]).position)
+        end = np.array(self._solver.model.tcp(leg.plan.path[-1]).position)
+        length = float(np.linalg.norm(end - begin))
+        # The joints' way along a line is not even: the nearer part is asked about by itself.
+        share = SHARE if length < 1e-6 else min(SHARE, self._rounded / length)
+        index = round(share * (len(leg.plan.path) - 1))
+        part = leg.plan.path[-1 - index :] if at_end else leg.plan.path[: index + 1]
+        return float(np.linalg.norm(np.diff(part, axis=0), axis=1).sum())
+
+    def _timed(
+        self, legs: Sequence[_Leg], corners: Sequence[float | None]
+    ) -> tuple[Trajectory, list[float]] | None:
+        """The trajectory with these corners, and when it passes the end of each leg; None: not free."""
+        model = self._solver.model
+        parts: list[Timed] = []
+        passed: list[float] = []
+        elapsed = 0.0
+        for run in _runs(legs, corners):
+            curve, ends = _run(run)
+            stretches = [Stretch(end, leg.request.scaling) for (leg, _), end in zip(run, ends, strict=True)]
+            timed = time_curve(model, curve, stretches)
+            if timed is None:
+                return None
+            parts.append(timed)
+            passed += [elapsed + timed.when(end) for end in ends[:-1]]
+            elapsed += timed.trajectory.duration
+            passed.append(elapsed)
+        trajectory = _concatenated([part.trajectory for part in parts])
+        return (trajectory, passed) if self._stay_free(legs, trajectory, passed) else None
+
+    def _stay_free(self, legs: Sequence[_Leg], trajectory: Trajectory, passed: Sequence[float]) -> bool:
+        begin = 0.0
+        for leg, end in zip(legs, passed, strict=True):
+            part = between(trajectory, begin, end)
+            constraints = PathConstraints(self._solver.model, leg.request.constraints)
+            if not stays_free(self._way(leg.request), part):
+                return False
+            if not all(constraints.hold(q) for q in part.position):
+                return False
+            begin = end
+        return True
+
+
+def parts(plan: Plan) -> list[Trajectory]:
+    """A chain's trajectory cut where it passes from one leg to the next."""
+    begins = (0.0, *plan.passes[:-1])
+    return [between(plan.trajectory, a, b) for a, b in zip(begins, plan.passes, strict=True)]
+
+
+def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
+    """The samples from the last one not after `begin` to the first one not before `end`, s; moving."""
+    low = max(0, int(np.searchsorted(trajectory.times, begin, side="right")) - 1)
+    high = min(len(trajectory.times), int(np.searchsorted(trajectory.times, end, side="left")) + 1)
+    part = slice(low, max(high, low + 1))
+    return Trajectory(
+        trajectory.times[part] - trajectory.times[low],
+        trajectory.position[part],
+        trajectory.velocity[part],
+        trajectory.acceleration[part],
+    )
+
+
+def _of_leg(failure: Failure, index: int, leg: Request, count: int) -> Failure:
+    where = f"motion {index + 1} of {count} ({failing.described(leg.target)})"
+    return Failure(failure.cause, f"{where}: {failure.message}", **{**failure.evidence, "leg": index})
+
+
+def _passes(indices: Sequence[int], passed: Sequence[float], count: int) -> list[float]:
+    """For every leg, those that do not move included, when it ends."""
+    ends: list[float] = []
+    latest = 0.0
+    found = dict(zip(indices, passed, strict=True))
+    for k in range(count):
+        latest = found.get(k, latest)
+        ends.append(latest)
+    return ends
+
+
+def _runs(legs: Sequence[_Leg], corners: Sequence[float | None]) -> list[list[tuple[_Leg, float | None]]]:
+    """The legs between two stops, each with the cut of the corner behind it."""
+    runs: list[list[tuple[_Leg, float | None]]] = [[]]
+    for leg, corner in zip(legs, [*corners, None], strict=True):
+        runs[-1].append((leg, corner))
+        if corner is None:
+            runs.append([])
+    return runs[:-1]
+
+
+def _run(run: Sequence[tuple[_Leg, float | None]]) -> tuple[Curve, list[float]]:
+    """The path of one run, and its parameter at the end of each leg: there, in the middle of the corner."""
+    pieces: list[Curve] = []
+    ends: list[float] = []
+    done, begin = 0.0, 0.0
+    for k, (leg, corner) in enumerate(run):
+        cut = 0.0 if corner is None else corner
+        pieces.append(leg.curve.piece(begin, leg.curve.length - cut))
+        done += pieces[-1].length
+        if corner is not None:
+            pieces.append(bridge(leg.curve, run[k + 1][0].curve, corner))
+            ends.append(done + corner)
+            done += pieces[-1].length
+        begin = cut
+    ends.append(done)
+    return joined(pieces), ends
+
+
+def _concatenated(parts: Sequence[Trajectory]) -> Trajectory:
+    if len(parts) == 1:
+        return parts[0]
+    times, begin = [parts[0].times], parts[0].duration
+    for part in parts[1:]:
+        times.append(part.times[1:] + begin)
+        begin += part.duration
+
+    def rows(name: Literal["position", "velocity", "acceleration"]) -> Array:
+        return np.concatenate([getattr(part, name)[k > 0 :] for k, part in enumerate(parts)])
+
+    return Trajectory(np.concatenate(times), rows("position"), rows("velocity"), rows("acceleration"))
+
+
+def _end(curve: Curve) -> Array:
+    return curve.at(curve.length, 1)
+
+
+def _steps(low: float, high: float) -> Array:
+    return np.linspace(low, high, max(2, int(np.ceil((high - low) / STEP)) + 1))

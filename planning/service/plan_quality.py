@@ -1,0 +1,151 @@
+"""How good a plan is: how long, how near to anything, how near to singularities and limits of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.trajectory import Trajectory
+from ...world.values import Array
+from ..collision.collision_checker import Collision
+from ..requests import Contact
+
+STEP = 0.05
+"""Greatest way in joint space between two configurations that are measured, rad."""
+FAR = 0.5
+"""Distances beyond this are not told apart, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """What comes nearest on the way: names, distance in m, and when, s."""
+
+    contact: Contact
+    at: float
+
+
+@dataclass(frozen=True, slots=True)
+class JointRoom:
+    """The joint that comes nearest to one of its limits: how near (rad, m for a slider), and when, s."""
+
+    joint: str
+    room: float
+    at: float
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """Measured along the timed trajectory, every STEP rad."""
+
+    length: float
+    """Way in joint space, rad."""
+    way: float
+    """Way of the TCP, m."""
+    duration: float
+    """s"""
+    nearest: Nearest | None
+    """Of robot (and what it holds) and surroundings, what may touch left out; None: nothing within FAR."""
+    itself: Nearest | None
+    """The same of the robot's own links (and what it holds)."""
+    singular: float
+    """Smallest singular value of the TCP's Jacobian (rows in m/rad and rad/rad, as they come); 0 where the
+    arm cannot move the tool in some direction."""
+    singular_at: float
+    """When that is, s."""
+    joint: JointRoom
+
+
+class Measuring:
+    """Qualities of plans for one robot. It asks a collision checker, whose scene is up to the caller."""
+
+    def __init__(self, model: RobotModel, collision: Collision) -> None:
+        self._model = model
+        self._collision = collision
+
+    def quality(self, trajectory: Trajectory) -> Quality:
+        """Of a whole trajectory, in the scene that the checker was updated with last."""
+        picked = list(_picked(trajectory))
+        least = least_singular(self._model, trajectory.position[picked])
+        worst = int(np.argmin(least))
+        return Quality(
+            length(trajectory.position),
+            self._way(trajectory),
+            trajectory.duration,
+            self._nearest(trajectory, picked, itself=False),
+            self._nearest(trajectory, picked, itself=True),
+            float(least[worst]),
+            float(trajectory.times[picked[worst]]),
+            self._joint(trajectory),
+        )
+
+    def _nearest(self, trajectory: Trajectory, picked: Sequence[int], *, itself: bool) -> Nearest | None:
+        nearest: Nearest | None = None
+        for k in picked:
+            within = FAR if nearest is None else nearest.contact.distance
+            contact = self._collision.nearest(trajectory.position[k], within, itself=itself)
+            if contact is not None:
+                nearest = Nearest(contact, float(trajectory.times[k]))
+        return nearest
+
+    def _way(self, trajectory: Trajectory) -> float:
+        return length(np.array([self._model.tcp(q).position for q in trajectory.position]))
+
+    def _joint(self, trajectory: Trajectory) -> JointRoom:
+        q = trajectory.position
+        room = np.minimum(q - self._model.lower, self._model.upper - q)
+        moment, joint = (int(k) for k in np.unravel_index(int(np.argmin(room)), room.shape))
+        name = self._model.description.joints[joint]
+        return JointRoom(name, float(room[moment, joint]), float(trajectory.times[moment]))
+
+
+def least_singular(model: RobotModel, path: Array) -> Array:
+    """Smallest singular value of the TCP's Jacobian at each configuration of a path (m, n)."""
+    jacobians = np.array([model.jacobian(q) for q in path])
+    return np.asarray(np.linalg.svd(jacobians, compute_uv=False), np.float64)[:, -1]
+
+
+def together(parts: Sequence[Quality]) -> Quality:
+    """Of several motions, one after the other, as one; times from the beginning of the first."""
+    whole = parts[0]
+    for part in parts[1:]:
+        since = whole.duration
+        worse = part.singular < whole.singular
+        joint = part.joint if part.joint.room < whole.joint.room else whole.joint
+        if joint is part.joint:
+            joint = replace(joint, at=since + joint.at)
+        whole = Quality(
+            whole.length + part.length,
+            whole.way + part.way,
+            since + part.duration,
+            _nearer(whole.nearest, part.nearest, since),
+            _nearer(whole.itself, part.itself, since),
+            min(whole.singular, part.singular),
+            since + part.singular_at if worse else whole.singular_at,
+            joint,
+        )
+    return whole
+
+
+def _nearer(a: Nearest | None, b: Nearest | None, since: float) -> Nearest | None:
+    if b is None or (a is not None and a.contact.distance <= b.contact.distance):
+        return a
+    return replace(b, at=since + b.at)
+
+
+def length(path: Array) -> float:
+    """Of a polyline (m, n), in the units of its points."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def _picked(trajectory: Trajectory) -> Iterator[int]:
+    """Samples at most about STEP apart; the first and the last among them."""
+    q = trajectory.position
+    since = np.inf
+    for k in range(len(q)):
+        since += 0.0 if k == 0 else float(np.linalg.norm(q[k] - q[k - 1]))
+        if since >= STEP or k == len(q) - 1:
+            since = 0.0
+            yield k

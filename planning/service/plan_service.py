@@ -1,0 +1,351 @@
+"""The planner as skills meet it: requests in, timed trajectories or typed failures out, thinking charged."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from ...errors import PicktreeError
+from ...robots.model import RobotModel
+from ...world.belief.planning_scene import PlanningScene
+from ...world.causes import Failure
+from ...world.journal import Journal, PlanMade
+from ...world.random_streams import Streams
+from ...world.stopwatch import Stopwatch
+from ...world.thinking_time import ThinkingAccount
+from ...world.trajectory import Trajectory
+from ...world.values import Array, Bounds, Pose
+from ..collision.scene_queries import SceneQueries
+from ..collision.trajectory_judge import Judge
+from ..failures import planning_failures as failing
+from ..requests import BUDGET, Contact, Goal, Line, Offset, Plan, Request, Scaling
+from ..search.goal_configurations import SOLUTIONS
+from ..search.penetration_escape import Outward
+from .lookahead_planning import Ahead, Prepared, still_free
+from .motion_chain import ROUNDED, Chain, parts
+from .plan_provenance import MadePlans
+from .plan_quality import Measuring, Quality, least_singular, length, together
+from .planner_overrides import Manner
+from .planning_costs import Meter, Spent
+from .reachability import Reached, reached
+from .solver import Solver
+
+_log = logging.getLogger(__name__)
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """The judge found penetration in a trajectory that the planner called free."""
+
+    request: str
+    contacts: tuple[Contact, ...]
+
+
+class PlanService:
+    """Plans for one robot in one believed scene.
+
+    A request computes at once when its generator is first advanced, notes a `PlanMade`, and then yields the
+    ticks that its collision checks and IK descents cost; what is left below a tick stays in the thinking
+    account. With `verify` each trajectory is judged a second time, which changes `disagreements` only.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        scene: PlanningScene,
+        queries: SceneQueries,
+        streams: Streams,
+        journal: Journal,
+        thinking: ThinkingAccount,
+        cost: float,
+        *,
+        configuration: Callable[[], Array],
+        width: Callable[[], float],
+        now: Callable[[], float] = lambda: math.inf,
+        workspace: Bounds | None = None,
+        verify: bool = False,
+        stopwatch: Stopwatch | None = None,
+    ) -> None:
+        """`cost`: simulated seconds of one collision check. `configuration` and `width` say where arm
+        (n,) rad and fingers (m) are when a request gives no start, `now` the simulated time, s; without
+        it, what is planned ahead is ready at once."""
+        self.queries = queries
+        self._scene = scene
+        self._model = model
+        self._streams = streams
+        self._journal = journal
+        self._thinking = thinking
+        self._configuration = configuration
+        self._stopwatch = stopwatch or Stopwatch()
+        self.solver = Solver(model, scene, configuration=configuration, width=width, workspace=workspace)
+        self._meter = Meter(self.solver.collision, self.solver.ik, thinking, cost)
+        self._ahead = Ahead(thinking, now)
+        self._judge = Judge(model) if verify else None
+        self._disagreements: list[Disagreement] = []
+        self.made = MadePlans(scene, width)
+        self.finds_nothing: Callable[[], bool] | None = None
+        """Asked for each request whether no way is found, whatever there is; None: never."""
+        self._manner = Manner()
+
+    @contextmanager
+    def in_manner(self, manner: Manner) -> Generator[None]:
+        """What is asked meanwhile is asked in that manner, besides the one in force."""
+        before = self._manner
+        self._manner = before & manner
+        try:
+            yield
+        finally:
+            self._manner = before
+
+    @property
+    def disagreements(self) -> tuple[Disagreement, ...]:
+        """What the judge found against the planner, with `verify`."""
+        return tuple(self._disagreements)
+
+    def solve(self, request: Request, *, node: str = "") -> Generator[None, None, Plan]:
+        """The trajectory that a request asks for; `node` keys the planner's randomness.
+
+        Fails with planning.no_ik, .goal_in_collision, .start_in_collision, .constraint, .budget or .no_path.
+        """
+        request = self._manner.of(request)
+        seed = self._seed(request, node)
+        answer: Plan | Failure
+        if self.finds_nothing is not None:
+            self.solver.finds_nothing = self.finds_nothing()
+        with self._stopwatch.measure("planning"), self._meter.measure() as spent:
+            try:
+                answer = self.solver.solve(request, seed)
+            except Failure as failure:
+                answer = failure
+        if isinstance(answer, Plan):
+            self.made.note(answer)
+            self.verify(request, answer.trajectory)
+        self._note(failing.asked(request), self.solver.start(request), spent, answer)
+        yield from self.charge()
+        if isinstance(answer, Failure):
+            raise answer
+        return answer
+
+    def to(
+        self,
+        goal: Goal,
+        *,
+        scaling: Scaling | None = None,
+        start: Array | None = None,
+        node: str = "",
+        budget: int = BUDGET,
+    ) -> Generator[None, None, Plan]:
+        """A trajectory from `start` (n,) rad (default: where the arm is) to the goal; see `solve`."""
+        request = Request(goal, start, scaling=scaling or Scaling(), budget=budget)
+        return (yield from self.solve(request, node=node))
+
+    def line(
+        self,
+        line: Line | Offset,
+        *,
+        scaling: Scaling | None = None,
+        start: Array | None = None,
+        node: str = "",
+    ) -> Generator[None, None, Plan]:
+        """The TCP straight to a pose or by an offset; as much of it as is free and reachable.
+
+        Fails with planning.no_path when that is less than `least_fraction`, or .start_in_collision. A line
+        draws nothing at random: `node` is taken so that all requests are called alike.
+        """
+        return (yield from self.solve(Request(line, start, scaling=scaling or Scaling()), node=node))
+
+    def through(
+        self, legs: Sequence[Request], *, node: str = "", rounded: float = ROUNDED
+    ) -> Generator[None, None, Plan]:
+        """One trajectory through several motions, each from where the one before ends, without a stop
+        between them; `Plan.passes` says when each ends.
+
+        Each leg keeps its own scaling, allowed pairs, width and what it supposes to be held; only the first
+        may say where it starts. The corner between two legs is rounded as far as that is free, of a straight
+        line at most `rounded` m at each end; where nothing else is free, the arm stops at the corner. When a
+        leg fails the chain does, with the leg's cause, as in `solve`.
+        """
+        if not legs or any(leg.start is not None for leg in legs[1:]):
+            raise PicktreeError("a chain needs legs, of which only the first may say where it starts")
+        legs = [self._manner.of(leg) for leg in legs]
+        seeds = [self._seed(leg, node) for leg in legs]
+        answer: Plan | Failure
+        if self.finds_nothing is not None:
+            self.solver.finds_nothing = self.finds_nothing()
+        with self._stopwatch.measure("planning"), self._meter.measure() as spent:
+            try:
+                answer = Chain(self.solver, rounded).solve(legs, seeds)
+            except Failure as failure:
+                answer = failure
+        if isinstance(answer, Plan):
+            self.made.note(answer)
+            for leg, part in zip(legs, parts(answer), strict=True):
+                self.verify(leg, part)
+        asked = ", then ".join(failing.asked(leg) for leg in legs)
+        self._note(asked, self.solver.start(legs[0]), spent, answer)
+        yield from self.charge()
+        if isinstance(answer, Failure):
+            raise answer
+        return answer
+
+    def ahead(self, steps: Generator[None, None, T]) -> Prepared[T]:
+        """Plan while something else goes on: `steps`, as `to(…)` or `through(…)` give them, are computed at
+        once and charged to no one; `take` hands out what they come to when that time has passed. What is
+        begun second waits for the first."""
+        return self._ahead.prepare(steps, self._scene.version)
+
+    def take(
+        self, prepared: Prepared[T], holds: Callable[[T], bool] | None = None
+    ) -> Generator[None, None, T | None]:
+        """What was planned ahead, as soon as it is ready; raises the failure that it came to.
+
+        When the belief has changed since, a plan is checked again, which is charged, and other answers are
+        asked about with `holds`. None: it holds no longer, or a checkpoint came between; plan again:
+
+            plan = (yield from world.plan.take(prepared)) or (yield from world.plan.to(goal))
+        """
+        if not self._ahead.remembers(prepared):
+            return None
+        yield from self._ahead.wait(prepared)
+        answer = prepared.answer
+        if self._scene.version == prepared.version:
+            if isinstance(answer, Failure):
+                raise answer
+            return answer
+        if isinstance(answer, Failure):
+            return None
+        if holds is not None:
+            held = holds(answer)
+        elif isinstance(answer, Plan):
+            held = self.still_free(answer)
+        else:
+            held = False
+        yield from self.charge()
+        return answer if held else None
+
+    def still_free(self, plan: Plan) -> bool:
+        """Whether a plan is free of collision in the belief as it is now. Answers at once; the cost is owed
+        to the thinking account."""
+        with self._stopwatch.measure("planning"), self._meter.measure():
+            free = still_free(self.solver, plan)
+        if free:
+            self.made.renew(plan.trajectory)
+        return free
+
+    @contextmanager
+    def checking(self) -> Generator[None]:
+        """What is asked of the checker meanwhile is owed to the thinking account."""
+        with self._stopwatch.measure("planning"), self._meter.measure():
+            yield
+
+    def forget(self) -> None:
+        """Drop what was planned ahead, as a checkpoint does."""
+        self._ahead.forget()
+
+    def reachable(self, tcp_in_world: Pose, *, near: Array | None = None) -> Array | None:
+        """A configuration free of collision for the pose, close to `near` (n,); None: none was found.
+
+        Answers at once; the cost is owed to the thinking account.
+        """
+        with self._stopwatch.measure("planning"), self._meter.measure():
+            solver = self.solver
+            solver.look()
+            around = self._configuration() if near is None else near
+            first = solver.ik.descend(tcp_in_world, around)
+            if first is not None and solver.collision.free(first):
+                return first
+            rng = self._streams.at("ik", 0)
+            solutions = solver.ik.solutions(tcp_in_world, rng, around, SOLUTIONS)
+            return next((q for q in solutions if solver.collision.free(q)), None)
+
+    def reached(self, request: Request) -> Reached:
+        """Whether the arm gets to the first pose of a request's goal, near the request's start, in the scene
+        as the request supposes it, and if not, what is in the way. Nothing is planned.
+
+        Answers at once; the cost is owed to the thinking account.
+        """
+        with self._stopwatch.measure("planning"), self._meter.measure():
+            return reached(self.solver, self._manner.of(request), self._streams.at("ik", 0))
+
+    def quality(self, plan: Plan) -> Quality:
+        """How long a plan is, how near it comes to anything, to singularities and to joints' limits, in the
+        belief as it is now with what the plan supposed. Not charged: it decides nothing.
+
+        It takes as long as planning a simple motion; so it is not part of every plan.
+        """
+        measured: list[Quality] = []
+        pieces = parts(plan) if plan.legs else [plan.trajectory]
+        for leg, trajectory in zip(plan.legs or (plan,), pieces, strict=True):
+            self.solver.look(leg.request)
+            measured.append(Measuring(self._model, self.solver.collision).quality(trajectory))
+        return together(measured)
+
+    def contacts(self, q: Array | None = None) -> tuple[Contact, ...]:
+        """What the arm at q (n,) (default: where it is) is closer to than its margins; not charged."""
+        self.solver.look()
+        return self.solver.collision.contacts(self._configuration() if q is None else q)
+
+    def outward(self) -> Outward:
+        """Ways out of what the arm is believed to be in or next to, from where it is. What is asked of it
+        within `checking` is owed to the thinking account."""
+        self.solver.look()
+        return Outward(self._model, self.solver.collision, self._configuration())
+
+    def charge(self) -> Generator[None, None, None]:
+        """Let the simulated time pass that computing has cost so far."""
+        yield from self._thinking.charge()
+
+    def _seed(self, request: Request, node: str) -> int:
+        """Keyed by the node; a line draws nothing at random."""
+        line = isinstance(request.target, Line | Offset)
+        return 0 if line else self._streams.number(self._manner.stream(f"planner {node}"))
+
+    def verify(self, request: Request, trajectory: Trajectory) -> None:
+        """Let the second judge look at what the planner calls free, where that was asked for."""
+        if self._judge is None:
+            return
+        with self._stopwatch.measure("verifying"):
+            solver = self.solver
+            contacts = self._judge.judge(trajectory, solver.scene(request), solver.width(request))
+        if contacts:
+            name = failing.described(request.target)
+            self._disagreements.append(Disagreement(name, contacts))
+            _log.error("%s: judged to collide: %s", name, "; ".join(failing.listed(contacts)))
+
+    def _note(self, asked: str, start: Array, spent: Spent, answer: Plan | Failure) -> None:
+        noted = PlanMade(
+            asked,
+            "",
+            spent.checks,
+            spent.seconds,
+            "found",
+            "",
+            0.0,
+            start=tuple(start.tolist()),
+            version=self._scene.version,
+        )
+        if isinstance(answer, Failure):
+            self._journal.note(replace(noted, outcome=answer.cause.name, message=answer.message))
+            return
+        q = answer.trajectory.position
+        picked = q[np.unique(np.linspace(0, len(q) - 1, min(len(q), 25)).astype(int))]
+        tool_path = tuple(self._model.tcp(one).position for one in picked)
+        self._journal.note(
+            replace(
+                noted,
+                planner=answer.planner,
+                duration=answer.trajectory.duration,
+                path=tuple(tuple(one) for one in answer.path.tolist()),
+                tool_path=tool_path,
+                length=length(q),
+                way=length(np.array(tool_path)),
+                singular=float(least_singular(self._model, picked).min()),
+            )
+        )

@@ -1,0 +1,42 @@
+"""What computing costs in simulated time: each collision check and each IK descent counts as one."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from ...world.thinking_time import ThinkingAccount
+from ..collision.collision_checker import Collision
+from ..kinematics.inverse_kinematics import InverseKinematics
+
+
+@dataclass(slots=True)
+class Spent:
+    """Filled in when the measured block ends."""
+
+    checks: int = 0
+    seconds: float = 0.0
+
+
+class Meter:
+    """Owes to the thinking account what is asked of `collision` and `ik` within `measure`."""
+
+    def __init__(
+        self, collision: Collision, ik: InverseKinematics, thinking: ThinkingAccount, cost: float
+    ) -> None:
+        self._collision = collision
+        self._ik = ik
+        self._thinking = thinking
+        self._cost = cost
+
+    @contextmanager
+    def measure(self) -> Generator[Spent]:
+        spent = Spent()
+        checks, solves = self._collision.checks, self._ik.solves
+        try:
+            yield spent
+        finally:
+            spent.checks = self._collision.checks - checks
+            spent.seconds = (spent.checks + self._ik.solves - solves) * self._cost
+            self._thinking.spend(spent.seconds)

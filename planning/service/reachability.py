@@ -1,0 +1,78 @@
+"""Whether the arm gets to a pose at all, and what keeps it from there: the cheap test before any planning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...world.values import Array
+from ..kinematics.posture import discomfort
+from ..requests import Contact, PoseGoal, Request
+from .solver import Solver
+
+HOME = "home"
+"""Pose of the robot file from which a comfortable solution is likely."""
+UNCOMFORTABLE = 0.3
+"""See `posture.discomfort`, rad: above it the solution that home leads to is looked for, too."""
+SOLUTIONS = 4
+"""IK solutions that are looked for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reached:
+    """`q` (n,) rad reaches the pose and is free; None: `contact` is what is in the way at the best of so many
+    `solutions`, or the pose is out of reach."""
+
+    q: Array | None
+    solutions: int
+    contact: Contact | None = None
+
+    @property
+    def why_not(self) -> str:
+        """In a few words; empty when it is reached."""
+        if self.q is not None:
+            return ""
+        if self.contact is None:
+            return "out of reach" if not self.solutions else "outside the workspace"
+        depth = -self.contact.distance * 1000
+        near = f"{depth:.1f} mm deep in" if depth > 0 else f"only {-depth:.1f} mm from"
+        return f"{self.contact.a} would be {near} {self.contact.b}"
+
+
+def reached(solver: Solver, request: Request, rng: np.random.Generator) -> Reached:
+    """A free configuration for the first pose of a request's goal, near the request's start, in the scene
+    as the request supposes it. What lies between is not looked at."""
+    assert isinstance(request.target, PoseGoal), "a pose is asked for"
+    pose = request.target.tcp_in_world[0]
+    near = solver.start(request)
+    solver.look(request)
+    solutions: list[Array] = []
+    for seed in (near, solver.model.named(HOME)):
+        q = solver.ik.descend(pose, seed)
+        if q is not None:
+            solutions.append(q)
+            if solver.collision.free(q) and discomfort(solver.model, q) < UNCOMFORTABLE:
+                return Reached(q, len(solutions))
+    if not any(solver.collision.free(q) for q in solutions):
+        blocked = next((c for q in solutions[:1] for c in solver.collision.contacts(q)), None)
+        if blocked is not None and _of_the_hand(solver, request, blocked):
+            return Reached(None, len(solutions), blocked)
+        solutions += solver.ik.solutions(pose, rng, near, SOLUTIONS)
+    free = [q for q in solutions if solver.collision.free(q)]
+    if free:
+        best = min(free, key=lambda q: float(np.linalg.norm(q - near)) + discomfort(solver.model, q))
+        return Reached(best, len(solutions))
+    worst = [contacts[0] for q in solutions if (contacts := solver.collision.contacts(q))]
+    least = max(worst, key=lambda contact: contact.distance, default=None)
+    return Reached(None, len(solutions), least)
+
+
+def _of_the_hand(solver: Solver, request: Request, contact: Contact) -> bool:
+    """Whether it is the hand, or what it holds, that touches something around: then it does so at this pose
+    however the arm stands."""
+    description, scene = solver.model.description, solver.scene(request)
+    held = scene.held
+    hand = (*description.gripper.fingers, description.tcp_link, *(() if held is None else (held.id,)))
+    around = (*scene.fixtures, *scene.bins, *(o.id for o in scene.objects))
+    return contact.a in hand and contact.b.split("/")[0] in around

@@ -1,0 +1,199 @@
+"""From one request to one plan or one typed failure: no charging, no noting, no judging."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.belief.planning_scene import PlanningScene
+from ...world.causes import Failure
+from ...world.trajectory import Trajectory
+from ...world.values import Array, Bounds, Pose
+from ..collision.clearances import Margins
+from ..collision.collision_checker import Collision
+from ..collision.start_tolerance import Way
+from ..failures import planning_failures as failing
+from ..failures.goal_rejections import Inspection
+from ..failures.line_failures import ending
+from ..failures.obstructions import Obstructions
+from ..failures.request_checks import check_request
+from ..kinematics.cartesian_lines import LineFound, straight
+from ..kinematics.inverse_kinematics import InverseKinematics
+from ..path_constraints import PathConstraints
+from ..requests import Contact, Goal, Line, Offset, Plan, Request
+from ..search.constrained_rrt import ConstrainedPlanner
+from ..search.goal_configurations import Goals, Target
+from ..search.joint_planner import Budget, Found, Planner, stays_free
+from ..timing.time_parameterization import time_smooth
+
+
+class Solver:
+    """Answers requests for one robot in one believed scene.
+
+    The answer depends on the request, the belief, where arm and fingers are, and the seed.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        scene: PlanningScene,
+        *,
+        configuration: Callable[[], Array],
+        width: Callable[[], float],
+        workspace: Bounds | None = None,
+        margins: Margins | None = None,
+    ) -> None:
+        """`configuration` and `width` say where arm (n,) rad and fingers (m) are when a request does not."""
+        self.model = model
+        self.collision = Collision(model, margins, workspace=workspace)
+        self.ik = InverseKinematics(model)
+        self.finds_nothing = False
+        """A request is answered as if no way was found: for faults that are planted."""
+        self._scene = scene
+        self._configuration = configuration
+        self._width = width
+        self._workspace = workspace
+
+    def solve(self, request: Request, seed: int) -> Plan:
+        """The plan for a request. Fails with planning.*, see `PlanService.solve`."""
+        check_request(self.model, request)
+        self.look(request)
+        begun = self._begun(request)
+        if isinstance(request.target, Line | Offset):
+            plan = self._line(begun, request.target)
+        else:
+            plan = self._plan(begun, request.target, seed)
+        return replace(plan, request=replace(request, start=begun.start), version=self._scene.version)
+
+    def start(self, request: Request) -> Array:
+        """Where a request begins (n,), rad; a copy."""
+        q = self._configuration() if request.start is None else request.start
+        return np.array(q, dtype=np.float64)
+
+    def scene(self, request: Request) -> PlanningScene:
+        """The belief with what the request supposes."""
+        held = request.holding
+        if held is not None:
+            return self._scene.supposing(held.object, held.object_in_tcp, allowed=request.allowed)
+        return self._scene.supposing(allowed=request.allowed) if request.allowed else self._scene
+
+    def width(self, request: Request) -> float:
+        """Opening of the fingers on the way, m."""
+        return self._width() if request.width is None else request.width
+
+    def look(self, request: Request | None = None) -> None:
+        """Bring the collision checker up to date with the belief, and with what a request supposes."""
+        if request is None:
+            self.collision.update(self._scene, self._width())
+        else:
+            self.collision.update(self.scene(request), self.width(request), clearance=request.clearance)
+
+    def _begun(self, request: Request) -> _Begun:
+        start = self.start(request)
+        way = Way(self.collision, start)
+        if way.stuck:
+            raise failing.stuck(start, way.stuck, believed=request.start is None)
+        constraints = PathConstraints(self.model, request.constraints)
+        if broken := constraints.broken(start):
+            raise failing.breaks("where the motion starts", broken)
+        return _Begun(request, start, way, constraints, self.collision.checks)
+
+    def _plan(self, begun: _Begun, goal: Goal, seed: int) -> Plan:
+        constraints = begun.constraints
+        planner = self._planner(begun)
+        inspection = Inspection(self.model, self.collision, constraints, self._workspace)
+        goals = Goals(self.model, self.ik, inspection, begun.way, begun.start, constraints, goal)
+        try:
+            found, reached = self._found(planner, goals, seed)
+            if found is None or self.finds_nothing:
+                raise self._not_found(begun, [target.q for target in reached])
+        finally:
+            self.ik.solves += constraints.projections
+        checks = self.collision.checks - begun.checks
+        return Plan(found.trajectory, found.path, found.planner, checks, reached[found.goal].index)
+
+    def _planner(self, begun: _Begun) -> Planner | ConstrainedPlanner:
+        way, start, request = begun.way, begun.start, begun.request
+        if request.constraints:
+            return ConstrainedPlanner(
+                self.model, way, start, request.scaling, self.collision, request.budget, begun.constraints
+            )
+        return Planner(self.model, way, start, request.scaling, Budget(self.collision, request.budget))
+
+    def _found(
+        self, planner: Planner | ConstrainedPlanner, goals: Goals, seed: int
+    ) -> tuple[Found | None, list[Target]]:
+        """What the planner found, and the configurations that it looked for."""
+        for near in goals.near():
+            found = planner.direct([target.q for target in near])
+            if found is not None:
+                return found, near
+        targets = goals.all(seed)
+        ends = [target.q for target in targets]
+        return planner.direct(ends) or planner.around(ends, seed), targets
+
+    def _not_found(self, begun: _Begun, ends: Sequence[Array]) -> Failure:
+        """The failure, with what is in the way: looked for now, and charged, but not to the budget."""
+        spent = self.collision.checks - begun.checks + begun.constraints.projections
+        way = begun.way
+        looked = Obstructions(self.model, self.collision, way, begun.constraints)
+        enclosed = None
+        for end in ends:
+            enclosed = looked.enclosure("goal", end)
+            if enclosed is None:  # one that is not enclosed is enough
+                break
+        if enclosed is None:
+            enclosed = looked.enclosure("start", begun.start)
+        between = looked.between(begun.start, ends)
+        return failing.not_found(spent, begun.request.budget, ends, way.excused, between, enclosed)
+
+    def _line(self, begun: _Begun, line: Line | Offset) -> Plan:
+        start, way = begun.start, begun.way
+        target = line.tcp_in_world if isinstance(line, Line) else self.model.tcp(start).shifted(line.by)
+        found = straight(self.model, self.ik, way, start, target)
+        if self.finds_nothing:
+            found = LineFound(found.path[:1], 0.0, "reach", ended_at=target)
+        if found.fraction < line.least_fraction:
+            raise self._line_ended(found, line.least_fraction, target)
+        trajectory = time_smooth(self.model, found.path, begun.request.scaling)
+        if trajectory is None or not stays_free(way, trajectory):
+            graze = () if trajectory is None else self._first_contacts(way, trajectory)
+            raise failing.line_grazes(found.fraction, graze)
+        for k, q in enumerate(trajectory.position):
+            if broken := begun.constraints.broken(q):
+                raise failing.line_breaks(broken, k / (len(trajectory.position) - 1))
+        checks = self.collision.checks - begun.checks
+        return Plan(trajectory, found.path, "line", checks, fraction=found.fraction)
+
+    def _line_ended(self, found: LineFound, least: float, target: Pose) -> Failure:
+        begin, last = self.model.tcp(found.path[0]), self.model.tcp(found.path[-1])
+        length = begin.distance(target)
+        if found.blocked is None:
+            why = ending(self.model, self.ik, found, target)
+            stop = failing.Stop(last.position, (), why.joint, why.singular)
+            return failing.line_ended(found, least, length, why.why, stop)
+        inspection = Inspection(self.model, self.collision, PathConstraints(self.model, ()), self._workspace)
+        rejected = inspection.rejection(found.blocked)
+        stop = failing.Stop(last.position, rejected.contacts)
+        return failing.line_ended(found, least, length, failing.how_rejected(rejected, "would be"), stop)
+
+    def _first_contacts(self, way: Way, trajectory: Trajectory) -> tuple[Contact, ...]:
+        """What the first sample of a trajectory that is too close to something touches."""
+        for q in trajectory.position:
+            if not way.nearly_free(q):
+                return self.collision.contacts(q)
+        return ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Begun:
+    """A request with what it begins with; `checks`: what the checker had counted by then."""
+
+    request: Request
+    start: Array
+    way: Way
+    constraints: PathConstraints
+    checks: int

@@ -1,0 +1,249 @@
+"""What every trajectory passes before the arm starts it, whoever made it."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.causes import Cause, Failure, planning, safety
+from ...world.trajectory import Trajectory
+from ...world.values import Array, Bounds
+from ..collision.start_tolerance import Way
+from ..collision.trajectory_check import first_hit, steps
+from ..failures import planning_failures as failing
+from ..requests import JointGoal, Request
+from .motion_chain import between
+from .plan_provenance import Made
+from .plan_service import PlanService
+
+TOLERANCE = 0.02
+"""By how much a speed or an acceleration may exceed its limit, as a share of it."""
+ROUNDING = 1e-6
+"""By how much a joint may exceed its soft limit, rad."""
+WITHIN = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Where between two samples a motion is looked at, as shares of the time between them."""
+
+
+class Gate:
+    """Refuses a trajectory that must not be followed: the arm stays where it is, and the failure says why.
+
+    Always: numbers and times are sound; between the samples, too, joints keep their soft limits and their
+    limits of speed and acceleration; the tool stays in the workspace. What is violated at the start may be
+    left, and not be made worse.
+
+    Collisions are checked at 5 mm of the tool by the fast checker, with what the trajectory supposes: the
+    objects held, pairs allowed and opening of the fingers of its plan, leg by leg. A plan has passed that
+    check when it was made; it is checked again, and the checks are charged, when the belief, the hand or
+    what may be touched has changed since, and so is each trajectory that no planner of ours made. Time alone
+    changes nothing: the answer depends on the belief and the trajectory. With `verify` python-fcl judges what
+    is checked again, as it judges each plan.
+    """
+
+    def __init__(self, model: RobotModel, plans: PlanService, workspace: Bounds) -> None:
+        self._model = model
+        self._plans = plans
+        self._workspace = workspace
+
+    def passes(self, trajectory: Trajectory) -> Generator[None, None, None]:
+        """Return when the trajectory may begin, after the ticks that its checks cost.
+
+        Fails with safety.trajectory, .joint_limit, .speed_limit, .acceleration_limit or .workspace, or with
+        planning.blocked when it is believed to touch something.
+        """
+        _sound(trajectory, self._model.n)
+        self._limits(trajectory)
+        self._stays_inside(trajectory)
+        made = self._plans.made.of(trajectory)
+        while made is None or not _still_holds(made, self._plans):
+            with self._plans.checking():
+                self._free(trajectory, made)
+            self._plans.made.renew(trajectory)
+            yield from self._plans.charge()
+            made = self._plans.made.of(trajectory)
+
+    def blocked(self, trajectory: Trajectory, done: float) -> Failure | None:
+        """Asked while the arm follows a trajectory, `done` s of it: what stands on the rest of the way when
+        the belief has changed since it passed. What was allowed to touch when it began still is; checks are
+        owed to the thinking account."""
+        plans = self._plans
+        made = plans.made.of(trajectory)
+        if made is None or made.seen.version == plans.made.now().version:
+            return None
+        try:
+            with plans.checking():
+                self._free(trajectory, made, done)
+        except Failure as failure:
+            return failure
+        plans.made.renew(trajectory)
+        return None
+
+    def _limits(self, trajectory: Trajectory) -> None:
+        model = self._model
+        times, q, v, a = _between(trajectory)
+        lower = np.minimum(model.lower, trajectory.start) - ROUNDING
+        upper = np.maximum(model.upper, trajectory.start) + ROUNDING
+        self._within(
+            trajectory, times, np.maximum(lower - q, q - upper), q, safety.JOINT_LIMIT, "rad beyond its limit"
+        )
+        for values, limit, cause, unit in (
+            (v, model.velocity_limit, safety.SPEED_LIMIT, "rad/s above its speed limit"),
+            (a, model.acceleration_limit, safety.ACCELERATION_LIMIT, "rad/s² above its acceleration limit"),
+        ):
+            size = np.abs(values)
+            beyond = np.where(size > (1.0 + TOLERANCE) * limit, size - limit, 0.0)
+            self._within(trajectory, times, beyond, values, cause, unit)
+
+    def _within(
+        self, trajectory: Trajectory, times: Array, beyond: Array, values: Array, cause: Cause, what: str
+    ) -> None:
+        row, joint = np.unravel_index(int(beyond.argmax()), beyond.shape)
+        by = float(beyond[row, joint])
+        if by <= 0.0:
+            return
+        at, name = float(times[row]), self._model.description.joints[int(joint)]
+        raise Failure(
+            cause,
+            f"the trajectory is refused: {name} would be {by:.3f} {what} {_when(at, trajectory)}",
+            joint=name,
+            value=float(values[row, joint]),
+            beyond=by,
+            time=at,
+            fraction=_share(at, trajectory),
+        )
+
+    def _stays_inside(self, trajectory: Trajectory) -> None:
+        low, high = np.array(self._workspace.min), np.array(self._workspace.max)
+        path = steps(self._model, trajectory)
+        tool = np.array([self._model.tcp(q).position for q in path])
+        outside = np.maximum(low - tool, tool - high).max(axis=1)
+        # From outside it may come back, but not go further out.
+        beyond = outside - max(0.0, float(outside[0])) - ROUNDING
+        worst = int(beyond.argmax())
+        if beyond[worst] <= 0.0:
+            return
+        at = _time_of(trajectory, path[worst])
+        raise Failure(
+            safety.WORKSPACE,
+            f"the trajectory is refused: the tool would be {outside[worst] * 1000:.0f} mm outside the "
+            f"workspace {_when(at, trajectory)}",
+            position=[round(float(c), 4) for c in tool[worst]],
+            beyond=float(outside[worst]),
+            time=at,
+            fraction=_share(at, trajectory),
+        )
+
+    def _free(self, trajectory: Trajectory, made: Made | None, done: float = 0.0) -> None:
+        begin = 0.0
+        for request, end in _pieces(trajectory, made):
+            since, begin = max(begin, done), end
+            if since > 0.0 and since >= end:
+                continue
+            part = between(trajectory, since, end)
+            supposed = self._supposed(request)
+            if made is not None and done > 0.0:
+                allowed = tuple((a, b) for a, b in map(sorted, made.seen.allowed))
+                supposed = replace(supposed, start=part.start, allowed=(*supposed.allowed, *allowed))
+            solver = self._plans.solver
+            try:
+                solver.look(supposed)
+            except Failure as failure:
+                raise Failure(
+                    planning.BLOCKED,
+                    f"the trajectory is refused: {failure.message}, and its plan supposed that it is held",
+                    **failure.evidence,
+                ) from None
+            start = part.start if supposed.start is None else supposed.start
+            way = Way(solver.collision, start)
+            hit = first_hit(way, part)
+            if hit is not None:
+                self._refuse(trajectory, part, way, since, hit)
+            self._plans.verify(supposed, part)
+
+    def _supposed(self, request: Request) -> Request:
+        """What a plan supposed to be held is by now, perhaps, and as it is felt to be."""
+        solver = self._plans.solver
+        held = solver.scene(replace(request, holding=None)).held
+        if held is not None and request.holding is not None and held.id == request.holding.object:
+            return replace(request, holding=None)
+        return request
+
+    def _refuse(self, trajectory: Trajectory, part: Trajectory, way: Way, begin: float, found: Array) -> None:
+        """`found` (n,): some configuration that is hit; the earliest one is told."""
+        collision = self._plans.solver.collision
+        path = steps(self._model, part)
+        hit = next((q for q in path if not way.free(q) and not way.nearly_free(q)), found)
+        at = begin + _time_of(part, hit)
+        contacts = collision.contacts(hit)
+        touched = "; ".join(failing.listed(contacts)) or "the edge of the workspace"
+        raise Failure(
+            planning.BLOCKED,
+            f"the way is not free: {touched} {_when(at, trajectory)}",
+            contacts=failing.listed(contacts),
+            time=at,
+            fraction=_share(at, trajectory),
+            configuration=[round(float(c), 4) for c in hit],
+        )
+
+
+def _still_holds(made: Made, plans: PlanService) -> bool:
+    width_matters = any(request.width is None for request in made.requests)
+    return made.seen.covers(plans.made.now(), width_matters=width_matters)
+
+
+def _pieces(trajectory: Trajectory, made: Made | None) -> list[tuple[Request, float]]:
+    """What each stretch of a trajectory supposes, and when it ends, s."""
+    if made is None:
+        return [(Request(JointGoal(trajectory.end), trajectory.start), trajectory.duration)]
+    return list(zip(made.requests, made.passes, strict=True))
+
+
+def _sound(trajectory: Trajectory, joints: int) -> None:
+    """Shapes, finite numbers, rising times. Raises Failure(safety.trajectory)."""
+    times = trajectory.times
+    rows = (trajectory.position, trajectory.velocity, trajectory.acceleration)
+    wrong = ""
+    if times.ndim != 1 or len(times) < 1 or any(row.shape != (len(times), joints) for row in rows):
+        shapes = ", ".join(str(row.shape) for row in rows)
+        wrong = f"{times.shape} times do not fit rows of {shapes}; {joints} joints are wanted"
+    elif not all(bool(np.isfinite(numbers).all()) for numbers in (times, *rows)):
+        wrong = "it holds a number that is not finite"
+    elif abs(float(times[0])) > 1e-9 or bool((np.diff(times) <= 0.0).any()):
+        wrong = "its times do not rise from 0"
+    elif float(np.abs(trajectory.velocity[-1]).max()) > 1e-6:
+        wrong = "it does not end at rest"
+    if wrong:
+        raise Failure(safety.TRAJECTORY, f"the trajectory is refused: {wrong}")
+
+
+def _between(trajectory: Trajectory) -> tuple[Array, Array, Array, Array]:
+    """Times (k,), and position, velocity, acceleration (k, n) at the samples and between them."""
+    c, h = trajectory.polynomials(), np.diff(trajectory.times)
+    if not len(h):
+        return trajectory.times, trajectory.position, trajectory.velocity, trajectory.acceleration
+    times: list[Array] = []
+    q: list[Array] = []
+    v: list[Array] = []
+    a: list[Array] = []
+    for share in WITHIN:
+        u = (share * h)[:, None]
+        times.append(trajectory.times[:-1] + share * h)
+        q.append(c[:, 0] + u * (c[:, 1] + u * (c[:, 2] + u * (c[:, 3] + u * (c[:, 4] + u * c[:, 5])))))
+        v.append(c[:, 1] + u * (2 * c[:, 2] + u * (3 * c[:, 3] + u * (4 * c[:, 4] + u * 5 * c[:, 5]))))
+        a.append(2 * c[:, 2] + u * (6 * c[:, 3] + u * (12 * c[:, 4] + u * 20 * c[:, 5])))
+    return np.concatenate(times), np.concatenate(q), np.concatenate(v), np.concatenate(a)
+
+
+def _time_of(trajectory: Trajectory, q: Array) -> float:
+    """When a trajectory is nearest to a configuration (n,), s."""
+    return float(trajectory.times[int(np.abs(trajectory.position - q).max(axis=1).argmin())])
+
+
+def _share(at: float, trajectory: Trajectory) -> float:
+    return at / max(trajectory.duration, 1e-9)
+
+
+def _when(at: float, trajectory: Trajectory) -> str:
+    return f"after {at:.2f} s, {_share(at, trajectory) * 100:.0f} % of the way"

@@ -1,0 +1,165 @@
+"""Joint-space paths as polynomial pieces with continuous first and second derivatives.
+
+Their parameter is about the arc length in rad, so that pieces of different origin fit together: straight
+segments whose corners are rounded, splines through the dense waypoints of a Cartesian line, and blends
+between the two.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_banded
+
+from ...world.trajectory import quintic
+from ...world.values import Array
+
+DEGREE = 5
+SAME = 1e-6
+"""Waypoints closer than this are one, rad."""
+_FACTORS = [
+    np.array([float(math.perm(power, order)) for power in range(order, DEGREE + 1)]) for order in range(4)
+]
+"""What the powers are multiplied with in the derivative of each order."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """breaks (k + 1,) ascending from 0; coefficients (k, 6, n) of the powers of s - breaks[i]."""
+
+    breaks: Array
+    coefficients: Array
+
+    @property
+    def length(self) -> float:
+        """Of the parameter, about rad."""
+        return float(self.breaks[-1])
+
+    @property
+    def straight(self) -> bool:
+        return len(self.coefficients) == 1 and not self.coefficients[0, 2:].any()
+
+    def at(self, s: Array | float, order: int = 0) -> Array:
+        """The derivative of that order (m, n) at parameters (m,); (n,) for a single one."""
+        value = self.derivatives(np.atleast_1d(np.asarray(s, dtype=np.float64)), order, order)[0]
+        return value if np.ndim(s) else value[0]
+
+    def derivatives(self, s: Array, last: int, first: int = 0) -> list[Array]:
+        """The derivatives (m, n) of the orders from `first` to `last` at parameters (m,)."""
+        piece = np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, len(self.breaks) - 2)
+        powers = np.vander(s - self.breaks[piece], DEGREE + 1, increasing=True)
+        c = self.coefficients[piece]
+        return [
+            np.einsum("mp,mpn->mn", powers[:, : DEGREE + 1 - order] * _FACTORS[order], c[:, order:])
+            for order in range(first, last + 1)
+        ]
+
+    def piece(self, low: float, high: float) -> Curve:
+        """The part between two parameters, its own parameter from 0."""
+        inner = self.breaks[(self.breaks > low + 1e-12) & (self.breaks < high - 1e-12)]
+        breaks: Array = np.concatenate([[low], inner, [high]])
+        index = np.clip(np.searchsorted(self.breaks, breaks[:-1], side="right") - 1, 0, len(self.breaks) - 2)
+        coefficients = self.coefficients[index].copy()
+        begin = float(low - self.breaks[index[0]])
+        if begin > 0.0:
+            coefficients[0] = _shifted(coefficients[0], begin)
+        return Curve(breaks - low, coefficients)
+
+
+def joined(curves: list[Curve]) -> Curve:
+    """One after the other: each must begin where the one before ends."""
+    breaks, begin = [np.zeros(1)], 0.0
+    for curve in curves:
+        breaks.append(curve.breaks[1:] + begin)
+        begin += curve.length
+    return Curve(np.concatenate(breaks), np.concatenate([curve.coefficients for curve in curves]))
+
+
+def cornered(points: Array, radius: float) -> Curve:
+    """A polyline (m, n), m > 1, no two in a row the same, its corners rounded.
+
+    Each arc begins and ends at most `radius` rad from its corner; two arcs share a segment. On an arc the
+    direction turns as 3x² - 2x³, so the curvature is 0 at both ends, and the arc stays within the triangle.
+    """
+    along = np.diff(points, axis=0)
+    lengths: Array = np.linalg.norm(along, axis=1)
+    units: Array = along / lengths[:, None]
+    cuts = np.zeros(len(points))
+    cuts[1:-1] = np.minimum(radius, 0.5 * np.minimum(lengths[:-1], lengths[1:]))
+    spans: list[float] = []
+    coefficients: list[Array] = []
+    for k in range(len(along)):
+        straight = float(lengths[k] - cuts[k] - cuts[k + 1])
+        if straight > 1e-9:
+            spans.append(straight)
+            coefficients.append(_line(points[k] + units[k] * cuts[k], units[k]))
+        if cuts[k + 1] > 0.0:
+            spans.append(2.0 * float(cuts[k + 1]))
+            coefficients.append(_arc(points[k + 1], units[k], units[k + 1], float(cuts[k + 1])))
+    return Curve(np.concatenate([[0.0], np.cumsum(spans)]), np.array(coefficients))
+
+
+def splined(points: Array) -> Curve:
+    """The natural cubic spline through points (m, n), m > 2, no two in a row the same."""
+    along = np.diff(points, axis=0)
+    h: Array = np.linalg.norm(along, axis=1)[:, None]
+    slopes = along / h
+    # Second derivatives: 0 at both ends, and such that the first ones agree between.
+    bands = np.zeros((3, len(h) - 1))
+    bands[0, 1:] = bands[2, :-1] = h[1:-1, 0]
+    bands[1] = 2.0 * (h[:-1, 0] + h[1:, 0])
+    bend = np.zeros_like(points)
+    bend[1:-1] = solve_banded((1, 1), bands, 6.0 * np.diff(slopes, axis=0))
+    coefficients = np.zeros((len(h), DEGREE + 1, points.shape[1]))
+    coefficients[:, 0] = points[:-1]
+    coefficients[:, 1] = slopes - h * (2.0 * bend[:-1] + bend[1:]) / 6.0
+    coefficients[:, 2] = bend[:-1] / 2.0
+    coefficients[:, 3] = np.diff(bend, axis=0) / (6.0 * h)
+    return Curve(np.concatenate([[0.0], np.cumsum(h)]), coefficients)
+
+
+def bridge(before: Curve, after: Curve, radius: float) -> Curve:
+    """From `radius` before the end of one to `radius` behind the beginning of the other: the polynomial of
+    the fifth degree that agrees with both in its first and second derivatives."""
+    span = 2.0 * radius
+    a, b = before.length - radius, radius
+    p0, v0, w0 = (value[0] for value in before.derivatives(np.array([a]), 2))
+    p1, v1, w1 = (value[0] for value in after.derivatives(np.array([b]), 2))
+    return Curve(np.array([0.0, span]), quintic(p0, v0, w0, p1, v1, w1, span)[None])
+
+
+def distinct(path: Array) -> Array:
+    """The points (m, n) without repetitions; begin and end stay exactly what they are."""
+    kept = [path[0]]
+    for point in path[1:]:
+        if float(np.abs(point - kept[-1]).max()) > SAME:
+            kept.append(point)
+    if len(kept) > 1:
+        kept[-1] = path[-1]
+    return np.array(kept)
+
+
+def _line(start: Array, unit: Array) -> Array:
+    coefficients = np.zeros((DEGREE + 1, len(start)))
+    coefficients[0], coefficients[1] = start, unit
+    return coefficients
+
+
+def _arc(corner: Array, before: Array, after: Array, cut: float) -> Array:
+    # The direction is before + (after - before) (3x² - 2x³) with x = u / (2 cut).
+    coefficients = _line(corner - before * cut, before)
+    turn, span = after - before, 2.0 * cut
+    coefficients[3] = turn / span**2
+    coefficients[4] = -turn / (2.0 * span**3)
+    return coefficients
+
+
+def _shifted(coefficients: Array, by: float) -> Array:
+    """The polynomial in u - by instead of u (Taylor)."""
+    shifted = coefficients.copy()
+    for low in range(DEGREE):
+        for k in range(DEGREE - 1, low - 1, -1):
+            shifted[k] += by * shifted[k + 1]
+    return shifted

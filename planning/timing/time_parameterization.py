@@ -1,0 +1,163 @@
+"""From a path to a timed trajectory within the joints' limits of velocity, acceleration, jerk and torque.
+
+The fastest profile of the path's speed comes from TOPP-RA (Pham and Pham, "A new approach to time-optimal
+path parameterization based on reachability analysis", IEEE Transactions on Robotics 34, 2018). Its
+acceleration jumps; so the time law s(t), not the joints, is averaged over a short window. The path stays what
+was checked, and the acceleration becomes continuous.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...robots.model import RobotModel
+from ...world.trajectory import Trajectory
+from ...world.values import Array
+from ..requests import Scaling
+from .path_curves import Curve, cornered, distinct, splined
+from .path_limits import Limits, Stretch, least_ratio
+from .toppra_profile import TimeLaw, fastest
+
+PERIOD = 0.01
+"""Between two samples of a trajectory, at most, s."""
+RESERVE = 0.9
+"""Share of the acceleration limits that is planned with: between grid points it overshoots."""
+HEAVY = 0.95
+"""Share of what is left of the torques that the profile is planned with, for the same reason."""
+WINDOW = 0.045
+"""Over which the time law is averaged, s: from full acceleration to full braking at the jerk limit."""
+BEND = 0.5
+"""Share of the jerk limit that the path's own bends may take at a constant speed."""
+PASSES = 3
+"""How often a profile is planned, slower where the averaged one exceeded a limit."""
+ENOUGH = 1.01
+"""A motion that exceeds no limit by more than this is not planned again: all of it goes slower."""
+GRID = 0.1
+"""Distance of TOPP-RA's grid points along the path, rad."""
+STEPS = 12
+"""The least number of its steps, rounded up on each piece of the path."""
+TURN = 0.25
+"""The greatest turn of the path's direction between two of them, rad."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Timed:
+    """A trajectory, and the path's parameter (m,) at each of its samples."""
+
+    trajectory: Trajectory
+    parameter: Array
+
+    def when(self, s: float) -> float:
+        """The time at which the parameter is reached, s."""
+        return float(np.interp(s, self.parameter, self.trajectory.times))
+
+
+def time_corners(model: RobotModel, path: Array, scaling: Scaling, radius: float) -> Trajectory | None:
+    """Along a polyline (m, n) with its corners cut by at most `radius` rad. None when no timing is found."""
+    points = distinct(path)
+    if len(points) < 2:
+        return standing(path[-1])
+    return _trajectory(model, cornered(points, radius), scaling)
+
+
+def time_smooth(model: RobotModel, path: Array, scaling: Scaling) -> Trajectory | None:
+    """Along a cubic spline through dense waypoints (m, n), as those of a Cartesian line."""
+    points = distinct(path)
+    if len(points) < 2:
+        return standing(path[-1])
+    return _trajectory(model, splined(points) if len(points) > 2 else cornered(points, 0.0), scaling)
+
+
+def standing(q: Array) -> Trajectory:
+    """No motion at all, for one period."""
+    still = np.zeros((2, len(q)))
+    return Trajectory(np.array([0.0, PERIOD]), np.array([q, q]), still, still)
+
+
+def time_curve(model: RobotModel, curve: Curve, stretches: Sequence[Stretch]) -> Timed | None:
+    """Along a curve from rest to rest, each stretch of it with its own scaling; the last one ends where the
+    curve does. None when no timing is found, or when the curve leaves the joints' limits."""
+    limits = Limits(model, stretches)
+    grid = _grid(curve, stretches)
+    at, first, second, third = curve.derivatives(grid, 3)
+    # The averaged law is where the profile was a moment ago.
+    speed = limits.speed(grid, first, WINDOW)
+    acceleration = RESERVE * limits.kinematic(grid, limits.around(grid, first, WINDOW))[1]
+    # At a constant speed the joints still jerk, where the path's bend changes.
+    speed = np.minimum(speed, np.cbrt(least_ratio(BEND * limits.jerk, third)))
+    inertia, bending = (share / HEAVY for share in limits.torques(at, first, second))
+    best: Timed | None = None
+    for _ in range(PASSES):
+        law = fastest(grid, first, second, speed, acceleration, (inertia, bending))
+        if law is None:
+            break
+        timed, excess, times = _followed(limits, curve, law)
+        if best is None or timed.trajectory.duration < best.trajectory.duration:
+            best = timed
+        if excess.max() <= ENOUGH:
+            break
+        slower = _where(law, grid, times, excess)
+        speed = np.minimum(speed, np.where(slower > 1.0, law.speed / slower, speed))
+        acceleration = acceleration / slower[:, None] ** 2
+        inertia, bending = inertia * slower[:, None] ** 2, bending * slower[:, None] ** 2
+    return best if best is not None and _within(model, curve, best.trajectory.position) else None
+
+
+def _trajectory(model: RobotModel, curve: Curve, scaling: Scaling) -> Trajectory | None:
+    timed = time_curve(model, curve, (Stretch(curve.length, scaling),))
+    return None if timed is None else timed.trajectory
+
+
+def _followed(limits: Limits, curve: Curve, law: TimeLaw) -> tuple[Timed, Array, Array]:
+    """The averaged law's motion, stretched as a whole until it keeps all limits; by how much each sample
+    (m,) exceeded them before, and when it was (m,), s."""
+    duration = float(law.times[-1]) + WINDOW
+    # Limits are looked at between the samples, too.
+    times: Array = np.linspace(0.0, duration, 2 * max(1, int(np.ceil(duration / PERIOD))) + 1)
+    s, ds, dds = law.averaged(times, WINDOW)
+    s = np.clip(s, 0.0, curve.length)
+    q, along, bend = curve.derivatives(s, 2)
+    v = along * ds[:, None]
+    a = along * dds[:, None] + bend * (ds**2)[:, None]
+    v[0] = v[-1] = a[0] = a[-1] = 0.0
+    excess = limits.excess(times, s, q, v, a)
+    stretch = max(1.0, float(excess.max()))
+    t, q, v, a = (rows[::2] for rows in (times * stretch, q, v / stretch, a / stretch**2))
+    return Timed(Trajectory(t, q, v, a), s[::2]), excess, times
+
+
+def _where(law: TimeLaw, grid: Array, times: Array, excess: Array) -> Array:
+    """By what factor (k,) to go slower at each grid point: the greatest of the samples it has a part in."""
+    slower = np.ones(len(grid))
+    for k in np.flatnonzero(excess > 1.0):
+        low, high = np.interp([times[k] - WINDOW, times[k]], law.times, law.parameter)
+        first = max(int(np.searchsorted(grid, low, side="right")) - 1, 0)
+        last = int(np.searchsorted(grid, high, side="left")) + 1
+        slower[first:last] = np.maximum(slower[first:last], excess[k])
+    return slower
+
+
+def _grid(curve: Curve, stretches: Sequence[Stretch]) -> Array:
+    """Every break and end of a stretch, and more between them: see GRID, STEPS and TURN."""
+    marks = np.unique(np.concatenate([curve.breaks, [stretch.end for stretch in stretches[:-1]]]))
+    marks = marks[np.concatenate([[True], np.diff(marks) > 1e-9])]
+    spans = np.diff(marks)
+    bends = np.linalg.norm(curve.at(np.concatenate([marks, marks[:-1] + spans / 2]), 2), axis=1)
+    bend = np.maximum(np.maximum(bends[: len(spans)], bends[1 : len(marks)]), bends[len(marks) :])
+    counts = np.ceil(np.maximum(spans / min(GRID, curve.length / STEPS), spans * bend / TURN)).astype(int)
+    steps = np.repeat(spans / counts, counts)
+    grid: Array = np.concatenate([[0.0], np.cumsum(steps)])
+    grid[-1] = curve.length
+    return grid
+
+
+def _within(model: RobotModel, curve: Curve, q: Array) -> bool:
+    """Whether configurations (m, n) on the curve keep the joints' limits, and where its own corners lie
+    beyond them, those."""
+    corners = curve.coefficients[:, 0]
+    lower = np.minimum(model.lower, np.minimum(corners.min(axis=0), q[-1]))
+    upper = np.maximum(model.upper, np.maximum(corners.max(axis=0), q[-1]))
+    return bool((q >= lower - 1e-9).all() and (q <= upper + 1e-9).all())

@@ -1,0 +1,132 @@
+"""The fastest speed profile along a curve, by TOPP-RA, and the time law that follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...world.values import Array
+from .lazy_pyplot import lazy_pyplot
+
+with lazy_pyplot():
+    from toppra.constraint import LinearConstraint
+    from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
+
+ROUNDED = 0.9999
+"""Share of the squared speed that a step keeps, so that rounding leaves it controllable."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeLaw:
+    """The path's parameter over the time: a constant acceleration between two marks.
+
+    times, parameter, speed (k + 1,) in s, rad, rad/s; from rest to rest.
+    """
+
+    times: Array
+    parameter: Array
+    speed: Array
+
+    def averaged(self, times: Array, window: float) -> tuple[Array, Array, Array]:
+        """Parameter, speed and acceleration (m,) at `times`, of the law averaged over `window` s.
+
+        It ends `window` s later. The acceleration is continuous and changes by at most the greatest jump of
+        the law's own in `window` s. What is averaged is known in closed form: the mean of the parameter over
+        the window is the difference of its integral at both ends.
+        """
+        now, before = self._integrals(times), self._integrals(times - window)
+        s, ds, dds = ((a - b) / window for a, b in zip(now, before, strict=True))
+        return s, ds, dds
+
+    def _integrals(self, times: Array) -> tuple[Array, Array, Array]:
+        """The parameter's integral over the time, the parameter and the speed (m,), also before and after."""
+        steps = np.diff(self.times)
+        acceleration = np.diff(self.speed) / steps
+        areas = self.parameter[:-1] * steps + self.speed[:-1] * steps**2 / 2 + acceleration * steps**3 / 6
+        area: Array = np.concatenate([[0.0], np.cumsum(areas)])
+        t = np.clip(times, 0.0, self.times[-1])
+        k = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(steps) - 1)
+        u = t - self.times[k]
+        p, v, a = self.parameter[k], self.speed[k], acceleration[k]
+        after = np.maximum(times - self.times[-1], 0.0) * self.parameter[-1]
+        return (
+            area[k] + p * u + v * u**2 / 2 + a * u**3 / 6 + after,
+            p + v * u + a * u**2 / 2,
+            v + a * u,
+        )
+
+
+def fastest(
+    grid: Array,
+    first: Array,
+    second: Array,
+    speed: Array,
+    acceleration: Array,
+    torques: tuple[Array, Array],
+) -> TimeLaw | None:
+    """From rest to rest along a path with these derivatives (m, n) at grid points (m,).
+
+    `speed` (m,): greatest speed of the parameter at each; `acceleration` (m, n): the joints' limits;
+    `torques` (m, n) each: what the parameter's acceleration and its squared speed take of the joints'
+    torques, as shares. None when rounding makes it unsolvable. Without lower limits of the speed, standing
+    still is possible everywhere, so of the sets of controllable speeds only the upper ends are asked for.
+    """
+    rows = _Rows(grid, first / acceleration, second / acceleration, torques, speed**2)
+    solver = seidelWrapper([rows], rows, grid, solve_lp1d=True)
+    steps = np.diff(grid)
+    count = len(steps)
+    reach = np.zeros(count + 1)
+    upward = np.array([1e-9, -1.0])
+    solver.setup_solver()
+    for k in range(count - 1, -1, -1):
+        reach[k] = solver.solve_stagewise_optim(k, None, upward, np.nan, np.nan, 0.0, reach[k + 1])[1]
+        if not reach[k] >= 0.0:
+            return None
+    squared = np.zeros(count + 1)
+    forward = np.array([0.0, -1.0])
+    for k in range(count):
+        x = min(squared[k], reach[k])
+        forward[0] = -2.0 * steps[k]
+        u = np.nan
+        for _ in range(20):
+            u = solver.solve_stagewise_optim(k, None, forward, x, x, 0.0, reach[k + 1])[0]
+            if not np.isnan(u):
+                break
+            x *= 0.999
+        if np.isnan(u):
+            return None
+        squared[k] = x
+        squared[k + 1] = min(max(ROUNDED * (x + 2.0 * steps[k] * u), 0.0), reach[k + 1])
+    solver.close_solver()
+    v: Array = np.sqrt(squared)
+    mean = v[:-1] + v[1:]
+    if not bool((mean > 0.0).all()):
+        return None
+    return TimeLaw(np.concatenate([[0.0], np.cumsum(2.0 * steps / mean)]), grid, v)
+
+
+class _Rows(LinearConstraint):
+    """The limits of acceleration and torque at both ends of each step of the grid (TOPP-RA's interpolation
+    scheme), and those of the speed, as the solver's rows."""
+
+    def __init__(
+        self, grid: Array, first: Array, second: Array, torques: tuple[Array, Array], squared_speed: Array
+    ) -> None:
+        super().__init__()
+        self.identical = True
+        self.dof = first.shape[1]
+        a = np.concatenate([first, torques[0]], axis=1)
+        b = np.concatenate([second, torques[1]], axis=1)
+        # Those of a step's end too; at the last point there is no step.
+        ahead = 2.0 * np.diff(grid, append=grid[-1])[:, None]
+        b_next = np.concatenate([b[1:], b[-1:]])
+        a = np.concatenate([a, np.concatenate([a[1:], a[-1:]]) + ahead * b_next], axis=1)
+        b = np.concatenate([b, b_next], axis=1)
+        count = a.shape[1]
+        both: Array = np.concatenate([np.eye(count), -np.eye(count)])
+        bounds = np.column_stack([np.zeros(len(grid)), squared_speed])
+        self._params = (a, b, np.zeros_like(a), both, np.ones(2 * count), None, bounds)
+
+    def compute_constraint_params(self, path: object, gridpoints: Array) -> tuple[Array | None, ...]:
+        return self._params

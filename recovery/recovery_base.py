@@ -1,0 +1,189 @@
+"""The base of nodes that run a branch, cure its failure, and run it again."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING
+
+from ..trees.flow import Flow, State
+from ..trees.node import Control, Node
+from ..trees.status import NodeStatus
+from ..trees.values.failure_reports import with_attached
+from ..world.causes import FailureReport, internal, matches, tree
+from .budget import budgets_above
+from .recovery_flow import Recovery
+
+if TYPE_CHECKING:
+    from ..trees.flow.flow_walk import Walk
+    from ..trees.mission import NodeSpec
+
+
+class Recovering(Control, abstract=True):
+    """Runs `tried`; after a failure runs its cure, then `tried` again, a tick apart.
+
+    Its outputs `attempt`, `cause`, `message` and `failed` tell those below what is going on, cures above all.
+    What a cure costs is charged to every `Budget` above; one that is used up refuses the next.
+    """
+
+    by_turns = True
+
+    causes = (tree.ATTEMPTS,)
+    remembers = ("_runs", "_reports", "_handler", "_giving_up", "_refused")
+    positions = ("_handler",)
+    _runs: int = 0
+    _reports: tuple[FailureReport, ...] = ()
+    _handler: str = ""
+    """Label of the cure that runs; empty while `tried` runs."""
+    _giving_up: bool = False
+    _refused: bool = False
+    """A budget above has no cure left to pay for."""
+
+    # What a sub-class says.
+
+    @abstractmethod
+    def tried(self) -> Node:
+        """What is to succeed."""
+        ...
+
+    @abstractmethod
+    def most_runs(self) -> int:
+        """How often it may run."""
+        ...
+
+    @abstractmethod
+    def cure_of(self, report: FailureReport) -> str:
+        """The label of the cure of a failure, of one that `cure` knows; empty when there is none."""
+        ...
+
+    @abstractmethod
+    def cure(self, label: str) -> Node: ...
+
+    def resort(self) -> Node | None:
+        """What is run before failing for good."""
+        return None
+
+    @classmethod
+    def goes_on_after(cls, cure: NodeStatus) -> bool:
+        """Whether `tried` runs again after a cure that ended so."""
+        return cure is not NodeStatus.FAILURE
+
+    @classmethod
+    @abstractmethod
+    def recovery(cls, spec: NodeSpec, walk: Walk) -> Recovery:
+        """The same of a node in the text."""
+        ...
+
+    # What they share.
+
+    def on_start(self) -> None:
+        self._runs, self._reports, self._handler, self._giving_up = 0, (), "", False
+        self._refused = False
+        self._tell(None)
+
+    def on_tick(self) -> NodeStatus:
+        if self._reports:
+            for budget in budgets_above(self):
+                budget.is_recovering()
+        if self._giving_up:
+            return self._give_up()
+        if self._handler:
+            return self._handle()
+        state = self.tried().step()
+        if state is NodeStatus.FAILURE:
+            return self._failed(self.tried())
+        if state is NodeStatus.SUCCESS and self._reports:
+            last = self._reports[-1]
+            self.note(
+                "cured",
+                f"cured after {len(self._reports)} failures: {last.cause}",
+                cause=last.cause.name,
+                failed=last.node,
+                tries=len(self._reports),
+            )
+        return state
+
+    def _failed(self, body: Node) -> NodeStatus:
+        self._runs += 1
+        report = body.failure
+        if report is None:
+            report = FailureReport(tree.ATTEMPTS, "a condition does not hold", {}, body.path)
+        self._reports = (*self._reports, report)
+        self._tell(report)
+        label = self.cure_of(report)
+        if not label and matches(str(internal.ANY), report.cause):
+            return self.fail_with(report)
+        if not label or self._runs >= self.most_runs():
+            return self._give_up()
+        refusal = self._pay()
+        if refusal is not None:
+            self._refused = True
+            self._reports = (*self._reports[:-1], refusal)
+            return self._give_up()
+        self._handler = label
+        self.note(
+            "recovery",
+            f"{report.cause} in {report.node}: {label} is tried (attempt {self._runs} of {self.most_runs()})",
+            cause=report.cause.name,
+            failed=report.node,
+            reason=report.message,
+            handler=label,
+            attempt=self._runs,
+        )
+        return NodeStatus.RUNNING
+
+    def _tell(self, report: FailureReport | None) -> None:
+        """Write the outputs: the attempt that runs, or that failed with the report last."""
+        if report is None:
+            self.output("attempt", self._runs + 1)
+            if self._reports:
+                return  # the failure that was cured stays known while it is tried again
+        self.output("cause", report.cause.name if report else "")
+        self.output("message", report.message if report else "")
+        self.output("failed", report.node if report else "")
+
+    def _pay(self) -> FailureReport | None:
+        """Charge one cure to all budgets above, or answer why one of them has none left."""
+        budgets = budgets_above(self)
+        last = self._reports[-1]
+        for budget in budgets:
+            refusal = budget.refusal(last)
+            if refusal is not None:
+                return refusal
+        for budget in budgets:
+            budget.charge()
+        return None
+
+    def _handle(self) -> NodeStatus:
+        handler = self.cure(self._handler)
+        state = handler.step()
+        if state is NodeStatus.RUNNING:
+            return state
+        self._handler = ""
+        if self.goes_on_after(state):
+            self._tell(None)
+            return NodeStatus.RUNNING
+        failed = (handler.failure,) if handler.failure is not None else ()
+        return self.fail_with(with_attached(self._reports[-1], failed))
+
+    def _give_up(self) -> NodeStatus:
+        *earlier, last = self._reports
+        report = with_attached(last, earlier)
+        resort = self.resort()
+        if resort is not None:
+            self._giving_up = True
+            match resort.step():
+                case NodeStatus.RUNNING:
+                    return NodeStatus.RUNNING
+                case NodeStatus.FAILURE if resort.failure is not None:
+                    report = with_attached(report, (resort.failure,))
+                case _:
+                    pass
+        if self._refused:
+            for budget in budgets_above(self):
+                if budget.path == report.node:
+                    budget.has_given_up(report)
+        return self.fail_with(report)
+
+    @classmethod
+    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+        return cls.recovery(spec, walk).flow(spec, entry, walk)

@@ -1,0 +1,101 @@
+"""What a finger linkage does, computed from the geometry of its links and pads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+
+import numpy as np
+
+from ..world.shapes import Box
+from ..world.values import Array, Pose
+from .description import Follower, Linkage
+from .urdf_tree import Skeleton
+
+SAMPLES = 129
+"""Angles of the driven joint for which the opening is computed; between them it is interpolated."""
+
+
+class UnfitLinkage(ValueError):
+    """Why the joints do not open and close a gripper, in one sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkageParts:
+    """What the opening follows from."""
+
+    drive: str
+    followers: tuple[Follower, ...]
+    opened: float
+    closed: float
+    links: tuple[str, str]
+    """Finger links; the first is on the side of the TCP's +y."""
+    pads: tuple[tuple[Box, Pose], tuple[Box, Pose]]
+    tcp_link: str
+    tcp_in_link: Pose
+
+
+def solve_linkage(skeleton: Skeleton, parts: LinkageParts) -> Linkage:
+    """Opening and reach of the pads over the angle of the driven joint.
+
+    The opening is the distance between the inner faces of the two pads along the TCP's y axis. Raises
+    UnfitLinkage when it does not grow all the way from closed to opened.
+    """
+    knuckles = _knuckle(skeleton, parts, 0), _knuckle(skeleton, parts, 1)
+    angles = np.linspace(parts.closed, parts.opened, SAMPLES).tolist()
+    widths: list[float] = []
+    tips: list[float] = []
+    for angle in angles:
+        near, far = (_pad_in_tcp(skeleton, parts, n, angle) for n in range(2))
+        widths.append(float(near[:, 1].min() - far[:, 1].max()))
+        tips.append(float(max(near[:, 2].max(), far[:, 2].max())))
+    if any(b <= a for a, b in pairwise(widths)):
+        raise UnfitLinkage(
+            f"the pads do not open all the way as {parts.drive!r} turns from {parts.closed:g} rad (closed) "
+            f"to {parts.opened:g} rad (opened): {widths[0] * 1000:.1f} mm, halfway "
+            f"{widths[SAMPLES // 2] * 1000:.1f} mm, at the end {widths[-1] * 1000:.1f} mm apart"
+        )
+    if widths[-1] <= 0.0:
+        raise UnfitLinkage("the pads overlap even when the gripper is opened")
+    if widths[0] < 0.0:
+        angles, widths, tips = _from_touching(angles, widths, tips)
+    return Linkage(parts.drive, parts.followers, knuckles, tuple(angles), tuple(widths), tuple(tips))
+
+
+def _knuckle(skeleton: Skeleton, parts: LinkageParts, n: int) -> str:
+    moved = {parts.drive, *(follower.joint for follower in parts.followers)}
+    for name in skeleton.joints_to(parts.links[n]):
+        if name in moved:
+            return name
+    raise UnfitLinkage(f"neither {parts.drive!r} nor a follower moves the finger {parts.links[n]!r}")
+
+
+def _from_touching(
+    angles: list[float], widths: list[float], tips: list[float]
+) -> tuple[list[float], list[float], list[float]]:
+    """The tables from where the pads touch."""
+    first = next(k for k, width in enumerate(widths) if width >= 0.0)
+    if widths[first] == 0.0:
+        return angles[first:], widths[first:], tips[first:]
+    share = -widths[first - 1] / (widths[first] - widths[first - 1])
+
+    def touching(values: Sequence[float]) -> float:
+        return values[first - 1] + share * (values[first] - values[first - 1])
+
+    return (
+        [touching(angles), *angles[first:]],
+        [0.0, *widths[first:]],
+        [touching(tips), *tips[first:]],
+    )
+
+
+def _pad_in_tcp(skeleton: Skeleton, parts: LinkageParts, n: int, angle: float) -> Array:
+    """Corners (8, 3) of a pad in the TCP's frame."""
+    positions = {parts.drive: angle}
+    positions |= {f.joint: f.multiplier * angle + f.offset for f in parts.followers}
+    tcp = skeleton.pose(parts.tcp_link, positions) @ parts.tcp_in_link
+    finger = skeleton.pose(parts.links[n], positions)
+    box, pad = parts.pads[n]
+    corners = np.array(list(product(*((-size / 2, size / 2) for size in box.size))))
+    return (tcp.inverse() @ finger @ pad).apply(corners)

@@ -1,0 +1,176 @@
+"""A URDF as a robot file wants it: with a gripper hung on the arm, and with inertias put right."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import os
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..files.spelling import nearest
+from ..world.values import Pose, Vector3
+from .mesh_files import PACKAGE, mesh_file
+from .rpy import rpy_of
+from .urdf_tree import UrdfError, parsed_urdf, skeleton_of
+
+
+@dataclass(frozen=True, slots=True)
+class NamedUrdf:
+    """A URDF, and by which package it was named: `package:path` in a robot file."""
+
+    path: Path
+    package: str = ""
+    folder: Path = Path()
+    """Of the package."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """Which part of a gripper's URDF is hung where on the arm, by a fixed joint named `joint`."""
+
+    gripper: NamedUrdf
+    link: str
+    """The gripper's links from this one on; "" for all."""
+    to: str
+    """The link of the arm."""
+    pose: Pose
+    """Of the gripper's link in the arm's link."""
+    joint: str
+    prefix: str = ""
+    """Put before the gripper's names of links and joints."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkInertia:
+    """About the centre of mass in the link's axes: kg, m, kg·m²."""
+
+    mass: float
+    com: Vector3
+    moments: Vector3
+    """ixx, iyy, izz"""
+    products: Vector3
+    """ixy, ixz, iyz"""
+
+
+def composed(
+    arm: NamedUrdf, mounting: Mounting | None, inertias: Mapping[str, LinkInertia] | None = None
+) -> Path:
+    """A file with the URDF as it is wanted; the same wishes always give the same text and the same file.
+
+    Meshes of installed packages are named as `package://package/path`, so that the text does not depend on
+    where the packages stand. Raises UrdfError when they do not go together.
+    """
+    return _kept(compose(arm, mounting, inertias or {}), arm.path.stem)
+
+
+def compose(arm: NamedUrdf, mounting: Mounting | None, inertias: Mapping[str, LinkInertia]) -> str:
+    """The text of `composed`."""
+    whole = parsed_urdf(arm.path)
+    skeleton_of(whole)
+    _name_meshes(whole, arm)
+    if mounting is not None:
+        _hang(whole, mounting)
+    links = {link.get("name", ""): link for link in whole.findall("link")}
+    for name, inertia in inertias.items():
+        if name not in links:
+            hint = nearest(name, links)
+            raise UrdfError(f"there is no link {name!r}" + (f" ({hint})" if hint else ""))
+        _put_inertia(links[name], inertia)
+    ElementTree.indent(whole)
+    return ElementTree.tostring(whole, encoding="unicode") + "\n"
+
+
+def _put_inertia(link: ElementTree.Element, inertia: LinkInertia) -> None:
+    for old in link.findall("inertial"):
+        link.remove(old)
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "origin", xyz=_text(inertia.com), rpy="0 0 0")
+    ElementTree.SubElement(inertial, "mass", value=repr(inertia.mass))
+    keys = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    values = map(repr, (*inertia.moments, *inertia.products))
+    ElementTree.SubElement(inertial, "inertia", dict(zip(keys, values, strict=True)))
+
+
+def _hang(whole: ElementTree.Element, mounting: Mounting) -> None:
+    """Hang the gripper on the arm, whose meshes are named in full already."""
+    hand = parsed_urdf(mounting.gripper.path)
+    arm_tree, hand_tree = skeleton_of(whole), skeleton_of(hand)
+    if mounting.to not in arm_tree.links:
+        hint = nearest(mounting.to, arm_tree.links)
+        raise UrdfError(f"the arm has no link {mounting.to!r}" + (f" ({hint})" if hint else ""))
+    first = mounting.link or hand_tree.links[0]
+    if not mounting.link:
+        children = {joint.child for joint in hand_tree.joints.values()}
+        first = next(link for link in hand_tree.links if link not in children)
+    if first not in hand_tree.links:
+        hint = nearest(first, hand_tree.links)
+        raise UrdfError(f"the gripper has no link {first!r}" + (f" ({hint})" if hint else ""))
+    _name_meshes(hand, mounting.gripper)
+    wanted = set(hand_tree.below(first))
+    parts = [link for link in hand.findall("link") if link.get("name") in wanted]
+    parts += [
+        joint for joint in hand.findall("joint") if hand_tree.joints[joint.get("name", "")].parent in wanted
+    ]
+    for part in parts:
+        _renamed(part, mounting.prefix)
+    taken = {e.get("name") for e in whole if e.tag in ("link", "joint")}
+    doubled = [str(part.get("name")) for part in parts if part.get("name") in taken]
+    if mounting.joint in taken or any(part.get("name") == mounting.joint for part in parts):
+        doubled.append(mounting.joint)
+    if doubled:
+        raise UrdfError(f"arm and gripper both have {doubled[0]!r}: give the gripper's names a prefix")
+    holder = ElementTree.SubElement(whole, "joint", name=mounting.joint, type="fixed")
+    origin = {"xyz": _text(mounting.pose.position), "rpy": _text(rpy_of(mounting.pose))}
+    ElementTree.SubElement(holder, "origin", origin)
+    ElementTree.SubElement(holder, "parent", link=mounting.to)
+    ElementTree.SubElement(holder, "child", link=mounting.prefix + first)
+    known = {material.get("name") for material in whole.findall("material")}
+    for material in hand.findall("material"):
+        if material.get("name") not in known:
+            whole.append(copy.deepcopy(material))
+    whole.extend(parts)
+
+
+def _renamed(part: ElementTree.Element, prefix: str) -> None:
+    part.set("name", prefix + part.get("name", ""))
+    for tag, key in (("parent", "link"), ("child", "link"), ("mimic", "joint")):
+        for element in part.findall(tag):
+            element.set(key, prefix + element.get(key, ""))
+
+
+def _name_meshes(root: ElementTree.Element, urdf: NamedUrdf) -> None:
+    for mesh in root.iter("mesh"):
+        file = mesh_file(urdf.path, mesh.get("filename", ""))
+        if file is None:
+            continue
+        if urdf.package and file.is_relative_to(urdf.folder):
+            mesh.set("filename", f"{PACKAGE}{urdf.package}/{file.relative_to(urdf.folder).as_posix()}")
+        else:
+            mesh.set("filename", str(file.resolve()))
+
+
+def _text(numbers: tuple[float, float, float]) -> str:
+    return " ".join(repr(n) for n in numbers)
+
+
+def _kept(text: str, stem: str) -> Path:
+    """A file with that text, whose name says what is in it; one that is there already is used."""
+    data = text.encode()
+    folder = Path(tempfile.gettempdir()) / f"picktree-{os.getuid()}"
+    name = f"{stem}-{hashlib.sha256(data).hexdigest()[:16]}.urdf"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if folder.stat().st_uid != os.getuid():
+            raise UrdfError(f"the folder {folder} belongs to somebody else")
+        file = folder / name
+        if not file.is_file() or file.read_bytes() != data:
+            beside = folder / f"{name}.{os.getpid()}"
+            beside.write_bytes(data)
+            beside.replace(file)
+    except OSError as error:
+        raise UrdfError(f"the URDF cannot be written to {folder}: {error.strerror}") from None
+    return file

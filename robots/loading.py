@@ -1,0 +1,340 @@
+"""Reading robot files. All faults come at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from ..errors import PicktreeError
+from ..files.models.validation import Checker, describe
+from ..files.shipped_files import find_file, is_file, shipped_names
+from ..files.yaml.document import Document, Fault, FileError, Location, nearest, open_document, read_document
+from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
+from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
+from .gripper_mounting import LinkInertia, Mounting, NamedUrdf, composed
+from .mesh_files import package_folder
+from .robot_schema import GripperFile, MountFile, RobotFile
+from .urdf_geometry import link_geometry
+from .urdf_tree import LIMITED, MOVING, Skeleton, UrdfError, read_skeleton
+
+SHIPPED = Path(__file__).parents[1] / "world" / "robots"
+
+
+@dataclass(frozen=True, slots=True)
+class RobotCheck:
+    """What was found in a robot file: the robot, None when there are errors, and all faults."""
+
+    robot: RobotDescription | None
+    faults: tuple[Fault, ...]
+
+
+def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescription:
+    """The robot of that shipped name, or of a file whose path counts from `beside`.
+
+    Raises FileError with all faults of the file, PicktreeError when there is no such file.
+    """
+    return _faultless(open_document(find_file(name_or_path, SHIPPED, beside, "robot"), "robot"))
+
+
+def parse_robot(text: str, path: Path) -> RobotDescription:
+    """The robot of a file's text, as a log keeps it; `path` is where the file stood."""
+    return _faultless(read_document(text, path, "robot"))
+
+
+def robot_names() -> tuple[str, ...]:
+    """Names of the shipped robots."""
+    return shipped_names(SHIPPED)
+
+
+def check_robot(document: Document) -> RobotCheck:
+    """Everything that can be said of a document of kind `robot`; never raises for what stands in it."""
+    check = Checker(document)
+    robot = check.read(RobotFile)
+    urdf: Path | None = None
+    with check.readable():
+        urdf = _whole_urdf(check, robot, document.path)
+    _check_numbers(check, robot)
+    with check.readable():
+        _check_form(check, robot.gripper)
+    linkage: Linkage | None = None
+    if urdf is not None:
+        linkage = _check_against(check, robot, urdf)
+    if urdf is None or any(fault.severity == "error" for fault in check.faults):
+        return RobotCheck(None, tuple(check.faults))
+    return RobotCheck(_described(document, robot, urdf, linkage), tuple(check.faults))
+
+
+def _faultless(document: Document) -> RobotDescription:
+    found = check_robot(document)
+    if found.robot is None:
+        raise FileError(found.faults)
+    return found.robot
+
+
+def _described(document: Document, robot: RobotFile, urdf: Path, linkage: Linkage | None) -> RobotDescription:
+    gripper = robot.gripper
+    first, second = gripper.pads
+    widest = gripper.max_width if linkage is None else min(gripper.max_width or 1e9, linkage.widths[-1])
+    joints = gripper.joints if linkage is None else (linkage.drive, *(f.joint for f in linkage.followers))
+    assert joints is not None and widest is not None  # `_check_form` has seen to it
+    return RobotDescription(
+        name=document.path.stem,
+        urdf=str(urdf),
+        base_in_world=robot.base.pose(),
+        joints=tuple(robot.joints),
+        limits=tuple(
+            JointLimits(j.lower, j.upper, j.velocity, j.acceleration, j.torque) for j in robot.joints.values()
+        ),
+        named=robot.poses,
+        tcp_link=robot.tcp.link,
+        tcp_in_link=robot.tcp.pose(),
+        flange_joint=robot.flange_joint,
+        gripper=GripperDescription(
+            joints=joints,
+            fingers=gripper.links,
+            max_width=widest,
+            max_force=gripper.max_force,
+            speed=gripper.speed,
+            pads=(first.placed(), second.placed()),
+            pad_contact=PadContact(**gripper.pad_contact.model_dump()),
+            gear=gripper.gear,
+            tip=gripper.tip,
+            palm=gripper.palm,
+            hand=tuple(box.placed() for box in gripper.hand),
+            finger_boxes=gripper.finger.placed(),
+            linkage=linkage,
+        ),
+        disabled_pairs=robot.disabled_pairs,
+        payload=robot.payload,
+        source=str(document.path),
+        text=document.text,
+    )
+
+
+def _whole_urdf(check: Checker, robot: RobotFile, source: Path) -> Path | None:
+    """The URDF, together with that of the gripper where it is mounted."""
+    arm = _urdf(check, ("urdf",), robot.urdf, source)
+    mount = robot.mount
+    hand: NamedUrdf | None = None
+    if mount is not None:
+        hand = _urdf(check, ("mount", "urdf"), mount.urdf, source)
+    if arm is None or (mount is not None and hand is None):
+        return None
+    if mount is None and not robot.inertias:
+        return arm.path
+    for part, name in ((arm, "urdf"), (hand, "mount")):
+        try:
+            if part is not None:
+                read_skeleton(part.path)
+        except UrdfError as error:
+            loc: Location = ("urdf",) if name == "urdf" else ("mount", "urdf")
+            check.fault(loc, f"{part.path if part else ''}: {error}", code="P502")
+            return None
+    mounting = _mounting(mount, hand) if mount is not None and hand is not None else None
+    inertias = {
+        name: LinkInertia(link.mass, link.at, link.moments, link.products)
+        for name, link in robot.inertias.items()
+    }
+    try:
+        path = composed(arm, mounting)
+    except UrdfError as error:
+        check.fault(("mount",), f"the gripper cannot be mounted: {error}", code="P512", key=True)
+        return None
+    if not inertias:
+        return path
+    try:
+        return composed(arm, mounting, inertias)
+    except UrdfError as error:
+        check.fault(("inertias",), str(error), code="P503", key=True)
+        return None
+
+
+def _mounting(mount: MountFile, hand: NamedUrdf) -> Mounting:
+    return Mounting(hand, mount.link, mount.to, mount.pose(), mount.joint, mount.prefix)
+
+
+def _urdf(check: Checker, loc: Location, text: str, source: Path) -> NamedUrdf | None:
+    """The URDF's path: `package:path` inside an installed package, or a path beside the robot file."""
+    package, colon, inside = text.partition(":")
+    root = Path()
+    if colon:
+        folder = package_folder(package)
+        if folder is None:
+            check.fault(loc, f"there is no installed package {describe(package)}", code="P501")
+            return None
+        root, path = folder, folder / inside
+        if "\0" in inside or not path.resolve().is_relative_to(root.resolve()):
+            message = f"{describe(inside)} is outside of the package {package!r}"
+            check.fault(loc, message, code="P501")
+            return None
+    else:
+        path = source.parent / text
+    if not is_file(path):
+        check.fault(loc, f"there is no file {path}", code="P501")
+        return None
+    return NamedUrdf(path, package if colon else "", root)
+
+
+def _check_form(check: Checker, gripper: GripperFile) -> None:
+    """Whether it is one of the two forms of a gripper, with all that this form needs."""
+    if check.one_of(("gripper",), ("joints", "linkage")) is None:
+        return
+    if gripper.joints is not None and gripper.max_width is None:
+        check.fault(("gripper",), "'max_width' is missing", code="P105", key=True)
+    if gripper.linkage is not None:
+        linkage = gripper.linkage
+        for name in linkage.offsets:
+            if name not in linkage.followers:
+                hint = nearest(name, linkage.followers)
+                loc: Location = ("gripper", "linkage", "offsets", name)
+                check.fault(loc, f"{describe(name)} is no follower", hint, code="P504", key=True)
+
+
+def _check_numbers(check: Checker, robot: RobotFile) -> None:
+    with check.readable():
+        for name in robot.joints:
+            with check.readable():
+                joint = robot.joints[name]
+                if joint.lower >= joint.upper:
+                    upper = check.written(("joints", name, "upper"), joint.upper, "rad")
+                    lower = check.written(("joints", name, "lower"), joint.lower, "rad")
+                    message = f"the upper limit, {upper}, is not above the lower, {lower}"
+                    check.fault(("joints", name, "upper"), message, code="P506")
+    with check.readable():
+        if "home" not in robot.poses:
+            hint = "the pose to which the arm returns"
+            check.fault(("poses",), "'home' is missing", hint, code="P507", key=True)
+        for name in robot.poses:
+            with check.readable():
+                _check_pose(check, name, robot)
+
+
+def _check_pose(check: Checker, name: str, robot: RobotFile) -> None:
+    given = robot.poses[name]
+    if len(given) != len(robot.joints):
+        count = len(robot.joints)
+        wanted = "1 value is" if count == 1 else f"{count} values are"
+        message = f"{wanted} wanted, one for each joint, not {len(given)}"
+        check.fault(("poses", name), message, code="P508")
+        return
+    for n, joint in enumerate(robot.joints):
+        with check.readable():
+            value, limit = given[n], robot.joints[joint]
+            if limit.lower < limit.upper and not limit.lower <= value <= limit.upper:
+                lower = check.written(("joints", joint, "lower"), limit.lower, "rad")
+                upper = check.written(("joints", joint, "upper"), limit.upper, "rad")
+                loc: Location = ("poses", name, n)
+                message = f"{check.written(loc, value, 'rad')} is outside the limits of {joint}"
+                check.fault(loc, message, f"{lower} … {upper}", code="P509")
+
+
+def _check_against(check: Checker, robot: RobotFile, urdf: Path) -> Linkage | None:
+    """Whether the robot file and the URDF go together; what the gripper's linkage does, if it has one."""
+    try:
+        skeleton = read_skeleton(urdf)
+    except UrdfError as error:
+        check.fault(("urdf",), f"{urdf}: {error}", code="P502")
+        return None
+    try:
+        for which in ("visual", "collision"):
+            link_geometry(str(urdf), which)
+    except (PicktreeError, ValueError) as error:
+        text = str(error).removeprefix(f"{urdf}: ")
+        check.fault(("urdf",), f"{urdf}: the geometry cannot be used: {text}", code="P511")
+    for loc, name in _link_names(check, robot):
+        if name not in skeleton.links:
+            hint = nearest(name, skeleton.links)
+            check.fault(loc, f"the URDF has no link {describe(name)}", hint, code="P503")
+    for loc, name, kinds in _joint_names(check, robot):
+        _check_joint(check, loc, name, kinds, skeleton)
+    with check.readable():
+        _check_order(check, [name for name in robot.joints if name in skeleton.joints], skeleton)
+    with check.readable():
+        if robot.gripper.linkage is not None and not check.faults:
+            return _solved(check, robot, skeleton)
+    return None
+
+
+def _solved(check: Checker, robot: RobotFile, skeleton: Skeleton) -> Linkage | None:
+    gripper, linkage = robot.gripper, robot.gripper.linkage
+    if linkage is None:
+        return None
+    first, second = gripper.pads
+    followers = tuple(
+        Follower(name, by, linkage.offsets.get(name, 0.0)) for name, by in linkage.followers.items()
+    )
+    parts = LinkageParts(
+        linkage.drive,
+        followers,
+        linkage.opened,
+        linkage.closed,
+        gripper.links,
+        (first.placed(), second.placed()),
+        robot.tcp.link,
+        robot.tcp.pose(),
+    )
+    try:
+        return solve_linkage(skeleton, parts)
+    except UnfitLinkage as error:
+        check.fault(("gripper", "linkage"), str(error), code="P513", key=True)
+        return None
+
+
+def _check_joint(
+    check: Checker, loc: Location, name: str, kinds: tuple[str, ...], skeleton: Skeleton
+) -> None:
+    key = loc[0] == "joints" or "followers" in loc
+    joint = skeleton.joints.get(name)
+    if joint is None:
+        hint = nearest(name, skeleton.joints)
+        check.fault(loc, f"the URDF has no joint {describe(name)}", hint, code="P504", key=key)
+    elif joint.type not in kinds:
+        message = f"{name!r} is {joint.type or 'of no type'}; {' or '.join(kinds)} is wanted"
+        check.fault(loc, message, code="P505", key=key)
+    elif joint.type in LIMITED and not joint.limited:
+        hint = 'as <limit lower="-1" upper="1" effort="10" velocity="1"/>'
+        check.fault(loc, f"the URDF gives {name!r} no limits", hint, code="P505", key=key)
+
+
+def _check_order(check: Checker, joints: list[str], skeleton: Skeleton) -> None:
+    for before, name in pairwise(joints):
+        if before not in skeleton.above(name):
+            message = f"{name!r} does not come behind {before!r} in the URDF"
+            check.fault(
+                ("joints", name),
+                message,
+                "the joints stand in order, from the base on",
+                code="P510",
+                key=True,
+            )
+            return
+
+
+def _link_names(check: Checker, robot: RobotFile) -> Iterator[tuple[Location, str]]:
+    with check.readable():
+        yield ("tcp", "link"), robot.tcp.link
+    for n in range(2):
+        with check.readable():
+            yield ("gripper", "links", n), robot.gripper.links[n]
+    with check.readable():
+        for n in range(len(robot.disabled_pairs)):
+            for m in range(2):
+                with check.readable():
+                    yield ("disabled_pairs", n, m), robot.disabled_pairs[n][m]
+
+
+def _joint_names(check: Checker, robot: RobotFile) -> Iterator[tuple[Location, str, tuple[str, ...]]]:
+    with check.readable():
+        yield from ((("joints", name), name, MOVING) for name in robot.joints)
+    with check.readable():
+        for n, name in enumerate(robot.gripper.joints or ()):
+            yield ("gripper", "joints", n), name, ("prismatic",)
+    with check.readable():
+        if (linkage := robot.gripper.linkage) is not None:
+            yield ("gripper", "linkage", "drive"), linkage.drive, LIMITED
+            for name in linkage.followers:
+                yield ("gripper", "linkage", "followers", name), name, LIMITED
+    with check.readable():
+        yield ("flange_joint",), robot.flange_joint, ("fixed",)

@@ -1,0 +1,248 @@
+"""Kinematics and dynamics of the robot, from its URDF, by pinocchio."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from ..errors import PicktreeError
+from ..world.shapes import Box
+from ..world.values import Array, Pose, Vector3
+from .description import RobotDescription
+from .fingers import fingers_of
+from .tool_frame import mount_tool
+from .urdf_geometry import LinkMesh, LinkShape, link_geometry
+
+TCP_FRAME = "picktree_tcp"
+LIMIT_RESERVE = 0.03
+"""Distance to the soft limits that planning keeps, rad: following a plan overshoots a little."""
+
+
+def se3(pose: Pose) -> pin.SE3:
+    """A pose as pinocchio's rigid transform."""
+    return pin.SE3(pose.rotation(), np.array(pose.position))
+
+
+def pose_of(placement: pin.SE3) -> Pose:
+    """Pinocchio's rigid transform as a pose (a copy)."""
+    x, y, z, qx, qy, qz, qw = pin.SE3ToXYZQUATtuple(placement)
+    return Pose((x, y, z), (qx, qy, qz, qw) if qw >= 0.0 else (-qx, -qy, -qz, -qw))
+
+
+class RobotModel:
+    """The arm's n joints as a model of its own (fingers locked), and the whole robot for link poses.
+
+    All poses are in the world, all joint arrays have shape (n,), linear parts come before angular ones.
+    Answers are copies. An instance holds scratch memory: one per thread.
+    """
+
+    def __init__(self, description: RobotDescription) -> None:
+        self.description = description
+        self.n = len(description.joints)
+        self.fingers = fingers_of(description.gripper)
+        limits = description.limits
+        self.lower: Array = np.array([limit.lower for limit in limits])
+        self.upper: Array = np.array([limit.upper for limit in limits])
+        self.planned_lower: Array = self.lower + LIMIT_RESERVE
+        self.planned_upper: Array = self.upper - LIMIT_RESERVE
+        self.velocity_limit: Array = np.array([limit.velocity for limit in limits])
+        self.acceleration_limit: Array = np.array([limit.acceleration for limit in limits])
+        self.torque_limit: Array = np.array([limit.torque for limit in limits])
+        self.full: pin.Model = _whole_robot(description)
+        """Every joint of the URDF, with the frame TCP_FRAME."""
+        self.arm: pin.Model = _arm_only(self.full, description)
+        """The arm's joints only, fingers locked at opening 0."""
+        self.tcp_frame = self.arm.getFrameId(TCP_FRAME)
+        self._data = self.arm.createData()
+        self._full_data = self.full.createData()
+        self._neutral: Array = pin.neutral(self.full)
+        self._arm_q = [_q_index(self.full, name) for name in description.joints]
+        self._finger_q = [_q_index(self.full, name) for name in description.gripper.joints]
+        self._links = tuple(
+            (frame.name, index)
+            for index, frame in enumerate(self.full.frames)
+            if frame.type == pin.BODY and frame.name != "universe"
+        )
+        self._flange = self.arm.getFrameId(description.flange_joint)
+        self.hand_mass, self.hand_com = _beyond_flange(self.full, description.flange_joint)
+
+    @property
+    def finger_links(self) -> tuple[str, ...]:
+        """Names of the links that close on things."""
+        return self.description.gripper.fingers
+
+    def full_q(self, q: Array, width: float) -> Array:
+        """Configuration of `full` for the arm at q and an opening of `width` m."""
+        whole = self._neutral.copy()
+        whole[self._arm_q] = q
+        whole[self._finger_q] = self.fingers.positions(width)
+        return whole
+
+    def tcp(self, q: Array) -> Pose:
+        """Tool centre point in the world."""
+        pin.forwardKinematics(self.arm, self._data, q)
+        return pose_of(pin.updateFramePlacement(self.arm, self._data, self.tcp_frame))
+
+    def flange(self, q: Array) -> Pose:
+        """Frame of the flange joint in the world: the origin of the wrist's force/torque sensor."""
+        pin.forwardKinematics(self.arm, self._data, q)
+        return pose_of(pin.updateFramePlacement(self.arm, self._data, self._flange))
+
+    def link_poses(self, q: Array, width: float) -> dict[str, Pose]:
+        """Frame of every link in the world, by link name in the order of the kinematic tree."""
+        pin.framesForwardKinematics(self.full, self._full_data, self.full_q(q, width))
+        return {name: pose_of(self._full_data.oMf[index]) for name, index in self._links}
+
+    def jacobian(self, q: Array) -> Array:
+        """(6, n): velocity of the TCP in the world's axes, linear (m/s) then angular (rad/s)."""
+        pin.computeJointJacobians(self.arm, self._data, q)
+        return pin.getFrameJacobian(self.arm, self._data, self.tcp_frame, pin.LOCAL_WORLD_ALIGNED).copy()
+
+    def gravity(self, q: Array) -> Array:
+        """Torques (n,) that hold the arm at rest, Nm."""
+        return pin.computeGeneralizedGravity(self.arm, self._data, q).copy()
+
+    def bias(self, q: Array, v: Array) -> Array:
+        """Nonlinear terms (n,): gravity, Coriolis and centrifugal, Nm."""
+        return pin.nonLinearEffects(self.arm, self._data, q, v).copy()
+
+    def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
+        """Torques (n,) that accelerate the arm by a rad/s² at q, v, Nm. Recursive Newton-Euler."""
+        return pin.rnea(self.arm, self._data, q, v, a).copy()
+
+    def mass_matrix(self, q: Array) -> Array:
+        """Joint-space inertia (n, n), kg·m²."""
+        upper: Array = np.triu(pin.crba(self.arm, self._data, q))
+        strictly_lower: Array = np.triu(upper, 1).T
+        return upper + strictly_lower
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array, wrench_at_tcp: Array | None = None) -> Array:
+        """Acceleration (n,) under torques and a wrench (6,) *on* the TCP: force, torque in world axes."""
+        effort = tau - self.bias(q, v)
+        if wrench_at_tcp is not None:
+            effort = effort + self.jacobian(q).T @ wrench_at_tcp
+        acceleration: Array = np.asarray(np.linalg.solve(self.mass_matrix(q), effort), np.float64)
+        return acceleration
+
+    def named(self, name: str) -> Array:
+        """A named configuration of the robot file. Raises PicktreeError with the known names."""
+        try:
+            return np.array(self.description.named[name])
+        except KeyError:
+            known = ", ".join(self.description.named)
+            raise PicktreeError(f"no pose {name!r} in the robot file; known: {known}") from None
+
+    def visual_meshes(self) -> tuple[LinkMesh, ...]:
+        return tuple(g for g in link_geometry(self.description.urdf, "visual") if isinstance(g, LinkMesh))
+
+    def collision_meshes(self) -> tuple[LinkMesh, ...]:
+        return tuple(g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, LinkMesh))
+
+    def collision_shapes(self) -> tuple[LinkShape, ...]:
+        """Primitives among the collision geometry."""
+        return tuple(g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, LinkShape))
+
+    def finger_boxes(self, width: float) -> tuple[tuple[Box, Pose], tuple[Box, Pose]]:
+        """Boxes that enclose the +y and the -y finger at an opening of `width` m, in the TCP frame."""
+        box, closed = self.description.gripper.finger_boxes
+        x, y, z = closed.position
+        near = Pose((x, y + width / 2, z), closed.orientation)
+        turned = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)) @ near
+        return (box, near), (box, turned)
+
+
+def _whole_robot(description: RobotDescription) -> pin.Model:
+    model = _built(description)
+    names = (*description.joints, *description.gripper.joints)
+    missing = [name for name in names if not model.existJointName(name)]
+    missing += [
+        name for name in (description.tcp_link, description.flange_joint) if not model.existFrame(name)
+    ]
+    if missing:
+        raise PicktreeError(f"{description.urdf}: the URDF has no {', '.join(missing)}")
+    if unfit := [name for name in names if model.joints[model.getJointId(name)].nq != 1]:
+        raise PicktreeError(f"{description.urdf}: {', '.join(unfit)}: only hinges and sliders with limits")
+    if len(description.limits) != len(description.joints):
+        raise PicktreeError(f"{description.name}: {len(description.joints)} joints need as many limits")
+    base = se3(description.base_in_world)
+    for index in range(1, len(model.names)):
+        if model.parents[index] == 0:
+            model.jointPlacements[index] = base * model.jointPlacements[index]
+    for frame in model.frames:
+        if frame.parentJoint == 0 and frame.name != "universe":
+            frame.placement = base * frame.placement
+    link = model.frames[model.getFrameId(description.tcp_link)]
+    placement = link.placement * se3(description.tcp_in_link)
+    link_id = model.getFrameId(description.tcp_link)
+    model.addFrame(pin.Frame(TCP_FRAME, link.parentJoint, link_id, placement, pin.OP_FRAME))
+    return model
+
+
+def _built(description: RobotDescription) -> pin.Model:
+    """The URDF's model; joints of the arm that turn without end are hinges, with the robot file's limits."""
+    root = ElementTree.parse(description.urdf).getroot()
+    mount_tool(root, description)
+    limits = dict(zip(description.joints, description.limits, strict=False))
+    endless = [
+        joint
+        for joint in root.findall("joint")
+        if joint.get("type") == "continuous" and joint.get("name") in limits
+    ]
+    if not endless and description.tool == Pose():
+        return pin.buildModelFromUrdf(description.urdf)
+    for joint in endless:
+        limit = limits[joint.get("name", "")]
+        joint.set("type", "revolute")
+        for old in joint.findall("limit"):
+            joint.remove(old)
+        ElementTree.SubElement(
+            joint,
+            "limit",
+            lower=repr(limit.lower),
+            upper=repr(limit.upper),
+            velocity=repr(limit.velocity),
+            effort=repr(limit.torque),
+        )
+    return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _arm_only(full: pin.Model, description: RobotDescription) -> pin.Model:
+    keep = list(description.joints)
+    locked = [index for index, name in enumerate(full.names) if index > 0 and name not in keep]
+    arm = pin.buildReducedModel(full, locked, pin.neutral(full))
+    order = list(arm.names)[1:]
+    if order != keep:
+        raise PicktreeError(f"{description.name}: the joints must be given in the order {', '.join(order)}")
+    return arm
+
+
+def _q_index(model: pin.Model, joint: str) -> int:
+    return model.joints[model.getJointId(joint)].idx_q
+
+
+def _beyond_flange(model: pin.Model, flange_joint: str) -> tuple[float, Vector3]:
+    """Mass of all that hangs on a fixed joint, kg, and its centre in that joint's frame, fingers closed."""
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    flange = model.getFrameId(flange_joint)
+    mass, moment = 0.0, np.zeros(3)
+    beyond = [flange]
+    for index, frame in enumerate(model.frames):
+        if index not in beyond and frame.parentFrame in beyond:
+            beyond.append(index)
+    for index in beyond:
+        frame = model.frames[index]
+        # A moving joint's inertia already holds what is fixed to it.
+        moves = frame.parentJoint != model.frames[flange].parentJoint
+        if moves and frame.type != pin.JOINT:
+            continue
+        inertia = model.inertias[frame.parentJoint] if moves else frame.inertia
+        at = data.oMi[frame.parentJoint] if moves else data.oMf[index]
+        mass += inertia.mass
+        moment += inertia.mass * (at.rotation @ inertia.lever + at.translation)
+    if mass == 0.0:
+        return 0.0, (0.0, 0.0, 0.0)
+    x, y, z = pose_of(data.oMf[flange]).inverse().apply(moment / mass)
+    return mass, (float(x), float(y), float(z))

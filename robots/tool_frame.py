@@ -1,0 +1,50 @@
+"""A hand that is mounted off: the URDF's joint at the flange, moved so that the TCP is where it should be."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+
+from ..world.values import Pose, Vector3
+from .description import RobotDescription
+from .rpy import rpy_of
+
+
+def mount_tool(root: ElementTree.Element, robot: RobotDescription) -> None:
+    """Move the flange joint of a URDF in place, so that the TCP sits at `robot.tool` in the frame of the one
+    that the file states; all that hangs on that joint moves along."""
+    if robot.tool == Pose():
+        return
+    joints = {_child(joint): joint for joint in root.findall("joint")}
+    flange = next(joint for joint in joints.values() if joint.get("name") == robot.flange_joint)
+    tcp_in_hand = robot.tcp_in_link
+    link = robot.tcp_link
+    while link != _child(flange):
+        # Between flange and TCP everything is fixed: a robot file whose TCP moved would have no such tool.
+        joint = joints[link]
+        tcp_in_hand = _origin(joint) @ tcp_in_hand
+        link = joint.find("parent").get("link", "")  # pyright: ignore[reportOptionalMemberAccess]
+    moved = _origin(flange) @ tcp_in_hand @ robot.tool @ tcp_in_hand.inverse()
+    for old in flange.findall("origin"):
+        flange.remove(old)
+    ElementTree.SubElement(flange, "origin", xyz=_text(moved.position), rpy=_text(rpy_of(moved)))
+
+
+def _child(joint: ElementTree.Element) -> str:
+    child = joint.find("child")
+    return "" if child is None else child.get("link", "")
+
+
+def _origin(joint: ElementTree.Element) -> Pose:
+    origin = joint.find("origin")
+    if origin is None:
+        return Pose()
+    return Pose.from_rpy(_vector(origin.get("xyz", "0 0 0")), _vector(origin.get("rpy", "0 0 0")))
+
+
+def _vector(text: str) -> Vector3:
+    x, y, z = map(float, text.split())
+    return x, y, z
+
+
+def _text(numbers: Vector3) -> str:
+    return " ".join(repr(n) for n in numbers)

@@ -1,0 +1,1 @@
+"""Running one mission: assembling, ticking, recording, checkpoints, edits, going on."""

@@ -1,0 +1,153 @@
+"""Checkpoints: the whole state of a run at a quiescent moment, as numbers and names, exact in JSON."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from ..cell.world import World
+from ..control.execution.control_loop import ControlState
+from ..control.execution.motions import Way
+from ..errors import PicktreeError
+from ..logs.recording.recorder import RecordingState
+from ..perception.fitting.view import BinView
+from ..simulation.backends import Simulation
+from ..simulation.faults.injector import FaultState, Injector
+from ..trees.running.runner import Tree
+from ..world.belief.feed_notices import NoticedState
+from ..world.belief.planning_scene import SceneSnapshot
+from .run_tally import Tally, TallyState
+
+
+@dataclass(frozen=True, slots=True)
+class BeliefState:
+    """The planning scene, and the counters from which it makes new ids."""
+
+    scene: SceneSnapshot
+    numbers: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class RunState:
+    """Everything on which the future of a run and of its log depends, besides what it was made from.
+
+    What has a default is not in the checkpoints of older logs.
+    """
+
+    time: float
+    """Simulated seconds."""
+    items_done: int
+    simulation: dict[str, Any]
+    """The backend's own checkpoint, as plain values."""
+    faults: tuple[FaultState, ...]
+    control: dict[str, Any]
+    belief: BeliefState
+    tree: dict[str, Any]
+    attempts: dict[str, list[str]]
+    streams: dict[str, int]
+    thinking_owed: float
+    looks: int
+    bins_seen: dict[str, list[list[float | None]]]
+    """Heights in the cells of each bin, m; None where nothing was seen."""
+    way: Way | None = None
+    """What the arm followed last, for the way back."""
+    tally: TallyState | None = None
+    disagreements: int = 0
+    """Trajectories that the second collision checker judged otherwise by then."""
+    recording: RecordingState | None = None
+    noticed: NoticedState = field(default_factory=NoticedState)
+    """What the robot has heard of its feed by then."""
+
+    def to_json(self) -> bytes:
+        return _adapter().dump_json(self)
+
+    @classmethod
+    def from_json(cls, data: bytes) -> RunState:
+        """Raises PicktreeError when this is no checkpoint."""
+        try:
+            return _adapter().validate_json(data)
+        except ValidationError as error:
+            raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
+
+
+# Built on first use: most runs end without a checkpoint.
+@cache
+def _adapter() -> TypeAdapter[RunState]:
+    return TypeAdapter(RunState)
+
+
+@cache
+def _control() -> TypeAdapter[ControlState]:
+    return TypeAdapter(ControlState)
+
+
+def take(
+    world: World,
+    tree: Tree,
+    hardware: Simulation,
+    injector: Injector,
+    tally: Tally,
+    recording: RecordingState,
+    disagreements: int = 0,
+) -> RunState:
+    """Save everything. The simulation goes on from what was saved, as a resumed run would.
+
+    Only at a quiescent moment: no skill runs, the arm is held at rest. Raises PicktreeError otherwise.
+    """
+    control = _control().dump_python(world.control.save(), mode="json")
+    world.plan.forget()
+    saved = hardware.checkpoint()
+    snapshot, numbers = world.scene.state()
+    return RunState(
+        time=world.clock.now,
+        items_done=tally.done,
+        simulation=saved.to_plain(),
+        faults=injector.state(),
+        control=control,
+        belief=BeliefState(snapshot, dict(numbers)),
+        tree=tree.save(),
+        attempts=world.attempts.state(),
+        streams=world.streams.state(),
+        thinking_owed=world.thinking.owed,
+        looks=world.eyes.looks,
+        bins_seen={
+            name: [[None if math.isnan(height) else height for height in row] for row in view.cells.tolist()]
+            for name, view in world.eyes.bins.items()
+        },
+        way=world.move.state(),
+        tally=tally.state(),
+        disagreements=disagreements,
+        recording=recording,
+        noticed=world.noticed.state(),
+    )
+
+
+def restore(world: World, state: RunState) -> None:
+    """Let a world go on from the state; its hardware was built from the same. Tree, faults and tally are
+    restored by whoever made them, for they may be others now.
+
+    Raises PicktreeError when this is no state of such a world.
+    """
+    try:
+        control = _control().validate_python(state.control)
+    except ValidationError as error:
+        raise PicktreeError(f"this is no checkpoint: {error.errors()[0]['msg']}") from None
+    world.control.restore(control)
+    world.plan.forget()
+    world.move.restore(state.way)
+    world.scene.restore(state.belief.scene, state.belief.numbers)
+    world.attempts.restore(state.attempts)
+    world.streams.restore(state.streams)
+    world.thinking.owed = state.thinking_owed
+    world.journal.items_done = state.items_done
+    world.noticed.restore(state.noticed)
+    world.eyes.looks = state.looks
+    world.eyes.bins = {
+        name: BinView(np.array([[math.nan if h is None else h for h in row] for row in rows]))
+        for name, rows in state.bins_seen.items()
+    }

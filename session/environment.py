@@ -1,0 +1,157 @@
+"""On what a run is computed: the machine, the libraries, and picktree's own sources.
+
+None of it is part of a run. It stands in the log for the question why a run comes out otherwise elsewhere.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import subprocess
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Final
+
+from ..files.rooms import ROOT, rooms
+
+LIBRARIES: Final = (
+    "picktree",
+    "pybullet",
+    "pin",
+    "coal",
+    "ompl",
+    "python-fcl",
+    "py-trees",
+    "numpy",
+    "scipy",
+    "toppra",
+    "opencv-python-headless",
+    "trimesh",
+    "mcap",
+)
+SOURCES: Final = "sources.txt"
+"""Name of the attachment."""
+_NO_PART_OF_A_RUN: Final = (
+    "__init__.py",
+    "__main__.py",
+    "analysis",
+    "authoring",
+    "batch",
+    "cli",
+    "commissioning",
+    "logs/episodes",
+    "moved.py",
+    "session/live",
+    "session/resume",
+)
+"""Modules and folders that decide nothing about a run: commands, batches, and readers of logs."""
+_NAMED: Final = 5
+"""Number of files that a sentence names. Of more it gives the count."""
+_SIMD: Final = ("sse", "ssse", "avx", "fma", "f16c", "bmi", "asimd", "neon", "sve")
+
+
+def versions(libraries: Iterable[str] = LIBRARIES) -> dict[str, str]:
+    return {library: _version(library) for library in libraries}
+
+
+@cache
+def machine() -> Mapping[str, str]:
+    """The computer and its system."""
+    model, flags = _processor()
+    return {
+        "processor": model,
+        "vector instructions": flags,
+        "architecture": platform.machine(),
+        "system": platform.platform(),
+    }
+
+
+@cache
+def revision() -> str:
+    """Git revision of the checkout that runs, empty for an installed wheel."""
+    if not (ROOT / ".git").exists():
+        return ""
+    answer = subprocess.run(
+        ["git", "describe", "--always", "--dirty"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    return answer.stdout.strip()
+
+
+@cache
+def sources() -> Mapping[str, str]:
+    """The files of picktree that decide what a run does: the beginning of each one's SHA-256, by its path."""
+    return hashes(_run_files())
+
+
+def hashes(files: Iterable[Path]) -> dict[str, str]:
+    """Return the first 12 digits of each file's SHA-256 by its path in the package."""
+    found = {file.relative_to(ROOT).as_posix(): hashlib.sha256(file.read_bytes()) for file in files}
+    return {path: digest.hexdigest()[:12] for path, digest in found.items()}
+
+
+def sources_to_text(hashes: Mapping[str, str]) -> str:
+    """As `sha256sum` writes it."""
+    return "".join(f"{digest}  {path}\n" for path, digest in hashes.items())
+
+
+def sources_from_text(text: str) -> dict[str, str]:
+    """The inverse of `sources_to_text`."""
+    pairs = (line.split("  ", 1) for line in text.splitlines() if "  " in line)
+    return {path: digest for digest, path in pairs}
+
+
+def source_changes(before: Mapping[str, str], now: Mapping[str, str]) -> tuple[str, ...]:
+    """Sentences on how picktree's sources differ, from two results of `sources`; none when they are equal.
+
+    A file with the same content at another path has moved. Where many paths are gone and many are new, the
+    files were edited as they moved, and are counted with the others.
+    """
+    gone = {path: digest for path, digest in before.items() if path not in now}
+    new = {path: digest for path, digest in now.items() if path not in before}
+    same = (Counter(gone.values()) & Counter(new.values())).total()
+    edited = min(len(gone), len(new)) - same
+    altered = [path for path, digest in before.items() if now.get(path, digest) != digest]
+    if edited <= _NAMED:
+        edited = 0
+        altered += [path for path, digest in gone.items() if digest not in new.values()]
+        altered += [path for path, digest in new.items() if digest not in gone.values()]
+    moved, said = same + edited, list[str]()
+    if moved:
+        one = "1 file has another place" if moved == 1 else f"{moved} files have other places"
+        said.append(f"the sources have moved since ({one}{f', {edited} of them changed' if edited else ''})")
+    if altered:
+        more = f" and {len(altered) - _NAMED} more" if len(altered) > _NAMED else ""
+        said.append(f"picktree itself was changed in {', '.join(sorted(altered)[:_NAMED])}{more}")
+    return tuple(said)
+
+
+def _run_files() -> Iterator[Path]:
+    left_out = [ROOT / name for name in _NO_PART_OF_A_RUN]
+    packages = (file for room in rooms() for file in (ROOT / room).rglob("*"))
+    for file in sorted([*ROOT.glob("*.py"), *packages]):
+        counts = file.suffix in (".py", ".yaml") and not any(file.is_relative_to(name) for name in left_out)
+        if counts and file.is_file():
+            yield file
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _processor() -> tuple[str, str]:
+    """Model and vector instructions."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return platform.processor() or platform.machine(), ""
+    pairs = (line.partition(":") for line in text.splitlines())
+    words = {key.strip(): value.strip() for key, _, value in pairs}
+    flags = (words.get("flags") or words.get("Features") or "").split()
+    model = words.get("model name") or platform.processor() or platform.machine()
+    return model, " ".join(sorted(flag for flag in flags if flag.startswith(_SIMD)))

@@ -1,0 +1,139 @@
+"""The live view: every message of the log, as it is recorded, over a Foxglove WebSocket on this machine.
+
+It is shown the recorder's own bytes, so it has the log's topics, schemas and times. A client that comes late
+is sent the last message of each topic that tells a state. Nothing in here holds up the run: what a client
+does not take in time is dropped for it, the oldest first.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from types import TracebackType
+
+import foxglove
+from foxglove.websocket import Capability, ChannelView, Client, ServerListener
+
+from ...errors import PicktreeError
+from ...logs.schema import topics
+from ...logs.schema.topics import Topic
+
+HOST = "127.0.0.1"
+PORT = 8765
+"""Where Foxglove and Lichtblick look by themselves."""
+_BACKLOG = 8192
+"""Messages that wait for a client at most: about a minute and a half of simulated time."""
+_GRACE = 0.5
+"""Wall seconds at the end in which clients take what waits for them."""
+
+_PASSING = frozenset(
+    topic.name
+    for topic in (topics.TIMING, topics.WRENCH, topics.PLAN, topics.CANDIDATES, topics.LOG, topics.EVENTS)
+)
+"""Topics of what happens at a moment; the last message of all others still holds when a client comes."""
+
+
+class LiveView:
+    """Serves from its beginning until it is closed; a context manager.
+
+    Raises PicktreeError when the port cannot be had. `port` 0 takes any that is free.
+    """
+
+    def __init__(self, port: int = PORT, name: str = "picktree") -> None:
+        self._context = foxglove.Context()
+        self._channels: dict[str, foxglove.Channel] = {}
+        self._last: dict[str, tuple[int, bytes]] = {}
+        self._now = 0
+        self._met = False
+        self._lock = threading.Lock()
+        self._wanted: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        for topic in topics.FIXED:
+            self._channel(topic)
+        try:
+            self._server = foxglove.start_server(
+                name=name,
+                host=HOST,
+                port=port,
+                capabilities=[Capability.Time],
+                server_listener=_Listener(self._wanted),
+                context=self._context,
+                message_backlog_size=_BACKLOG,
+            )
+        except (RuntimeError, OverflowError) as error:
+            raise PicktreeError(
+                f"no live view on port {port}: {_reason(error)}; give another with --live-port"
+            ) from None
+        self._resender = threading.Thread(target=self._resend, name="live view", daemon=True)
+        self._resender.start()
+
+    @property
+    def url(self) -> str:
+        return f"ws://{HOST}:{self._server.port}"
+
+    def __call__(self, topic: Topic, at: int, data: bytes) -> None:
+        """A message that was recorded; `at` is simulated ns."""
+        with self._lock:
+            if topic.name not in _PASSING:
+                self._last[topic.name] = (at, data)
+            self._channel(topic).log(data, log_time=at)
+            if topic is topics.TICK:
+                self._now = at
+                self._server.broadcast_time(at)
+
+    def close(self) -> None:
+        """Once; after it the port is free."""
+        if self._resender.is_alive():
+            self._wanted.put(None)
+            self._resender.join()
+            time.sleep(_GRACE if self._met else 0.0)
+            self._server.stop()
+
+    def __enter__(self) -> LiveView:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _channel(self, topic: Topic) -> foxglove.Channel:
+        channel = self._channels.get(topic.name)
+        if channel is None:
+            schema = foxglove.Schema(
+                name=topic.schema, encoding=topic.schema_encoding, data=topic.schema_data()
+            )
+            channel = self._channels[topic.name] = foxglove.Channel(
+                topic.name, schema=schema, message_encoding=topic.encoding, context=self._context
+            )
+        return channel
+
+    def _resend(self) -> None:
+        """In a thread of its own: the server's may not wait for the run's, and the run may stand still."""
+        while (name := self._wanted.get()) is not None:
+            self._met = True
+            with self._lock:
+                last = self._last.get(name)
+                if last is not None:
+                    self._server.broadcast_time(self._now)
+                    self._channels[name].log(last[1], log_time=last[0])
+
+
+class _Listener(ServerListener):
+    """Notes what clients subscribe to; called in the server's threads."""
+
+    def __init__(self, wanted: queue.SimpleQueue[str | None]) -> None:
+        self._wanted = wanted
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        self._wanted.put(channel.topic)
+
+
+def _reason(error: RuntimeError | OverflowError) -> str:
+    if isinstance(error, OverflowError):
+        return "there is no such port"
+    if "in use" in str(error):
+        return "something else listens there"
+    if "ermission denied" in str(error):
+        return "permission denied"
+    return str(error)

@@ -1,0 +1,62 @@
+"""What the checkpoints of older logs do not hold, from the log itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import cast
+
+from ...logs.recording.digest import Digest
+from ...logs.recording.recorder import RecordingState
+from ...logs.run_record import RunRecord
+from ...logs.visits_format_1 import with_transitions
+from ...world.journal import Happened, Plain
+from ..checkpoints import RunState
+from ..run_tally import Tally
+from .digest_messages import simulated_messages
+
+
+def completed(state: RunState, run: RunRecord) -> RunState:
+    """The state with tally and state of the recording. What was followed last stays unknown: a way back is
+    then none."""
+    if state.tally is None:
+        state = replace(state, tally=tally_of(run, state.time).state())
+    if state.recording is None:
+        state = replace(state, recording=_recording(run, state.time))
+    return state
+
+
+def tally_of(run: RunRecord, time: float) -> Tally:
+    """What the run amounted to by then, simulated s."""
+    tally = Tally()
+    coming = list(run.trees)
+    events: dict[float, list[Happened]] = {}
+    for at in run.events:
+        event = at.record
+        data = cast("Mapping[str, Plain]", event.data)
+        events.setdefault(at.time, []).append(Happened(event.kind, event.message, event.node, data))
+    ticks = run.log.ticks(end=time)
+    for at in ticks if run.log.format >= 2 else with_transitions(ticks):
+        while coming and coming[0].time <= at.time:
+            tally.follow(coming.pop(0).record.nodes)
+        now = events.get(at.time, ())
+        leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
+        tally.take(at.time, now, at.record.nodes, leaves, at.record.transitions)
+    return tally
+
+
+def _recording(run: RunRecord, time: float) -> RecordingState:
+    believed, true = run.log.belief_at(time), run.log.truth_at(time)
+    tick, frames = run.log.tick_at(time), run.log.transforms_at(time)
+    nodes = tick.record.nodes if tick else ()
+    failing = sorted(n.path for n in nodes if n.status == "FAILURE" and n.cause and n.ticked)
+    digest = Digest()
+    for message in simulated_messages(run.log, end=time):
+        digest.add(message.topic, message.time, message.data)
+    return RecordingState(
+        believed.time if believed else -1.0,
+        true.time if true else -1.0,
+        tuple(failing),
+        tuple((t.child, t.pose) for t in (frames.record if frames else ()) if t.child.startswith("camera/")),
+        digest.hex,
+    )

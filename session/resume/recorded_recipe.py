@@ -1,0 +1,141 @@
+"""A run as it can be run again: from its log alone."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from ...errors import PicktreeError
+from ...logs.run_record import RunRecord
+from ...logs.schema.records import Continues
+from ...simulation.backends import Backend
+from ...trees.mission import Mission
+from ..checkpoints import RunState
+from ..mission_edits import News
+from ..operators import Operator, RecordedAnswers
+from ..recipe import LIMIT, Recipe, Start
+from ..session_recording import START
+from .older_checkpoints import completed
+from .unpacking import Unpacking
+
+_CHECKPOINT: Final = re.compile(r"checkpoint-\d+\.json")
+_EARLY: Final = 1e-6
+"""Simulated s."""
+
+
+class Recorded:
+    """What one log holds to run again. Its files are unpacked into a folder that goes with this.
+
+    Raises PicktreeError where the log lacks something, FileError for a file that is no longer accepted.
+    """
+
+    def __init__(self, run: RunRecord) -> None:
+        self.run = run
+        self._folder = tempfile.TemporaryDirectory(prefix="picktree-")
+        self._unpacking = Unpacking(run.log, Path(self._folder.name))
+        self._edits = [
+            (at.time, str(at.record.data["files"])) for at in run.events if at.record.kind == "mission_edited"
+        ]
+
+    def close(self) -> None:
+        self._folder.cleanup()
+
+    def __enter__(self) -> Recorded:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def recipe(self) -> Recipe:
+        """As the run began, at time 0 or at the checkpoint of another run."""
+        info, log = self.run.info, self.run.log
+        if info.backend not in ("physics", "kinematic"):
+            raise PicktreeError(f"{log.path}: the log is of the unknown backend {info.backend!r}")
+        backend: Backend = info.backend
+        start = None
+        if info.continues is not None:
+            start = Start(RunState.from_json(log.attachment(START)), info.continues)
+        return Recipe(
+            self._unpacking.mission(),
+            self._unpacking.scene(),
+            self._unpacking.robot(),
+            info.seed,
+            self._unpacking.faults(),
+            dict(info.parameters),
+            backend,
+            info.verify,
+            self._limit(),
+            info.own_scene,
+            start,
+            {name: words.partition(" ")[2] for name, words in info.files.items()},
+        )
+
+    def edits(self, since: float = -1.0) -> RecordedEdits:
+        """The edits that were taken over under the run later than `since`, simulated s."""
+        later = [(time, files) for time, files in self._edits if time > since + _EARLY]
+        return RecordedEdits(self._unpacking, later)
+
+    def answers(self, since: float = -1.0, after: Operator | None = None) -> Operator:
+        """What a person answered later than `since`, simulated s, when the run asked for help; then `after`
+        is asked."""
+        given = [
+            (at.record.node, str(at.record.data["answer"]))
+            for at in self.run.events
+            if at.record.kind == "operator_answer" and at.time > since + _EARLY
+        ]
+        return RecordedAnswers(given, after)
+
+    def checkpoints(self) -> tuple[str, ...]:
+        """Names of the checkpoints in the log, in the order of time."""
+        return tuple(sorted(name for name in self.run.log.attachments if _CHECKPOINT.fullmatch(name)))
+
+    def state(self, checkpoint: str) -> RunState:
+        return completed(RunState.from_json(self.run.log.attachment(checkpoint)), self.run)
+
+    def last_checkpoint(self, time: float) -> tuple[str, RunState] | None:
+        """The last one at that simulated time or before."""
+        before: tuple[str, RunState] | None = None
+        for name in self.checkpoints():
+            state = RunState.from_json(self.run.log.attachment(name))
+            if state.time <= time + _EARLY:
+                before = (name, state)
+        return None if before is None else (before[0], completed(before[1], self.run))
+
+    def from_checkpoint(self, name: str, state: RunState) -> Recipe:
+        """The run from there on, with the mission as it was by then."""
+        recipe = self.recipe()
+        edits = [files for time, files in self._edits if time <= state.time + _EARLY]
+        if edits:
+            recipe = replace(recipe, mission=self._unpacking.mission(edits[-1]))
+        assert state.recording is not None
+        log = str(self.run.path.absolute())
+        continues = Continues(log, name, state.time, state.items_done, state.recording.digest)
+        return replace(recipe, start=Start(state, continues))
+
+    def _limit(self) -> float:
+        """Of an older log that does not tell it: what the run came to when it was ended at it."""
+        if self.run.info.limit is not None:
+            return self.run.info.limit
+        result = self.run.result
+        return result.sim_seconds if result is not None and result.status == "timeout" else LIMIT
+
+
+class RecordedEdits:
+    """The versions of a mission that were taken over under a run, each at its time."""
+
+    def __init__(self, unpacking: Unpacking, edits: list[tuple[float, str]]) -> None:
+        self.pending: Mission | None = None
+        self._unpacking = unpacking
+        self._edits = edits
+
+    def look(self, current: Mission, now: float) -> tuple[News, ...]:
+        # One at a time, and not before: a plug-in of a later version would replace the one that runs.
+        if self._edits and now >= self._edits[0][0] - _EARLY:
+            self.pending = self._unpacking.mission(self._edits.pop(0)[1])
+        return ()

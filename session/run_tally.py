@@ -1,0 +1,180 @@
+"""What a run amounts to, counted from the journal and the ticks as they come."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Protocol, cast
+
+from ..logs.episodes.episode_tally import EpisodesState, EpisodeTally
+from ..logs.episodes.episode_tracker import Changed, Node
+from ..world.journal import Entry, Happened
+
+
+class Reported(Protocol):
+    """What is counted of a node after a tick."""
+
+    @property
+    def path(self) -> str: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def ticked(self) -> bool: ...
+    @property
+    def cause(self) -> str | None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class TallyState:
+    """A tally for a checkpoint; see `Tally`."""
+
+    tried: int
+    held: int
+    objects: tuple[str, ...]
+    first_try: tuple[str, ...]
+    done: int
+    failures: dict[str, int]
+    recovered: dict[str, int]
+    cured: dict[str, int]
+    gone: int = 0
+    gone_first_try: int = 0
+    deliveries: int = 0
+    exchanges: int = 0
+    set_aside: int = 0
+    episodes: EpisodesState = field(default_factory=EpisodesState)
+
+
+@dataclass
+class Tally:
+    """Counts of one run. Beliefs and feelings only: whether an item is sorted is the scorer's to say."""
+
+    tried: int = 0
+    """Times that the fingers closed on an object."""
+    held: int = 0
+    objects: set[str] = field(default_factory=set[str])
+    """Ids of the objects that were tried and are not gone for good."""
+    first_try: set[str] = field(default_factory=set[str])
+    """Those that were held when the fingers first closed on them."""
+    gone: int = 0
+    """Objects that were tried and left with their bins since; nobody asks for their ids any more."""
+    gone_first_try: int = 0
+    """Those of them that were held when the fingers first closed on them."""
+    deliveries: int = 0
+    """Loads that the feed has brought."""
+    exchanges: int = 0
+    """Bins that were exchanged for empty ones."""
+    set_aside: int = 0
+    """Items that were given up where they lie."""
+    done: int = 0
+    """Items placed, as the robot believes."""
+    failures: Counter[str] = field(default_factory=Counter[str])
+    """By cause: how often a leaf failed."""
+    recovered: Counter[str] = field(default_factory=Counter[str])
+    """By cause: how often a handler was tried."""
+    cured: Counter[str] = field(default_factory=Counter[str])
+    """By cause: how often the branch then succeeded."""
+    episodes: EpisodeTally = field(default_factory=EpisodeTally)
+    """What was seen, tried and cured."""
+
+    def state(self) -> TallyState:
+        return TallyState(
+            self.tried,
+            self.held,
+            tuple(sorted(self.objects)),
+            tuple(sorted(self.first_try)),
+            self.done,
+            dict(self.failures),
+            dict(self.recovered),
+            dict(self.cured),
+            self.gone,
+            self.gone_first_try,
+            self.deliveries,
+            self.exchanges,
+            self.set_aside,
+            self.episodes.state(),
+        )
+
+    @classmethod
+    def resumed(cls, state: TallyState) -> Tally:
+        """One that counts on."""
+        return cls(
+            tried=state.tried,
+            held=state.held,
+            objects=set(state.objects),
+            first_try=set(state.first_try),
+            gone=state.gone,
+            gone_first_try=state.gone_first_try,
+            deliveries=state.deliveries,
+            exchanges=state.exchanges,
+            set_aside=state.set_aside,
+            done=state.done,
+            failures=Counter(state.failures),
+            recovered=Counter(state.recovered),
+            cured=Counter(state.cured),
+            episodes=EpisodeTally(state.episodes),
+        )
+
+    @property
+    def tried_objects(self) -> int:
+        """Different objects on which the fingers closed."""
+        return self.gone + len(self.objects)
+
+    @property
+    def held_first_try(self) -> int:
+        return self.gone_first_try + len(self.first_try)
+
+    def _forget(self, objects: Iterable[str]) -> None:
+        gone = self.objects.intersection(objects)
+        self.gone += len(gone)
+        self.gone_first_try += len(gone & self.first_try)
+        self.objects -= gone
+        self.first_try -= gone
+
+    def follow(self, nodes: Iterable[Node]) -> None:
+        """From the next tick on it is this tree that is ticked."""
+        self.episodes.follow(nodes)
+
+    def take(
+        self,
+        time: float,
+        entries: Iterable[Entry],
+        nodes: Iterable[Reported],
+        leaves: frozenset[str],
+        changes: Iterable[Changed],
+    ) -> None:
+        """Count what one tick brought; `leaves` are the paths of the nodes without children, `changes` tell
+        which nodes began and ended, in their order."""
+        events = [entry for entry in entries if isinstance(entry, Happened)]
+        for event in events:
+            self._happened(event)
+        self.episodes.take(time, changes, events)
+        for node in nodes:
+            if node.cause and node.ticked and node.status == "FAILURE" and node.path in leaves:
+                self.failures[node.cause] += 1
+
+    def _happened(self, event: Happened) -> None:
+        match event.kind:
+            case "pick":
+                subject = str(event.data["object"])
+                self.tried += 1
+                self.held += bool(event.data["held"])
+                if subject not in self.objects and event.data["held"]:
+                    self.first_try.add(subject)
+                self.objects.add(subject)
+            case "item_done":
+                self.done += 1
+            case "delivery" | "belt_stops":
+                self.deliveries += 1
+            case "bin_exchanged":
+                self.exchanges += 1
+            case "set_aside":
+                self.set_aside += 1
+            case "bin_emptied":
+                self._forget(cast("list[str]", event.data["objects"]))
+            case "recovery":
+                self.recovered[str(event.data["cause"])] += 1
+            case "cured":
+                self.cured[str(event.data["cause"])] += 1
+            case _:
+                pass

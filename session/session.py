@@ -1,0 +1,511 @@
+"""Session: the one way to run a mission, for the command line, batches, replays and tests."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, Unpack
+
+from pydantic import TypeAdapter
+
+from .. import arithmetic
+from ..errors import PicktreeError
+from ..logs.recording.recorder import Listener
+from ..logs.recording.rotation import FOR_FEEDS, NEVER, Rotation
+from ..logs.run_result import (
+    FeedCount,
+    FormCount,
+    HoleItem,
+    ItemCount,
+    PickCount,
+    RunResult,
+    RunStatus,
+    WallSeconds,
+)
+from ..logs.schema.records import NodeTime, Timing
+from ..recovery.belief_restart import Stock, take_stock
+from ..simulation.backends import build_hardware
+from ..simulation.faults.injector import FaultState, Injector
+from ..simulation.scoring.scorer import ItemScore, score
+from ..simulation.scoring.truth import TrueBody
+from ..trees.loading.scene_names import surroundings
+from ..trees.mission import MAIN, Mission
+from ..trees.running.builder import build
+from ..trees.running.debugger import Debugger
+from ..trees.running.runner import TickReport
+from ..trees.running.tree_adoption import Adoption
+from ..trees.status import NodeStatus
+from ..world.causes import Failure
+from ..world.journal import Happened, Plain
+from ..world.stopwatch import Stopwatch
+from ..world.values import Vector3
+from .assembly import TICK, assemble
+from .checkpoints import RunState, restore, take
+from .file_watch import Edits, FileEdits
+from .mission_edits import Following, Revisions
+from .observer import Watcher
+from .operators import Operator
+from .recipe import LIMIT, Recipe
+from .request import RunOptions, RunRequest, make_folder, read_recipe
+from .run_tally import Tally
+from .session_recording import Scribe, Tap
+
+__all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "Watcher", "run"]
+
+LOG = "log.mcap"
+RESULT = "result.json"
+_BRAKING = 40
+"""Ticks within which every motion comes to rest."""
+
+
+class Session:
+    """One run: everything that it needs is checked and built here, before anything moves.
+
+    Raises PicktreeError (FileError with all faults) for bad input, and on a processor below x86-64-v3.
+    """
+
+    def __init__(
+        self,
+        request: RunRequest | Recipe,
+        watcher: Watcher | None = None,
+        debugger: Debugger | None = None,
+        edits: Edits | None = None,
+        *,
+        out: Path | None = None,
+        revisions: Revisions | None = None,
+        tap: Tap | None = None,
+        listener: Listener | None = None,
+        operator: Operator | None = None,
+        rotation: Rotation = NEVER,
+    ) -> None:
+        """A request says itself where its record goes, and when it goes on in a further file; of a recipe
+        `out` and `rotation` do, as there.
+
+        `edits` tells of edited files, by default the disk when the request is to watch them; `revisions`
+        gives other versions of the mission itself, as a log has them. `tap` is shown every message that is
+        part of the digest, `listener` every message, once it is written. `operator` answers who asks for
+        help; without one, or without an answer, the run ends `paused`.
+        """
+        arithmetic.check()
+        # Whoever repeats a run that was killed wants to see what came before, and not to be killed himself.
+        asked_for = isinstance(request, RunRequest)
+        if isinstance(request, RunRequest):
+            out, rotation = request.out, request.rotation
+            edits = FileEdits() if edits is None and request.watch else edits
+            request = read_recipe(request)
+        self.recipe = recipe = request
+        self.mission, self.scene, self.robot = recipe.mission, recipe.scene, recipe.robot
+        self.rotation = rotation or (FOR_FEEDS if self._fed else NEVER)
+        self._watcher = watcher
+        self._debugger = debugger
+        self._stopwatch = Stopwatch()
+        self._began = time.perf_counter()
+        self._cpu_began = time.process_time()
+        state = recipe.start.state if recipe.start else None
+        self.hardware = build_hardware(
+            recipe.backend, self.scene, self.robot, recipe.seed, state.simulation if state else None
+        )
+        self.world = assemble(
+            self.hardware,
+            self.scene,
+            self.robot,
+            recipe.seed,
+            verify=recipe.verify,
+            stopwatch=self._stopwatch,
+        )
+        self.tree = build(self.mission, self.world, recipe.parameters)
+        self._injector = Injector(
+            recipe.faults,
+            self.hardware,
+            self._object_place,
+            seed=recipe.seed,
+            program=lambda: self.tree,
+            kill=_kill if asked_for else None,
+        )
+        self.world.plan.finds_nothing = self._injector.no_plan
+        self.tally = Tally()
+        self._disagreed = 0
+        self.adoption: Adoption | None = None
+        """What became of the nodes of a checkpoint of another mission."""
+        if state is not None:
+            self._take_up(state)
+        self._first = take_stock(self.world) if recipe.start and recipe.start.continues.as_it_stands else None
+        """What is done before the tree goes on."""
+        self._checkpointed = self.tally.done
+        if debugger is not None:
+            debugger.attach(self.tree)
+        self.tree.on_start.append(self._injector.node_started)
+        self._revisions = self._follow(edits) if edits is not None else revisions
+        self._tap = tap
+        self._listener = listener
+        self._operator = operator
+        self._stopping = False
+        self._total = 0
+        self.folder = make_folder(out, recipe.mission.document.path.stem, recipe.seed)
+
+    def stop(self) -> None:
+        """End the run after the present tick, as an interrupt would."""
+        self._stopping = True
+
+    def run(self) -> RunResult:
+        """Run to the end and say what came of it. The log is finished on every way out; an interrupt
+        (SIGINT, SIGTERM) ends the run with the status `interrupted`."""
+        structure = self.tree.structure()
+        self.tally.follow(structure)
+        self._total = self._items_total()
+        with Scribe(self.folder / LOG, self, structure, self._tap, self._listener) as scribe:
+            if self._watcher:
+                self._watcher.started(structure, self.folder)
+            try:
+                status = self._loop(scribe)
+            except KeyboardInterrupt:
+                scribe.settle()
+                status = "interrupted"
+            except PicktreeError as error:
+                if scribe.failed:
+                    self._come_to_rest()
+                    raise PicktreeError(
+                        f"{error}; the run is stopped at {self.world.clock.now:.2f} s"
+                    ) from None
+                raise
+            scribe.last(self.hardware)
+            result = self._result(status, scribe.digest)
+            scribe.finish(result)
+        self._write_result(result)
+        if self._watcher:
+            self._watcher.finished(result)
+        return result
+
+    def _loop(self, scribe: Scribe) -> RunStatus:
+        world = self.world
+        if self.recipe.start is not None:
+            self._begin_again(scribe)
+        while True:
+            self._follow_edits(scribe)
+            tree = self.tree
+            before, began = self._stopwatch.seconds(), time.perf_counter()
+            with self._stopwatch.measure("tree"):
+                report = self._look_first() or tree.tick()
+            for happened in (*self._injector.tick(), *self._brought()):
+                world.journal.note(happened)
+            entries = world.journal.take()
+            self.tally.take(world.clock.now, entries, report.nodes, tree.leaves, report.transitions)
+            with self._stopwatch.measure("logging"):
+                scribe.tick(report, entries, self.hardware)
+            if self._watcher:
+                self._watcher.ticked(world.clock.now, report, self.tally.done, self._total)
+            if self._debugger:
+                self._debugger.ticked()
+            if self._first is None and tree.status is not NodeStatus.RUNNING:
+                return "success" if tree.status is NodeStatus.SUCCESS else "failure"
+            if world.clock.now >= self.recipe.limit:
+                tree.halt()
+                return "timeout"
+            if self._stopping:
+                return "interrupted"
+            if not self._helped():
+                if self._quiet:
+                    self._checkpoint(scribe)
+                return "paused"
+            if self._checkpoint_due():
+                self._checkpoint(scribe)
+            self._pass_time()
+            with self._stopwatch.measure("logging"):
+                scribe.timing(self._timing(before, began))
+
+    def _look_first(self) -> TickReport | None:
+        """A tick before the tree goes on, of a run that goes on as things stand; None when that is over."""
+        if self._first is None:
+            return None
+        try:
+            next(self._first)
+        except StopIteration as end:
+            stock: Stock = end.value
+            self._first = None
+            self.tree.pass_over({*stock.done, *stock.gone})
+            self._checkpointed = self.tally.done = self.world.journal.items_done
+            return None
+        return self.tree.look()
+
+    def _helped(self) -> bool:
+        """Whether nobody waits for an answer any more. Simulated time stands still while a person thinks."""
+        desk = self.world.operator
+        question = desk.pending
+        if question is None:
+            return True
+        answer = self._operator.answer(question) if self._operator else None
+        if answer is None:
+            return False
+        desk.answer(answer)
+        data: dict[str, Plain] = {"question": question.reason, "answer": answer}
+        self.world.journal.note(Happened("operator_answer", f"the answer is: {answer}", question.node, data))
+        return True
+
+    def _brought(self) -> tuple[Happened, ...]:
+        """What whoever brings items has done since the last tick, and what was crushed."""
+        events = self.hardware.take_events()
+        if events:
+            self._total = self._items_total()
+        return events
+
+    def true_state(self) -> dict[str, Any]:
+        """The simulation with its faults as it is now, as plain values, and what the wrist's sensor says when
+        it feels nothing, which stays with the sensor. To ask disturbs nothing."""
+        faults: list[Any] = _faults().dump_python(self._injector.state(), mode="json")
+        bias = list(self.world.control.wrist.learnt)
+        return {**self.hardware.snapshot().to_plain(), "faults": faults, "wrist_bias": bias}
+
+    @property
+    def _fed(self) -> bool:
+        return bool(self.scene.deliveries)
+
+    def _items_total(self) -> int:
+        """Items that will have come in all, where that is known; else those that have come so far."""
+        totals = [delivery.total for delivery in self.scene.deliveries]
+        known = [total for total in totals if total is not None]
+        if not totals or len(known) < len(totals):
+            return len(self.hardware.truth())
+        return sum(known) + sum(count for spawn in self.scene.spawn for _, count in spawn.counts)
+
+    def _write_result(self, result: RunResult) -> None:
+        path = self.folder / RESULT
+        try:
+            path.write_text(result.to_json_text(), encoding="utf-8")
+        except OSError as error:
+            raise PicktreeError(
+                f"{path}: the result cannot be written: {error.strerror}; the log holds it, too"
+            ) from None
+
+    def _come_to_rest(self) -> None:
+        """Nothing goes on that nobody records."""
+        self.tree.halt()
+        for _ in range(_BRAKING):
+            if self.world.control.at_rest:
+                break
+            self._pass_time()
+
+    def _pass_time(self) -> None:
+        world = self.world
+        world.control.step_tick(TICK)
+        world.scene.carry(world.control.tcp)
+
+    def _take_up(self, state: RunState) -> None:
+        """Go on from a checkpoint: all that this session made is as it was then."""
+        start = self.recipe.start
+        assert start is not None
+        restore(self.world, state)
+        if start.adopt:
+            self.adoption = self.tree.adopt(state.tree)
+            self._read_parameters(start.changed)
+        else:
+            self.tree.restore(state.tree)
+        self._injector.restore(state.faults)
+        if state.tally is not None:
+            self.tally = Tally.resumed(state.tally)
+        self._disagreed = state.disagreements
+
+    def _read_parameters(self, names: tuple[str, ...]) -> None:
+        try:
+            self.tree.read_again({f"{MAIN}/{name}" for name in names})
+        except Failure as failure:
+            raise PicktreeError(
+                f"the running mission does not take what was set: {failure.message}"
+            ) from None
+
+    def _begin_again(self, scribe: Scribe) -> None:
+        """The rest of the tick after which the checkpoint was taken."""
+        if self.adoption is not None:
+            self.world.journal.note(_mission_changed(self.adoption))
+        scribe.begin_again(self.tree.look(), self.world.journal.take(), self.hardware)
+        self._note_checkpoint()
+        self._pass_time()
+
+    def _object_place(self, path: str) -> Vector3 | None:
+        """Where the belief has the object that the port `object` of a node names."""
+        node = self.tree.find(path)
+        if node.declaration.port("object") is None:
+            return None
+        belief = self.world.scene.find(str(node.input("object")))
+        return belief.pose.position if belief else None
+
+    def _checkpoint_due(self) -> bool:
+        """Whether it is time for one, and nothing moves that could not be taken up again."""
+        return self.tally.done - self._checkpointed >= self.scene.checkpoint_every and self._quiet
+
+    @property
+    def _quiet(self) -> bool:
+        """No skill runs, the arm is at rest, the hand is empty, and no answer waits for who asked."""
+        world = self.world
+        free = world.scene.held is None and not world.operator.answered
+        return self._first is None and self.tree.quiescent and world.control.at_rest and free
+
+    def _checkpoint(self, scribe: Scribe) -> None:
+        self._checkpointed = self.tally.done
+        with self._stopwatch.measure("physics"):
+            state = take(
+                self.world,
+                self.tree,
+                self.hardware,
+                self._injector,
+                self.tally,
+                scribe.state(),
+                self._disagreements,
+            )
+        with self._stopwatch.measure("logging"):
+            scribe.checkpoint(state)
+        self._note_checkpoint()
+
+    def _note_checkpoint(self) -> None:
+        done = self.tally.done
+        self.world.journal.note(Happened("checkpoint", f"after {done} items", "", {"items_done": done}))
+
+    @property
+    def _disagreements(self) -> int:
+        return self._disagreed + len(self.world.plan.disagreements)
+
+    def _follow(self, edits: Edits) -> Following:
+        known = surroundings(self.scene, self.robot)
+        return Following(edits, self.scene, known, own_scene=self.recipe.own_scene)
+
+    def _follow_edits(self, scribe: Scribe) -> None:
+        revisions = self._revisions
+        if revisions is None:
+            return
+        for news in revisions.look(self.mission, self.world.clock.now):
+            self._tell(news.text)
+            if news.refused:
+                scribe.refused(news.text)
+        if revisions.pending is not None and self._quiet:
+            self._take_over(revisions.pending, scribe)
+            revisions.pending = None
+
+    def _take_over(self, mission: Mission, scribe: Scribe) -> None:
+        """Go on with another version of the mission: belief, blackboard and attempts stay as they are."""
+        tree = build(mission, self.world, self.recipe.parameters)
+        adoption = tree.adopt(self.tree.save())
+        tree.on_start.extend(self.tree.on_start)
+        tree.on_end.extend(self.tree.on_end)
+        self.mission, self.tree = mission, tree
+        structure = tree.structure()
+        self.tally.follow(structure)
+        message = f"the edited mission takes over: {_counted(adoption)}"
+        data: dict[str, Plain] = {
+            "files": scribe.edited(mission, structure),
+            "fresh": list(adoption.fresh),
+            "gone": list(adoption.gone),
+        }
+        self.world.journal.note(Happened("mission_edited", message, "", data))
+        if self._debugger:
+            self._debugger.follow(tree)
+        if self._watcher:
+            self._watcher.edited(structure)
+        self._tell(message)
+
+    def _tell(self, text: str) -> None:
+        if self._watcher:
+            self._watcher.told(self.world.clock.now, text)
+
+    def _timing(self, before: Mapping[str, float], began: float) -> Timing:
+        now = self._stopwatch.seconds()
+        spent = {part: seconds - before.get(part, 0.0) for part, seconds in now.items()}
+        return Timing(
+            time.perf_counter() - began,
+            **{
+                part: spent.get(part, 0.0)
+                for part in ("physics", "control", "planning", "perception", "rendering")
+            },
+            recording=spent.get("logging", 0.0),
+            nodes=tuple(NodeTime(path, seconds) for path, seconds in self.tree.seconds().items()),
+        )
+
+    def _result(self, status: RunStatus, digest: str) -> RunResult:
+        truth = self.hardware.truth()
+        verdict = score(truth, self.scene)
+        goal = self.mission.goal.text if self.mission.goal else self.scene.goal
+        if status == "success" and not verdict.reached(goal):
+            status = "incomplete"
+        tally, failure = self.tally, self.tree.failure
+        episodes = tally.episodes.so_far(self.world.clock.now)
+        asked = self.world.operator.pending if status == "paused" else None
+        wall = self._stopwatch.seconds()
+        return RunResult(
+            status=status,
+            seed=self.recipe.seed,
+            digest=digest,
+            items=ItemCount(
+                verdict.total,
+                verdict.sorted,
+                verdict.misplaced,
+                verdict.left,
+                {form: FormCount(count.total, count.sorted) for form, count in verdict.by_form.items()},
+            ),
+            picks=PickCount(tally.tried, tally.held, tally.tried_objects, tally.held_first_try),
+            failures=dict(tally.failures),
+            recoveries=dict(tally.recovered),
+            cures=episodes.cures,
+            planted=episodes.planted,
+            sim_seconds=self.world.clock.now,
+            cpu_seconds=time.process_time() - self._cpu_began,
+            wall_seconds=WallSeconds(
+                total=time.perf_counter() - self._began,
+                physics=wall.get("physics", 0.0),
+                planning=wall.get("planning", 0.0),
+                perception=wall.get("perception", 0.0) + wall.get("rendering", 0.0),
+                logging=wall.get("logging", 0.0),
+            ),
+            log=(self.folder / LOG).absolute(),
+            folder=self.folder.absolute(),
+            message=asked.reason if asked else failure.message if failure else "",
+            thinking_charged=self.scene.thinking.collision_check > 0.0 and self.scene.thinking.image > 0.0,
+            disagreements=self._disagreements if self.recipe.verify else None,
+            holes=tuple(
+                _at_hole(body, item) for body, item in zip(truth, verdict.items, strict=True) if item.seat
+            ),
+            feed=FeedCount(tally.deliveries, tally.exchanges, tally.set_aside) if self._fed else None,
+            asked=asked,
+        )
+
+
+@cache
+def _faults() -> TypeAdapter[tuple[FaultState, ...]]:
+    return TypeAdapter(tuple[FaultState, ...])
+
+
+def _kill() -> None:
+    """At once, as by power loss: nothing is flushed or closed."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _at_hole(body: TrueBody, item: ItemScore) -> HoleItem:
+    assert item.seat is not None
+    seat = item.seat
+    return HoleItem(
+        str(item.id),
+        body.kind,
+        str(seat.hole),
+        item.verdict,
+        round(seat.depth, 6),
+        seat.bottom,
+        round(seat.tilt, 6),
+        round(seat.penetration, 7),
+        item.reason,
+    )
+
+
+def _mission_changed(adoption: Adoption) -> Happened:
+    data: dict[str, Plain] = {"fresh": list(adoption.fresh), "gone": list(adoption.gone)}
+    return Happened("mission_changed", f"another mission goes on: {_counted(adoption)}", "", data)
+
+
+def _counted(adoption: Adoption) -> str:
+    kept, fresh, gone = map(len, (adoption.kept, adoption.fresh, adoption.gone))
+    return f"{kept} nodes go on, {fresh} begin anew, {gone} are gone"
+
+
+def run(mission: Path | str, **options: Unpack[RunOptions]) -> RunResult:
+    """Run a mission in one call; the options are those of `RunRequest`."""
+    return Session(RunRequest(mission=Path(mission), **options)).run()

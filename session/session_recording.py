@@ -1,0 +1,270 @@
+"""The scribe: hands the recorder what a running session has to tell, tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from ..logs.meshes.link_meshes import link_meshes
+from ..logs.recording.recorder import Listener, Recorder, RecordingState
+from ..logs.run_result import RunResult
+from ..logs.schema import records
+from ..simulation.backends import Simulation
+from ..trees.blackboard import Write
+from ..trees.mission import Mission
+from ..trees.running.runner import NodeInfo, TickReport
+from ..world.journal import Entry, Happened
+from ..world.values import Array, Pose
+from . import environment as circumstances
+from .arithmetic_probe import arithmetic
+from .checkpoints import RunState
+from .mission_files import mission_files, plugin_versions
+from .recipe_files import fingerprints, recipe_files
+
+if TYPE_CHECKING:
+    from .session import Session
+
+START: Final = "start.json"
+"""Of a run that goes on from a checkpoint: that state, its tree being that of this run."""
+
+_BY_THE_FEED = ("delivery", "belt_stops", "bin_exchanged")
+"""Events after which items stand elsewhere at once."""
+
+Tap: TypeAlias = Callable[[str, int, bytes], None]
+"""Is shown a message: topic, simulated ns, payload."""
+
+
+class Scribe:
+    """Writes one run into `path`; a context manager, so that the log is finished on every way out."""
+
+    def __init__(
+        self,
+        path: Path,
+        session: Session,
+        structure: tuple[NodeInfo, ...],
+        tap: Tap | None = None,
+        listener: Listener | None = None,
+    ) -> None:
+        self._session = session
+        self._world = session.world
+        self._gripper = session.hardware.gripper
+        self._checkpoints = self._edits = self._refused = 0
+        self._there = {body.id for body in session.hardware.truth() if body.present}
+        """Items of the last message about the truth."""
+        recipe = session.recipe
+        start = recipe.start
+        files = list(recipe_files(recipe))
+        info = records.RunInfo(
+            mission=recipe.mission.name,
+            scene=recipe.scene.name,
+            robot=recipe.robot.name,
+            seed=recipe.seed,
+            backend=recipe.backend,
+            tick=session.world.tick,
+            parameters=recipe.parameters,
+            physics={
+                **session.hardware.settings(),
+                "thinking.collision_check": repr(recipe.scene.thinking.collision_check),
+                "thinking.image": repr(recipe.scene.thinking.image),
+            },
+            versions=circumstances.versions() | plugin_versions(recipe.mission),
+            revision=circumstances.revision(),
+            verify=recipe.verify,
+            limit=recipe.limit,
+            own_scene=recipe.own_scene,
+            machine=circumstances.machine(),
+            arithmetic=arithmetic(),
+            files=fingerprints(recipe, files),
+            continues=start.continues if start else None,
+        )
+        self._files, self._structure = files, structure
+        self._recorder = Recorder(
+            path,
+            info,
+            rotation=session.rotation,
+            resumed=start.state.recording if start else None,
+            tap=tap,
+            listener=listener,
+        )
+
+    def __enter__(self) -> Scribe:
+        with ExitStack() as stack:
+            stack.enter_context(self._recorder)
+            self._begin()
+            stack.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._recorder.__exit__(kind, error, trace)
+
+    def _begin(self) -> None:
+        """What the run is made from, the tree and the robot."""
+        recorder, session = self._recorder, self._session
+        recipe, structure, start = session.recipe, self._structure, session.recipe.start
+        for file in self._files:
+            recorder.attach(file.name, file.content, file.media_type)
+        recorder.attach(circumstances.SOURCES, circumstances.sources_to_text(circumstances.sources()))
+        recorder.fixed(recipe.scene.fixtures, recipe.scene.bins, session.hardware.true_fixtures())
+        if start is None:
+            recorder.tree(_tree(structure))
+            recorder.robot_model(link_meshes(recipe.robot.urdf))
+            return
+        state = replace(start.state, tree=session.tree.save())
+        recorder.attach(START, state.to_json(), "application/json")
+        with recorder.preamble():
+            recorder.tree(_tree(structure), state.time)
+            recorder.robot_model(link_meshes(recipe.robot.urdf), state.time)
+
+    @property
+    def digest(self) -> str:
+        return self._recorder.digest
+
+    @property
+    def failed(self) -> bool:
+        """Whether the disk has refused."""
+        return self._recorder.failed
+
+    def state(self) -> RecordingState:
+        """For a checkpoint."""
+        return self._recorder.state()
+
+    def begin_again(self, report: TickReport, entries: tuple[Entry, ...], hardware: Simulation) -> None:
+        """How things stand at the checkpoint from which the run goes on, so that its log stands alone: the
+        tree with the whole blackboard as writes, the belief, the truth."""
+        board = self._session.tree.blackboard.save()
+        writes = tuple(Write(key, value, "") for key, value in board.items())
+        with self._recorder.preamble():
+            self.tick(replace(report, writes=writes), entries, hardware)
+
+    def tick(self, report: TickReport, entries: tuple[Entry, ...], hardware: Simulation) -> None:
+        """Everything of the tick that has just ended, before time goes on."""
+        world, recorder = self._world, self._recorder
+        now = world.clock.now
+        recorder.rotate_if_due(now)
+        for entry in entries:
+            recorder.entry(now, entry)
+        recorder.tick(now, _tick(report))
+        robot = world.robot.description
+        state, gripper = world.control.state, self._gripper.read()
+        fingers_at = world.robot.fingers.positions(gripper.width)
+        recorder.joints(now, robot.joints, state, robot.gripper.joints, gripper, fingers_at)
+        objects = world.scene.objects
+        links = world.robot.link_poses(state.position, gripper.width)
+        recorder.transforms(now, links, objects, self._on_hand(world.control.tcp))
+        recorder.belief(now, objects, world.scene.take_changes())
+        recorder.wrench(now, world.control.wrench_external())
+        recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
+        moved = any(isinstance(entry, Happened) and _sudden(entry) for entry in entries)
+        if moved or recorder.truth_due(now):
+            self._truth(now, hardware)
+        if recorder.state_due(now):
+            recorder.true_state(now, self._session.true_state())
+
+    def _on_hand(self, tcp: Pose) -> dict[str, Pose]:
+        """The optical frames in the world of the cameras that move with the tool, by name."""
+        cameras = self._world.description.cameras
+        return {camera.name: tcp @ camera.pose for camera in cameras if camera.on == "hand"}
+
+    def timing(self, timing: records.Timing) -> None:
+        self._recorder.timing(self._world.clock.now, timing)
+
+    def edited(self, mission: Mission, structure: tuple[NodeInfo, ...]) -> str:
+        """Another version of the mission has taken over: its files and its tree. Answers the folder of its
+        attachments."""
+        self._edits += 1
+        folder = f"edit-{self._edits:04d}"
+        for file in mission_files(mission):
+            self._recorder.attach(f"{folder}/{file.name}", file.content, file.media_type)
+        self._recorder.edited_tree(self._world.clock.now, _tree(structure))
+        return folder
+
+    def refused(self, text: str) -> None:
+        """An edit that was not taken over, and why. It changed nothing, so it is no part of the digest."""
+        self._refused += 1
+        self._recorder.attach(f"refused-{self._refused:04d}.txt", text)
+
+    def checkpoint(self, state: RunState) -> None:
+        """Keep the state in the log, from which the run can be taken up again."""
+        self._checkpoints += 1
+        name = f"checkpoint-{self._checkpoints:04d}.json"
+        self._recorder.attach(name, state.to_json(), "application/json", slot="checkpoint")
+
+    def settle(self) -> None:
+        """The interrupt that came was heard: what is written now is the run's end."""
+        self._recorder.settle()
+
+    def last(self, hardware: Simulation) -> None:
+        """The truth at the end."""
+        now = self._world.clock.now
+        self._truth(now, hardware)
+        self._recorder.true_state(now, self._session.true_state())
+
+    def _truth(self, now: float, hardware: Simulation) -> None:
+        """What is really there: an item that a fault took away is nowhere, one that left with its bin is told
+        of once more, as it lay."""
+        bodies = [
+            body
+            for body in hardware.truth()
+            if body.present or (body.taken_with is not None and body.id in self._there)
+        ]
+        self._there = {body.id for body in bodies if body.present}
+        self._recorder.truth(now, (*bodies, *hardware.obstacles()))
+
+    def finish(self, result: RunResult) -> None:
+        self._recorder.finish({"status": result.status, "json": result.to_json_text()})
+
+
+def _sudden(event: Happened) -> bool:
+    """Whether something stands elsewhere at once."""
+    return event.kind in _BY_THE_FEED or event.data.get("fault") == "obstacle"
+
+
+def _tree(structure: tuple[NodeInfo, ...]) -> records.Tree:
+    return records.Tree(
+        tuple(
+            records.TreeNode(
+                n.path, n.id, n.name, n.parent or "", n.children, {k: str(v) for k, v in n.ports.items()}
+            )
+            for n in structure
+        )
+    )
+
+
+def _control(controller: str, reference: Array | None, position: Array) -> records.Control:
+    if reference is None:
+        return records.Control(controller)
+    return records.Control(controller, tuple(reference.tolist()), tuple((reference - position).tolist()))
+
+
+def _tick(report: TickReport) -> records.Tick:
+    running = [n.path for n in report.nodes if n.status == "RUNNING"]
+    return records.Tick(
+        root_status=str(report.nodes[0].status),
+        tip=max(running, key=lambda p: p.count("/"), default=""),
+        nodes=tuple(
+            records.NodeStatus(
+                n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", dict(n.evidence or {})
+            )
+            for n in report.nodes
+        ),
+        writes=tuple(records.Write(w.key, w.value, w.node) for w in report.writes),
+        transitions=tuple(
+            records.Transition(
+                t.path,
+                str(t.status),
+                dict(t.inputs),
+                t.subject,
+                t.cause,
+                t.origin,
+                t.message,
+                dict(t.evidence),
+            )
+            for t in report.transitions
+        ),
+    )

@@ -1,0 +1,166 @@
+"""Noise of the sensors, from keyed streams: a reading's noise depends on seed, sensor and step alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...world.random_streams import Streams
+from ...world.scene.description import CameraDescription, SensorNoise
+from ...world.values import Array, Quaternion, rotated
+
+BLOCK = 240
+"""Steps whose noise is drawn at once: a generator costs 15 µs, a number 10 ns."""
+VELOCITY_RATE = 10.0
+"""Noise of a joint's velocity over that of its position, 1/s: encoders differentiated over about 0.1 s."""
+EDGE = 0.01
+"""Step of depth between neighbouring pixels that makes an edge, m."""
+FLOOR = 2e-4
+"""Least standard deviation of a depth that is noisy at all, m."""
+COLOUR_NOISE = 4
+"""Greatest error of a colour channel, of 255."""
+
+
+class BlockNoise:
+    """Errors of one sensor, (channels,) a step, with a standard deviation each."""
+
+    def __init__(self, streams: Streams, sensor: str, deviations: Sequence[float]) -> None:
+        self._streams = streams
+        self._stream = f"sensor/{sensor}"
+        self._deviations = np.array(deviations)
+        self._number = -1
+        self._block: Array = np.empty((0, len(deviations)))
+        self._numbers: list[list[float]] = []
+
+    def at(self, step: int) -> Array:
+        """The errors of that step."""
+        row = self._row(step)
+        return self._block[row]
+
+    def numbers(self, step: int) -> list[float]:
+        """The same as plain numbers, which are cheaper to add up while they are few."""
+        row = self._row(step)
+        return self._numbers[row]
+
+    def _row(self, step: int) -> int:
+        """Of the step within its block, which is drawn if need be."""
+        number, row = divmod(step, BLOCK)
+        if number != self._number:
+            self._number = number
+            rng = self._streams.at(self._stream, number)
+            self._block = rng.standard_normal((BLOCK, len(self._deviations))) * self._deviations
+            self._numbers = self._block.tolist()
+        return row
+
+
+class WrenchBias:
+    """What the wrist's sensor adds, in its own axes: drawn for the run, and wandering by a share of itself.
+
+    The wandering is a sum of slow sines, so that it depends on seed and time alone.
+    """
+
+    PERIODS = (70.0, 190.0, 430.0)
+    """Of the sines, s."""
+    EVERY = 0.05
+    """Time for which it stands still, s."""
+
+    def __init__(self, noise: SensorNoise, streams: Streams) -> None:
+        rng = streams.at("sensor/wrench_bias", 0)
+        deviations = np.array([noise.force_bias] * 3 + [noise.torque_bias] * 3)
+        self._constant = rng.standard_normal(6) * deviations
+        self._share = deviations * noise.drift * math.sqrt(2.0 / len(self.PERIODS))
+        self._phases = rng.uniform(0.0, 2.0 * math.pi, (len(self.PERIODS), 6))
+        self._rates = 2.0 * np.pi / np.array(self.PERIODS)[:, None]
+        self._slot = -1
+        self._now: list[float] = []
+        self.any = bool(deviations.any())
+
+    def at(self, now: float) -> Array:
+        """(6,) at a time, s, in the sensor's axes."""
+        slow = self.EVERY * math.floor(now / self.EVERY + 1e-6)
+        waves: Array = np.sin(self._rates * slow + self._phases) - np.sin(self._phases)
+        return np.asarray(self._constant + self._share * waves.sum(axis=0), np.float64)
+
+    def in_world(self, now: float, turn: Quaternion) -> tuple[float, ...]:
+        """(6,) in the world's axes, the sensor being turned like that."""
+        slot = math.floor(now / self.EVERY + 1e-6)
+        if slot != self._slot:
+            self._slot, self._now = slot, self.at(now).tolist()
+        a, b, c, d, e, f = self._now
+        return (*rotated(turn, (a, b, c)), *rotated(turn, (d, e, f)))
+
+
+class BodyNoise:
+    """Errors of encoders, gripper and wrist at each step, in their units."""
+
+    def __init__(self, noise: SensorNoise, streams: Streams, joints: int) -> None:
+        rate = noise.encoder * VELOCITY_RATE
+        self._encoders = BlockNoise(streams, "encoders", [noise.encoder] * joints + [rate] * joints)
+        self._width = BlockNoise(streams, "width", [noise.width])
+        self._wrench = BlockNoise(streams, "wrench", [noise.force] * 3 + [noise.torque] * 3)
+        self._bias = WrenchBias(noise, streams)
+
+    def encoders(self, step: int) -> Array:
+        """Errors of the joints' positions, rad, and then velocities, rad/s: (2 n,)."""
+        return self._encoders.at(step)
+
+    def width(self, step: int) -> float:
+        """Error of the opening, m."""
+        return self._width.numbers(step)[0]
+
+    def wrench(self, step: int, now: float, turn: Quaternion) -> list[float]:
+        """Error of force and torque in the world's axes, (6,) N and Nm, the sensor being turned like that."""
+        noise = self._wrench.numbers(step)
+        if not self._bias.any:
+            return noise
+        return [n + b for n, b in zip(noise, self._bias.in_world(now, turn), strict=True)]
+
+
+def noisy_depth(
+    depth: NDArray[np.float32], camera: CameraDescription, rng: np.random.Generator, times: float = 1.0
+) -> NDArray[np.float32]:
+    """Depth (h, w) with noise that grows with its square, from a floor, and dropouts at edges; 0 stays 0.
+    `times`: how much more noise there is than the camera's own.
+
+    The noise model is that of structured light and stereo: Khoshelham & Elberink (2012), eq. 10.
+    """
+    noisy = rng.standard_normal(depth.shape, dtype=np.float32)
+    share = np.float32(camera.depth_noise * times / 0.7**2)
+    floor = FLOOR * times
+    # So near the square promises more than any sensor keeps.
+    near = np.nonzero((depth * depth * share < floor) & (depth > 0)) if share > 0 else ()
+    least = noisy[near] * np.float32(floor) if near else None
+    noisy *= depth
+    noisy *= depth * share
+    if near and least is not None:
+        noisy[near] = least
+    noisy += depth
+    edges = np.nonzero(_edges(depth))
+    lost = rng.random(len(edges[0])) < camera.edge_dropout
+    noisy[edges[0][lost], edges[1][lost]] = 0.0
+    return noisy
+
+
+def _edges(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Pixels with a step of depth towards one of the four neighbours."""
+    edge = np.zeros(depth.shape, dtype=np.bool_)
+    down = np.abs(np.diff(depth, axis=0)) > EDGE
+    right = np.abs(np.diff(depth, axis=1)) > EDGE
+    edge[1:] |= down
+    edge[:-1] |= down
+    edge[:, 1:] |= right
+    edge[:, :-1] |= right
+    return edge
+
+
+def noisy_colour(
+    colour: NDArray[np.uint8], rng: np.random.Generator, times: float = 1.0
+) -> NDArray[np.uint8]:
+    """Colour (h, w, 3) with a little evenly distributed noise on each channel, or `times` as much."""
+    errors = rng.integers(-COLOUR_NOISE, COLOUR_NOISE + 1, colour.shape, dtype=np.int8)
+    if times != 1.0:
+        errors = np.round(errors * times).astype(np.int16)
+    return np.clip(colour.astype(np.int16) + errors, 0, 255).astype(np.uint8)

@@ -1,0 +1,136 @@
+"""What may happen to the robot's devices: arm, gripper, wrist sensor, cameras. `lasts`: s; None: for good."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, TypeAlias
+
+from ...world.values import Pose, Vector3
+from .occasions import When
+
+
+@dataclass(frozen=True, slots=True)
+class GripperJam:
+    """The fingers stay where they are, whatever they are told, and go on pressing on what they hold."""
+
+    name: ClassVar[str] = "gripper_jam"
+    when: When
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GripperWeak:
+    """The fingers press with a share of the force that they are told."""
+
+    name: ClassVar[str] = "gripper_weak"
+    when: When
+    share: float
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class JointWeak:
+    """The joint's torque is at most a share of what it could give."""
+
+    name: ClassVar[str] = "joint_weak"
+    when: When
+    joint: str
+    share: float
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stall:
+    """The commands to the arm are not carried out: its drives hold it where it is."""
+
+    name: ClassVar[str] = "stall"
+    when: When
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchBias:
+    """The wrist's sensor is off by a force, N, and a torque, Nm, in its own axes."""
+
+    name: ClassVar[str] = "wrench_bias"
+    when: When
+    force: Vector3
+    torque: Vector3 = (0.0, 0.0, 0.0)
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WrenchDead:
+    """The wrist's sensor is silent: its reading and the stamp of it stand still."""
+
+    name: ClassVar[str] = "wrench_dead"
+    when: When
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraDrop:
+    """No image comes from a camera (None: from any), for a time or for so many images."""
+
+    name: ClassVar[str] = "camera_drop"
+    when: When
+    camera: str | None = None
+    lasts: float | None = None
+    images: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraShift:
+    """A camera's true optical frame is moved, given in the frame as it was: x right, y down, z forward."""
+
+    name: ClassVar[str] = "camera_shift"
+    when: When
+    moved: Pose
+    camera: str | None = None
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraNoise:
+    """The noise of a camera's depth and colour is `factor` times as large."""
+
+    name: ClassVar[str] = "camera_noise"
+    when: When
+    factor: float
+    camera: str | None = None
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMislabel:
+    """A camera shows one colour of items as another; `swapped`: and the other as the one."""
+
+    name: ClassVar[str] = "camera_mislabel"
+    when: When
+    colour: str
+    shown_as: str
+    swapped: bool = False
+    camera: str | None = None
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NoPlan:
+    """The planner finds no way, for a time or for so many requests."""
+
+    name: ClassVar[str] = "no_plan"
+    when: When
+    lasts: float | None = None
+    requests: int | None = None
+
+
+def counted(fault: object) -> bool:
+    """Whether it may be over after so many images or requests."""
+    return isinstance(fault, CameraDrop | NoPlan)
+
+
+CameraFault: TypeAlias = CameraDrop | CameraShift | CameraNoise | CameraMislabel
+Ailing: TypeAlias = (
+    GripperJam | GripperWeak | JointWeak | Stall | WrenchBias | WrenchDead | CameraFault | NoPlan
+)
+"""What is so for a while: it begins and, unless it is for good, ends."""

@@ -1,0 +1,100 @@
+"""From an entry of a faults file, without faults, to a value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from ...world.scene.loading.scene_entries import unknown
+from ...world.values import Pose
+from .device_entries import (
+    CameraDrop,
+    CameraMislabel,
+    CameraNoise,
+    CameraShift,
+    GripperJam,
+    GripperWeak,
+    JointWeak,
+    NoPlan,
+    Stall,
+    WrenchBias,
+    WrenchDead,
+)  # fmt: skip
+from .fault_description import FaultSpec
+from .fault_schema import FaultEntryFile, TargetFile
+from .item_entries import Appear, Bump, Friction, Heavier, Larger, Obstacle, Remove, Slip, Target
+from .occasions import AtNode, AtTime, When
+from .program_entries import Hang, Kill, Raise
+
+_NONE = (0.0, 0.0, 0.0)
+
+
+def spec(entry: FaultEntryFile) -> FaultSpec:
+    """What an entry says that was checked: whatever its kind needs is there."""
+    return _MAKERS[entry.fault](entry, _when(entry))
+
+
+def _when(entry: FaultEntryFile) -> When:
+    when = entry.when
+    probability = 1.0 if entry.probability is None else entry.probability
+    if when.node is None:
+        return AtTime(when.at or 0.0, when.every, probability)
+    return AtNode(when.node, when.start or 1, when.delay or 0.0, bool(when.each), probability)
+
+
+def _target(entry: FaultEntryFile) -> Target:
+    chosen = entry.target or TargetFile()
+    return Target(chosen.index, chosen.kind, chosen.form, chosen.colour, chosen.nearest_to)
+
+
+def _obstacle(entry: FaultEntryFile, when: When) -> Obstacle:
+    assert entry.body is not None
+    return Obstacle(when, unknown(entry.name or "obstacle", entry.body), entry.stays)
+
+
+def _appear(entry: FaultEntryFile, when: When) -> Appear:
+    assert entry.kind is not None
+    assert entry.colour is not None
+    return Appear(when, entry.kind, entry.colour, entry.place or (0.0, 0.0), entry.yaw or 0.0)
+
+
+def _bump(entry: FaultEntryFile, when: When) -> Bump:
+    return Bump(when, _target(entry), entry.velocity or _NONE, entry.spin or _NONE)
+
+
+def _shift(entry: FaultEntryFile, when: When) -> CameraShift:
+    moved = Pose.from_rpy(entry.shift or _NONE, entry.turn or _NONE)
+    return CameraShift(when, moved, entry.camera, entry.lasts)
+
+
+def _mislabel(entry: FaultEntryFile, when: When) -> CameraMislabel:
+    return CameraMislabel(
+        when, entry.colour or "", entry.shown_as or "", bool(entry.swapped), entry.camera, entry.lasts
+    )
+
+
+_MAKERS: Mapping[str, Callable[[FaultEntryFile, When], FaultSpec]] = {
+    "remove": lambda entry, when: Remove(when, _target(entry)),
+    "friction": lambda entry, when: Friction(when, _target(entry), entry.friction or 0.0, entry.mass),
+    "bump": _bump,
+    "obstacle": _obstacle,
+    "slip": lambda entry, when: Slip(when, entry.friction or 0.0, entry.lasts),
+    "appear": _appear,
+    "heavier": lambda entry, when: Heavier(when, _target(entry), entry.mass or 0.0),
+    "larger": lambda entry, when: Larger(when, _target(entry), entry.factor or 1.0),
+    "gripper_jam": lambda entry, when: GripperJam(when, entry.lasts),
+    "gripper_weak": lambda entry, when: GripperWeak(when, entry.share or 0.0, entry.lasts),
+    "camera_drop": lambda entry, when: CameraDrop(when, entry.camera, entry.lasts, entry.images),
+    "camera_shift": _shift,
+    "camera_noise": lambda entry, when: CameraNoise(when, entry.factor or 1.0, entry.camera, entry.lasts),
+    "camera_mislabel": _mislabel,
+    "wrench_bias": lambda entry, when: WrenchBias(
+        when, entry.force or _NONE, entry.torque or _NONE, entry.lasts
+    ),
+    "wrench_dead": lambda entry, when: WrenchDead(when, entry.lasts),
+    "joint_weak": lambda entry, when: JointWeak(when, entry.joint or "", entry.share or 0.0, entry.lasts),
+    "stall": lambda entry, when: Stall(when, entry.lasts),
+    "no_plan": lambda entry, when: NoPlan(when, entry.lasts, entry.requests),
+    "hang": lambda _, when: Hang(when),
+    "raise": lambda _, when: Raise(when),
+    "kill": lambda _, when: Kill(when),
+}

@@ -1,0 +1,241 @@
+"""The grammar of faults files: one model for each kind of entry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal, TypeAlias
+
+from pydantic import AfterValidator, Field, Strict, WithJsonSchema
+
+from ...files.models.validation import (
+    Angle,
+    Angles,
+    Duration,
+    FileModel,
+    Flag,
+    Length,
+    Mass,
+    Name,
+    Share,
+    Vector,
+    Wrong,
+    describe,
+    quantity,
+)  # fmt: skip
+from ...files.spelling import nearest
+from ...world.colours import ITEM_COLOURS
+from ...world.scene.description import Form
+from ...world.scene.scene_schema import UnknownFile
+
+
+def _colour(name: str) -> str:
+    if name not in ITEM_COLOURS:
+        message = f"{describe(name)} is no colour that an item may have"
+        raise Wrong(message, nearest(name, ITEM_COLOURS), code="P108")
+    return name
+
+
+def _pattern(text: str) -> str:
+    if not text.strip("/"):
+        raise Wrong("the node is empty", "its name, or a path as SortOne/Grasp", code="P606")
+    return text
+
+
+ItemColour = Annotated[str, AfterValidator(_colour), WithJsonSchema({"enum": list(ITEM_COLOURS)})]
+NodePattern = Annotated[str, AfterValidator(_pattern), WithJsonSchema({"type": "string", "pattern": "[^/]"})]
+Lasting = Annotated[float, quantity("s", above=0)]
+Count = Annotated[int, Strict(), Field(ge=1)]
+Probability = Annotated[float, quantity("", above=0, most=1)]
+Factor = Annotated[float, quantity("", above=0, most=100)]
+Push = Annotated[float, quantity("N", least=-1000, most=1000)]
+Twist = Annotated[float, quantity("Nm", least=-100, most=100)]
+Speed = Annotated[float, quantity("m/s", least=-10, most=10)]
+Spin = Annotated[float, quantity("rad/s", least=-100, most=100)]
+
+
+class WhenFile(FileModel):
+    """When it happens: at a time, or when a node starts; once unless `each` or `every` says otherwise."""
+
+    one_of: ClassVar[tuple[str, ...]] = ("at", "node")
+    """Exactly one of these is given."""
+
+    at: Duration | None = None
+    """Simulated time since the run began."""
+    every: Lasting | None = None
+    """Again and again each time so much time has passed. Only with `at`."""
+    node: NodePattern | None = None
+    """The node that starts: its name, or a path as SortOne/Grasp; '*' and '?' stand for other letters."""
+    start: Count | None = None
+    """At which of the node's starts, from 1; the first unless given. Only with `node`."""
+    delay: Duration | None = None
+    """How long after the node's start; at once unless given. Only with `node`."""
+    each: Flag | None = None
+    """true: at each of the node's starts, from that one on. Only with `node`."""
+
+
+class TargetFile(FileModel):
+    """Which item is meant: of those that fit all that is given the nearest, or the first that was spawned."""
+
+    index: Annotated[int, Strict(), Field(ge=0)] | None = None
+    """Its number in the order of spawning, from 0."""
+    kind: str | None = None
+    """Its kind, by the scene's catalogue."""
+    form: Form | None = None
+    """Its form."""
+    colour: ItemColour | None = None
+    """Its colour."""
+    nearest_to: Literal["tool", "object"] | None = None
+    """The nearest to the TCP, or to where the belief has what the node's port `object` names."""
+
+
+FaultName: TypeAlias = Literal[
+    "remove", "friction", "bump", "obstacle", "slip", "appear", "heavier", "larger", "gripper_jam",
+    "gripper_weak", "camera_drop", "camera_shift", "camera_noise", "camera_mislabel", "wrench_bias",
+    "wrench_dead", "joint_weak", "stall", "no_plan", "hang", "raise", "kill",
+]  # fmt: skip
+
+
+class FaultEntryFile(FileModel):
+    """One thing that goes wrong: what, when, and to which item, device or place."""
+
+    fault: FaultName
+    """What goes wrong; docs/faults.md says what each kind does."""
+    when: WhenFile
+    """When it happens."""
+    probability: Probability | None = None
+    """That it happens at all, at each of its occasions; surely unless given. Drawn from the run's seed, from
+    a stream of its own."""
+    lasts: Lasting | None = None
+    """How long it is so; for good unless given."""
+    target: TargetFile | None = None
+    """To which item. Of the faults that happen to one."""
+    friction: Annotated[float, quantity("", least=0, most=2)] | None = None
+    """Its new coefficient of friction: of the fault friction, which needs it, and of slip, 0 unless given."""
+    mass: Mass | None = None
+    """Its new mass: of the fault heavier, which needs it, and of friction, unchanged unless given."""
+    velocity: tuple[Speed, Speed, Speed] | None = None
+    """What it gets all at once, along x, y, z of the world. Only of the fault bump, which needs it."""
+    spin: tuple[Spin, Spin, Spin] | None = None
+    """What it gets all at once, about x, y, z of the world; none unless given. Only of the fault bump."""
+    factor: Factor | None = None
+    """How many times as much: of the fault larger its size, of camera_noise the noise. Both need it."""
+    kind: str | None = None
+    """Its kind, by the scene's catalogue. Only of the fault appear, which needs it."""
+    colour: ItemColour | None = None
+    """Of the fault appear its colour, of camera_mislabel the colour that is not shown as it is. Both need
+    it."""
+    place: tuple[Length, Length] | None = None
+    """Where its centre comes to lie, x and y in the world. It waits until nothing is there. Only of the fault
+    appear, which needs it."""
+    yaw: Angle | None = None
+    """How it is turned about the world's z; not unless given. Only of the fault appear."""
+    share: Share | None = None
+    """What is left: of the force with gripper_weak, of the torque with joint_weak. Both need it."""
+    joint: str | None = None
+    """The joint of the arm, by its name. Only of the fault joint_weak, which needs it."""
+    force: tuple[Push, Push, Push] | None = None
+    """By how much the sensor is off, along its own axes. Only of the fault wrench_bias, which needs it."""
+    torque: tuple[Twist, Twist, Twist] | None = None
+    """By how much the sensor is off, about its own axes; not unless given. Only of the fault wrench_bias."""
+    camera: str | None = None
+    """Which camera; all of them unless given. Only of faults of cameras."""
+    images: Count | None = None
+    """So many images do not come, unless `lasts` is over before. Only of the fault camera_drop."""
+    shift: Vector | None = None
+    """How far it is moved: right, down, forward as it looked. Only of the fault camera_shift, which needs
+    it."""
+    turn: Angles | None = None
+    """How it is turned, about the same axes, one after the other; not unless given. Only of camera_shift."""
+    shown_as: ItemColour | None = None
+    """What is shown instead of `colour`. Only of the fault camera_mislabel, which needs it."""
+    swapped: Flag | None = None
+    """true: and `colour` instead of that. Only of the fault camera_mislabel."""
+    requests: Count | None = None
+    """So many requests are not answered with a way, unless `lasts` is over before. Only of the fault
+    no_plan."""
+
+    body: UnknownFile | None = None
+    """What is put there, and where; it stands still. It waits until no item and no part of the robot is in
+    its place. Only of the fault obstacle, which needs it."""
+    name: Name | None = None
+    """What the record calls it; `obstacle` unless given. Only of the fault obstacle."""
+    stays: Duration | None = None
+    """How long it stays before it is taken away; for good unless given. Only of the fault obstacle."""
+
+
+NEEDS: Mapping[str, tuple[str, ...]] = {
+    "remove": ("target",),
+    "friction": ("target", "friction"),
+    "bump": ("target", "velocity"),
+    "obstacle": ("body",),
+    "slip": (),
+    "appear": ("kind", "colour", "place"),
+    "heavier": ("target", "mass"),
+    "larger": ("target", "factor"),
+    "gripper_jam": (),
+    "gripper_weak": ("share",),
+    "camera_drop": (),
+    "camera_shift": ("shift",),
+    "camera_noise": ("factor",),
+    "camera_mislabel": ("colour", "shown_as"),
+    "wrench_bias": ("force",),
+    "wrench_dead": (),
+    "joint_weak": ("joint", "share"),
+    "stall": (),
+    "no_plan": (),
+    "hang": (),
+    "raise": (),
+    "kill": (),
+}
+"""What must be given with a fault."""
+_MAY_BESIDE: Mapping[str, tuple[str, ...]] = {
+    "friction": ("mass",),
+    "bump": ("spin",),
+    "obstacle": ("name", "stays"),
+    "slip": ("friction", "lasts"),
+    "appear": ("yaw",),
+    "gripper_jam": ("lasts",),
+    "gripper_weak": ("lasts",),
+    "camera_drop": ("camera", "lasts", "images"),
+    "camera_shift": ("turn", "camera", "lasts"),
+    "camera_noise": ("camera", "lasts"),
+    "camera_mislabel": ("swapped", "camera", "lasts"),
+    "wrench_bias": ("torque", "lasts"),
+    "wrench_dead": ("lasts",),
+    "joint_weak": ("lasts",),
+    "stall": ("lasts",),
+    "no_plan": ("lasts", "requests"),
+}
+MAY: Mapping[str, tuple[str, ...]] = {
+    name: (*needed, *_MAY_BESIDE.get(name, ())) for name, needed in NEEDS.items()
+}
+"""What may be given with a fault."""
+OWN_KEYS = tuple(dict.fromkeys(key for keys in MAY.values() for key in keys))
+"""Keys that some faults take and others do not."""
+
+
+class ExpectFile(FileModel):
+    """What whoever judges a campaign takes as right. Neither the robot nor the simulation reads it."""
+
+    causes: list[str]
+    """Causes that name rightly what went wrong, or families of them as grasp.*; none where it should do no
+    harm."""
+    lost: Annotated[int, Strict(), Field(ge=0)] = 0
+    """How many items can physically not be sorted any more."""
+
+
+class FaultsRestFile(FileModel):
+    """What stands in a faults file beside its list."""
+
+    scene: str | None = None
+    """A scene, shipped or a file beside this one: kinds, colours and numbers of items, cameras and joints are
+    held against it."""
+    expect: ExpectFile | None = None
+    """What would be right to say of it, for who judges."""
+
+
+class FaultsFile(FaultsRestFile):
+    """What is to go wrong in a run. Only the simulation knows; the robot finds out."""
+
+    faults: list[FaultEntryFile]
+    """The faults; those that are due in the same tick happen in this order."""

@@ -1,0 +1,115 @@
+"""What may happen to items, and to the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal, TypeAlias
+
+from ...world.scene.description import Fixture, Form
+from ...world.values import Vector3
+from .occasions import When
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A true item: among those that fit all that is given, the nearest to `nearest_to`, else the first.
+
+    `tool` is the TCP; `object` the place where the belief has what the node's port `object` names.
+    """
+
+    index: int | None = None
+    """Number in the order of spawning, from 0."""
+    kind: str | None = None
+    form: Form | None = None
+    colour: str | None = None
+    nearest_to: Literal["tool", "object"] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Remove:
+    """The item is snatched away, out of the robot's world."""
+
+    name: ClassVar[str] = "remove"
+    when: When
+    target: Target
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """The item gets another friction, and mass (kg) where one is given."""
+
+    name: ClassVar[str] = "friction"
+    when: When
+    target: Target
+    friction: float
+    mass: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Bump:
+    """The item gets a velocity (m/s, world) and a spin (rad/s, world) all at once."""
+
+    name: ClassVar[str] = "bump"
+    when: When
+    target: Target
+    velocity: Vector3
+    spin: Vector3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Slip:
+    """What the fingers hold, or hold next, has another friction for so many seconds, or for good; then its
+    own again."""
+
+    name: ClassVar[str] = "slip"
+    when: When
+    friction: float = 0.0
+    lasts: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Heavier:
+    """The item has another mass, kg, than the catalogue says."""
+
+    name: ClassVar[str] = "heavier"
+    when: When
+    target: Target
+    mass: float
+
+
+@dataclass(frozen=True, slots=True)
+class Larger:
+    """The item is `factor` times as large, along each of its axes, as the catalogue says; its mass stays."""
+
+    name: ClassVar[str] = "larger"
+    when: When
+    target: Target
+    factor: float
+
+
+@dataclass(frozen=True, slots=True)
+class Appear:
+    """A further item of the catalogue comes to lie at `place` (x, y) in the world, as soon as nothing is
+    there; `yaw`, rad, about the world's z."""
+
+    name: ClassVar[str] = "appear"
+    when: When
+    kind: str
+    colour: str
+    place: tuple[float, float]
+    yaw: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """Something that the robot is not told of is put into its way, as soon as nothing is there; it stands
+    still, and is taken away again after so many seconds, or never."""
+
+    name: ClassVar[str] = "obstacle"
+    when: When
+    body: Fixture
+    stays: float | None = None
+
+
+ItemFault: TypeAlias = Remove | Friction | Bump | Heavier | Larger
+"""What happens to one item that is named, for good."""

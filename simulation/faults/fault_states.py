@@ -1,0 +1,122 @@
+"""How far the faults of a file have come: which occasions there were, which were taken, what is to come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ...files.node_patterns import node_matches
+from ...world.random_streams import Streams
+from ..fault_files.occasions import AtNode, AtTime, When
+
+
+@dataclass(frozen=True, slots=True)
+class Due:
+    """That something is to happen."""
+
+    time: float
+    """Simulated time, s."""
+    node: str
+    """Path of the node whose start made it due; empty at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class FaultState:
+    """How far one fault has come."""
+
+    starts: int = 0
+    """How often the node that it waits for has started."""
+    due: float | None = None
+    """Simulated time, s; None while it waits for a node."""
+    node: str = ""
+    """Path of the node whose start made it due."""
+    done: bool = False
+    """It does not happen any more."""
+    standing: str = ""
+    """What it has yet to end: the obstacle that it put somewhere, the item that slips, the fault itself."""
+    until: float | None = 0.0
+    """When it ends that, s; None: never."""
+    waits: bool = False
+    """It is due, but something is in its place."""
+    chances: int = 0
+    """Occasions so far at which it might have happened."""
+    then: tuple[Due, ...] = ()
+    """What is due after that."""
+    held: tuple[float, ...] = ()
+    """What a device was doing when the fault began, as `Ailments` keeps it."""
+
+    @property
+    def dues(self) -> tuple[Due, ...]:
+        return () if self.due is None or self.done else (Due(self.due, self.node), *self.then)
+
+
+class Occasions:
+    """When the faults of a run happen. Whether one takes an occasion is drawn by the run's seed, the fault's
+    number in the file and the number of the occasion: nothing else that happens changes it."""
+
+    def __init__(self, seed: int) -> None:
+        self._streams = Streams(seed)
+
+    def begun(self, number: int, when: When, since: float | None = None) -> FaultState:
+        """Of a fault that is new; what should have happened until `since`, s, does not happen any more."""
+        if not isinstance(when, AtTime):
+            return FaultState()
+        state = self._at_time(number, when, FaultState(), when.time)
+        while since is not None and not state.done and state.due is not None and state.due <= since:
+            state = self.taken(number, when, state, state.due)
+        return state
+
+    def node_started(self, number: int, when: When, state: FaultState, path: str, now: float) -> FaultState:
+        """A node has started."""
+        if isinstance(when, AtTime) or state.done or not node_matches(when.pattern, path):
+            return state
+        if state.due is not None and not when.each:
+            return state
+        state = replace(state, starts=state.starts + 1)
+        if state.starts < when.start or (state.starts > when.start and not when.each):
+            return state
+        happens = self._happens(number, when, state)
+        state = replace(state, chances=state.chances + 1)
+        if not happens:
+            return state if when.each else replace(state, done=True)
+        # What waits for room, or for something in the hand, waits once.
+        before = () if state.waits else state.dues
+        return _with(state, (*before, Due(now + when.delay, path)))
+
+    def taken(self, number: int, when: When, state: FaultState, now: float) -> FaultState:
+        """What was due has happened, or there was nothing for it to happen to."""
+        state = replace(state, waits=False)
+        match when:
+            case AtNode(each=True):
+                return _with(state, state.dues[1:])
+            case AtTime(every=float()) if state.due is not None:
+                return self._at_time(number, when, state, state.due, now)
+            case _:
+                return replace(state, done=True)
+
+    def _at_time(
+        self, number: int, when: AtTime, state: FaultState, begin: float, after: float | None = None
+    ) -> FaultState:
+        """The next occasion that is taken: `begin`, or the first of its repetitions later than `after`."""
+        time = begin
+        for _ in range(10_000):  # with a small probability it may never be
+            if after is None or time > after + 1e-9:
+                happens = self._happens(number, when, state)
+                state = replace(state, chances=state.chances + 1)
+                if happens:
+                    return replace(state, due=time, node="", then=())
+            if when.every is None:
+                break
+            time += when.every
+        return replace(state, due=time, done=True)
+
+    def _happens(self, number: int, when: When, state: FaultState) -> bool:
+        if when.probability >= 1.0:
+            return True
+        rng = self._streams.at(f"fault/{number}", state.chances)
+        return float(rng.random()) < when.probability
+
+
+def _with(state: FaultState, dues: tuple[Due, ...]) -> FaultState:
+    if not dues:
+        return replace(state, due=None, node="", then=())
+    return replace(state, due=dues[0].time, node=dues[0].node, then=dues[1:])

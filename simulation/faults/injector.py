@@ -1,0 +1,327 @@
+"""Carrying out a fault file: at its time, or when a node starts, something is done to an item, a device or
+the program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, cast
+
+from ...errors import PicktreeError
+from ...world.journal import Happened, Plain
+from ...world.values import ObjectId, Vector3
+from ..fault_files.device_entries import (
+    Ailing,
+    CameraDrop,
+    CameraMislabel,
+    CameraNoise,
+    CameraShift,
+    GripperJam,
+    GripperWeak,
+    JointWeak,
+    NoPlan,
+    Stall,
+    WrenchBias,
+    WrenchDead,
+)  # fmt: skip
+from ..fault_files.fault_description import FaultFile, FaultSpec
+from ..fault_files.item_entries import (
+    Appear,
+    Bump,
+    Friction,
+    Heavier,
+    ItemFault,
+    Larger,
+    Obstacle,
+    Remove,
+    Slip,
+)
+from ..fault_files.program_entries import Hang, Kill, Raise
+from .fault_interface import Faulty
+from .fault_sentences import begins, details, ends
+from .fault_states import FaultState, Occasions
+from .fault_targets import carry_out, choose, told_of
+
+__all__ = ["FaultState", "Faulty", "Injector", "Program", "new_states"]
+
+_AILING: tuple[type, ...] = (
+    GripperJam, GripperWeak, JointWeak, Stall, WrenchBias, WrenchDead, CameraDrop, CameraShift, CameraNoise,
+    CameraMislabel, NoPlan,
+)  # fmt: skip
+_PLANTED = "planted by the fault file"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of an occasion."""
+
+    message: str
+    data: dict[str, Plain]
+    standing: str = ""
+    """What is to be ended later; empty: nothing."""
+    waits: bool = False
+    """It could not be yet; the message is told once."""
+
+
+class Program(Protocol):
+    """The tree that runs, as far as faults meddle with it."""
+
+    def acting(self, path: str = "") -> str | None:
+        """Path of the skill that runs at or below a node, empty when none does; None: it does not run."""
+        ...
+
+    def stand_in(self, path: str, body: Callable[[], Generator[None, None, None]]) -> bool:
+        """Let that body go on in the place of a skill's own from its next tick on; False: it is no skill."""
+        ...
+
+
+class Injector:
+    """Carries out faults between two ticks.
+
+    `object_place` tells where the belief has the object of a node, by the node's path; `program` gives the
+    tree that runs. `kill` ends the process; without it a run that is repeated goes on where it was killed.
+    """
+
+    def __init__(
+        self,
+        faults: FaultFile | None,
+        hardware: Faulty,
+        object_place: Callable[[str], Vector3 | None] = lambda _: None,
+        *,
+        seed: int = 0,
+        program: Callable[[], Program] | None = None,
+        kill: Callable[[], None] | None = None,
+    ) -> None:
+        self._faults: tuple[FaultSpec, ...] = faults.faults if faults else ()
+        self._hardware = hardware
+        self._object_place = object_place
+        self._program = program
+        self._kill = kill
+        self._occasions = Occasions(seed)
+        self._states = list(new_states(faults, seed))
+        self._told: list[Happened] = []
+
+    @property
+    def no_plan(self) -> Callable[[], bool] | None:
+        """To be asked at each request whether the planner finds nothing; None: it always does its best."""
+        return self._hardware.ailments.no_plan if any(isinstance(f, NoPlan) for f in self._faults) else None
+
+    def node_started(self, path: str) -> None:
+        """Called by the tree whenever a node starts."""
+        now = self._hardware.clock.now
+        for n, fault in enumerate(self._faults):
+            before = self._states[n]
+            state = self._occasions.node_started(n, fault.when, before, path, now)
+            if state is before:
+                continue
+            self._states[n] = state
+            if isinstance(fault, Hang | Raise) and len(state.dues) > len(before.dues):
+                self._strike_at_once(n, fault, path, now)
+
+    def tick(self) -> tuple[Happened, ...]:
+        """Carry out what is due now. Called after each tick of the tree."""
+        now = self._hardware.clock.now
+        happened, self._told = self._told, []
+        for n, fault in enumerate(self._faults):
+            state = self._states[n]
+            if state.standing and self._over(n, state, now):
+                happened += self._end(n, fault)
+            while dues := self._states[n].dues:
+                if dues[0].time > now + 1e-9:
+                    break
+                happened += self._strike(n, fault, now)
+                if self._states[n].waits:
+                    break
+        return tuple(happened)
+
+    def state(self) -> tuple[FaultState, ...]:
+        """For a checkpoint; what faults have done to items for good is in the hardware's own."""
+        held = self._hardware.ailments.held
+        return tuple(replace(state, held=held(n)) for n, state in enumerate(self._states))
+
+    def restore(self, states: Sequence[FaultState]) -> None:
+        """Raises PicktreeError when they are of another fault file. What lasts goes on; who was killed when
+        they were saved is not killed by the same again."""
+        if len(states) != len(self._faults):
+            raise PicktreeError(f"the checkpoint knows {len(states)} faults, the file {len(self._faults)}")
+        self._states = list(states)
+        for n, (fault, state) in enumerate(zip(self._faults, states, strict=True)):
+            if not state.standing:
+                continue
+            match fault:
+                case Slip(friction=friction):
+                    self._hardware.lubricate(state.standing, friction, again=True)
+                case Kill():
+                    self._states[n] = replace(state, standing="")
+                case _ if isinstance(fault, _AILING):
+                    self._hardware.afflict(n, cast(Ailing, fault), state.held)
+                case _:
+                    pass
+
+    def _over(self, n: int, state: FaultState, now: float) -> bool:
+        if self._hardware.ailments.spent(n):
+            return True
+        return state.until is not None and now >= state.until - 1e-9
+
+    def _end(self, n: int, fault: FaultSpec) -> list[Happened]:
+        """What lasted is over."""
+        state = self._states[n]
+        name, self._states[n] = state.standing, replace(state, standing="")
+        data: dict[str, Plain] = {"fault": fault.name}
+        match fault:
+            case Obstacle():
+                self._hardware.take_obstacle(ObjectId(name))
+                message = f"{name} is taken away"
+                data["obstacle"] = name
+            case Slip():
+                self._hardware.lubricate(name, None)
+                message = f"{name} has its own friction again"
+                data["item"] = name
+            case Kill():
+                if self._kill is not None:
+                    self._kill()
+                return []
+            case _:
+                self._hardware.relieve(n)
+                message = ends(cast(Ailing, fault))
+        return [Happened("fault", message, state.node, data | {"gone": True})]
+
+    def _strike(self, n: int, fault: FaultSpec, now: float) -> list[Happened]:
+        """Carry out the first that is due."""
+        state = self._states[n]
+        if state.standing and not isinstance(fault, Obstacle):
+            self._end(n, fault)
+        outcome = self._outcome(n, fault, state)
+        told = Happened("fault", outcome.message, state.node, outcome.data)
+        if outcome.waits:
+            self._states[n] = replace(self._states[n], waits=True)
+            return [] if state.waits or not outcome.message else [told]
+        lasts = fault.stays if isinstance(fault, Obstacle) else getattr(fault, "lasts", None)
+        until = now if isinstance(fault, Kill) else None if lasts is None else now + lasts
+        after = self._occasions.taken(n, fault.when, self._states[n], now)
+        if outcome.standing:
+            after = replace(after, standing=outcome.standing, until=until)
+        self._states[n] = after
+        return [told]
+
+    def _outcome(self, n: int, fault: FaultSpec, state: FaultState) -> Outcome:
+        match fault:
+            case Obstacle():
+                return self._obstruct(fault, state)
+            case Appear():
+                return self._appear(fault)
+            case Slip():
+                return self._slip(fault)
+            case Hang() | Raise():
+                return self._meddle(fault, state)
+            case Kill():
+                return Outcome("the process is killed", {"fault": "kill"}, standing="kill")
+            case Remove() | Friction() | Bump() | Heavier() | Larger():
+                return self._befall(fault, state)
+            case _:
+                width = self._hardware.gripper.read().width
+                self._hardware.afflict(n, fault)
+                return Outcome(begins(fault, width), details(fault), standing=fault.name)
+
+    def _befall(self, fault: ItemFault, state: FaultState) -> Outcome:
+        name = fault.name
+        body = choose(self._hardware, fault.target, state.node, self._object_place)
+        if body is None:
+            return Outcome(f"{name}: no item fits", {"fault": name, "item": None})
+        message, data = carry_out(fault, body, self._hardware), told_of(fault, body)
+        if message is None:
+            return Outcome(f"{body.id} waits for room to be larger", data | {"waits": True}, waits=True)
+        return Outcome(message, data)
+
+    def _obstruct(self, fault: Obstacle, state: FaultState) -> Outcome:
+        """Put the obstacle where it belongs, or wait until nothing is there."""
+        body = fault.body
+        data: dict[str, Plain] = {"fault": "obstacle", "obstacle": body.id, "at": list(body.pose.position)}
+        if state.standing:  # what it put there before
+            return Outcome("", data, waits=True)
+        if not self._hardware.room_for(body):
+            message = f"{body.id} waits until nothing is in its place"
+            return Outcome(message, data | {"waits": True}, waits=True)
+        name = self._hardware.put_obstacle(body)
+        standing = "" if fault.stays is None else str(name)
+        return Outcome(f"{name} is put into the way", data | {"obstacle": name}, standing=standing)
+
+    def _appear(self, fault: Appear) -> Outcome:
+        what = f"a {fault.colour} {fault.kind}"
+        data: dict[str, Plain] = {"fault": "appear", "kind": fault.kind, "colour": fault.colour}
+        x, y = fault.place
+        try:
+            name = self._hardware.appear(fault.kind, fault.colour, fault.place, fault.yaw)
+        except PicktreeError as error:
+            return Outcome(f"{what} does not appear: {error}", data | {"item": None})
+        if name is None:
+            message = f"{what} waits until nothing is in its place"
+            return Outcome(message, data | {"waits": True}, waits=True)
+        return Outcome(f"{name}, {what}, appears at ({x:.3f}, {y:.3f})", data | {"item": name})
+
+    def _slip(self, fault: Slip) -> Outcome:
+        data: dict[str, Plain] = {"fault": "slip", "friction": fault.friction, "lasts": fault.lasts}
+        item = self._hardware.in_hand()
+        if item is None:  # it waits for something to be held
+            return Outcome("", data, waits=True)
+        self._hardware.lubricate(item, fault.friction)
+        lasting = "" if fault.lasts is None else f" for {fault.lasts:g} s"
+        message = f"{item} slips: its friction is {fault.friction:g}{lasting}"
+        return Outcome(message, data | {"item": item}, standing=item)
+
+    def _meddle(self, fault: Hang | Raise, state: FaultState) -> Outcome:
+        """Take the place of the skill that runs."""
+        name = fault.name
+        tree = None if self._program is None else self._program()
+        path = None if tree is None else tree.acting(state.node)
+        if tree is None or path is None:
+            return Outcome(f"{name}: the node had ended before", {"fault": name, "skill": None})
+        if not path:
+            return Outcome("", {}, waits=True)
+        tree.stand_in(path, _body(fault))
+        return _meddled(fault, path)
+
+    def _strike_at_once(self, n: int, fault: Hang | Raise, path: str, now: float) -> None:
+        """A skill that starts, and may end in this very tick, never gets to do anything of its own."""
+        state = self._states[n]
+        if state.dues[0].time > now or self._program is None:
+            return
+        if self._program().stand_in(path, _body(fault)):
+            outcome = _meddled(fault, path)
+            self._told.append(Happened("fault", outcome.message, path, outcome.data))
+            self._states[n] = self._occasions.taken(n, fault.when, state, now)
+
+
+def new_states(
+    faults: FaultFile | None,
+    seed: int,
+    since: float | None = None,
+    before: tuple[FaultFile | None, Sequence[FaultState]] = (None, ()),
+) -> tuple[FaultState, ...]:
+    """Of faults that are new at the time `since`, s, or when the run begins: what should have happened before
+    does not happen any more. A fault that stood in the same place in the file `before` is none of those."""
+    occasions, known = Occasions(seed), dict(enumerate(before[0].faults if before[0] else ()))
+    return tuple(
+        before[1][n] if known.get(n) == fault else occasions.begun(n, fault.when, since)
+        for n, fault in enumerate(faults.faults if faults else ())
+    )
+
+
+def _meddled(fault: Hang | Raise, path: str) -> Outcome:
+    name = path.rsplit("/", 1)[-1]
+    does = "hangs" if isinstance(fault, Hang) else "raises an exception"
+    return Outcome(f"the code of {name} {does}", {"fault": fault.name, "skill": path})
+
+
+def _body(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:
+    return _for_ever if isinstance(fault, Hang) else _raising
+
+
+def _for_ever() -> Generator[None, None, None]:
+    while True:
+        yield
+
+
+def _raising() -> Generator[None, None, None]:
+    yield from ()
+    raise RuntimeError(_PLANTED)

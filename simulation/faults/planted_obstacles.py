@@ -1,0 +1,99 @@
+"""What stands in the robot's way without its knowledge: by name, in the order in which it came."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from ...planning.collision.coal_shapes import CoalShapes
+from ...planning.collision.collision_checker import robot_geometry
+from ...robots.model import RobotModel
+from ...world.scene.description import Fixture
+from ...world.shapes import Shape
+from ...world.values import Array, ObjectId, Pose
+from ..scoring.truth import TrueObstacle
+
+ROOM = 0.01
+"""Nobody puts anything nearer than this to an item or the robot, m."""
+
+
+class Obstacles:
+    """The bodies of one run. `body` is whatever a backend has for one: `put` makes it, `take` ends it."""
+
+    def __init__(self, put: Callable[[Fixture], None], take: Callable[[ObjectId], None]) -> None:
+        self._put, self._take = put, take
+        self._here: dict[ObjectId, Fixture] = {}
+
+    @property
+    def here(self) -> tuple[Fixture, ...]:
+        return tuple(self._here.values())
+
+    def truth(self) -> tuple[TrueObstacle, ...]:
+        return tuple(TrueObstacle.of(body) for body in self.here)
+
+    def put(self, body: Fixture) -> ObjectId:
+        """It stands there from now on, under its name or, where that is taken, a numbered one."""
+        name, number = body.id, 1
+        while name in self._here:
+            number += 1
+            name = ObjectId(f"{body.id}_{number}")
+        self._here[name] = replace(body, id=name)
+        self._put(self._here[name])
+        return name
+
+    def take(self, name: ObjectId) -> None:
+        """It is taken away."""
+        del self._here[name]
+        self._take(name)
+
+    def renew(self, bodies: Iterable[Fixture]) -> None:
+        """These stand there, in a simulation in which none does yet."""
+        self._here = {}
+        for body in bodies:
+            self.put(body)
+
+
+class Room:
+    """Whether a place is free of items and robot. Fixtures do not count: they do not mind."""
+
+    def __init__(self, model: RobotModel) -> None:
+        self._model = model
+        self._shapes = CoalShapes()
+        self._data = model.full.createData()
+        self._links = robot_geometry(model)
+
+    def free(
+        self,
+        shape: Shape,
+        pose: Pose,
+        items: Iterable[tuple[Shape, Pose]],
+        q: Array,
+        width: float,
+        room: float = ROOM,
+    ) -> bool:
+        """Whether a body fits there between items and the robot at q (n,) rad, opened by `width` m, with
+        `room` m to spare."""
+        one, at = self._shapes.of(shape), _transform(pose)
+        others = [(self._shapes.of(other), _transform(other_pose)) for other, other_pose in items]
+        others += self._robot(q, width)
+        request = coal.CollisionRequest()
+        request.security_margin = room
+        return not any(
+            coal.collide(one, at, other, there, request, coal.CollisionResult()) for other, there in others
+        )
+
+    def _robot(self, q: Array, width: float) -> list[tuple[coal.CollisionGeometry, coal.Transform3s]]:
+        pin.forwardKinematics(self._model.full, self._data, self._model.full_q(q, width))
+        placements = [self._data.oMi[each.parentJoint] * each.placement for each in self._links]
+        return [
+            (each.geometry, coal.Transform3s(there.rotation, there.translation))
+            for each, there in zip(self._links, placements, strict=True)
+        ]
+
+
+def _transform(pose: Pose) -> coal.Transform3s:
+    return coal.Transform3s(pose.rotation(), np.array(pose.position))

@@ -1,0 +1,1 @@
+"""Items that come while a run goes on, and bins that are exchanged."""

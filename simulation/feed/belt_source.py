@@ -1,0 +1,235 @@
+"""Items that come on a belt: set down one by one at its upstream end while it runs for the robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+from ...world.journal import Happened
+from ...world.random_streams import Streams
+from ...world.scene.description import SceneDescription
+from ...world.scene.feed import Delivery
+from ...world.scene.loading.feed_loading import APART, SPREAD, reach
+from ...world.shapes import bottom
+from ...world.values import Pose
+from ..common.footprints import distance, footprint
+from ..spawning.spawn import LooseItem, SpawnedItem, draw_load
+from .belt_drive import BeltDrive, Track
+from .cell_interface import LOOK, Cell
+from .light_curtain import Zone
+
+MARGIN = 0.05
+"""Between the belt and the arm while it runs, m."""
+EDGE = 0.005
+"""Items are set down so far from the belt's edges, m."""
+CLEARANCE = 5e-4
+"""They are let go so high above it, m."""
+FREE = 0.005
+"""A gap between two items is as wide at least, m: at an item's rim the barrier may flicker."""
+PATIENCE = 3.0
+"""After a stop it is waited at most so long for what lies on the belt to come to rest, s."""
+
+Phase: TypeAlias = Literal["standing", "running", "stopping"]
+
+
+@dataclass(frozen=True, slots=True)
+class BeltFeedState:
+    """How far an entry of the feed has come."""
+
+    phase: Phase = "standing"
+    """`running` is from the robot's word until something new has come, also while the arm is in the way."""
+    put: int = 0
+    """Items set down so far."""
+    last: float = 0.0
+    """The belt's way when the last of them was, m."""
+    seen: float | None = None
+    """The belt's way when something was in the light barrier last in this run, m."""
+    obstructed: bool = False
+    runs: int = 0
+    put_before: int = 0
+    """Items set down before this run."""
+    until: float = 0.0
+    """How long it is waited for rest, s."""
+    deliveries: int = 0
+
+
+class BeltFeeding:
+    """`Bringer` of an entry with a belt. The belt stops when its light barrier sees another item come; one
+    that was left lying there rides on. When all have come it stops once the last is at the barrier."""
+
+    def __init__(self, scene: SceneDescription, number: int, cell: Cell, drive: BeltDrive, seed: int) -> None:
+        self._scene = scene
+        self._number = number
+        self._delivery: Delivery = scene.deliveries[number]
+        self._cell = cell
+        self._drive = drive
+        self._streams = Streams(seed)
+        load = self._delivery.load
+        # Each round of the mixture has every colour as often.
+        self._round = replace(load, counts=tuple((kind, n * len(load.colours)) for kind, n in load.counts))
+        self._size = sum(n for _, n in self._round.counts)
+        widest = max(reach(scene.entry(kind).shape, load.lying) for kind, _ in load.counts)
+        track = drive.track
+        self._start = -track.length / 2 + widest + EDGE
+        self._aside = max(0.0, track.width / 2 - widest - EDGE)
+        self._rest = max(0.0, drive.belt.eye - self._start - widest)
+        self._zone = zone_of(track)
+        self._state = BeltFeedState()
+        self._next = self._drawn(0)
+        self._events: list[Happened] = []
+
+    @property
+    def exhausted(self) -> bool:
+        return self._state.phase == "standing" and self._all_at_barrier
+
+    @property
+    def busy(self) -> bool:
+        return self._state.phase != "standing"
+
+    @property
+    def obstructed(self) -> bool:
+        return self._state.obstructed
+
+    @property
+    def deliveries(self) -> int:
+        return self._state.deliveries
+
+    def ready(self) -> None:
+        """A belt that is about to stop has what the robot is ready for."""
+        if not self.busy and not self.exhausted:
+            state = self._state
+            self._state = replace(state, phase="running", runs=state.runs + 1, put_before=state.put)
+
+    def stepped(self, step: int) -> None:
+        match self._state.phase:
+            case "standing":
+                return
+            case "running":
+                if step % LOOK == 0:
+                    self._mind_the_arm()
+                if self._drive.moving:
+                    self._run()
+            case "stopping":
+                if step % LOOK == 0 and not self._drive.moving:
+                    self._wait_for_rest()
+
+    def take_events(self) -> tuple[Happened, ...]:
+        events, self._events = tuple(self._events), []
+        return events
+
+    def state(self) -> BeltFeedState:
+        """For a checkpoint; the belt's own state is the backend's."""
+        return self._state
+
+    def restore(self, state: BeltFeedState) -> None:
+        self._state = state
+        self._next = self._drawn(state.put)
+
+    def _mind_the_arm(self) -> None:
+        """Run, unless the arm is in the way; a belt that it came over stops until it leaves."""
+        obstructed = self._cell.arm_over(self._zone)
+        self._state = replace(self._state, obstructed=obstructed)
+        if obstructed:
+            self._drive.halt()
+            return
+        if not self._drive.moving:
+            # What lies in the barrier now is not another item.
+            here = self._drive.travelled if self._drive.interrupted() else None
+            self._state = replace(self._state, seen=here)
+            self._tell("belt_runs", "runs", {})
+        self._drive.go()
+
+    def _run(self) -> None:
+        if self._another_comes() or self._all_at_barrier:
+            self._drive.halt()
+            self._state = replace(
+                self._state, phase="stopping", obstructed=False, until=self._cell.now + PATIENCE
+            )
+        elif self._is_due():
+            self._put()
+
+    def _another_comes(self) -> bool:
+        """Whether the light barrier is interrupted after it was free for a while."""
+        if not self._drive.interrupted():
+            return False
+        here, before = self._drive.travelled, self._state.seen
+        self._state = replace(self._state, seen=here)
+        return before is None or here - before > FREE
+
+    def _wait_for_rest(self) -> None:
+        riding = [b.id for b in self._cell.here() if self._drive.track.carries(b.pose.position)]
+        state = self._state
+        if self._cell.now >= state.until or self._cell.at_rest(riding):
+            self._state = replace(state, phase="standing", deliveries=state.deliveries + 1)
+            items = state.put - state.put_before
+            self._tell("belt_stops", "stops", {"items": items})
+
+    @property
+    def _all_put(self) -> bool:
+        return self._state.put == self._delivery.total
+
+    @property
+    def _all_at_barrier(self) -> bool:
+        """Whether the last of all has come so far that no stop could bring more."""
+        return self._all_put and self._drive.travelled - self._state.last >= self._rest
+
+    def _is_due(self) -> bool:
+        state = self._state
+        return not self._all_put and (
+            state.put == 0 or self._drive.travelled - state.last >= self._next.spacing
+        )
+
+    def _put(self) -> None:
+        """Set the next item down, unless the place is taken: the belt will clear it."""
+        coming = self._next
+        entry = self._scene.entry(coming.item.kind)
+        turn = coming.item.turn
+        low = bottom(entry.shape, Pose(orientation=turn))
+        point = self._drive.track.at(self._start, coming.aside, CLEARANCE - low)
+        outline = footprint(entry.shape, turn).at(point[:2])
+        for body in self._cell.here():
+            other = footprint(body.shape, body.pose.orientation).at(body.pose.position[:2])
+            if distance(outline, other) < APART:
+                return
+        name = self._cell.next_id()
+        self._cell.put(
+            SpawnedItem(name, entry, coming.item.colour, Pose(point, turn), False, brought_by=self._number)
+        )
+        self._state = replace(self._state, put=self._state.put + 1, last=self._drive.travelled)
+        self._next = self._drawn(self._state.put)
+
+    def _drawn(self, number: int) -> Coming:
+        """The item of that number: from scene and seed alone."""
+        name = f"feed/{self._number}"
+        rng = self._streams.at(name, number // self._size)
+        items = draw_load(self._scene, self._round, rng)
+        order = rng.permutation(len(items))
+        place = self._streams.at(f"{name}/place", number)
+        spacing = self._delivery.spacing * float(place.uniform(1 - SPREAD, 1 + SPREAD))
+        aside = float(place.uniform(-self._aside, self._aside))
+        return Coming(items[int(order[number % self._size])], spacing, aside)
+
+    def _tell(self, kind: str, does: str, data: dict[str, int]) -> None:
+        belt = self._drive.id
+        known = {"feed": self._number, "belt": belt, "number": self._state.runs}
+        self._events.append(Happened(kind, f"{belt} {does}", "", {**known, **data}))
+
+
+@dataclass(frozen=True, slots=True)
+class Coming:
+    """The next item for a belt."""
+
+    item: LooseItem
+    spacing: float
+    """Of the belt's way from the item before, m."""
+    aside: float
+    """From the belt's middle line, m."""
+
+
+def zone_of(track: Track) -> Zone:
+    """Where no arm may be while the belt runs."""
+    x, y, _ = track.pose.position
+    ahead = track.pose.rotation()[:, 0]
+    yaw = math.atan2(float(ahead[1]), float(ahead[0]))
+    return Zone((x, y), yaw, (track.length / 2, track.width / 2)).grown(MARGIN)

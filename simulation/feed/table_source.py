@@ -1,0 +1,262 @@
+"""Loads that are set down on the table, when the robot says that it is clear or by a schedule."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from ...errors import PicktreeError
+from ...world.journal import Happened
+from ...world.random_streams import Streams
+from ...world.scene.description import SceneDescription
+from ...world.scene.feed import At, Clear, Delivery, Every
+from ...world.scene.loading.feed_loading import reach
+from ...world.values import Array, ObjectId, Quaternion
+from ..common.footprints import footprint, support_height
+from ..spawning.spawn import (
+    LooseItem,
+    SpawnedItem,
+    draw_load,
+    lay_out_some,
+    set_down,
+    standing,
+)
+from .cell_interface import LOOK, Cell
+from .light_curtain import Zone
+
+MARGIN = 0.05
+"""Between what is set down and the arm, m."""
+CLEARANCE = 5e-4
+"""Items are let go so high above what is below, m."""
+PATIENCE = 3.0
+"""Whoever has set items down waits at most so long for them to come to rest, s."""
+RETRY = 1.0
+"""From one look for free room on the table to the next, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingItem:
+    """An item that was to come with a load and found no room."""
+
+    kind: str
+    colour: str
+    turn: Quaternion
+
+
+@dataclass(frozen=True, slots=True)
+class TableState:
+    """How far an entry of the feed has come."""
+
+    drawn: int = 0
+    """Items so far, those that wait included."""
+    waiting: tuple[WaitingItem, ...] = ()
+    """They come with the next load."""
+    loads: int = 0
+    """Loads that were set down."""
+    tries: int = 0
+    """How often room was looked for."""
+    pending: bool = False
+    """A load is due."""
+    due: float = 0.0
+    """When the next one is by the schedule, or when room is looked for again, s."""
+    no_room: bool = False
+    """There was no room for any item of it."""
+    obstructed: bool = False
+    settling: tuple[ObjectId, ...] = ()
+    """What was set down and may not have come to rest."""
+    until: float = 0.0
+    """How long it is waited for them, s."""
+    deliveries: int = 0
+
+
+class TableFeeding:
+    """`Bringer` of an entry with an area. Raises PicktreeError when not even one of its items fits there."""
+
+    def __init__(self, scene: SceneDescription, number: int, cell: Cell, seed: int) -> None:
+        self._scene = scene
+        self._number = number
+        self._where = f"{scene.source or scene.name}: feed[{number}]"
+        self._delivery: Delivery = scene.deliveries[number]
+        self._load = self._delivery.load
+        self._size = sum(count for _, count in self._load.counts)
+        when = self._delivery.when
+        self._total = self._delivery.total
+        if self._total is None and isinstance(when, At):
+            self._total = self._size * len(when.times)
+        self._cell = cell
+        self._streams = Streams(seed)
+        self._standing = standing(scene)
+        widest = max(reach(scene.entry(kind).shape, 1.0) for kind, _ in self._load.counts)
+        (x0, y0), (x1, y1) = self._load.area
+        middle, half = ((x0 + x1) / 2, (y0 + y1) / 2), ((x1 - x0) / 2, (y1 - y0) / 2)
+        self._zone = Zone(middle, 0.0, half).grown(widest + MARGIN)
+        levels = (support_height(scene.fixtures, x, y) for x in (x0, x1) for y in (y0, y1))
+        self._level = min((level for level in levels if level is not None), default=-math.inf)
+        """Of the table: what lies lower is in nobody's way, m."""
+        self._events: list[Happened] = []
+        self._state = TableState(due=when.period if isinstance(when, Every) else 0.0)
+        first, _ = self._hand()
+        if not self._places(first, empty=True):
+            raise PicktreeError(
+                f"{self._where}: no item fits into the area of {x1 - x0:.2f} × {y1 - y0:.2f} m beside what "
+                "stands there; make it larger, or put it elsewhere"
+            )
+
+    @property
+    def exhausted(self) -> bool:
+        return self._all_brought and not self._state.settling
+
+    @property
+    def busy(self) -> bool:
+        state = self._state
+        return bool(state.settling) or (state.pending and not state.no_room)
+
+    @property
+    def obstructed(self) -> bool:
+        return self._state.obstructed
+
+    @property
+    def deliveries(self) -> int:
+        return self._state.deliveries
+
+    def ready(self) -> None:
+        """What is being set down is what the robot is ready for."""
+        if isinstance(self._delivery.when, Clear) and not self._state.settling and not self._all_brought:
+            self._state = replace(self._state, pending=True)
+
+    def stepped(self, step: int) -> None:
+        if step % LOOK:
+            return
+        if self._state.settling:
+            self._wait_for_rest()
+            return
+        now, state = self._cell.now, self._state
+        if not state.pending:
+            if not self._is_due(now):
+                return
+            state = replace(state, pending=True)
+        if state.no_room and now < state.due - 1e-9:
+            return
+        self._state = replace(state, obstructed=self._cell.arm_over(self._zone))
+        if not self._state.obstructed:
+            self._bring(now)
+
+    def take_events(self) -> tuple[Happened, ...]:
+        events, self._events = tuple(self._events), []
+        return events
+
+    def state(self) -> TableState:
+        """For a checkpoint."""
+        return self._state
+
+    def restore(self, state: TableState) -> None:
+        self._state = state
+
+    @property
+    def _all_brought(self) -> bool:
+        return self._state.drawn == self._total and not self._state.waiting
+
+    def _is_due(self, now: float) -> bool:
+        """By the schedule. What found no room with the last load comes as soon as there is some."""
+        if self._all_brought:
+            return False
+        match self._delivery.when:
+            case Clear():
+                return False
+            case Every():
+                return now >= self._state.due - 1e-9
+            case At(times):
+                return self._state.loads >= len(times) or now >= times[self._state.loads] - 1e-9
+
+    def _bring(self, now: float) -> None:
+        hand, drawn = self._hand()
+        places = self._places(hand)
+        state = replace(self._state, tries=self._state.tries + 1)
+        if not places:
+            self._state = replace(state, no_room=True, due=now + RETRY)
+            return
+        put = [self._put(hand[k], place) for k, place in sorted(places.items())]
+        waiting = tuple(
+            WaitingItem(item.kind, item.colour, item.turn) for k, item in enumerate(hand) if k not in places
+        )
+        self._state = replace(
+            state,
+            drawn=drawn,
+            waiting=waiting,
+            loads=state.loads + 1,
+            pending=False,
+            no_room=False,
+            due=self._next_due(now),
+            settling=tuple(put),
+            until=now + PATIENCE,
+        )
+        self._tell(len(put), len(waiting))
+
+    def _hand(self) -> tuple[list[LooseItem], int]:
+        """What comes next: what waits first, then the next items; and how many are drawn then."""
+        state, total = self._state, self._total
+        hand = [LooseItem(item.kind, item.colour, item.turn) for item in state.waiting]
+        drawn = state.drawn
+        load: list[LooseItem] = []
+        while len(hand) < self._size and (total is None or drawn < total):
+            k = drawn % self._size
+            if k == 0 or not load:
+                load = self._drawn(drawn // self._size)
+            hand.append(load[k])
+            drawn += 1
+        return hand, drawn
+
+    def _drawn(self, load: int) -> list[LooseItem]:
+        """The load of that number, in no order: from scene and seed alone."""
+        rng = self._streams.at(f"feed/{self._number}", load)
+        items = draw_load(self._scene, self._load, rng)
+        return [items[k] for k in rng.permutation(len(items))]
+
+    def _places(self, hand: list[LooseItem], *, empty: bool = False) -> dict[int, Array]:
+        """Where there is room, by the number in the hand; `empty`: if no item lay there."""
+        outlines = [footprint(self._scene.entry(item.kind).shape, item.turn) for item in hand]
+        taken = list(self._standing)
+        if not empty:
+            taken += [
+                footprint(b.shape, b.pose.orientation).at(b.pose.position[:2])
+                for b in self._cell.here()
+                if b.pose.position[2] > self._level
+            ]
+        rng = self._streams.at(f"feed/{self._number}/place", self._state.tries)
+        return dict(lay_out_some(self._load, outlines, taken, rng))
+
+    def _put(self, item: LooseItem, place: Array) -> ObjectId:
+        made = set_down(self._scene, self._load, item, place, self._cell.next_id(), self._where)
+        pose = made.pose.shifted((0.0, 0.0, CLEARANCE))
+        self._cell.put(
+            SpawnedItem(made.id, made.entry, made.colour, pose, made.dropped, brought_by=self._number)
+        )
+        return made.id
+
+    def _next_due(self, now: float) -> float:
+        match self._delivery.when:
+            case Every(period):
+                return (int((now + 1e-9) // period) + 1) * period
+            case _:
+                return now
+
+    def _wait_for_rest(self) -> None:
+        state = self._state
+        if self._cell.at_rest(state.settling) or self._cell.now >= state.until:
+            self._state = replace(state, settling=(), deliveries=state.deliveries + 1)
+
+    def _tell(self, items: int, waiting: int) -> None:
+        number = self._state.loads
+        message = f"{_counted(items)} set down" + (f", {waiting} more found no room" if waiting else "")
+        self._events.append(
+            Happened(
+                "delivery",
+                message,
+                "",
+                {"feed": self._number, "number": number, "items": items, "waiting": waiting},
+            )
+        )
+
+
+def _counted(items: int) -> str:
+    return "1 item is" if items == 1 else f"{items} items are"

@@ -1,0 +1,1 @@
+"""The kinematic backend: no physics, ideal sensors."""

@@ -1,0 +1,595 @@
+"""A second backend without physics: motions are exact, objects follow the gripper, sensors are ideal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pinocchio as pin
+
+from ...errors import PicktreeError
+from ...robots.description import RobotDescription
+from ...robots.model import RobotModel, pose_of
+from ...world.journal import Happened
+from ...world.no_feed import NoFeed
+from ...world.protocols import Camera, Feed, SensorStamps
+from ...world.random_streams import Streams
+from ...world.scene.description import Fixture, SceneDescription
+from ...world.shapes import Shape, bottom, scaled
+from ...world.values import Array, JointState, ObjectId, Pose, Quaternion, Vector3, Wrench
+from ..checkpoints.kinematic_state import ItemState, KinematicState
+from ..checkpoints.physics_state import GripperCommand
+from ..common.footprints import floor_height
+from ..common.uncertain_fixtures import displaced
+from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
+from ..faults.device_faults import Ailments, jammed
+from ..faults.planted_obstacles import ROOM, Obstacles, Room
+from ..feed.belt_drive import BeltDrive
+from ..feed.feeder import Feeder, FeederState, has_feeder
+from ..scoring.seats import Boards
+from ..scoring.truth import TrueBody, TrueObstacle
+from ..spawning.arrivals import TIGHT, arriving, grown, walls
+from ..spawning.inventory import Inventory
+from ..spawning.spawn import SpawnedItem, spawn_items
+from .belts import KinematicBelts
+from .bodies import Bodies, Body, Prism
+from .camera import KinematicCamera, Posture, Stage
+from .cell_access import KinematicCell, body_of, true_body
+from .gripper import GRAVITY, KinematicGripper
+from .pushing import KinematicPushing
+from .support_contact import Feet
+from .weak_joints import WeakJoints
+
+STIFFNESS = 2.0e4
+"""Of a contact with what is below, N/m."""
+DAMPING = 60.0
+"""N·s/m"""
+DEEPEST = 0.03
+"""Greatest depth at which the tips still count as being on top of something, m."""
+RELIEF = 2e-4
+"""Height over which a support takes the weight of a held object, m."""
+HELD = "held"
+"""What stands with the bottom of the held item."""
+
+
+class KinematicArm:
+    """`protocols.Arm`: follows exactly, or integrates the rigid-body dynamics under torques."""
+
+    def __init__(self, model: RobotModel, period: float, ailments: Ailments | None = None) -> None:
+        self._model = model
+        self._period = period
+        self._ailments = ailments or Ailments(())
+        self._weak = WeakJoints(model, period)
+        self._torque: Array | None = None
+        self.set(model.named("home"), np.zeros(model.n))
+
+    def set(self, position: Array, velocity: Array) -> None:
+        self.position, self.velocity = position, velocity
+        self._aim = (position, np.zeros_like(velocity))
+        self._torque = None
+        self._state = JointState(position, velocity, self._model.gravity(position))
+
+    def read(self) -> JointState:
+        return self._state
+
+    @property
+    def free(self) -> bool:
+        """Whether torques move it, instead of a servo."""
+        return self._torque is not None
+
+    def follow(self, position: Array, velocity: Array) -> None:
+        if self._ailments.stalled:
+            return
+        self._aim = (position.copy(), velocity.copy())
+        self._torque = None
+
+    def apply_torque(self, torque: Array) -> None:
+        if self._ailments.stalled:
+            return
+        self._torque = torque.copy()
+
+    def stand(self) -> None:
+        """Stay here until told otherwise."""
+        self._aim = (self.position.copy(), np.zeros_like(self.velocity))
+        self._torque = None
+
+    def step(self, wrench_at_tcp: Array) -> None:
+        """One period under a wrench (6,) on the TCP."""
+        shares = self._ailments.torque_shares
+        if self._torque is None and shares:
+            self.position, self.velocity, effort = self._weak.follow(
+                self.position, self.velocity, *self._aim, shares
+            )
+            self._state = JointState(self.position, self.velocity, effort)
+            return
+        if self._torque is None:
+            self.position, self.velocity = self._aim
+            self._state = JointState(self.position, self.velocity, self._model.gravity(self.position))
+            return
+        torque = self._weak.given(self._torque, shares) if shares else self._torque
+        acceleration = self._model.forward_dynamics(self.position, self.velocity, torque, wrench_at_tcp)
+        velocity = self.velocity + acceleration * self._period
+        position = self.position + velocity * self._period
+        inside = np.minimum(np.maximum(position, self._model.lower), self._model.upper)
+        self.velocity = np.where(inside == position, velocity, 0.0)
+        self.position = inside
+        self._state = JointState(self.position, self.velocity, torque)
+
+
+class KinematicWrench:
+    """`protocols.WrenchSensor`, without noise."""
+
+    def __init__(self, ailments: Ailments, turn: Callable[[], Quaternion]) -> None:
+        """`turn`: how the sensor is turned in the world."""
+        self.reading = Wrench()
+        self._ailments = ailments
+        self._turn = turn
+
+    def read(self) -> Wrench:
+        ailments, said = self._ailments, self.reading
+        if ailments.silence is not None:
+            return ailments.silence.wrench
+        if not ailments.biased:
+            return said
+        x, y, z, a, b, c = ailments.off(self._turn())
+        (fx, fy, fz), (tx, ty, tz) = said.force, said.torque
+        return Wrench((fx + x, fy + y, fz + z), (tx + a, ty + b, tz + c))
+
+
+class KinematicClock:
+    """`protocols.Clock`"""
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self.periods = 0
+
+    @property
+    def now(self) -> float:
+        return self.periods * self._period
+
+
+class KinematicHardware:
+    """`protocols.Hardware` for dry runs and tests: fast, exact, and the same each time."""
+
+    def __init__(
+        self, scene: SceneDescription, robot: RobotDescription, seed: int, period: float = 1 / 240
+    ) -> None:
+        self.scene = scene
+        self.robot = robot
+        self.seed = seed
+        self.period = period
+        self.model = RobotModel(robot)
+        same = robot.tool == scene.tool
+        self._believed = self.model if same else RobotModel(replace(robot, tool=scene.tool))
+        self._real = real = displaced(scene, seed, level=True)
+        items = spawn_items(scene, seed)
+        self._inventory = Inventory(scene, items)
+        self._boards = Boards(real.fixtures)
+        self.bodies = Bodies(real, (body_of(item) for item in items))
+        self._obstacles = Obstacles(lambda _: self._restand(), lambda _: self._restand())
+        self._obstacles.renew(scene.unknown)
+        self._room: Room | None = None
+        self.bodies.settle()
+        floor = floor_height(scene.fixtures, robot.base_in_world.position[2])
+        self._belts = KinematicBelts(scene, self.bodies, floor, period)
+        self.clock = KinematicClock(period)
+        self.ailments = Ailments(c.name for c in scene.cameras)
+        self.arm = KinematicArm(self.model, period, self.ailments)
+        self.gripper = KinematicGripper(robot.gripper, self.bodies, self.ailments)
+        self.wrench = KinematicWrench(self.ailments, lambda: self.model.flange(self.arm.position).orientation)
+        streams = Streams(seed)
+        stage = Stage(real, robot, period)
+        self.cameras: Mapping[str, Camera] = MappingProxyType(
+            {
+                c.name: KinematicCamera(
+                    c,
+                    stage,
+                    self.bodies,
+                    self.clock,
+                    self._posture,
+                    lambda: self._obstacles.here,
+                    self.ailments,
+                    streams,
+                )
+                for c in scene.cameras
+            }
+        )
+        self._feeder: Feeder | None = None
+        if has_feeder(scene):
+            cell = KinematicCell(self.model, self.bodies, self._inventory, self.clock, period, self._posture)
+            self._feeder = Feeder(scene, cell, seed, self._belts.drives)
+        self.feed: Feed = self._feeder or NoFeed()
+        self.initial_truth = self.truth()
+        """As `truth` at time 0."""
+        self._tip = robot.gripper.tip
+        self._pad = robot.gripper.pads[0][0].size[1]
+        home = self.model.named("home")
+        flange, tcp = self.model.flange(home), self.model.tcp(home)
+        self._flange_in_tcp = np.array((tcp.inverse() @ flange).position)
+        hand: Array = (tcp.inverse() @ flange).rotation() @ np.array(self.model.hand_com)
+        self._hand_in_flange = hand
+        self._data = self.model.arm.createData()
+        self._on_tcp = np.zeros(6)
+        self._height: float | None = None
+        self._in_hole: Array | None = None
+        """Where the TCP was in the last period, while a hole held what is held."""
+        self._centre: tuple[Array, Array | None] | None = None
+        """Where the hand's centre of mass was in the last period, and its velocity then."""
+        self._touching = False
+        self._lent: dict[ObjectId, tuple[float, float]] = {}
+        """Friction of items, their own and the one that a fault has lent them for a while."""
+        self._feet = Feet()
+        self._pushing = KinematicPushing(robot.gripper, self.bodies)
+        self._sense()
+
+    def step(self) -> None:
+        self.arm.step(self._on_tcp)
+        self._belts.step()
+        self.clock.periods += 1
+        self._sense()
+        if self._feeder is not None:
+            self._feeder.stepped(self.clock.periods)
+
+    def take_events(self) -> tuple[Happened, ...]:
+        """What those who bring and take have done since it was asked last."""
+        return self._feeder.take_events() if self._feeder is not None else ()
+
+    @classmethod
+    def resume(
+        cls, scene: SceneDescription, robot: RobotDescription, seed: int, checkpoint: KinematicState
+    ) -> KinematicHardware:
+        """Continue from a checkpoint, in this process or another."""
+        hardware = cls(scene, robot, seed)
+        hardware.restore(checkpoint)
+        return hardware
+
+    @property
+    def belts(self) -> Mapping[ObjectId, BeltDrive]:
+        """For whoever brings items: the robot has no word in it."""
+        return self._belts.drives
+
+    @property
+    def feels_effort(self) -> bool:
+        """At rest only: what the arm follows, it follows without effort."""
+        return False
+
+    @property
+    def stamps(self) -> SensorStamps:
+        now, silence = self.clock.now, self.ailments.silence
+        return SensorStamps(now, now, now if silence is None else silence.since)
+
+    def pace(self, rate: int | None = None) -> None:
+        """Nothing changes: there is no solver that a finer step would help."""
+
+    def settings(self) -> Mapping[str, str]:
+        """What the record should say about this simulation."""
+        return {"engine": "kinematic", "period": f"{self.period:.6g} s", "contact": f"{STIFFNESS:g} N/m"}
+
+    def close(self) -> None:
+        """Nothing is held that would not go by itself."""
+
+    def truth(self) -> tuple[TrueBody, ...]:
+        """What is really there, for the scorer and the log only."""
+        return self._inventory.truth(lambda name: self._seated(true_body(self.bodies[name], self._inventory)))
+
+    def true_fixtures(self) -> tuple[Fixture, ...]:
+        """The scene's fixtures where they really stand."""
+        return self._real.fixtures
+
+    def _seated(self, body: TrueBody) -> TrueBody:
+        """With how it is in a hole; nothing is ever in a wall here."""
+        seat = self._boards.seat(body.shape, body.pose) if body.present else None
+        return body if seat is None else replace(body, seat=seat)
+
+    def true_tcp(self) -> Pose:
+        """Where the tool is in the world, for tests."""
+        return self.model.tcp(self.arm.position)
+
+    def remove(self, item: str) -> None:
+        """A fault: the item is snatched away, out of the hand too."""
+        self.bodies.remove(self._known(item).id)
+
+    def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
+        """A fault: the item becomes slippery, heavier or lighter, for good."""
+        body = self._known(item)
+        entry = body.entry if mass is None else replace(body.entry, mass=mass)
+        self.bodies.put(replace(body, entry=entry, friction=body.friction if friction is None else friction))
+
+    def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
+        """A fault: hit, the item slides from `velocity`, m/s, as far as friction lets; a held one stays."""
+        body = self._known(item)
+        x, y, _ = velocity
+        speed = math.hypot(x, y)
+        if speed <= 0.0 or self.bodies.held == body.id:
+            return
+        way = speed**2 / (2.0 * max(body.friction, 0.05) * GRAVITY)
+        self.bodies.put(replace(body, pose=body.pose.shifted((x / speed * way, y / speed * way, 0.0))))
+        self.bodies.settle()
+
+    def obstacles(self) -> tuple[TrueObstacle, ...]:
+        """What stands there that the robot was not told of. The arm passes through it: nothing here is
+        solid but tops."""
+        return self._obstacles.truth()
+
+    def room_for(self, body: Fixture) -> bool:
+        """Whether no item and no part of the robot is where the body would stand."""
+        return self._free(body.shape, body.pose, "", ROOM)
+
+    def _free(
+        self, shape: Shape, pose: Pose, but: str, room: float, more: Iterable[tuple[Shape, Pose]] = ()
+    ) -> bool:
+        """Whether a body fits between the items, all but one, and the robot."""
+        self._room = self._room or Room(self.model)
+        items = [(item.entry.shape, item.pose) for item in self.bodies.present if item.id != but]
+        return self._room.free(shape, pose, [*items, *more], self.arm.position, self.gripper.width, room)
+
+    def in_hand(self) -> ObjectId | None:
+        """The item that the fingers hold."""
+        return self.bodies.held
+
+    def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
+        """A fault: the item has that friction until it is given its own back, None. Without enough of it the
+        fingers let it go."""
+        name = ObjectId(item)
+        if name not in self.bodies:
+            self._lent.pop(name, None)
+            return
+        body = self.bodies[name]
+        own = self._lent.pop(name, (body.friction, 0.0))[0]
+        if friction is not None:
+            self._lent[name] = own, friction
+        self.bodies.put(replace(body, friction=own if friction is None else friction))
+
+    def enlarge(self, item: str, factor: float) -> bool:
+        """A fault: the item is so many times as large, its mass and its friction stay; False: there is no
+        room for it between the others and the robot, or it is held."""
+        body = self._known(item)
+        entry, pose = grown(body.entry, body.pose, factor)
+        if self.bodies.held == body.id or not self._free(entry.shape, pose, item, TIGHT):
+            return False
+        self.bodies.put(replace(body, entry=entry, pose=pose, scale=body.scale * factor))
+        self.bodies.settle()
+        return True
+
+    def appear(self, kind: str, colour: str, place: tuple[float, float], yaw: float) -> ObjectId | None:
+        """A fault: a further item lies there; None: something is there now. Raises PicktreeError where no
+        fixture is below."""
+        item = arriving(self._real, self._inventory.next_id(), kind, colour, place, yaw)
+        if not self._free(item.entry.shape, item.pose, "", TIGHT, walls(self.scene)):
+            return None
+        self._inventory.add(item)
+        self.bodies.put(body_of(item))
+        self.bodies.drop(item.id)
+        return item.id
+
+    def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
+        """A fault: a device begins to fail. `held`: it did when the checkpoint was taken, and that was what
+        the device was doing when it began."""
+        self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
+        if isinstance(fault, Stall) and held is None:
+            self.arm.stand()
+
+    def relieve(self, number: int) -> None:
+        """The end of such a fault."""
+        self.ailments.end(number)
+
+    def _doing(self, fault: Ailing) -> tuple[float, ...]:
+        """What the device is doing that a fault befalls, as `Ailments` keeps it."""
+        match fault:
+            case GripperJam():
+                told = GripperCommand(self.gripper.target, self.gripper.force)
+                return jammed(told, self.gripper.width, self.robot.gripper.max_force)
+            case WrenchDead():
+                said = self.wrench.read()
+                return (*said.force, *said.torque, self.stamps.wrench)
+            case _:
+                return (0.0,) if counted(fault) else ()
+
+    def put_obstacle(self, body: Fixture) -> ObjectId:
+        """A fault: something stands in the way from now on; its name."""
+        return self._obstacles.put(body)
+
+    def take_obstacle(self, name: ObjectId) -> None:
+        """The end of such a fault: it is taken away."""
+        self._obstacles.take(name)
+
+    def _restand(self) -> None:
+        self.bodies.stand(self._obstacles.here)
+
+    def checkpoint(self) -> KinematicState:
+        """Save, and go on from what was saved, as a resumed run would."""
+        saved = self.snapshot()
+        self.restore(saved)
+        return saved
+
+    def snapshot(self) -> KinematicState:
+        """The state at any moment, without a change to anything."""
+        gripper, bodies = self.gripper, self.bodies
+        return KinematicState(
+            self.seed,
+            self.clock.periods,
+            tuple(self.arm.position.tolist()),
+            tuple(self.arm.velocity.tolist()),
+            gripper.width,
+            gripper.target,
+            gripper.force,
+            gripper.gripped,
+            gripper.item_in_tcp,
+            bodies.held,
+            tuple(self._item_state(body) for body in bodies.items),
+            self._belts.states(),
+            self._inventory.state(),
+            self._feeder.state() if self._feeder is not None else None,
+            self._obstacles.here,
+        )
+
+    def restore(self, saved: KinematicState) -> None:
+        """Take up a checkpoint of the same scene, robot and seed, taken with the arm at rest."""
+        if saved.seed != self.seed:
+            raise PicktreeError(f"the checkpoint is of seed {saved.seed}, but this run has seed {self.seed}")
+        self._inventory.restore(saved.inventory)
+        known = self._inventory.here
+        if [item.id for item in saved.items] != list(known):
+            raise PicktreeError("the checkpoint's items are not those that the scene spawns")
+        self.clock.periods = saved.periods
+        self.arm.set(np.array(saved.position), np.array(saved.velocity))
+        gripper = self.gripper
+        gripper.width, gripper.target, gripper.force = saved.width, saved.target, saved.force
+        gripper.gripped, gripper.item_in_tcp, gripper.speed = saved.gripped, saved.item_in_tcp, 0.0
+        self._obstacles.renew(self.scene.unknown if saved.obstacles is None else saved.obstacles)
+        self._restand()
+        self.bodies.replace_all((_restored(known[item.id], item) for item in saved.items), saved.held)
+        for name, (_, friction) in self._lent.items():
+            if name in self.bodies:
+                self.bodies.put(replace(self.bodies[name], friction=friction))
+        self._belts.restore(saved.belts)
+        if self._feeder is not None:
+            self._feeder.restore(saved.feeder or FeederState())
+        self._height = self._centre = self._in_hole = None
+        self._feet.forget()
+        self._pushing.forget()
+        self._sense(still=True)
+
+    def _item_state(self, body: Body) -> ItemState:
+        """With the friction that is its own, not one that a fault has lent it."""
+        own = self._lent.get(body.id, (body.friction, 0.0))[0]
+        return ItemState(body.id, body.pose, own, body.entry.mass, body.present, body.scale)
+
+    def _known(self, item: str) -> Body:
+        if self._inventory.has_left(item):
+            raise PicktreeError(f"item {item!r} was taken away before")
+        if item not in self.bodies:
+            known = ", ".join(body.id for body in self.bodies.items)
+            raise PicktreeError(f"there is no item {item!r}; known: {known}")
+        body = self.bodies[ObjectId(item)]
+        if not body.present:
+            raise PicktreeError(f"item {item!r} was taken away before")
+        return body
+
+    def _posture(self) -> Posture:
+        q = self.arm.position
+        return Posture(q, self.gripper.width, self.model.tcp(q), self._believed.tcp(q))
+
+    def _sense(self, still: bool = False) -> None:
+        """Fingers, contacts and the wrist's reading at the arm's new configuration."""
+        arm, data = self.model.arm, self._data
+        pin.forwardKinematics(arm, data, self.arm.position)
+        placement = pin.updateFramePlacement(arm, data, self.model.tcp_frame)
+        rotation, position = placement.rotation, placement.translation
+        gripper, bodies = self.gripper, self.bodies
+        if not still and (bodies.held is not None or gripper.moves):
+            gripper.step(pose_of(placement), self.period)
+        weight = self.model.hand_mass * GRAVITY
+        lever = rotation @ self._hand_in_flange
+        lever_x, lever_y, _ = lever.tolist()
+        reading = [0.0, 0.0, -weight, -lever_y * weight, lever_x * weight, 0.0]
+        accelerated = self._accelerated(position + rotation @ self._flange_in_tcp + lever)
+        if accelerated is not None:
+            carried = 0.0 if bodies.held is None else bodies[bodies.held].entry.mass
+            x, y, up = (-(self.model.hand_mass + carried) * accelerated).tolist()
+            lever_z = float(lever[2])
+            reading[0], reading[1], reading[2] = x, y, reading[2] + up
+            reading[3] += lever_y * up - lever_z * y
+            reading[4] += lever_z * x - lever_x * up
+            reading[5] += lever_x * y - lever_y * x
+        if self._touching:
+            self._on_tcp, self._touching = np.zeros(6), False
+        z = float(position[2])
+        rate = 0.0 if self._height is None else (z - self._height) / self.period
+        self._height = z
+        if bodies.held is not None or z + float(rotation[2, 2]) * self._tip < bodies.highest + 0.01:
+            for point, upward in self._contacts(rotation, position, rate):
+                self._touching = True
+                arm_x, arm_y, _ = point - position
+                self._on_tcp += (0.0, 0.0, upward, arm_y * upward, -arm_x * upward, 0.0)
+                arm_x, arm_y, _ = point - position - rotation @ self._flange_in_tcp
+                reading[2] += upward
+                reading[3] += float(arm_y) * upward
+                reading[4] -= float(arm_x) * upward
+            across = self._walls(position)
+            if bodies.held is None and not gripper.moves:
+                reach = self.model.fingers.reach(gripper.width)
+                across = self._pushing.step(rotation, position, gripper.width, reach)
+            if across != (0.0, 0.0):
+                self._touching = True
+                self._on_tcp[:2] += across
+                reading[0] += across[0]
+                reading[1] += across[1]
+                lever_x, lever_y, lever_z = (-rotation @ self._flange_in_tcp).tolist()
+                reading[3] -= lever_z * across[1]
+                reading[4] += lever_z * across[0]
+                reading[5] += lever_x * across[1] - lever_y * across[0]
+        else:
+            self._feet.forget()
+            self._pushing.forget()
+        fx, fy, fz, tx, ty, tz = reading
+        self.wrench.reading = Wrench((fx, fy, fz), (tx, ty, tz))
+
+    def _accelerated(self, centre: Array) -> Array | None:
+        """Acceleration (3,) of the hand's centre of mass, which now is there, m/s²; what is held takes part.
+        None when it is not known, and under torques: there the hand is slow, and contacts are stiff."""
+        before, self._centre = self._centre, None
+        if self.arm.free:
+            return None
+        velocity = None if before is None else (centre - before[0]) / self.period
+        self._centre = (centre, velocity)
+        if before is None or before[1] is None or velocity is None:
+            return None
+        return (velocity - before[1]) / self.period
+
+    def _walls(self, position: Array) -> tuple[float, float]:
+        """Force (x, y) in the world of the walls of a hole on what is held in it, N; the TCP is there."""
+        held = self.bodies.held
+        hole = None if held is None else self.bodies.in_hole(self.bodies[held])
+        before, self._in_hole = self._in_hole, None if hole is None else position.copy()
+        if held is None or hole is None:
+            return 0.0, 0.0
+        back = np.subtract(hole.pose.position, self.bodies[held].pose.position)
+        if not back.any():
+            return 0.0, 0.0
+        rate = np.zeros(3) if before is None else (position - before) / self.period
+        x, y, _ = (STIFFNESS * back - DAMPING * rate).tolist()
+        return x, y
+
+    def _contacts(self, rotation: Array, position: Array, rate: float) -> list[tuple[Array, float]]:
+        """Points (3,) in the world where something pulls down or pushes up on the hand, with its force."""
+        found: list[tuple[Array, float]] = []
+        aside = self.gripper.width / 2 + self._pad / 2
+        reach = self.model.fingers.reach(self.gripper.width)
+        for foot, side in (("one tip", aside), ("other tip", -aside)):
+            tip = position + rotation @ np.array([0.0, side, reach])
+            x, y, z = (float(c) for c in tip)
+            surface = self._feet.top(foot, z, self.bodies.tops(x, y, z + DEEPEST))
+            if surface is not None and surface > z:
+                force = STIFFNESS / 2 * (surface - z) - DAMPING / 2 * rate
+                found.append((tip, max(0.0, force)))
+        held = self.bodies.held
+        if held is None:
+            self._feet.forget(HELD)
+            return found
+        body = self.bodies[held]
+        weight = body.entry.mass * GRAVITY
+        upward = -weight
+        lowest = bottom(body.entry.shape, body.pose)
+        if lowest < self.bodies.highest + RELIEF:
+            tops = self.bodies.tops_below(Prism.of(held, body.entry.shape, body.pose))
+            surface = self._feet.top(HELD, lowest, tops)
+            if surface is not None:
+                gap = lowest - surface
+                upward += weight * min(max(1.0 - gap / RELIEF, 0.0), 1.0)
+                if gap < 0.0:
+                    upward += max(0.0, -STIFFNESS * gap - DAMPING * rate)
+        else:
+            self._feet.forget(HELD)
+        found.append((np.array(body.pose.position), upward))
+        return found
+
+
+def _restored(item: SpawnedItem, saved: ItemState) -> Body:
+    entry = replace(item.entry, mass=saved.mass)
+    if saved.scale != 1.0:
+        entry = replace(entry, shape=scaled(entry.shape, saved.scale))
+    return Body(item.id, entry, item.colour, saved.pose, saved.friction, saved.present, saved.scale)

@@ -1,0 +1,115 @@
+"""Belts without physics: what stands on one moves with it exactly; what comes to its end falls off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from ...world.raycasting import span
+from ...world.scene.description import Fixture, SceneDescription
+from ...world.scene.feed import Belt
+from ...world.values import ObjectId, Vector3
+from ..feed.belt_drive import BeltDrive, BeltState, check_belts
+from .bodies import Bodies, Body, Prism
+
+STANDS = 1e-3
+"""So near to what is below it an item stands on it, m."""
+BESIDE = 1e-3
+"""What falls off comes down so far from the belt's end, m."""
+
+
+class KinematicBelt(BeltDrive):
+    """One belt under the items of a run."""
+
+    def __init__(self, belt: Belt, fixture: Fixture, bodies: Bodies, floor: float, period: float) -> None:
+        super().__init__(belt, fixture)
+        self._bodies = bodies
+        self._floor = floor
+        self._period = period
+        ahead = self.track.pose.rotation()[:, 0]
+        self._ahead: Vector3 = (float(ahead[0]), float(ahead[1]), 0.0)
+
+    def step(self) -> None:
+        if not self.moving:
+            return
+        self.state = self.state.after(self.belt.speed, self._period)
+        way = self.state.speed * self._period
+        if way > 0.0:
+            self._carry(way)
+
+    def interrupted(self) -> bool:
+        """By an item; the arm is no body here."""
+        one, other = (np.array(end) for end in self.track.beam(self.belt.eye))
+        height = float(one[2])
+        beam = (other - one)[None]
+        for body, prism in self._bodies.standing():
+            if prism.low[2] < height < prism.high[2] and _crosses(prism, one.tolist(), other.tolist()):
+                rotation, position = body.pose.rotation(), np.array(body.pose.position)
+                near, far = span(body.entry.shape, rotation, position, one, beam)
+                if near[0] <= far[0] and far[0] >= 0.0 and near[0] <= 1.0:
+                    return True
+        return False
+
+    def _carry(self, way: float) -> None:
+        x, y, _ = self._ahead
+        riding = self._riding()
+        self._bodies.shift([body.id for body in riding], (x * way, y * way, 0.0))
+        for body in riding:
+            self._drop_beyond(body.id)
+
+    def _riding(self) -> list[Body]:
+        """Who stands on the belt, and who stands on those."""
+        riding: list[Body] = []
+        tops: list[Prism] = []
+        track = self.track
+        for body, prism in sorted(self._bodies.standing(), key=lambda each: (each[1].low[2], each[0].id)):
+            low = prism.low[2]
+            on_belt = abs(low - track.height) <= STANDS and track.carries(body.pose.position)
+            if on_belt or any(abs(low - p.high[2]) <= STANDS and p.overlaps(prism) for p in tops):
+                riding.append(body)
+                tops.append(prism)
+        return riding
+
+    def _drop_beyond(self, item: ObjectId) -> None:
+        """Whose middle has left the belt comes down beyond its end."""
+        body, track = self._bodies[item], self.track
+        along, _ = track.place(body.pose.position)
+        if along <= track.length / 2:
+            return
+        reach = Prism.of(item, body.entry.shape, body.pose).outline.reach
+        beyond = track.length / 2 + reach + BESIDE - along
+        x, y, _ = self._ahead
+        self._bodies.put(replace(body, pose=body.pose.shifted((x * beyond, y * beyond, 0.0))))
+        self._bodies.fall(item, self._floor)
+
+
+def _crosses(prism: Prism, one: Vector3, other: Vector3) -> bool:
+    """Whether the box around the outline meets the box around the line."""
+    return all(
+        prism.low[k] <= max(one[k], other[k]) and min(one[k], other[k]) <= prism.high[k] for k in (0, 1)
+    )
+
+
+class KinematicBelts:
+    """All belts of a scene."""
+
+    def __init__(self, scene: SceneDescription, bodies: Bodies, floor: float, period: float) -> None:
+        self.drives: Mapping[ObjectId, KinematicBelt] = MappingProxyType(
+            {b.id: KinematicBelt(b, scene.fixture(b.id), bodies, floor, period) for b in scene.belts}
+        )
+
+    def step(self) -> None:
+        for belt in self.drives.values():
+            belt.step()
+
+    def states(self) -> tuple[BeltState, ...]:
+        return tuple(belt.state for belt in self.drives.values())
+
+    def restore(self, saved: Sequence[BeltState]) -> None:
+        """Take up what was saved. Raises PicktreeError when it is of other belts."""
+        check_belts(saved, self.drives)
+        for state in saved:
+            self.drives[state.id].state = state

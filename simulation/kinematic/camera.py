@@ -1,0 +1,150 @@
+"""Cameras of the kinematic backend: ideal images of a stage where bodies are set, not moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...robots.description import RobotDescription
+from ...world.protocols import Clock, NoImage, RgbdImage
+from ...world.random_streams import Streams
+from ...world.scene.description import CameraDescription, Fixture, SceneDescription
+from ...world.shapes import Shape
+from ...world.values import Array, ObjectId, Pose
+from ..common.colour_shift import shown
+from ..common.sensor_noise import noisy_colour, noisy_depth
+from ..faults.device_faults import Ailments
+from ..physics.bodies import add_item, add_obstacle
+from ..physics.engine.client import Client
+from ..physics.engine.pybullet_import import pb
+from ..physics.rgbd_camera import Picture, Scenery, View, in_front, intrinsics
+from ..physics.robot.robot_body import RobotBody
+from ..spawning.spawn import SpawnedItem
+from .bodies import Bodies, Body
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posture:
+    """How the robot stands: joints (n,) rad, opening m, and the TCP in the world, truly and as believed."""
+
+    position: Array
+    width: float
+    tool: Pose
+    believed_tool: Pose
+
+
+class Stage:
+    """A pybullet client that is only looked at. It is made when the first image is taken."""
+
+    def __init__(self, scene: SceneDescription, robot: RobotDescription, period: float) -> None:
+        self._scene = scene
+        self._robot = robot
+        self._period = period
+        self._client = -1
+        self._numbers: dict[ObjectId, int] = {}
+        self._shapes: dict[ObjectId, Shape] = {}
+        self._obstacles: dict[Fixture, int] = {}
+        self._scenery: Scenery | None = None
+
+    def render(
+        self,
+        camera: CameraDescription,
+        posture: Posture,
+        bodies: Iterable[Body],
+        obstacles: Iterable[Fixture] = (),
+        moved: Pose | None = None,
+    ) -> Picture:
+        """What the camera sees of robot, items and obstacles, in front of what never moves; `bodies` and
+        `obstacles` are those that are there. `moved`: its optical frame in the frame as it was."""
+        if self._scenery is None:
+            self._scenery = self._open()
+        joints = (*posture.position.tolist(), *self._body.fingers.positions(posture.width))
+        self._body.place(joints, (0.0,) * len(joints))
+        self._set(bodies)
+        self._stand(obstacles)
+        view = View(camera)
+        optical = view.truly(posture.tool)
+        if moved is not None:
+            optical = optical @ moved
+        return in_front(view.render(self._client, optical), self._scenery.behind(view, optical))
+
+    def _open(self) -> Scenery:
+        owner = Client()
+        self._client = owner.id
+        self._body = RobotBody(self._robot, owner, self._period)
+        self._body.load()
+        return Scenery(self._scene)
+
+    def _set(self, bodies: Iterable[Body]) -> None:
+        """Bring those that are there where they are, and take the others away."""
+        there = {body.id: body for body in bodies}
+        for name in [name for name in self._numbers if name not in there]:
+            pb.removeBody(self._numbers.pop(name), self._client)
+        for name, body in there.items():
+            if name in self._numbers and self._shapes[name] != body.entry.shape:
+                pb.removeBody(self._numbers.pop(name), self._client)
+            if name not in self._numbers:
+                self._shapes[name] = body.entry.shape
+                item = SpawnedItem(name, body.entry, body.colour, body.pose, dropped=False)
+                self._numbers[name] = add_item(item, body.pose, self._client)
+            position, orientation = body.pose.position, body.pose.orientation
+            pb.resetBasePositionAndOrientation(self._numbers[name], position, orientation, self._client)
+
+    def _stand(self, obstacles: Iterable[Fixture]) -> None:
+        there = tuple(obstacles)
+        for gone in [body for body in self._obstacles if body not in there]:
+            pb.removeBody(self._obstacles.pop(gone), self._client)
+        for body in there:
+            if body not in self._obstacles:
+                self._obstacles[body] = add_obstacle(body, self._client)
+
+
+class KinematicCamera:
+    """`protocols.Camera`, without noise unless a fault makes some."""
+
+    def __init__(
+        self,
+        camera: CameraDescription,
+        stage: Stage,
+        bodies: Bodies,
+        clock: Clock,
+        posture: Callable[[], Posture],
+        obstacles: Callable[[], Iterable[Fixture]] = tuple,
+        ailments: Ailments | None = None,
+        streams: Streams | None = None,
+    ) -> None:
+        """`ailments` and `streams`: what is wrong with the cameras, and for the noise that a fault makes."""
+        self._ailments = ailments or Ailments(())
+        self._streams = streams or Streams(0)
+        self._camera = camera
+        self._stage = stage
+        self._bodies = bodies
+        self._clock = clock
+        self._posture = posture
+        self._obstacles = obstacles
+
+    def capture(self) -> RgbdImage:
+        name = self._camera.name
+        trouble = self._ailments.cameras.get(name)
+        if self._ailments.dropped(name):
+            raise NoImage(f"{name} gave no image")
+        posture = self._posture()
+        moved = None if trouble is None else trouble.moved
+        picture = self._stage.render(self._camera, posture, self._bodies.present, self._obstacles(), moved)
+        depth, colour = np.where(np.isfinite(picture.depth), picture.depth, np.float32(0.0)), picture.colour
+        if trouble is not None:
+            colour = shown(colour, trouble.shown)
+        if trouble is not None and trouble.noise != 1.0:
+            rng = self._streams.at(f"sensor/camera/{name}", round(1000.0 * self._clock.now))
+            colour = noisy_colour(colour, rng, trouble.noise)
+            depth = noisy_depth(depth, self._camera, rng, trouble.noise)
+        return RgbdImage(
+            camera=name,
+            colour=colour,
+            depth=depth,
+            stamp=self._clock.now,
+            intrinsics=intrinsics(self._camera),
+            camera_in_world=View(self._camera).believed(posture.believed_tool),
+        )

@@ -1,0 +1,108 @@
+"""Holes without physics: what is over one, near enough, goes down into it; what is in one stays in it.
+
+Idealised: an item enters a hole when it stands so that it fits between the walls, the chamfer helping, and
+then has the hole's bottom below it. Once it is a little way in, the walls push a held item back to where it
+has room, as stiffly as a table, and turn nothing; nothing rubs and nothing jams. What is let go there comes
+to stand upright, and fingers do not push it out again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ...world.belief.hole_matching import Slack, slack
+from ...world.scene.description import Fixture
+from ...world.scene.holes import Hole
+from ...world.shapes import Box, Shape, bottom
+from ...world.values import Array, ObjectId, Pose
+
+UPRIGHT = math.radians(3.0)
+"""What leans more than this does not enter."""
+TURN = math.radians(1.0)
+"""A box that is turned by no more than this enters, however little room it has: the hand gives way."""
+ENTERED = 0.002
+"""What is so far below the mouth is in the hole, m: more than a hand presses it into a surface."""
+HELD_WITHIN = 0.008
+"""What is in a hole stays in it unless its middle is farther off than walls allow, by this, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Under:
+    """The hole that an item is over, or in."""
+
+    fixture: ObjectId
+    hole: Hole
+    floor: float
+    """Height of its bottom in the world, m."""
+    pose: Pose
+    """Of the item as it would stand in the hole: upright, at the height where it is."""
+    entered: bool
+    """It is so deep in the hole that the walls hold it."""
+
+
+class Mouths:
+    """The holes of fixtures, which stand level, as they really are."""
+
+    def __init__(self, fixtures: Iterable[Fixture]) -> None:
+        self._holes = [(f.id, hole, f.pose @ hole.pose) for f in fixtures for hole in f.holes]
+
+    def under(self, shape: Shape, pose: Pose) -> Under | None:
+        """The hole into which an item at `pose` goes if it is lowered; None when there is none."""
+        for fixture, hole, mouth in self._holes:
+            found = _under(fixture, hole, mouth, shape, pose)
+            if found is not None:
+                return found
+        return None
+
+
+def _under(fixture: ObjectId, hole: Hole, mouth: Pose, shape: Shape, pose: Pose) -> Under | None:
+    left = slack(hole, shape)
+    if left is None or min(left) <= 0.0:
+        return None
+    item = mouth.inverse() @ pose
+    x, y, _ = item.position
+    entered = bottom(shape, item) < -ENTERED
+    loose = HELD_WITHIN if entered else hole.chamfer
+    if hole.form == "round":
+        off = max(0.0, math.hypot(x, y) - left[0] / 2)
+    else:
+        off = max(0.0, abs(x) - left[0] / 2, abs(y) - left[1] / 2)
+    if off > loose:
+        return None
+    rotation = item.rotation()
+    turn = _turn(hole, shape, rotation)
+    if not entered:
+        leaning = math.acos(min(1.0, abs(float(rotation[2, 2]))))
+        if leaning > UPRIGHT or abs(turn) > max(TURN, (min(left) + 2 * hole.chamfer) / max(hole.size)):
+            return None
+    seated = mouth @ _seated(hole, left, item, turn)
+    return Under(fixture, hole, mouth.position[2] - hole.depth, seated, entered)
+
+
+def _turn(hole: Hole, shape: Shape, rotation: Array) -> float:
+    """How far a box is turned from the hole's sides about the vertical, rad; 0 for what is round."""
+    if not isinstance(shape, Box) or hole.form == "round":
+        return 0.0
+    x, y, _ = shape.size
+    axis = rotation[:, 0] if x >= y else rotation[:, 1]
+    yaw = math.atan2(float(axis[1]), float(axis[0]))
+    # A square, hole or item, may stand either way round.
+    period = math.pi / 2 if x == y or hole.size[0] == hole.size[1] else math.pi
+    return (yaw + period / 2) % period - period / 2
+
+
+def _seated(hole: Hole, left: Slack, item: Pose, turn: float) -> Pose:
+    """The item in the hole's frame, upright and between the walls, with its centre as high as it was."""
+    x, y, z = item.position
+    rotation = item.rotation()
+    yaw = math.atan2(float(rotation[1, 0]), float(rotation[0, 0])) - turn
+    roll = 0.0 if rotation[2, 2] > 0.0 else math.pi
+    if hole.form == "round":
+        share = min(1.0, left[0] / 2 / max(math.hypot(x, y), 1e-12))
+        x, y = share * x, share * y
+    else:
+        x = min(max(x, -left[0] / 2), left[0] / 2)
+        y = min(max(y, -left[1] / 2), left[1] / 2)
+    return Pose.from_rpy((x, y, z), (roll, 0.0, yaw))

@@ -1,0 +1,97 @@
+"""Fingers that push items over the table, without physics: what they reach from the side gives way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ...manipulation.push.contact_faces import tool_outline
+from ...manipulation.push.quasi_static_pushing import Sliding
+from ...robots.description import GripperDescription
+from ...world.planar_geometry import Outline, Planar, moved, outline, planar
+from ...world.values import Array, ObjectId
+from .bodies import Bodies, Prism
+
+GRAVITY = 9.81
+OVER = 0.0015
+"""Finger tips that are less than this below the top of an item stand upon it, m."""
+DOWNWARDS = 0.98
+"""Cosine of the tilt up to which the hand points down."""
+SIDEWAYS = 1e-7
+"""Way in a period below which the hand does not push, m."""
+
+
+class KinematicPushing:
+    """Moves the items of `bodies` out of the way of the finger pads."""
+
+    def __init__(self, gripper: GripperDescription, bodies: Bodies) -> None:
+        self._gripper = gripper
+        self._bodies = bodies
+        self._high = gripper.pads[0][0].size[2]
+        self._before: Array | None = None
+
+    def forget(self) -> None:
+        """The hand was put somewhere else."""
+        self._before = None
+
+    def step(self, rotation: Array, position: Array, width: float, tip: float) -> tuple[float, float]:
+        """The TCP is there now, turned by (3, 3), the fingers stand `width` m apart and reach `tip` m beyond
+        it: the force (x, y) in the world of what slides, N."""
+        before, self._before = self._before, position.copy()
+        if before is None or float(rotation[2, 2]) > -DOWNWARDS:
+            return 0.0, 0.0
+        low = float(position[2]) - tip
+        dx, dy, dz = (position - before).tolist()
+        way = math.hypot(dx, dy)
+        if low > self._bodies.highest or way < SIDEWAYS or way < abs(dz):
+            return 0.0, 0.0
+        return self._push(rotation, position, width, low, (dx / way, dy / way))
+
+    def _push(
+        self, rotation: Array, position: Array, width: float, low: float, along: tuple[float, float]
+    ) -> tuple[float, float]:
+        here = [
+            (body, prism)
+            for body, prism in self._bodies.standing()
+            if prism.high[2] > low + OVER
+            and prism.low[2] < low + self._high
+            and self._bodies.in_hole(body) is None
+        ]
+        reach = width + 0.2
+        if not any(math.dist(b.pose.position[:2], position[:2].tolist()) < reach for b, _ in here):
+            return 0.0, 0.0
+        at = Planar(
+            float(position[0]), float(position[1]), math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
+        )
+        sliding = Sliding(
+            {b.id: (outline(b.entry.shape, b.pose), planar(b.entry.shape, b.pose)) for b, _ in here},
+            [_still(prism) for prism in self._bodies.fixed if low < prism.high[2] - OVER],
+        )
+        pushed = sliding.press([(finger, at) for finger in tool_outline(self._gripper, width)])
+        force = 0.0
+        for body, _ in here:
+            if body.id in pushed:
+                there = moved(body.entry.shape, body.pose, sliding.where(body.id))
+                self._bodies.put(replace(body, pose=there))
+                force += body.friction * body.entry.mass * GRAVITY
+        if pushed:
+            self._settle(pushed)
+        return -force * along[0], -force * along[1]
+
+    def _settle(self, pushed: frozenset[str]) -> None:
+        """What was pushed over an edge comes down, and what stood on it."""
+        for name in sorted(pushed):
+            body = self._bodies[ObjectId(name)]
+            prism = Prism.of(name, body.entry.shape, body.pose)
+            surface = self._bodies.below(prism)
+            if surface is None or abs(surface - prism.low[2]) > 1e-6:
+                self._bodies.settle()
+                return
+
+
+def _still(prism: Prism) -> tuple[Outline, Planar]:
+    """Something that does not move, as it is placed in the world."""
+    x, y = prism.outline.centre
+    return Outline(np.array(prism.outline.polygon), prism.outline.radius), Planar(x, y)

@@ -1,0 +1,460 @@
+"""The physical backend: robot, bins and items in pybullet, behind the protocols of the hardware."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from types import MappingProxyType
+
+import numpy as np
+
+from ...errors import PicktreeError
+from ...robots.description import RobotDescription
+from ...robots.model import RobotModel
+from ...world.journal import Happened
+from ...world.no_feed import NoFeed
+from ...world.protocols import Camera, Clock, Feed, SensorStamps
+from ...world.random_streams import Streams
+from ...world.scene.description import Fixture, SceneDescription
+from ...world.shapes import Shape
+from ...world.values import ObjectId, Pose, Vector3
+from ..checkpoints.physics_state import Checkpoint, RobotReading
+from ..common.sensor_noise import BodyNoise
+from ..common.uncertain_fixtures import displaced
+from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
+from ..faults.device_faults import Ailments, jammed
+from ..faults.planted_obstacles import ROOM, Obstacles, Room
+from ..feed.belt_drive import BeltDrive
+from ..feed.feeder import Feeder, FeederState, has_feeder
+from ..scoring.seats import Boards
+from ..scoring.truth import TrueBody, TrueObstacle
+from ..spawning.arrivals import TIGHT, arriving, grown, walls
+from ..spawning.spawn import spawn_items
+from .belts import Belts
+from .bodies import add_fixed, add_obstacle
+from .cell_access import PhysicsCell
+from .crushing import Crushing
+from .engine.client import Client
+from .engine.pybullet_import import pb
+from .engine.step_size import EVERYDAY, RESOLUTION, SOLVER_ITERATIONS, checked, tune
+from .items import PhysicsItems
+from .penetration import Penetrations
+from .rgbd_camera import PhysicsCamera, Scenery
+from .robot.devices import PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
+from .robot.robot_body import RobotBody
+from .sleeping_items import EVERY, REST_LOOKS
+
+GRAVITY = 9.81
+"""m/s²"""
+RESIDUAL_THRESHOLD = 3e-7
+"""At 1e-5 boxes creep 0.15 mm/s over the table unless they get rolling friction, at three times the cost."""
+SETTLE_MOST = 600
+"""Steps before time 0, if something never comes to rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrueContact:
+    """One contact point: names of items, fixtures, bins or robot links; for tests and the analyst."""
+
+    one: str
+    other: str
+    distance: float
+    """m; negative when they penetrate."""
+    force: float
+    """Along the normal, N."""
+
+
+class PhysicsHardware:
+    """`protocols.Hardware` over a pybullet client of its own. Several may live in one process.
+
+    Bodies move by `stepSimulation` alone; poses are set at spawn, on restore and by named faults.
+    """
+
+    def __init__(
+        self, scene: SceneDescription, robot: RobotDescription, seed: int, start: Checkpoint | None = None
+    ) -> None:
+        self.scene = scene
+        self.robot = robot
+        self.seed = seed
+        self._real = displaced(scene, seed)
+        self._streams = Streams(seed)
+        client = Client()
+        self.close = client.close
+        """Frees the client; it happens by itself when hardware and devices are no longer used."""
+        self._client = client.id
+        self._body = RobotBody(robot, client, 1 / EVERYDAY)
+        noise = BodyNoise(scene.noise, self._streams, len(robot.joints))
+        self._senses = senses = Senses(noise, 0, RobotReading((), (), (), ()))
+        self._belts = Belts(scene, client.id)
+        self._items = PhysicsItems(scene, spawn_items(scene, seed), client.id, self._belts.running)
+        self._boards = Boards(self._real.fixtures)
+        self.penetrations = Penetrations(client.id)
+        """How deep items and fixtures with holes are in each other, for tests and benchmarks."""
+        self._fixed: dict[int, str] = {}
+        self._standing: dict[ObjectId, int] = {}
+        self._obstacles = Obstacles(self._stand, self._unstand)
+        self._room: Room | None = None
+        self.ailments = Ailments(c.name for c in scene.cameras)
+        self.arm = PhysicsArm(senses, self._body, self.ailments)
+        self._model: RobotModel | None = None
+        scenery = Scenery(self._real)
+        self._cameras = MappingProxyType(
+            {
+                c.name: PhysicsCamera(
+                    c,
+                    scenery,
+                    self._streams,
+                    client,
+                    senses,
+                    self._body.tcp,
+                    self._believed_tcp,
+                    self.ailments,
+                )
+                for c in scene.cameras
+            }
+        )
+        self.gripper = PhysicsGripper(senses, self._body)
+        limits = {e.kind: e.force_limit for e in scene.catalogue if e.force_limit is not None}
+        self.crushing = Crushing(self._body, self._items, limits, client.id)
+        """How hard the fingers have pressed fragile items, for tests and benchmarks."""
+        self.wrench = PhysicsWrench(senses, self.ailments)
+        self._feeder: Feeder | None = None
+        if has_feeder(scene):
+            self._feeder = Feeder(scene, PhysicsCell(robot, self._items, senses), seed, self._belts.drives)
+        self.feed: Feed = self._feeder or NoFeed()
+        if start is None:
+            self._empty(scene.unknown)
+            self._items.spawn(self._fixed)
+            self._watch_holes()
+            self._belts.build(self._fixed)
+            self._settle()
+            self._senses.reading = self._body.read()
+            self._initial = tuple(replace(s, asleep=False) for s in self._items.states())
+        else:
+            self.restore(start)
+
+    @classmethod
+    def resume(
+        cls, scene: SceneDescription, robot: RobotDescription, seed: int, checkpoint: Checkpoint
+    ) -> PhysicsHardware:
+        """Continue from a checkpoint, in this process or another: bit for bit as the run that made it."""
+        return cls(scene, robot, seed, checkpoint)
+
+    @property
+    def clock(self) -> Clock:
+        return self._senses
+
+    @property
+    def period(self) -> float:
+        return self._senses.period
+
+    @property
+    def feels_effort(self) -> bool:
+        return True
+
+    @property
+    def stamps(self) -> SensorStamps:
+        now = self._senses.now
+        return SensorStamps(now, now, self.wrench.stamp)
+
+    def pace(self, rate: int | None = None) -> None:
+        """Step and control so often a second from now on; by default as everyday. The contact solver gets
+        what suits it. Raises PicktreeError for what is no rate."""
+        rate = EVERYDAY if rate is None else checked(rate)
+        if rate != self._senses.rate:
+            self._senses.rate = rate
+            tune(rate, self._client)
+            self._body.pace(1 / rate)
+
+    @property
+    def cameras(self) -> Mapping[str, Camera]:
+        return self._cameras
+
+    @property
+    def belts(self) -> Mapping[ObjectId, BeltDrive]:
+        """For whoever brings items: the robot has no word in it."""
+        return self._belts.drives
+
+    def settings(self) -> Mapping[str, str]:
+        """What a record has to say about the physics."""
+        return {
+            "backend": "physics",
+            "engine": f"pybullet {version('pybullet')}",
+            "step": f"{1 / EVERYDAY:.9f} s",
+            "solver_iterations": str(SOLVER_ITERATIONS),
+            "solver_residual_threshold": str(RESIDUAL_THRESHOLD),
+            "gravity": f"{GRAVITY} m/s²",
+            "sleep_after": f"{EVERY * REST_LOOKS / EVERYDAY:.2f} s",
+        }
+
+    def step(self) -> None:
+        self._body.before_step()
+        senses = self._senses
+        self._belts.before_step(senses.period)
+        pb.stepSimulation(self._client)
+        self._belts.after_step()
+        self.penetrations.stepped(senses.now)
+        reading = self._body.read()
+        self.crushing.stepped(senses.now, reading)
+        if senses.stepped(reading):
+            self._items.stepped()
+            if self._feeder is not None:
+                self._feeder.stepped(senses.everyday_steps)
+
+    def take_events(self) -> tuple[Happened, ...]:
+        """What those who bring and take have done since it was asked last, and what was crushed."""
+        brought = self._feeder.take_events() if self._feeder is not None else ()
+        return (*brought, *self.crushing.take_events())
+
+    def checkpoint(self) -> Checkpoint:
+        """Save → reset → rebuild → restore. The run goes on from what was saved, as a resumed run would:
+        contact caches and solver history are dropped in both."""
+        saved = self._save()
+        self.restore(saved)
+        return saved
+
+    def restore(self, saved: Checkpoint) -> None:
+        """Take up a checkpoint of the same scene, robot and seed."""
+        if saved.seed != self.seed:
+            raise PicktreeError(f"the checkpoint is of seed {saved.seed}, but this run has seed {self.seed}")
+        spawned = list(self._items.inventory.spawned)
+        if (ids := [s.id for s in saved.initial]) != spawned:
+            raise PicktreeError(f"the checkpoint's initial items are {ids}, but the scene spawns {spawned}")
+        if sorted(saved.captures) != sorted(self._cameras):
+            raise PicktreeError(
+                f"the checkpoint's cameras are {sorted(saved.captures)}, "
+                f"but the scene has {sorted(self._cameras)}"
+            )
+        self._empty(self.scene.unknown if saved.obstacles is None else saved.obstacles)
+        self._items.restore(saved.items, saved.ledger, saved.inventory, self._fixed)
+        self._belts.build(self._fixed)
+        self._watch_holes()
+        self._belts.restore(saved.belts)
+        self._items.lull(saved.items)
+        self._body.restore(saved.robot, saved.arm, saved.gripper)
+        if self.ailments.any:
+            self._ail()
+        self._senses.reading = saved.robot
+        self._senses.step = saved.step
+        self._senses.time = saved.step * RESOLUTION // EVERYDAY if saved.time is None else saved.time
+        self._initial = saved.initial
+        self.crushing.restore(saved.pressed)
+        for name, camera in self._cameras.items():
+            camera.captures = saved.captures[name]
+        if self._feeder is not None:
+            self._feeder.restore(saved.feeder or FeederState())
+
+    def _save(self) -> Checkpoint:
+        if self._senses.rate != EVERYDAY:
+            raise PicktreeError("a checkpoint is not taken while the simulation is stepped finely")
+        return self.snapshot()
+
+    def snapshot(self) -> Checkpoint:
+        """The state at any moment, without a change to anything; what goes on from it is not bit-exact."""
+        return Checkpoint(
+            seed=self.seed,
+            step=self._senses.step,
+            captures={name: camera.captures for name, camera in self._cameras.items()},
+            arm=self._body.command,
+            gripper=self._body.grip,
+            robot=self._senses.reading,
+            items=self._items.states(),
+            initial=self._initial,
+            ledger=self._items.ledger,
+            belts=self._belts.states(),
+            inventory=self._items.inventory.state(),
+            feeder=self._feeder.state() if self._feeder is not None else None,
+            obstacles=self._obstacles.here,
+            time=self._senses.time,
+            pressed=self.crushing.state(),
+        )
+
+    def truth(self) -> tuple[TrueBody, ...]:
+        """Every item that ever came, as it really is: for scorer, faults and the analyst's log only."""
+        bodies = map(self.crushing.told, self._items.truth())
+        return tuple(map(self._seated, bodies)) if self._boards else tuple(bodies)
+
+    def true_fixtures(self) -> tuple[Fixture, ...]:
+        """The scene's fixtures where they really stand."""
+        return self._real.fixtures
+
+    def _seated(self, body: TrueBody) -> TrueBody:
+        """With how it is in a hole."""
+        seat = self._boards.seat(body.shape, body.pose) if body.present else None
+        if seat is None:
+            return body
+        return replace(body, seat=replace(seat, penetration=self.penetrations.of(body.id)))
+
+    @property
+    def initial_truth(self) -> tuple[TrueBody, ...]:
+        """As `truth` at time 0."""
+        return tuple(self._items.true(state) for state in self._initial)
+
+    def _believed_tcp(self) -> Pose:
+        """Where the tool is by the encoders."""
+        self._model = self._model or RobotModel(replace(self.robot, tool=self.scene.tool))
+        return self._model.tcp(self.arm.read().position)
+
+    def true_tcp(self) -> Pose:
+        """Where the tool really is in the world, for tests."""
+        return self._body.tcp()
+
+    def true_contacts(self) -> tuple[TrueContact, ...]:
+        """Contact points of the last step, for tests and the analyst."""
+        return tuple(
+            TrueContact(self._name(c[1], c[3]), self._name(c[2], c[4]), c[8], c[9])
+            for c in pb.getContactPoints(physicsClientId=self._client)
+        )
+
+    def remove(self, item: str) -> None:
+        """A fault: the item is snatched away."""
+        self._items.remove(item)
+
+    def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
+        """A fault: the item becomes slippery, heavier or lighter, for good."""
+        self._items.change_dynamics(item, friction, mass)
+
+    def bump(self, item: str, velocity: Vector3, spin: Vector3 = (0.0, 0.0, 0.0)) -> None:
+        """A fault: the item is hit and moves with `velocity`, m/s, and `spin`, rad/s, in the world."""
+        self._items.bump(item, velocity, spin)
+
+    def in_hand(self) -> ObjectId | None:
+        """The item that the fingers really hold: each of them touches it."""
+        found: set[int] | None = None
+        fingers = self._body.description.gripper.fingers
+        for link, name in self._body.links.items():
+            if name in fingers:
+                points = pb.getContactPoints(self._body.body, linkIndexA=link, physicsClientId=self._client)
+                touched = {point[2] for point in points}
+                found = touched if found is None else found & touched
+        names = sorted(filter(None, map(self._items.name, found or ())))
+        return ObjectId(names[0]) if names else None
+
+    def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
+        """A fault: the item has that friction until it is given its own back, None."""
+        self._items.lubricate(item, friction, again=again)
+
+    def enlarge(self, item: str, factor: float) -> bool:
+        """A fault: the item is so many times as large, its mass and its friction stay; False: there is no
+        room for it between the others and the robot."""
+        body = next(body for body in self._items.here() if body.id == item)
+        entry, pose = grown(self._items.inventory.here[body.id].entry, body.pose, factor)
+        others = ((other.shape, other.pose) for other in self._items.here() if other.id != item)
+        if not self._free(entry.shape, pose, others, TIGHT):
+            return False
+        self._items.enlarge(item, factor, pose)
+        return True
+
+    def appear(self, kind: str, colour: str, place: tuple[float, float], yaw: float) -> ObjectId | None:
+        """A fault: a further item lies there; None: something is there now. Raises PicktreeError where no
+        fixture is below."""
+        item = arriving(self._real, self._items.inventory.next_id(), kind, colour, place, yaw)
+        others = [(other.shape, other.pose) for other in self._items.here()]
+        if not self._free(item.entry.shape, item.pose, [*others, *walls(self.scene)], TIGHT):
+            return None
+        self._items.put(item)
+        return item.id
+
+    def afflict(self, number: int, fault: Ailing, held: tuple[float, ...] | None = None) -> None:
+        """A fault: a device begins to fail. `held`: it did when the checkpoint was taken, and that was what
+        the device was doing when it began."""
+        self.ailments.begin(number, fault, self._doing(fault) if held is None else held)
+        if isinstance(fault, Stall) and held is None:
+            n = len(self.robot.joints)
+            self._body.follow(self._senses.reading.position[:n], (0.0,) * n)
+        self._ail()
+
+    def relieve(self, number: int) -> None:
+        """The end of such a fault."""
+        self.ailments.end(number)
+        self._ail()
+
+    def _doing(self, fault: Ailing) -> tuple[float, ...]:
+        """What the device is doing that a fault befalls, as `Ailments` keeps it."""
+        match fault:
+            case GripperJam():
+                reading, n = self._senses.reading, len(self.robot.joints)
+                width = self._body.fingers.width(reading.position[n:])
+                return jammed(self._body.grip, width, self.robot.gripper.max_force)
+            case WrenchDead():
+                said = self.wrench.read()
+                return (*said.force, *said.torque, self.wrench.stamp)
+            case _:
+                return (0.0,) if counted(fault) else ()
+
+    def _ail(self) -> None:
+        ailments = self.ailments
+        self._body.weaken(ailments.torque_shares, ailments.jam, ailments.grip_share)
+
+    def obstacles(self) -> tuple[TrueObstacle, ...]:
+        """What stands there that the robot was not told of."""
+        return self._obstacles.truth()
+
+    def room_for(self, body: Fixture) -> bool:
+        """Whether no item and no part of the robot is where the body would stand."""
+        return self._free(body.shape, body.pose, ((i.shape, i.pose) for i in self._items.here()), ROOM)
+
+    def _free(self, shape: Shape, pose: Pose, others: Iterable[tuple[Shape, Pose]], room: float) -> bool:
+        """Whether a body fits between others and the robot."""
+        self._room = self._room or Room(RobotModel(self.robot))
+        position, n = self._senses.reading.position, len(self.robot.joints)
+        return self._room.free(shape, pose, others, np.array(position[:n]), sum(position[n:]), room)
+
+    def put_obstacle(self, body: Fixture) -> ObjectId:
+        """A fault: something stands in the way from now on; its name."""
+        name = self._obstacles.put(body)
+        self._items.sleepers.stand(self._standing[name])
+        return name
+
+    def take_obstacle(self, name: ObjectId) -> None:
+        """The end of such a fault: it is taken away."""
+        self._obstacles.take(name)
+        self._items.sleepers.wake_all()
+
+    def _stand(self, body: Fixture) -> None:
+        number = self._standing[body.id] = add_obstacle(body, self._client)
+        self._fixed[number] = body.id
+
+    def _unstand(self, name: ObjectId) -> None:
+        number = self._standing.pop(name)
+        del self._fixed[number]
+        pb.removeBody(number, self._client)
+
+    def _empty(self, obstacles: Iterable[Fixture]) -> None:
+        """A simulation without items and belts: everything else in the same order as always."""
+        client = self._client
+        pb.resetSimulation(physicsClientId=client)
+        pb.setGravity(0, 0, -GRAVITY, physicsClientId=client)
+        self._senses.rate = EVERYDAY
+        self._body.period = 1 / EVERYDAY
+        tune(EVERYDAY, client)
+        pb.setPhysicsEngineParameter(
+            solverResidualThreshold=RESIDUAL_THRESHOLD,
+            deterministicOverlappingPairs=1,
+            jointFeedbackMode=pb.JOINT_FEEDBACK_IN_WORLD_SPACE,
+            physicsClientId=client,
+        )
+        self._fixed = add_fixed(self._real, self.robot.base_in_world, client)
+        self._body.load()
+        self._obstacles.renew(obstacles)
+
+    def _watch_holes(self) -> None:
+        boards = {fixture.id for fixture in self._real.fixtures if fixture.holes}
+        bored = [number for number, name in self._fixed.items() if name in boards]
+        self.penetrations.watch(self._items.numbers, bored)
+
+    def _settle(self) -> None:
+        """Let everything come to rest before time 0."""
+        for _ in range(SETTLE_MOST):
+            pb.stepSimulation(self._client)
+            self._items.stepped()
+            if self._items.sleepers.quiet:
+                return
+
+    def _name(self, body: int, link: int) -> str:
+        if body == self._body.body:
+            return self._body.links[link]
+        if body in self._fixed:
+            return self._fixed[body]
+        return self._items.name(body) or "?"

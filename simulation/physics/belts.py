@@ -1,0 +1,190 @@
+"""Belts in pybullet: items ride because the surface below them moves, by friction and by nothing else.
+
+The engine knows no surface that moves while its body stays. So a belt that runs is a slab on a prismatic
+joint with a motor; when it has moved a centimetre it is set back by as much, velocity kept. Being the same
+all along, it touches the items as before. A belt that stands is a fixed body like any other, and the slab
+touches nothing: what lies on the belt sleeps, and the robot feels a table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+from ...world.scene.description import Fixture, SceneDescription
+from ...world.scene.feed import Belt
+from ...world.shapes import Box
+from ...world.values import ObjectId
+from ..feed.belt_drive import BeltDrive, BeltState, check_belts
+from .bodies import FIXED_FRICTION
+from .engine.pybullet_import import pb
+
+SET_BACK = 0.01
+"""After so much way the slab is set back, m. Its ends lie off the belt's by half of that at most."""
+SLAB_MASS = 50.0
+"""kg: what rides does not brake it."""
+MOTOR_FORCE = 500.0
+"""N"""
+LIKE_A_TABLE, NOWHERE = (2, -3), (0, 0)
+"""The engine's collision group and mask of bodies that never move, and of what touches nothing. Two bodies
+collide when either of them wants to."""
+SLAB = 0
+"""The link of a slab's body."""
+
+
+class PhysicsBelt(BeltDrive):
+    """One belt in one pybullet client; `build` makes its slab anew after a reset of the simulation."""
+
+    def __init__(self, belt: Belt, fixture: Fixture, client: int) -> None:
+        super().__init__(belt, fixture)
+        self._fixture = fixture
+        self._client = client
+        self._still = self.slab = -1
+        self._driven = False
+
+    @property
+    def driven(self) -> bool:
+        """Whether the slab carries what lies on the belt."""
+        return self._driven
+
+    def build(self, still: int) -> int:
+        """Put the slab into the simulation, where `still` is the fixed body; returns its body number."""
+        shape, client = self._fixture.shape, self._client
+        assert isinstance(shape, Box)
+        box = pb.createCollisionShape(
+            pb.GEOM_BOX, halfExtents=[s / 2 for s in shape.size], physicsClientId=client
+        )
+        self.slab = pb.createMultiBody(
+            0.0,
+            -1,
+            -1,
+            self._fixture.pose.position,
+            self._fixture.pose.orientation,
+            linkMasses=[SLAB_MASS],
+            linkCollisionShapeIndices=[box],
+            linkVisualShapeIndices=[-1],
+            linkPositions=[(0.0, 0.0, 0.0)],
+            linkOrientations=[(0.0, 0.0, 0.0, 1.0)],
+            linkInertialFramePositions=[(0.0, 0.0, 0.0)],
+            linkInertialFrameOrientations=[(0.0, 0.0, 0.0, 1.0)],
+            linkParentIndices=[0],
+            linkJointTypes=[pb.JOINT_PRISMATIC],
+            linkJointAxis=[(1.0, 0.0, 0.0)],
+            physicsClientId=client,
+        )
+        pb.changeDynamics(
+            self.slab,
+            SLAB,
+            lateralFriction=FIXED_FRICTION,
+            restitution=0.0,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            jointDamping=0.0,
+            jointLowerLimit=-1.0,
+            jointUpperLimit=1.0,
+            physicsClientId=client,
+        )
+        # An idle slab must be awake when it begins to carry: else items fall for a step.
+        pb.changeDynamics(
+            self.slab,
+            -1,
+            activationState=pb.ACTIVATION_STATE_DISABLE_SLEEPING,
+            physicsClientId=client,
+        )
+        pb.changeVisualShape(self.slab, SLAB, rgbaColor=(1.0, 1.0, 1.0, 0.0), physicsClientId=client)
+        self._still = still
+        self.state = BeltState(self.belt.id)
+        self._drive(on=False)
+        return self.slab
+
+    def restore(self, state: BeltState) -> None:
+        self.state = state
+        self._drive(on=state.moving)
+        pb.resetJointState(self.slab, SLAB, state.offset, state.speed, physicsClientId=self._client)
+
+    def before_step(self, period: float) -> None:
+        if not self.state.moving:
+            return
+        if not self._driven:
+            self._drive(on=True)
+        self.state = self.state.after(self.belt.speed, period)
+        self._motor(self.state.speed)
+
+    def after_step(self) -> None:
+        if not self._driven:
+            return
+        offset, velocity, *_ = pb.getJointState(self.slab, SLAB, self._client)
+        if offset > SET_BACK / 2:
+            offset -= SET_BACK
+            pb.resetJointState(self.slab, SLAB, offset, velocity, physicsClientId=self._client)
+        self.state = replace(self.state, offset=offset)
+        if not self.state.moving:
+            self._brake()
+
+    def interrupted(self) -> bool:
+        one, other = self.track.beam(self.belt.eye)
+        ((body, *_),) = pb.rayTest(one, other, physicsClientId=self._client)
+        return body != -1
+
+    def _brake(self) -> None:
+        """The motor has brought it to rest but for what the solver leaves over."""
+        pb.resetJointState(self.slab, SLAB, self.state.offset, 0.0, physicsClientId=self._client)
+        self._drive(on=False)
+
+    def _drive(self, *, on: bool) -> None:
+        """Whether the slab carries what lies there, or the fixed body."""
+        self._driven = on
+        self._motor(self.state.speed)
+        carrying, idle = (self.slab, SLAB), (self._still, -1)
+        if not on:
+            carrying, idle = idle, carrying
+        pb.setCollisionFilterGroupMask(*idle, *NOWHERE, physicsClientId=self._client)
+        pb.setCollisionFilterGroupMask(*carrying, *LIKE_A_TABLE, physicsClientId=self._client)
+
+    def _motor(self, speed: float) -> None:
+        pb.setJointMotorControl2(
+            self.slab,
+            SLAB,
+            pb.VELOCITY_CONTROL,
+            targetVelocity=speed,
+            force=MOTOR_FORCE,
+            physicsClientId=self._client,
+        )
+
+
+class Belts:
+    """All belts of a scene in one pybullet client."""
+
+    def __init__(self, scene: SceneDescription, client: int) -> None:
+        self.drives: Mapping[ObjectId, PhysicsBelt] = MappingProxyType(
+            {b.id: PhysicsBelt(b, scene.fixture(b.id), client) for b in scene.belts}
+        )
+
+    def build(self, fixed: dict[int, str]) -> None:
+        """Put the slabs into the simulation and note their body numbers beside those of fixed bodies."""
+        still = {name: body for body, name in fixed.items()}
+        for name, belt in self.drives.items():
+            fixed[belt.build(still[name])] = name
+
+    def running(self) -> frozenset[int]:
+        """Body numbers of the slabs that move now."""
+        return frozenset(belt.slab for belt in self.drives.values() if belt.driven)
+
+    def before_step(self, period: float) -> None:
+        """A step of `period` s is about to pass."""
+        for belt in self.drives.values():
+            belt.before_step(period)
+
+    def after_step(self) -> None:
+        for belt in self.drives.values():
+            belt.after_step()
+
+    def states(self) -> tuple[BeltState, ...]:
+        return tuple(belt.state for belt in self.drives.values())
+
+    def restore(self, saved: Sequence[BeltState]) -> None:
+        """Take up what was saved. Raises PicktreeError when it is of other belts."""
+        check_belts(saved, self.drives)
+        for state in saved:
+            self.drives[state.id].restore(state)

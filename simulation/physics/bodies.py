@@ -1,0 +1,252 @@
+"""Bodies of the scene in pybullet: fixtures and bins that never move, items with their contact parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...errors import PicktreeError
+from ...world.colours import COLOURS
+from ...world.scene.calibration_targets import PROUD, sticker
+from ...world.scene.description import Bin, Fixture, SceneDescription
+from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
+from ...world.values import Array, ObjectId, Pose, Vector3
+from ..common.footprints import floor_height
+from ..spawning.spawn import SpawnedItem
+from .engine.pybullet_import import pb
+from .hole_bodies import add_bored, bored_visual
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+FIXED_FRICTION = 1.0
+"""pybullet multiplies the two bodies' coefficients: an item's own is then the pair's."""
+ROLLING_FRICTION = 1e-3
+"""m, also for spinning, of what is round: with less a lying cylinder gains energy from the solver and rolls
+away. What is flat has four contacts instead, and would make each step three times as dear."""
+ROUND = ("cylinder", "sphere", "mesh")
+MAX_PARTS = 16
+"""`createCollisionShapeArray` silently drops what is beyond."""
+MOVING, ALL = 1, -1
+"""The engine's collision group of bodies that move, and what they collide with."""
+FLOOR = ObjectId("floor")
+
+
+def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict[int, str]:
+    """Floor, fixtures and bins, to be touched but not seen; their ids by pybullet's body number."""
+    height = floor_height(scene.fixtures, base_in_world.position[2])
+    floor = Fixture(FLOOR, Box((10.0, 10.0, 0.1)), Pose((0.0, 0.0, height - 0.05)))
+    bodies: dict[int, str] = {}
+    for fixture in (floor, *scene.fixtures):
+        check_body(fixture.id, fixture.shape, fixture.pose)
+        if fixture.holes:
+            bodies |= dict.fromkeys(add_bored(fixture, client), str(fixture.id))
+            continue
+        shape = _collision(fixture.shape, client)
+        bodies[_fixed(shape, -1, fixture.pose, client)] = fixture.id
+    for each in scene.bins:
+        bodies[_fixed(_bin_collision(each, client), -1, each.pose, client)] = each.id
+    for body in bodies:
+        pb.changeDynamics(body, -1, lateralFriction=FIXED_FRICTION, restitution=0.0, physicsClientId=client)
+        # A body without a visual shape would show its collision shape.
+        pb.changeVisualShape(body, -1, rgbaColor=(1.0, 1.0, 1.0, 0.0), physicsClientId=client)
+    return bodies
+
+
+def add_obstacle(body: Fixture, client: int) -> int:
+    """Something that stands still, to be touched and seen; returns pybullet's body number."""
+    check_body(body.id, body.shape, body.pose)
+    number = _fixed(
+        _collision(body.shape, client), _visual(body.shape, body.colour, client), body.pose, client
+    )
+    pb.changeDynamics(number, -1, lateralFriction=FIXED_FRICTION, restitution=0.0, physicsClientId=client)
+    return number
+
+
+def add_scenery(scene: SceneDescription, client: int) -> None:
+    """Fixtures and bins, to be seen but not touched."""
+    for fixture in scene.fixtures:
+        if fixture.holes:
+            visual = bored_visual(fixture, _rgba(fixture.colour), client)
+        else:
+            visual = _visual(fixture.shape, fixture.colour, client)
+        _fixed(-1, visual, fixture.pose, client)
+        for tile in fixture.tiles:
+            box, inner = sticker(tile, 2 * PROUD)
+            _fixed(-1, _visual(box, tile.colour, client), fixture.pose @ inner, client)
+    for each in scene.bins:
+        for box, pose in each.parts():
+            _fixed(-1, _visual(box, each.colour, client), pose, client)
+
+
+def _fixed(collision: int, visual: int, pose: Pose, client: int) -> int:
+    return pb.createMultiBody(0.0, collision, visual, pose.position, pose.orientation, physicsClientId=client)
+
+
+def add_item(item: SpawnedItem, pose: Pose, client: int) -> int:
+    """An item at `pose`; returns pybullet's body number."""
+    check_body(item.id, item.entry.shape, pose)
+    if not (math.isfinite(item.entry.mass) and item.entry.mass > 0):
+        raise PicktreeError(f"{item.id}: mass {item.entry.mass} kg; it must be positive")
+    body = pb.createMultiBody(
+        item.entry.mass,
+        _collision(item.entry.shape, client),
+        _visual(item.entry.shape, item.colour, client),
+        pose.position,
+        pose.orientation,
+        physicsClientId=client,
+    )
+    set_friction(body, item.entry.friction, client)
+    rolling = ROLLING_FRICTION if item.entry.form in ROUND else 0.0
+    pb.changeDynamics(
+        body,
+        -1,
+        rollingFriction=rolling,
+        spinningFriction=rolling,
+        restitution=0.0,
+        physicsClientId=client,
+    )
+    if isinstance(item.entry.shape, ConvexMesh):
+        pb.changeDynamics(body, -1, collisionMargin=0.0, physicsClientId=client)
+        set_mass(body, item.entry.shape, item.entry.mass, client)
+    return body
+
+
+def set_friction(body: int, friction: float, client: int) -> None:
+    if not (math.isfinite(friction) and friction >= 0):
+        raise PicktreeError(f"friction {friction}; it must be 0 or more")
+    pb.changeDynamics(body, -1, lateralFriction=friction, physicsClientId=client)
+
+
+def forget_contacts(body: int, client: int) -> None:
+    """Begin contacts anew: as long as one lasts it keeps the friction that it began with."""
+    pb.setCollisionFilterGroupMask(body, -1, MOVING, ALL, physicsClientId=client)
+
+
+def set_mass(body: int, shape: Shape, mass: float, client: int) -> None:
+    """Mass, and the inertia that the shape has with it."""
+    if not (math.isfinite(mass) and mass > 0):
+        raise PicktreeError(f"mass {mass} kg; it must be positive")
+    pb.changeDynamics(body, -1, mass=mass, localInertiaDiagonal=inertia(shape, mass), physicsClientId=client)
+
+
+def inertia(shape: Shape, mass: float) -> Vector3:
+    """Moments about the shape's own axes, kg·m²; a mesh's products of inertia are neglected."""
+    match shape:
+        case Box((x, y, z)):
+            return mass * (y * y + z * z) / 12, mass * (x * x + z * z) / 12, mass * (x * x + y * y) / 12
+        case Cylinder(radius, height):
+            across = mass * (3 * radius * radius + height * height) / 12
+            return across, across, mass * radius * radius / 2
+        case Sphere(radius):
+            moment = 0.4 * mass * radius * radius
+            return moment, moment, moment
+        case ConvexMesh(vertices):
+            hull = _hull(vertices)
+            ixx, iyy, izz = (float(m) for m in np.diag(np.asarray(hull.moment_inertia)) * mass / hull.volume)
+            return ixx, iyy, izz
+
+
+def check_body(name: str, shape: Shape, pose: Pose) -> None:
+    """Raises PicktreeError for what pybullet would swallow: NaN, no size, no unit quaternion."""
+    match shape:
+        case Box(size):
+            sizes: Iterable[float] = size
+        case Cylinder(radius, height):
+            sizes = (radius, height)
+        case Sphere(radius):
+            sizes = (radius,)
+        case ConvexMesh(vertices):
+            sizes = np.ptp(np.array(vertices), axis=0).tolist()
+    if not all(math.isfinite(s) and s > 0 for s in sizes):
+        raise PicktreeError(f"{name}: size {tuple(sizes)}; every size must be positive")
+    if not all(map(math.isfinite, pose.position)):
+        raise PicktreeError(f"{name}: position {pose.position}; it must be finite")
+    if not math.isclose(math.hypot(*pose.orientation), 1.0, abs_tol=1e-6):
+        raise PicktreeError(f"{name}: orientation {pose.orientation}; it must be a unit quaternion")
+
+
+def _bin_collision(each: Bin, client: int) -> int:
+    parts = each.parts()
+    if len(parts) > MAX_PARTS:
+        raise PicktreeError(f"{each.id}: {len(parts)} parts; pybullet takes {MAX_PARTS}")
+    for box, _ in parts:
+        check_body(each.id, box, each.pose)
+    to_bin = each.pose.inverse()
+    local = [to_bin @ pose for _, pose in parts]
+    return pb.createCollisionShapeArray(
+        [pb.GEOM_BOX] * len(parts),
+        halfExtents=[_halves(box.size) for box, _ in parts],
+        collisionFramePositions=[pose.position for pose in local],
+        collisionFrameOrientations=[pose.orientation for pose in local],
+        physicsClientId=client,
+    )
+
+
+def _collision(shape: Shape, client: int) -> int:
+    match shape:
+        case Box(size):
+            return pb.createCollisionShape(pb.GEOM_BOX, halfExtents=_halves(size), physicsClientId=client)
+        case Cylinder(radius, height):
+            return pb.createCollisionShape(
+                pb.GEOM_CYLINDER, radius=radius, height=height, physicsClientId=client
+            )
+        case Sphere(radius):
+            return pb.createCollisionShape(pb.GEOM_SPHERE, radius=radius, physicsClientId=client)
+        case ConvexMesh(vertices):
+            return pb.createCollisionShape(pb.GEOM_MESH, vertices=vertices, physicsClientId=client)
+
+
+def _visual(shape: Shape, colour: str, client: int) -> int:
+    rgba = _rgba(colour)
+    match shape:
+        case Box(size):
+            return pb.createVisualShape(
+                pb.GEOM_BOX, halfExtents=_halves(size), rgbaColor=rgba, physicsClientId=client
+            )
+        case Cylinder(radius, height):
+            return pb.createVisualShape(
+                pb.GEOM_CYLINDER, radius=radius, length=height, rgbaColor=rgba, physicsClientId=client
+            )
+        case Sphere(radius):
+            return pb.createVisualShape(pb.GEOM_SPHERE, radius=radius, rgbaColor=rgba, physicsClientId=client)
+        case ConvexMesh(vertices):
+            corners, order, normals = _faces(vertices)
+            return pb.createVisualShape(
+                pb.GEOM_MESH,
+                vertices=corners,
+                indices=order,
+                normals=normals,
+                rgbaColor=rgba,
+                physicsClientId=client,
+            )
+
+
+@cache
+def _faces(vertices: tuple[Vector3, ...]) -> tuple[list[list[float]], list[int], list[list[float]]]:
+    """Corners of the hull's triangles, order, normals. Made once: pybullet never lets go of the lists."""
+    hull = _hull(vertices)
+    corners: Array = np.asarray(hull.triangles, dtype=np.float64).reshape(-1, 3)
+    normals: Array = np.repeat(np.asarray(hull.face_normals, dtype=np.float64), 3, axis=0)
+    return corners.tolist(), list(range(len(corners))), normals.tolist()
+
+
+def _hull(vertices: tuple[Vector3, ...]) -> Trimesh:
+    from trimesh import Trimesh  # slow to import, and few scenes have meshes
+
+    return Trimesh(np.array(vertices)).convex_hull
+
+
+def _halves(size: Vector3) -> Sequence[float]:
+    return [s / 2 for s in size]
+
+
+def _rgba(colour: str) -> tuple[float, float, float, float]:
+    try:
+        return (*COLOURS[colour], 1.0)
+    except KeyError:
+        raise PicktreeError(f"unknown colour {colour!r}; known: {', '.join(COLOURS)}") from None

@@ -1,0 +1,109 @@
+"""Fragile items between the fingers: how hard each finger really presses, and what is crushed by it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from ...world.journal import Happened
+from ...world.values import ObjectId
+from ..checkpoints.physics_state import PressedItem, RobotReading
+from ..scoring.truth import TrueBody
+from .engine.pybullet_import import pb
+from .items import PhysicsItems
+from .robot.robot_body import RobotBody
+
+FELT = 0.15
+"""Share of the least limit that the fingers' drives have to bear before contacts are looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pressed:
+    """The greatest force of one finger on a fragile item so far, N, and what it survives."""
+
+    force: float
+    limit: float
+    gripped: float = 0.0
+    """The greatest while the fingers were told to close: the others were bumps."""
+
+    @property
+    def crushed(self) -> bool:
+        return self.force > self.limit
+
+
+class Crushing:
+    """Looks at the contacts of the fingers in every step in which they press against something."""
+
+    def __init__(
+        self, body: RobotBody, items: PhysicsItems, limits: Mapping[str, float], client: int
+    ) -> None:
+        """`limits`: force that a finger may press with on items of a kind, N."""
+        self._body = body
+        self._items = items
+        self._limits = limits
+        self._client = client
+        self._arm = len(body.description.joints)
+        self._worth = FELT * min(limits.values(), default=float("inf"))
+        if body.description.gripper.linkage is not None:
+            self._worth = 0.0
+        self._most: dict[ObjectId, Pressed] = {}
+        self._events: list[Happened] = []
+
+    def stepped(self, now: float, reading: RobotReading) -> None:
+        """After each step."""
+        if not self._limits or max(map(abs, reading.effort[self._arm :])) < self._worth:
+            return
+        fingers = self._body.description.gripper.fingers
+        for link, name in self._body.links.items():
+            if name in fingers:
+                self._look(link, name, now)
+
+    def most(self) -> Mapping[ObjectId, Pressed]:
+        """Of every fragile item that was between the fingers."""
+        return dict(self._most)
+
+    def take_events(self) -> tuple[Happened, ...]:
+        events, self._events = tuple(self._events), []
+        return events
+
+    def state(self) -> tuple[PressedItem, ...]:
+        """For a checkpoint."""
+        return tuple(PressedItem(name, p.force, p.limit, p.gripped) for name, p in self._most.items())
+
+    def restore(self, state: Iterable[PressedItem]) -> None:
+        self._most = {item.id: Pressed(item.force, item.limit, item.gripped) for item in state}
+        self._events = []
+
+    def told(self, body: TrueBody) -> TrueBody:
+        """The item with what became of it between the fingers."""
+        pressed = self._most.get(body.id)
+        return body if pressed is None or not pressed.crushed else replace(body, crushed=pressed.force)
+
+    def _look(self, link: int, finger: str, now: float) -> None:
+        found = pb.getContactPoints(self._body.body, linkIndexA=link, physicsClientId=self._client)
+        forces: dict[int, float] = {}
+        for point in found:
+            forces[point[2]] = forces.get(point[2], 0.0) + point[9]
+        for number, force in forces.items():
+            name = self._items.name(number)
+            if name is not None:
+                self._pressed(ObjectId(name), force, finger, now)
+
+    def _pressed(self, name: ObjectId, force: float, finger: str, now: float) -> None:
+        limit = self._limits.get(self._items.inventory.here[name].entry.kind)
+        if limit is None:
+            return
+        before = self._most.get(name) or Pressed(0.0, limit)
+        gripped = force if self._body.grip.width <= 0.0 else 0.0
+        if force <= before.force and gripped <= before.gripped:
+            return
+        after = Pressed(max(force, before.force), limit, max(gripped, before.gripped))
+        self._most[name] = after
+        if after.crushed and not before.crushed:
+            self._events.append(
+                Happened(
+                    "crushed",
+                    f"{name} was crushed: {finger} pressed with {force:.1f} N, and it bears {limit:g} N",
+                    data={"object": name, "finger": finger, "force": force, "limit": limit, "time": now},
+                )
+            )

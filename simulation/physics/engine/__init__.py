@@ -1,0 +1,1 @@
+"""pybullet, and how finely it is stepped."""

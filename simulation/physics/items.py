@@ -1,0 +1,247 @@
+"""The items in the physical backend: bodies that come, are changed by faults, fall asleep and leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ...errors import PicktreeError
+from ...world.scene.description import SceneDescription
+from ...world.values import ObjectId, Pose, Vector3
+from ..checkpoints.physics_state import BodyState, DynamicsChange
+from ..scoring.truth import TrueBody
+from ..spawning.inventory import Inventory, InventoryState, departed
+from ..spawning.spawn import SpawnedItem
+from .bodies import add_item, forget_contacts, set_friction, set_mass
+from .engine.pybullet_import import pb
+from .robot.robot_body import finite
+from .sleeping_items import Sleepers
+
+STILL = (0.0, 0.0, 0.0)
+
+
+class PhysicsItems:
+    """The items of one pybullet client. `build` makes their bodies anew after a reset of the simulation."""
+
+    def __init__(
+        self,
+        scene: SceneDescription,
+        spawned: Iterable[SpawnedItem],
+        client: int,
+        running: Callable[[], Collection[int]] = tuple,
+    ) -> None:
+        """`running` tells which of the fixed bodies move now."""
+        self._client = client
+        self.inventory = Inventory(scene, spawned)
+        self.sleepers = Sleepers(client, running)
+        self._ledger: list[DynamicsChange] = []
+        self._gone: dict[ObjectId, BodyState] = {}
+        self._numbers: dict[ObjectId, int] = {}
+        self._bumps: dict[ObjectId, tuple[Vector3, Vector3]] = {}
+        self._slippery: dict[ObjectId, float] = {}
+        """Friction of those that have another than their own for a while."""
+
+    @property
+    def ledger(self) -> tuple[DynamicsChange, ...]:
+        """What faults have changed for good on items that are still there."""
+        return tuple(self._ledger)
+
+    @property
+    def numbers(self) -> Mapping[ObjectId, int]:
+        """pybullet's body numbers of those that are there; the same mapping until the next `build`."""
+        return self._numbers
+
+    def spawn(self, fixed: Collection[int]) -> None:
+        """Put in everything that is there at the beginning; `fixed` bodies wake nothing."""
+        self._build({name: item.pose for name, item in self.inventory.here.items()}, fixed)
+
+    def restore(
+        self,
+        states: Iterable[BodyState],
+        ledger: Iterable[DynamicsChange],
+        inventory: InventoryState | None,
+        fixed: Collection[int],
+    ) -> None:
+        """As a checkpoint has them, in an empty simulation, all awake."""
+        self.inventory.restore(inventory)
+        states, ledger = tuple(states), tuple(ledger)
+        if (ids := [s.id for s in states]) != (known := list(self.inventory.here)):
+            raise PicktreeError(f"the checkpoint's items are {ids}, but the scene spawns {known}")
+        for change in ledger:
+            if change.scale is not None:
+                self.inventory.enlarge(change.item, change.scale)
+        present = [s for s in states if s.present]
+        self._build({s.id: Pose(s.position, s.orientation) for s in present}, fixed)
+        for state in present:
+            pb.resetBaseVelocity(self._numbers[state.id], state.velocity, state.spin, self._client)
+        self._gone = {s.id: s for s in states if not s.present}
+        self._ledger = list(ledger)
+        for change in self._ledger:
+            self._apply(change)
+        self._slippery = {name: f for name, f in self._slippery.items() if name in self._numbers}
+        for name, friction in self._slippery.items():
+            set_friction(self._numbers[name], friction, self._client)
+
+    def lull(self, states: Iterable[BodyState]) -> None:
+        """Let those sleep that slept."""
+        self.sleepers.sleep([s.id for s in states if s.present and s.asleep])
+
+    def _build(self, poses: Mapping[ObjectId, Pose], fixed: Collection[int]) -> None:
+        self._numbers = {
+            name: add_item(item, poses[name], self._client)
+            for name, item in self.inventory.here.items()
+            if name in poses
+        }
+        self._gone = {}
+        self._bumps = {}
+        self.sleepers.watch(self._numbers, fixed)
+
+    def stepped(self) -> None:
+        """To be called after each step."""
+        for name, (velocity, spin) in self._bumps.items():
+            pb.resetBaseVelocity(self._numbers[name], velocity, spin, self._client)
+        self._bumps.clear()
+        self.sleepers.stepped()
+
+    def states(self) -> tuple[BodyState, ...]:
+        """Of all that did not leave with a bin, in the order of their numbers."""
+        asleep = self.sleepers.asleep()
+        return tuple(replace(self._state(name), asleep=name in asleep) for name in self.inventory.here)
+
+    def truth(self) -> tuple[TrueBody, ...]:
+        """Every item that ever was there."""
+        return self.inventory.truth(lambda name: self.true(self._state(name)))
+
+    def here(self) -> tuple[TrueBody, ...]:
+        """Every item that is there."""
+        return tuple(self.true(self._state(name)) for name in self._numbers)
+
+    def true(self, state: BodyState) -> TrueBody:
+        """A saved or present state as truth."""
+        item = self.inventory.here[state.id]
+        entry = item.entry
+        return TrueBody(
+            state.id,
+            entry.kind,
+            entry.form,
+            entry.shape,
+            item.colour,
+            Pose(state.position, state.orientation),
+            state.velocity,
+            state.spin,
+            state.present,
+            brought_by=item.brought_by,
+        )
+
+    def name(self, body: int) -> str | None:
+        """The item that has this body number."""
+        return next((name for name, number in self._numbers.items() if number == body), None)
+
+    def put(self, item: SpawnedItem) -> None:
+        """An item comes into the running simulation at its pose."""
+        self._numbers[item.id] = add_item(item, item.pose, self._client)
+        self.inventory.add(item)
+        self.sleepers.add(item.id)
+
+    def at_rest(self, items: Collection[ObjectId]) -> bool:
+        asleep = self.sleepers.asleep()
+        return all(name in asleep for name in items if name in self._numbers)
+
+    def take_with(self, bin_id: ObjectId, items: Collection[ObjectId]) -> None:
+        """These leave the world with the bin, at rest as far as anybody knows."""
+        for name in items:
+            body = self.true(self._state(name))
+            pb.removeBody(self._numbers.pop(name), self._client)
+            self._bumps.pop(name, None)
+            self.inventory.depart(departed(body, bin_id, body.brought_by))
+        self._ledger = [change for change in self._ledger if change.item not in items]
+        if items:
+            self.sleepers.wake_all()
+
+    def remove(self, item: str) -> None:
+        """A fault: the item is snatched away."""
+        name = self._known(item)
+        self._gone[name] = replace(self._state(name), velocity=STILL, spin=STILL, present=False)
+        self._bumps.pop(name, None)
+        pb.removeBody(self._numbers.pop(name), self._client)
+        self.sleepers.wake_all()
+
+    def change_dynamics(self, item: str, friction: float | None = None, mass: float | None = None) -> None:
+        """A fault: the item becomes slippery, heavier or lighter, for good."""
+        change = DynamicsChange(self._known(item), friction, mass)
+        self._apply(change)
+        forget_contacts(self._numbers[change.item], self._client)
+        self._ledger.append(change)
+        self.sleepers.wake_all()
+
+    def lubricate(self, item: str, friction: float | None, *, again: bool = False) -> None:
+        """A fault: the item has that friction until it is given its own back, None. `again`: it had it when
+        the checkpoint was taken."""
+        name = ObjectId(item)
+        number = self._numbers.get(name)
+        if friction is None:
+            self._slippery.pop(name, None)
+        elif number is not None:
+            self._slippery[name] = friction
+        if number is None:
+            return
+        set_friction(number, self._own_friction(name) if friction is None else friction, self._client)
+        if not again:
+            forget_contacts(number, self._client)
+            self.sleepers.wake_all()
+
+    def _own_friction(self, name: ObjectId) -> float:
+        changed = [c.friction for c in self._ledger if c.item == name and c.friction is not None]
+        return changed[-1] if changed else self.inventory.here[name].entry.friction
+
+    def enlarge(self, item: str, factor: float, pose: Pose) -> None:
+        """A fault: the item is so many times as large from now on, at `pose`; it moves on as it did."""
+        name = self._known(item)
+        before = self._state(name)
+        pb.removeBody(self._numbers[name], self._client)
+        self._numbers[name] = add_item(self.inventory.enlarge(name, factor), pose, self._client)
+        self._ledger.append(DynamicsChange(name, scale=factor))
+        for change in self._ledger:
+            if change.item == name:
+                self._apply(change)
+        if name in self._slippery:
+            set_friction(self._numbers[name], self._slippery[name], self._client)
+        pb.resetBaseVelocity(self._numbers[name], before.velocity, before.spin, self._client)
+        self.sleepers.add(name)
+        self.sleepers.wake_all()
+
+    def bump(self, item: str, velocity: Vector3, spin: Vector3) -> None:
+        """A fault: the item is hit and moves with `velocity`, m/s, and `spin`, rad/s, in the world."""
+        finite(np.array(velocity, dtype=np.float64), f"{item}: velocity", (3,))
+        finite(np.array(spin, dtype=np.float64), f"{item}: spin", (3,))
+        # Whoever sleeps has to be woken first, which takes a step.
+        self._bumps[self._known(item)] = (velocity, spin)
+        self.sleepers.wake_all()
+
+    def _apply(self, change: DynamicsChange) -> None:
+        number = self._numbers.get(change.item)
+        if number is None:
+            return
+        if change.friction is not None and change.item not in self._slippery:
+            set_friction(number, change.friction, self._client)
+        if change.mass is not None:
+            shape = self.inventory.here[change.item].entry.shape
+            set_mass(number, shape, change.mass, self._client)
+
+    def _state(self, name: ObjectId) -> BodyState:
+        if name in self._gone:
+            return self._gone[name]
+        number = self._numbers[name]
+        position, orientation = pb.getBasePositionAndOrientation(number, self._client)
+        velocity, spin = self._bumps.get(name) or pb.getBaseVelocity(number, self._client)
+        return BodyState(name, position, orientation, velocity, spin, present=True)
+
+    def _known(self, item: str) -> ObjectId:
+        name = ObjectId(item)
+        if name in self._numbers:
+            return name
+        if name in self._gone or self.inventory.has_left(item):
+            raise PicktreeError(f"item {item!r} was taken away before")
+        raise PicktreeError(f"there is no item {item!r}; known: {', '.join(self.inventory.here)}")

@@ -1,0 +1,188 @@
+"""The simulated RGB-D camera: colour, depth and stamp. What belongs to which body never leaves pybullet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...world.protocols import Clock, Intrinsics, NoImage, RgbdImage
+from ...world.random_streams import Streams
+from ...world.scene.description import CameraDescription, SceneDescription
+from ...world.values import Pose
+from ..common.colour_shift import shown
+from ..common.sensor_noise import noisy_colour, noisy_depth
+from ..faults.device_faults import Ailments
+from .bodies import add_scenery
+from .engine.client import Client
+from .engine.pybullet_import import pb
+
+LIGHT = (0.3, 0.2, 1.0)
+"""Direction towards the light, in the world."""
+CLOSE = 0.01
+"""The hand is in the picture of a camera on it, and hides what is behind, also where it is too near to be
+measured: what is nearer than this only is not drawn, m."""
+
+
+def intrinsics(camera: CameraDescription) -> Intrinsics:
+    """Pixels are square. TINY renderer's pixel (u, v) lies at (u, v + 1) of the image plane, which is why
+    the centre is half a pixel off the usual place."""
+    width, height = camera.size
+    focal = height / 2 / math.tan(camera.fov / 2)
+    return Intrinsics(width, height, focal, focal, width / 2, height / 2 - 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """Noise-free colour (h, w, 3), and depth (h, w) along the optical axis, m; infinite where nothing is, 0
+    where something is nearer than the camera can measure."""
+
+    colour: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+
+
+class View:
+    """The projection of a camera: renders what stands in a pybullet client."""
+
+    def __init__(self, camera: CameraDescription) -> None:
+        self.camera = camera
+        self._clip = camera.near if camera.on == "world" else min(camera.near, CLOSE)
+        up = self._clip * math.tan(camera.fov / 2)
+        right = up * camera.size[0] / camera.size[1]
+        self._projection = pb.computeProjectionMatrix(-right, right, -up, up, self._clip, camera.far)
+
+    def truly(self, tool: Pose) -> Pose:
+        """The true optical frame in the world, for a tool that truly is at `tool`."""
+        mounted = self.camera.pose @ self.camera.error
+        return mounted if self.camera.on == "world" else tool @ mounted
+
+    def believed(self, tool: Pose) -> Pose:
+        """The optical frame in the world as everybody believes it, for a tool believed to be at `tool`."""
+        return self.camera.pose if self.camera.on == "world" else tool @ self.camera.pose
+
+    def render(self, client: int, optical: Pose) -> Picture:
+        """What the camera with its true optical frame there sees."""
+        width, height = self.camera.size
+        _, _, colour, buffer, _ = pb.getCameraImage(
+            width,
+            height,
+            view_matrix(optical),
+            self._projection,
+            lightDirection=LIGHT,
+            lightColor=(1.0, 1.0, 1.0),
+            shadow=0,
+            lightAmbientCoeff=0.6,
+            lightDiffuseCoeff=0.4,
+            lightSpecularCoeff=0.0,
+            renderer=pb.ER_TINY_RENDERER,
+            flags=pb.ER_NO_SEGMENTATION_MASK,
+            physicsClientId=client,
+        )
+        near, far = self._clip, self.camera.far
+        z = far * near / (far - (far - near) * buffer.reshape(height, width).astype(np.float64))
+        depth = np.where(z < 0.999 * far, z, np.inf).astype(np.float32)
+        if near < self.camera.near:
+            depth[depth < self.camera.near] = 0.0
+        return Picture(colour.reshape(height, width, 4)[:, :, :3].copy(), depth)
+
+
+class Scenery:
+    """What never moves, as cameras see it: fixtures and bins. Filling a picture with a table is four fifths
+    of the cost of rendering, so it is done once for a camera that hangs still, and again for each picture of
+    one that moves."""
+
+    def __init__(self, scene: SceneDescription) -> None:
+        client = Client()
+        add_scenery(scene, client.id)
+        still = [camera for camera in scene.cameras if camera.on == "world"]
+        self._still = {c.name: _still(View(c), client.id) for c in still}
+        self._client = client if len(still) < len(scene.cameras) else None
+        self._scene = scene
+
+    def behind(self, view: View, optical: Pose) -> Picture:
+        """What the camera, its true optical frame there, sees where nothing that moves is in the way."""
+        picture = self._still.get(view.camera.name)
+        if picture is not None and optical == view.truly(Pose()):
+            return picture
+        if self._client is None:  # one that hangs still was knocked
+            self._client = Client()
+            add_scenery(self._scene, self._client.id)
+        return view.render(self._client.id, optical)
+
+
+def _still(view: View, client: int) -> Picture:
+    return view.render(client, view.truly(Pose()))
+
+
+def in_front(front: Picture, behind: Picture) -> Picture:
+    """One picture of two that were taken from the same place."""
+    nearer = front.depth < behind.depth
+    return Picture(
+        np.where(nearer[:, :, None], front.colour, behind.colour),
+        np.where(nearer, front.depth, behind.depth),
+    )
+
+
+class PhysicsCamera:
+    """`protocols.Camera` over pybullet's TINY renderer, which needs no graphics card and is deterministic."""
+
+    def __init__(
+        self,
+        camera: CameraDescription,
+        scenery: Scenery,
+        streams: Streams,
+        client: Client,
+        clock: Clock,
+        tool: Callable[[], Pose],
+        believed_tool: Callable[[], Pose],
+        ailments: Ailments,
+    ) -> None:
+        """`tool`: where the TCP truly is in the world; `believed_tool`: where it is by the encoders. Only a
+        camera on the hand asks."""
+        self.captures = 0
+        self._description = camera
+        self._scenery = scenery
+        self._client = client
+        self._streams = streams
+        self._clock = clock
+        self._tool = tool
+        self._believed_tool = believed_tool
+        self._ailments = ailments
+        self._intrinsics = intrinsics(camera)
+        self._view = View(camera)
+
+    def capture(self) -> RgbdImage:
+        camera, moving = self._description, self._description.on == "hand"
+        trouble = self._ailments.cameras.get(camera.name)
+        optical = self._view.truly(self._tool() if moving else Pose())
+        if trouble is not None:
+            if self._ailments.dropped(camera.name):
+                self.captures += 1
+                raise NoImage(f"{camera.name} gave no image")
+            optical = optical @ trouble.moved
+        seen = in_front(
+            self._view.render(self._client.id, optical), self._scenery.behind(self._view, optical)
+        )
+        rng = self._streams.at(f"sensor/camera/{camera.name}", self.captures)
+        self.captures += 1
+        depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))
+        colour, times = seen.colour, 1.0
+        if trouble is not None:
+            colour, times = shown(colour, trouble.shown), trouble.noise
+        return RgbdImage(
+            camera=camera.name,
+            colour=noisy_colour(colour, rng, times),
+            depth=noisy_depth(depth, camera, rng, times),
+            stamp=self._clock.now,
+            intrinsics=self._intrinsics,
+            camera_in_world=self._view.believed(self._believed_tool() if moving else Pose()),
+        )
+
+
+def view_matrix(optical_in_world: Pose) -> list[float]:
+    """OpenGL's view matrix, by columns; its camera looks along -z with y up."""
+    opengl = optical_in_world.matrix() @ np.diag((1.0, -1.0, -1.0, 1.0))
+    return np.linalg.inv(opengl).T.reshape(-1).tolist()

@@ -1,0 +1,147 @@
+"""The robot's devices as the protocols know them, over the simulated robot body."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....errors import PicktreeError
+from ....world.values import Array, GripperState, JointState, Wrench
+from ...checkpoints.physics_state import GripperCommand, RobotReading
+from ...common.sensor_noise import BodyNoise
+from ...faults.device_faults import Ailments
+from ..engine.step_size import EVERYDAY, RESOLUTION
+from .robot_body import RobotBody, finite
+
+PERIOD = 1 / EVERYDAY
+"""Physics step and control period but in contact, s."""
+
+
+@dataclass(slots=True)
+class Senses:
+    """The last step and what ideal sensors said after it; `protocols.Clock` as well."""
+
+    noise: BodyNoise
+    step: int
+    """How many there were, of whatever length."""
+    reading: RobotReading
+    time: int = 0
+    """Since time 0, in parts of a second as `pace.RESOLUTION` says."""
+    rate: int = EVERYDAY
+    """Steps a second."""
+
+    @property
+    def now(self) -> float:
+        """Simulated seconds since time 0."""
+        return self.time / RESOLUTION
+
+    @property
+    def period(self) -> float:
+        """Of a step, s."""
+        return 1 / self.rate
+
+    def stepped(self, reading: RobotReading) -> bool:
+        """A step has passed. Whether everyday's step would have, too."""
+        everyday = RESOLUTION // EVERYDAY
+        before = self.time // everyday
+        self.step += 1
+        self.time += RESOLUTION // self.rate
+        self.reading = reading
+        return self.time // everyday > before
+
+    @property
+    def everyday_steps(self) -> int:
+        """How many steps it would have been, had all been of the everyday length."""
+        return self.time * EVERYDAY // RESOLUTION
+
+
+class PhysicsArm:
+    """`protocols.Arm`"""
+
+    def __init__(self, senses: Senses, body: RobotBody, ailments: Ailments) -> None:
+        self._senses = senses
+        self._body = body
+        self._ailments = ailments
+        self._shape = (len(body.description.joints),)
+
+    @property
+    def mode(self) -> str:
+        """What drives it now: `follow`, the servo, or `torque`."""
+        return self._body.command.mode
+
+    def read(self) -> JointState:
+        senses, n = self._senses, self._shape[0]
+        reading = senses.reading
+        moving = np.array(reading.position[:n] + reading.velocity[:n])
+        moving += senses.noise.encoders(senses.step)
+        return JointState(moving[:n], moving[n:], np.array(reading.effort[:n]))
+
+    def follow(self, position: Array, velocity: Array) -> None:
+        if self._ailments.stalled:
+            return
+        self._body.follow(
+            finite(position, "arm position", self._shape), finite(velocity, "arm velocity", self._shape)
+        )
+
+    def apply_torque(self, torque: Array) -> None:
+        if self._ailments.stalled:
+            return
+        self._body.apply_torque(finite(torque, "arm torque", self._shape))
+
+
+class PhysicsGripper:
+    """`protocols.Gripper`"""
+
+    def __init__(self, senses: Senses, body: RobotBody) -> None:
+        self._senses = senses
+        self._body = body
+        self._arm_joints = len(body.description.joints)
+
+    def read(self) -> GripperState:
+        reading, fingers, n = self._senses.reading, self._body.fingers, self._arm_joints
+        position = reading.position[n:]
+        width = fingers.width(position) + self._senses.noise.width(self._senses.step)
+        force = fingers.force(position, reading.effort[n:])
+        return GripperState(width, fingers.rate(position, reading.velocity[n:]), force)
+
+    def command(self, width: float, force: float, speed: float | None = None) -> None:
+        """Beyond the gripper's limits the nearest possible is done."""
+        if not (math.isfinite(width) and math.isfinite(force)):
+            raise PicktreeError(f"gripper: width {width}, force {force}; both must be finite")
+        if speed is not None and not (math.isfinite(speed) and speed > 0.0):
+            raise PicktreeError(f"gripper: speed {speed}; it must be finite and above 0")
+        gripper = self._body.description.gripper
+        command = GripperCommand(
+            min(max(width, 0.0), gripper.max_width),
+            min(max(force, 0.0), gripper.max_force),
+            None if speed is None or speed >= gripper.speed else speed,
+        )
+        if command != self._body.grip:
+            self._body.drive_fingers(command)
+
+
+class PhysicsWrench:
+    """`protocols.WrenchSensor`"""
+
+    def __init__(self, senses: Senses, ailments: Ailments) -> None:
+        self._senses = senses
+        self._ailments = ailments
+
+    @property
+    def stamp(self) -> float:
+        """When it last gave a new reading, s."""
+        silence = self._ailments.silence
+        return self._senses.now if silence is None else silence.since
+
+    def read(self) -> Wrench:
+        senses, ailments = self._senses, self._ailments
+        if ailments.silence is not None:
+            return ailments.silence.wrench
+        a, b, c, d, e, f = senses.noise.wrench(senses.step, senses.now, senses.reading.turn)
+        fx, fy, fz, tx, ty, tz = senses.reading.wrench
+        if ailments.biased:
+            more = ailments.off(senses.reading.turn)
+            a, b, c, d, e, f = (one + other for one, other in zip((a, b, c, d, e, f), more, strict=True))
+        return Wrench((fx + a, fy + b, fz + c), (tx + d, ty + e, tz + f))

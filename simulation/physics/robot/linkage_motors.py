@@ -1,0 +1,123 @@
+"""Fingers on knuckles in pybullet, which knows no closed chains and ignores what a joint mimics.
+
+Each finger's knuckle has a motor that is as strong as the grip force asks for, and a gear couples the two.
+The joints beyond a knuckle keep the finger as the other bars of the linkage would: they are held where they
+belong to the knuckle's angle. A gear would do that as well, but pybullet leaves what gears transmit out of
+the wrist's reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ....errors import PicktreeError
+from ....robots.description import GripperDescription
+from ....robots.fingers import LinkedFingers
+from ...checkpoints.physics_state import GripperCommand
+from ..engine.pybullet_import import pb
+
+GAIN = 0.2
+"""Share of a knuckle's error that one step removes."""
+HOLD = 1.0
+"""The same of the joints that follow a knuckle."""
+MOST_PASSED = 3.0
+"""How much of it the bars take up at most, as a multiple of what the knuckle's own torque is."""
+BARS = 200.0
+"""How strong the bars are that keep a finger upright, Nm."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Held:
+    """A joint at by · (position of joint `of`) + offset."""
+
+    joint: int
+    of: int
+    by: float
+    offset: float
+
+
+class LinkageMotors:
+    """The motors of one gripper. Holds nothing but the command: what they do follows from the joints."""
+
+    def __init__(
+        self, body: int, joints: Mapping[str, int], gripper: GripperDescription, client: int
+    ) -> None:
+        linkage = gripper.linkage
+        if linkage is None:
+            raise PicktreeError("the gripper has no linkage")
+        self._body, self._client = body, client
+        self._fingers = LinkedFingers(linkage)
+        self._speed = gripper.speed
+        ratios = {linkage.drive: (1.0, 0.0)}
+        ratios |= {f.joint: (f.multiplier, f.offset) for f in linkage.followers}
+        one, other = linkage.knuckles
+        self.knuckles = joints[one], joints[other]
+        self._ratios = ratios[one], ratios[other]
+        self.gear = -ratios[one][0] / ratios[other][0]
+        """Ratio of the constraint between the knuckles."""
+        self._held: list[_Held] = []
+        for name, (by, offset) in ratios.items():
+            if name in linkage.knuckles:
+                continue
+            of = other if _is_beyond(body, joints[name], joints[other], client) else one
+            share = by / ratios[of][0]
+            self._held.append(_Held(joints[name], joints[of], share, offset - share * ratios[of][1]))
+        self._grip = GripperCommand(0.0, 0.0)
+
+    def drive(self, grip: GripperCommand) -> None:
+        """Move towards an opening; takes effect with the next step."""
+        self._grip = grip
+
+    def before_step(self) -> None:
+        joints = [*self.knuckles, *(held.joint for held in self._held)]
+        states = pb.getJointStates(self._body, joints, physicsClientId=self._client)
+        position = {joint: state[0] for joint, state in zip(joints, states, strict=True)}
+        by, offset = self._ratios[0]
+        angle = (position[self.knuckles[0]] - offset) / by
+        target = self._fingers.angle(self._grip.width)
+        # Each finger makes half of the opening.
+        per_rad = abs(self._fingers.opening_per_rad(angle)) / 2
+        # What the bars take up they pass on to the knuckle that moves them (virtual work).
+        passed_on = dict.fromkeys(self.knuckles, 0.0)
+        for held, state in zip(self._held, states[2:], strict=True):
+            passed_on[held.of] -= held.by * state[3]
+        for joint, (by, offset) in zip(self.knuckles, self._ratios, strict=True):
+            aim = by * target + offset
+            ahead = 1.0 if aim >= position[joint] else -1.0
+            torque = self._grip.force * per_rad / abs(by)
+            # What is gripped presses against the bars; what shakes them in between is not passed on.
+            bars = min(max(ahead * passed_on[joint], 0.0), MOST_PASSED * torque)
+            pb.setJointMotorControl2(
+                self._body,
+                joint,
+                pb.POSITION_CONTROL,
+                targetPosition=aim,
+                force=torque + bars,
+                positionGain=GAIN,
+                velocityGain=1.0,
+                maxVelocity=(self._grip.speed or self._speed) / per_rad * abs(by),
+                physicsClientId=self._client,
+            )
+        velocity = {joint: state[1] for joint, state in zip(joints, states, strict=True)}
+        for held in self._held:
+            pb.setJointMotorControl2(
+                self._body,
+                held.joint,
+                pb.POSITION_CONTROL,
+                targetPosition=held.by * position[held.of] + held.offset,
+                targetVelocity=held.by * velocity[held.of],
+                force=BARS,
+                positionGain=HOLD,
+                velocityGain=1.0,
+                physicsClientId=self._client,
+            )
+
+
+def _is_beyond(body: int, joint: int, knuckle: int, client: int) -> bool:
+    """Whether a joint hangs on another one."""
+    while joint >= 0:
+        joint = int(pb.getJointInfo(body, joint, client)[16])
+        if joint == knuckle:
+            return True
+    return False

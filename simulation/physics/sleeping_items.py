@@ -1,0 +1,166 @@
+"""Items at rest sleep: the engine leaves them out until a body that is awake comes near them.
+
+The engine wakes whole islands, that is all bodies whose bounding boxes overlap, robot included, before it
+solves their contacts; so a sleeping item that is touched behaves as one that never slept. Whatever else may
+set items in motion, such as a body that is taken away or changed, has to say `wake_all`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+
+from ...world.values import ObjectId, Quaternion, Vector3
+from .engine.pybullet_import import pb
+
+EVERY = 12
+"""Steps between two looks at the items."""
+REST_LOOKS = 5
+"""Looks in a row at which an item that rests has not left its place: 0.25 s. What stands off balance falls
+e-fold faster in each fifth of that, so it does not pass for resting."""
+MOVED, TURNED = 5e-5, 5e-4
+"""How far from its place an item at rest may be: m, and a component of its quaternion."""
+STIR = 1e-10
+"""(m/s)² + (rad/s)². What is woken but moves less may fall asleep again at once. The engine's own limit of
+0.05 would freeze an item in the middle of sliding or toppling."""
+DOZE, DOZE_STEPS = 1e-4, 3
+"""Instead of it for so many steps while an item falls asleep: resting contacts tremble up to 7 mrad/s."""
+NEAR = 0.021
+"""The engine widens bounding boxes by its reach for contacts, 20 mm; those that overlap then wake each other.
+Its answers are widened, its questions are not."""
+STILL = (0.0, 0.0, 0.0)
+
+
+class Sleepers:
+    """Watches the items of one pybullet client; their poses alone decide who may sleep."""
+
+    def __init__(self, client: int, running: Callable[[], Collection[int]] = tuple) -> None:
+        """`running` tells which of the fixed bodies move now: what lies on them does not sleep."""
+        self._client = client
+        self._running = running
+        self._numbers: Mapping[ObjectId, int] = {}
+        self._fixed: Collection[int] = ()
+        self._places: dict[ObjectId, tuple[Vector3, Quaternion, int]] = {}
+        self._asleep: set[ObjectId] = set()
+        self._dozing: dict[ObjectId, int] = {}
+        self._steps = 0
+
+    def watch(self, numbers: Mapping[ObjectId, int], fixed: Collection[int]) -> None:
+        """From now on these items, all awake, by pybullet's body numbers; `fixed` bodies wake nothing."""
+        self._numbers, self._fixed = numbers, fixed
+        for body in (*fixed, *numbers.values()):
+            self._set(body, pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
+        for body in fixed:
+            self._set(body, pb.ACTIVATION_STATE_SLEEP, STIR)
+        self._asleep, self._dozing, self._steps = set(), {}, 0
+        self._places = {name: (*self._pose(name), 0) for name in numbers}
+
+    def add(self, name: ObjectId) -> None:
+        """An item has come, awake; its body is in the mapping that is watched."""
+        self._set(self._numbers[name], pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
+        self._places[name] = (*self._pose(name), 0)
+
+    def stand(self, body: int) -> None:
+        """A body has come that never moves; it is in what was given as fixed."""
+        self._set(body, pb.ACTIVATION_STATE_ENABLE_SLEEPING, STIR)
+        self._set(body, pb.ACTIVATION_STATE_SLEEP, STIR)
+        self.wake_all()
+
+    def stepped(self) -> None:
+        """To be called after each step."""
+        self._steps += 1
+        if self._dozing:
+            self._doze()
+        if self._steps % EVERY == 0:
+            self._look()
+
+    def _look(self) -> None:
+        self._notice_woken()
+        resting = {name for name in self._places if self._rests(name)}
+        for name in list(self._places):
+            if name in resting and name not in self._asleep:
+                island = self._island(name)
+                if island is not None and island <= resting | self._asleep:
+                    self.sleep(sorted(island - self._asleep))
+
+    def sleep(self, names: Iterable[ObjectId]) -> None:
+        """Let these sleep from now on."""
+        for name in names:
+            pb.resetBaseVelocity(self._numbers[name], STILL, STILL, self._client)
+            self._set(self._numbers[name], pb.ACTIVATION_STATE_SLEEP, DOZE)
+            self._places.pop(name, None)
+            self._asleep.add(name)
+            self._dozing[name] = DOZE_STEPS
+
+    def wake_all(self) -> None:
+        """An item was changed or taken away, and others may lean on it. The engine wakes them at the end of
+        the next step; velocities that are set before then are lost."""
+        for body in self._numbers.values():
+            self._set(body, pb.ACTIVATION_STATE_WAKE_UP, STIR)
+        self._asleep, self._dozing = set(), {}
+        self._places = {name: (*self._pose(name), 0) for name in self._numbers}
+
+    @property
+    def quiet(self) -> bool:
+        """Everyone sleeps soundly, as far as was seen."""
+        return len(self._asleep) == len(self._numbers) and not self._dozing
+
+    def asleep(self) -> frozenset[ObjectId]:
+        """Who sleeps now."""
+        self._notice_woken()
+        return frozenset(self._asleep)
+
+    def _doze(self) -> None:
+        for name, steps in list(self._dozing.items()):
+            if steps > 1:
+                self._dozing[name] = steps - 1
+            else:
+                del self._dozing[name]
+                pb.changeDynamics(self._numbers[name], -1, sleepThreshold=STIR, physicsClientId=self._client)
+
+    def _notice_woken(self) -> None:
+        """The engine wakes by itself; it holds the velocity of whoever sleeps at exactly zero."""
+        for name, body in self._numbers.items():
+            if name in self._asleep and name not in self._dozing:
+                velocity, spin = pb.getBaseVelocity(body, self._client)
+                if any(velocity) or any(spin):
+                    self._asleep.discard(name)
+                    self._places[name] = (*self._pose(name), 0)
+
+    def _rests(self, name: ObjectId) -> bool:
+        at, turn, looks = self._places[name]
+        position, orientation = self._pose(name)
+        moved = max(abs(a - b) for a, b in zip(at, position, strict=True))
+        turned = max(abs(a - b) for a, b in zip(turn, orientation, strict=True))
+        if moved > MOVED or turned > TURNED:
+            self._places[name] = (position, orientation, 0)
+            return False
+        self._places[name] = (at, turn, looks + 1)
+        return looks + 1 >= REST_LOOKS
+
+    def _island(self, name: ObjectId) -> set[ObjectId] | None:
+        """The item and all that the engine would wake with it; None when the robot or what runs is there."""
+        names = {body: each for each, body in self._numbers.items()}
+        running = self._running()
+        found: set[ObjectId] = set()
+        waiting = [name]
+        while waiting:
+            one = waiting.pop()
+            if one in found:
+                continue
+            found.add(one)
+            low, high = pb.getAABB(self._numbers[one], -1, self._client)
+            near = pb.getOverlappingObjects(
+                [c - NEAR for c in low], [c + NEAR for c in high], physicsClientId=self._client
+            )
+            for body, _ in near:
+                if body in names:
+                    waiting.append(names[body])
+                elif body not in self._fixed or body in running:
+                    return None
+        return found
+
+    def _pose(self, name: ObjectId) -> tuple[Vector3, Quaternion]:
+        return pb.getBasePositionAndOrientation(self._numbers[name], self._client)
+
+    def _set(self, body: int, state: int, stir: float) -> None:
+        pb.changeDynamics(body, -1, activationState=state, sleepThreshold=stir, physicsClientId=self._client)

@@ -1,0 +1,187 @@
+"""The judge: where items really lie at the end, against where the scene says that they belong."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+from ...files.expressions.expression import Expression
+from ...world.scene.description import Bin, Form, SceneDescription
+from ...world.scene.destinations import destination_rule, is_at
+from ...world.scene.feed import Delivery
+from ...world.shapes import bottom
+from ...world.values import ObjectId
+from .seats import Seat
+from .truth import TrueBody
+
+Verdict: TypeAlias = Literal["sorted", "misplaced", "left"]
+
+REST_SPEED = 0.02
+"""Faster than this an item does not lie anywhere, m/s."""
+REST_SPIN = 1.0
+"""rad/s"""
+
+
+DEEP_ENOUGH = 0.8
+"""Share of a hole's depth that the lowest point of an item in it has reached."""
+UPRIGHT = math.radians(5.0)
+"""What leans more than this in a hole does not stand in it."""
+HAIR = 0.15e-3
+"""An item and a fixture that are deeper in each other than this have passed through each other, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemScore:
+    """Where one item belongs and where it is: a bin, a hole, or nothing."""
+
+    id: ObjectId
+    form: Form
+    destination: ObjectId | None
+    bin: ObjectId | None
+    """Bin or hole in which it rests."""
+    verdict: Verdict
+    seat: Seat | None = None
+    """How it is at a hole, measured; None when it is at none."""
+    reason: str = ""
+    """Why what is at a hole is not in it, or may not be."""
+
+
+@dataclass(frozen=True, slots=True)
+class FormScore:
+    """Counts of the items of one form."""
+
+    total: int
+    sorted: int
+    misplaced: int
+    left: int
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """`total` = `sorted` + `misplaced` + `left`: all items that ever came, those taken away with their bins
+    included."""
+
+    total: int
+    sorted: int
+    misplaced: int
+    left: int
+    by_form: Mapping[str, FormScore]
+    items: tuple[ItemScore, ...]
+    outstanding: int = 0
+    """Items that the scene's feed still owes; none of an entry that goes on for ever."""
+
+    def reached(self, goal: str | None = None) -> bool:
+        """Whether an expression over the counts holds; without one: whether everything is sorted, and nothing
+        outstanding."""
+        if goal is None:
+            return self.sorted == self.total and self.outstanding == 0
+        counts = {
+            "total": self.total,
+            "sorted": self.sorted,
+            "misplaced": self.misplaced,
+            "left": self.left,
+            "outstanding": self.outstanding,
+        }
+        return bool(Expression.parse(goal).evaluate(counts))
+
+
+def score(truth: Iterable[TrueBody], scene: SceneDescription) -> Score:
+    """An item is sorted when it rests in the bin of its destination (one without any: when in no bin),
+    misplaced when in another bin, else left: on the table, on the floor, in the hand, or snatched away. One
+    that was taken away with a bin stays in it for good.
+
+    With a hole it is the same: an item rests in one that is of its form, when it is deep enough, upright and
+    in no wall. Where the destination is a fixture any of its holes is right. What is in a wall is misplaced.
+    """
+    truth = tuple(truth)
+    destination = destination_rule(scene.destinations)
+    items = tuple(_judged(body, destination(body), scene.bins) for body in truth)
+    by_form: dict[str, FormScore] = {}
+    for form in dict.fromkeys(item.form for item in items):
+        by_form[form] = FormScore(*_counts(item for item in items if item.form == form))
+    return Score(*_counts(items), by_form, items, _outstanding(truth, scene.deliveries))
+
+
+def _outstanding(truth: Iterable[TrueBody], deliveries: Iterable[Delivery]) -> int:
+    brought = Counter(body.brought_by for body in truth)
+    return sum(max(0, d.total - brought[n]) for n, d in enumerate(deliveries) if d.total is not None)
+
+
+def _judged(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
+    """What was crushed between the fingers is misplaced wherever it is."""
+    place = _judged_by_place(body, destination, bins)
+    if body.crushed <= 0.0:
+        return place
+    reason = f"it was crushed: a finger pressed with {body.crushed:.1f} N"
+    return replace(place, verdict="misplaced", reason=reason)
+
+
+def _judged_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterable[Bin]) -> ItemScore:
+    if body.seat is not None:
+        return _judged_in_hole(body, body.seat, destination)
+    within = body.taken_with or next((b.id for b in bins if lies_in(b, body)), None)
+    verdict: Verdict = "left"
+    if (body.present or body.taken_with is not None) and within == destination:
+        verdict = "sorted"
+    elif within is not None:
+        verdict = "misplaced"
+    return ItemScore(body.id, body.form, destination, within, verdict)
+
+
+def _judged_in_hole(body: TrueBody, seat: Seat, destination: ObjectId | None) -> ItemScore:
+    reason = why_not_seated(body, seat)
+    within, verdict = (None if reason else seat.hole), "left"
+    if seat.penetration > HAIR:
+        verdict = "misplaced"
+    elif within is not None:
+        verdict = "misplaced" if destination is None or not is_at(within, destination) else "sorted"
+    elif destination is None:
+        verdict = "sorted"
+    if verdict == "misplaced" and not reason:
+        reason = f"it belongs into {destination}" if destination else "it belongs into no hole"
+    return ItemScore(body.id, body.form, destination, within, verdict, seat, reason)
+
+
+def why_not_seated(body: TrueBody, seat: Seat) -> str:
+    """What is wrong about an item at a hole; empty when it rests in it."""
+    if seat.penetration > HAIR:
+        return f"it is {1000 * seat.penetration:.2f} mm deep in a wall of {seat.hole}"
+    if not seat.fits:
+        return f"{seat.hole} is no hole for it"
+    if not seat.over:
+        return f"it is {1000 * seat.off:.1f} mm beside {seat.hole}"
+    if seat.depth < DEEP_ENOUGH * seat.bottom:
+        depth, wanted = 1000 * seat.depth, 1000 * seat.bottom
+        return f"it is {depth:.1f} mm deep in {seat.hole}, which is {wanted:.1f} mm deep"
+    if seat.tilt > UPRIGHT:
+        return f"it leans by {math.degrees(seat.tilt):.1f} deg in {seat.hole}"
+    if not _rests(body):
+        return f"it still moves in {seat.hole}"
+    return ""
+
+
+def _rests(body: TrueBody) -> bool:
+    return math.hypot(*body.velocity) <= REST_SPEED and math.hypot(*body.spin) <= REST_SPIN
+
+
+def lies_in(each: Bin, body: TrueBody) -> bool:
+    """Whether the item rests with its centre in the bin's free inside and its lowest point below the rim."""
+    if not body.present or not _rests(body):
+        return False
+    item_in_bin = each.pose.inverse() @ body.pose
+    (x_low, y_low, _), (x_high, y_high, rim) = each.inside()
+    x, y, z = item_in_bin.position
+    return x_low < x < x_high and y_low < y < y_high and z > 0.0 and bottom(body.shape, item_in_bin) < rim
+
+
+def _counts(items: Iterable[ItemScore]) -> tuple[int, int, int, int]:
+    verdicts = [item.verdict for item in items]
+    return (
+        len(verdicts),
+        verdicts.count("sorted"),
+        verdicts.count("misplaced"),
+        verdicts.count("left"),
+    )

@@ -1,0 +1,1 @@
+"""Where items stand when they come, and which ever came."""

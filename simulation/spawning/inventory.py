@@ -1,0 +1,139 @@
+"""Every item that ever came into a run: those that are there, and a short record of those that left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+from ...world.scene.description import SceneDescription
+from ...world.shapes import scaled
+from ...world.values import ObjectId, Pose
+from ..scoring.truth import TrueBody
+from .spawn import SpawnedItem, item_id
+
+
+@dataclass(frozen=True, slots=True)
+class BroughtItem:
+    """What a checkpoint has to say of an item that the scene did not spawn."""
+
+    id: ObjectId
+    kind: str
+    colour: str
+    brought_by: int
+    """The entry of the feed."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepartedItem:
+    """What stays of an item that left with its bin."""
+
+    id: ObjectId
+    kind: str
+    colour: str
+    brought_by: int | None
+    pose: Pose
+    """In the world, as it lay."""
+    taken_with: ObjectId
+
+
+@dataclass(frozen=True, slots=True)
+class InventoryState:
+    """What came after the run began, and what left."""
+
+    brought: tuple[BroughtItem, ...]
+    """In the order of their numbers."""
+    departed: tuple[DepartedItem, ...]
+    """In the order in which they left."""
+
+
+class Inventory:
+    """`here` has what a backend still has to know of: all but what left with a bin, in the order of the
+    numbers. Only one record of each item that left stays, whatever else was known of it."""
+
+    def __init__(self, scene: SceneDescription, spawned: Iterable[SpawnedItem]) -> None:
+        self._scene = scene
+        self._spawned = {item.id: item for item in spawned}
+        self.here: dict[ObjectId, SpawnedItem] = dict(self._spawned)
+        self._departed: dict[ObjectId, TrueBody] = {}
+        self._known = list(self.here)
+
+    @property
+    def spawned(self) -> Iterable[ObjectId]:
+        """What was there when the run began."""
+        return self._spawned
+
+    def next_id(self) -> ObjectId:
+        """Of the next item that comes: no number is given twice."""
+        return item_id(len(self._known))
+
+    def add(self, item: SpawnedItem) -> None:
+        """An item was brought under the `next_id`."""
+        self.here[item.id] = item
+        self._known.append(item.id)
+
+    def enlarge(self, name: ObjectId, factor: float) -> SpawnedItem:
+        """The item is so many times as large from now on; a checkpoint has to say so elsewhere."""
+        item = self.here[name]
+        entry = replace(item.entry, shape=scaled(item.entry.shape, factor))
+        self.here[name] = replace(item, entry=entry)
+        return self.here[name]
+
+    def depart(self, body: TrueBody) -> None:
+        """The item left with a bin, as `body` says."""
+        del self.here[body.id]
+        self._departed[body.id] = body
+
+    def has_left(self, item: str) -> bool:
+        return item in self._departed
+
+    def truth(self, true: Callable[[ObjectId], TrueBody]) -> tuple[TrueBody, ...]:
+        """Every item in the order of the numbers; `true` is asked for those that did not leave."""
+        departed = self._departed
+        return tuple(departed[name] if name in departed else true(name) for name in self._known)
+
+    def state(self) -> InventoryState | None:
+        """For a checkpoint; None when nothing came and nothing left."""
+        brought = tuple(
+            BroughtItem(item.id, item.entry.kind, item.colour, item.brought_by)
+            for item in self.here.values()
+            if item.brought_by is not None
+        )
+        departed = tuple(
+            DepartedItem(b.id, b.kind, b.colour, b.brought_by, b.pose, b.taken_with)
+            for b in self._departed.values()
+            if b.taken_with is not None
+        )
+        return InventoryState(brought, departed) if brought or departed else None
+
+    def restore(self, state: InventoryState | None) -> None:
+        state = state or InventoryState((), ())
+        left = {item.id for item in state.departed}
+        self.here = {name: item for name, item in self._spawned.items() if name not in left}
+        for each in state.brought:
+            entry = self._scene.entry(each.kind)
+            # Where it lies is in the backend's own part of the checkpoint.
+            self.here[each.id] = SpawnedItem(each.id, entry, each.colour, Pose(), False, each.brought_by)
+        self._departed = {item.id: self._body(item) for item in state.departed}
+        self._known = [item_id(n) for n in range(len(self.here) + len(left))]
+
+    def _body(self, item: DepartedItem) -> TrueBody:
+        return departed(
+            TrueBody.of(item.id, self._scene.entry(item.kind), item.colour, item.pose),
+            item.taken_with,
+            item.brought_by,
+        )
+
+
+def departed(body: TrueBody, taken_with: ObjectId, brought_by: int | None) -> TrueBody:
+    """The record of an item that leaves with a bin."""
+    return TrueBody(
+        body.id,
+        body.kind,
+        body.form,
+        body.shape,
+        body.colour,
+        body.pose,
+        present=False,
+        taken_with=taken_with,
+        brought_by=brought_by,
+    )

@@ -1,0 +1,247 @@
+"""Where items stand when a run begins, drawn from the stream `spawn`: from scene and seed alone. Drawing and
+laying out a load serve what is brought later, too."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...errors import PicktreeError
+from ...world.random_streams import Streams
+from ...world.scene.description import CatalogueEntry, SceneDescription, Spawn
+from ...world.shapes import bottom
+from ...world.values import Array, ObjectId, Pose, Quaternion, quaternion_product
+from ..common.footprints import Footprint, distance, footprint, support_height
+from .touching_items import side_by_side
+
+TUMBLE_HEIGHT = 0.1
+"""Free fall of a tumbled item, m."""
+DARTS = 100
+LAYOUTS = 3
+RELAXATIONS = 100
+
+
+@dataclass(frozen=True, slots=True)
+class SpawnedItem:
+    """An item as it is put into the world, before it settles."""
+
+    id: ObjectId
+    entry: CatalogueEntry
+    colour: str
+    pose: Pose
+    """In the world; the lowest point touches what is below, or hangs above it when dropped."""
+    dropped: bool
+    """It falls from `pose` instead of standing there."""
+    brought_by: int | None = None
+    """Which entry of the feed has brought it; None: it was there when the run began."""
+
+
+@dataclass(frozen=True, slots=True)
+class LooseItem:
+    """An item before it has a place."""
+
+    kind: str
+    colour: str
+    turn: Quaternion
+    """Its orientation in the world."""
+
+
+def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
+    """Every item of the scene with its id, colour and pose.
+
+    Raises PicktreeError when an area is too small for its items or nothing is below it.
+    """
+    streams = Streams(seed)
+    taken = standing(scene)
+    items: list[SpawnedItem] = []
+    for n, spawn in enumerate(scene.spawn):
+        where = f"{scene.source or scene.name}: spawn[{n}]"
+        rng = streams.at("spawn", n)
+        load = draw_load(scene, spawn, rng)
+        shapes = [scene.entry(item.kind).shape for item in load]
+        beside = None
+        if spawn.touching:
+            beside = side_by_side(spawn, shapes, [item.turn for item in load], taken, rng)
+            if beside is None:
+                raise _too_small(where, spawn, len(load))
+            load = [replace(item, turn=turn) for item, turn in zip(load, beside.turns, strict=True)]
+        outlines = [footprint(shape, item.turn) for shape, item in zip(shapes, load, strict=True)]
+        places = beside.places if beside is not None else lay_out(spawn, outlines, taken, rng)
+        if places is None:
+            raise _too_small(where, spawn, len(load))
+        for item, place in zip(load, places, strict=True):
+            name = item_id(len(items))
+            items.append(set_down(scene, spawn, item, place, name, where))
+        taken += [o.at(p) for o, p in zip(outlines, places, strict=True)]
+    return tuple(items)
+
+
+def item_id(number: int) -> ObjectId:
+    """The items of a run are numbered in the order in which they came into it."""
+    return ObjectId(f"item_{number:02d}")
+
+
+def draw_load(scene: SceneDescription, spawn: Spawn, rng: np.random.Generator) -> list[LooseItem]:
+    """The items of an entry in the order of its kinds."""
+    entries = [scene.entry(kind) for kind, number in spawn.counts for _ in range(number)]
+    colours = _colours(spawn, len(entries), rng)
+    turns = _turns(spawn, entries, rng)
+    return [LooseItem(e.kind, c, q) for e, c, q in zip(entries, colours, turns, strict=True)]
+
+
+def set_down(
+    scene: SceneDescription, spawn: Spawn, item: LooseItem, place: Array, name: ObjectId, where: str
+) -> SpawnedItem:
+    """The item over `place` (2,), touching what is below it or hanging above when it is dropped.
+
+    Raises PicktreeError when nothing is below; `where` is the entry's place for the message.
+    """
+    x, y = float(place[0]), float(place[1])
+    z = support_height(scene.fixtures, x, y)
+    if z is None:
+        raise PicktreeError(
+            f"{where}: no fixture is below ({x:.3f}, {y:.3f}); the area must lie over a table"
+        )
+    entry = scene.entry(item.kind)
+    z += TUMBLE_HEIGHT if spawn.tumbled else 0.0
+    pose = Pose((x, y, z - bottom(entry.shape, Pose(orientation=item.turn))), item.turn)
+    return SpawnedItem(name, entry, item.colour, pose, spawn.tumbled)
+
+
+def _too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:
+    """That an area has no room for its items."""
+    low, high = _corners(spawn)
+    size = " × ".join(f"{s:.2f}" for s in high - low)
+    return PicktreeError(
+        f"{where}: the area of {size} m is too small for {items} items with a gap of "
+        f"{spawn.gap * 1000:.0f} mm; make it larger, or ask for fewer items or a smaller gap"
+    )
+
+
+def standing(scene: SceneDescription) -> list[Footprint]:
+    """Outlines of bins, of fixtures that stand on another fixture, and of what the robot is not told of."""
+    bins = [
+        footprint(box, pose.orientation).at(pose.position[:2]) for b in scene.bins for box, pose in b.parts()
+    ]
+    raised: list[Footprint] = []
+    for fixture in scene.fixtures:
+        x, y, _ = fixture.pose.position
+        others = [f for f in scene.fixtures if f.id != fixture.id]
+        below = support_height(others, x, y)
+        if below is not None and bottom(fixture.shape, fixture.pose) > below - 1e-3:
+            raised.append(footprint(fixture.shape, fixture.pose.orientation).at((x, y)))
+    return bins + raised + [footprint(f.shape, f.pose.orientation).at(f.pose.position) for f in scene.unknown]
+
+
+def _colours(spawn: Spawn, number: int, rng: np.random.Generator) -> list[str]:
+    colours = [spawn.colours[k % len(spawn.colours)] for k in range(number)]
+    return [colours[k] for k in rng.permutation(number)]
+
+
+def _turns(spawn: Spawn, entries: Sequence[CatalogueEntry], rng: np.random.Generator) -> list[Quaternion]:
+    """Orientation of each item; the share `lying` of the cylinders lies, rounded at random."""
+    cylinders = [k for k, e in enumerate(entries) if e.form == "cylinder"]
+    lying = set(rng.permutation(cylinders)[: int(spawn.lying * len(cylinders) + rng.random())].tolist())
+    turns: list[Quaternion] = []
+    for k in range(len(entries)):
+        yaw = float(rng.uniform(-math.pi, math.pi))
+        free = rng.standard_normal(4)
+        if spawn.tumbled:
+            x, y, z, w = (float(c) for c in free / np.linalg.norm(free))
+            turns.append((x, y, z, w))
+            continue
+        about_z = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+        side = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+        turns.append(quaternion_product(about_z, side) if k in lying else about_z)
+    return turns
+
+
+def lay_out(
+    spawn: Spawn, outlines: Sequence[Footprint], taken: Sequence[Footprint], rng: np.random.Generator
+) -> list[Array] | None:
+    """Centres (2,) such that no two outlines are closer than the gap; the widest is placed first. None when
+    there is no room for all."""
+    for _ in range(LAYOUTS):
+        places = _thrown(spawn, outlines, taken, rng, all_or_none=True)
+        if len(places) == len(outlines):
+            return [places[k] for k in range(len(outlines))]
+    return _relaxed(spawn, outlines, taken, rng)
+
+
+def lay_out_some(
+    spawn: Spawn, outlines: Sequence[Footprint], taken: Sequence[Footprint], rng: np.random.Generator
+) -> Mapping[int, Array]:
+    """As `lay_out` for as many as find room: centres by the number of the outline."""
+    places = lay_out(spawn, outlines, taken, rng)
+    if places is not None:
+        return dict(enumerate(places))
+    return _thrown(spawn, outlines, taken, rng, all_or_none=False)
+
+
+def _thrown(
+    spawn: Spawn,
+    outlines: Sequence[Footprint],
+    taken: Sequence[Footprint],
+    rng: np.random.Generator,
+    *,
+    all_or_none: bool,
+) -> dict[int, Array]:
+    """Each outline where one of so many darts finds room; `all_or_none` ends with the first without."""
+    low, high = _corners(spawn)
+    places: dict[int, Array] = {}
+    for k in sorted(range(len(outlines)), key=lambda k: -outlines[k].reach):
+        others = [*taken, *(outlines[j].at(p) for j, p in places.items())]
+        for _ in range(DARTS):
+            spot = rng.uniform(low, high)
+            if _clear(outlines[k].at(spot), others, spawn.gap):
+                places[k] = spot
+                break
+        else:
+            if all_or_none:
+                break
+    return places
+
+
+def _corners(spawn: Spawn) -> tuple[Array, Array]:
+    low, high = spawn.area
+    return np.array(low), np.array(high)
+
+
+def _clear(one: Footprint, others: Sequence[Footprint], gap: float) -> bool:
+    return all(
+        math.dist(one.centre, other.centre) >= one.reach + other.reach + gap or distance(one, other) >= gap
+        for other in others
+    )
+
+
+def _relaxed(
+    spawn: Spawn, outlines: Sequence[Footprint], taken: Sequence[Footprint], rng: np.random.Generator
+) -> list[Array] | None:
+    """A layout for crowded areas: start anywhere and push apart what is too close."""
+    low, high = _corners(spawn)
+    for _ in range(LAYOUTS):
+        places = [rng.uniform(low, high) for _ in outlines]
+        for _ in range(RELAXATIONS):
+            crowded = False
+            for k, outline in enumerate(outlines):
+                one = outline.at(places[k])
+                for j, other in enumerate([*taken, *(outlines[i].at(places[i]) for i in range(k))]):
+                    away = np.subtract(one.centre, other.centre)
+                    if float(np.hypot(*away)) >= one.reach + other.reach + spawn.gap:
+                        continue
+                    lack = spawn.gap - distance(one, other)
+                    if lack <= 0:
+                        continue
+                    crowded = True
+                    away = away / max(1e-9, float(np.hypot(*away))) * (lack / 2 + 5e-4)
+                    places[k] = np.clip(places[k] + away, low, high)
+                    if j >= len(taken):
+                        i = j - len(taken)
+                        places[i] = np.clip(places[i] - away, low, high)
+                    one = outline.at(places[k])
+            if not crowded:
+                return places
+    return None

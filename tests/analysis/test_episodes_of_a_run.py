@@ -1,0 +1,94 @@
+"""A run's summary and its log tell the same of what was seen, tried and cured."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from picktree.analysis.explain.explain import explain
+from picktree.analysis.explain.investigation.episodes_of_log import episodes_of
+from picktree.analysis.explain.text.rendering import to_json_text, to_text
+from picktree.analysis.run import Run
+from picktree.logs.episodes.episode_counts import CureCount, PlantedCount, added_planted, by_cause
+from picktree.logs.episodes.episode_tally import EpisodesState
+from picktree.session.resume.older_checkpoints import tally_of
+from picktree.session.run_tally import Tally, TallyState
+
+from ..logs.scripted_log import begins, ends, record, tree
+from ..logs.test_episodes import tries
+
+MISSED = CureCount("grasp.missed", "SafeRetreat + Observe", 1, 0, 1, tries=1, seconds=6.65)
+LOST = CureCount("world.unknown_object", "Observe", 1, 0, 1, tries=1, seconds=1.55)
+
+
+def test_the_summary_and_the_log_agree(troubled_log: Path) -> None:
+    with Run(troubled_log) as run:
+        found, result = episodes_of(run), run.result
+        later = tally_of(run, run.end).episodes.so_far(run.end)
+    assert result is not None and result.cures is not None
+    assert {(c.cause, c.cure, c.seen, c.given_up, c.tries) for c in result.cures} == {
+        (c.cause, c.cure, c.seen, c.given_up, c.tries) for c in (MISSED, LOST)
+    }
+    assert found.cures == result.cures == later.cures
+    assert result.planted == (PlantedCount("remove", "grasp.missed", "given_up", 1),) == later.planted
+    assert [each.cause for each in by_cause(result.cures)] == ["grasp.missed", "world.unknown_object"]
+
+
+def test_times_within_a_run_add_up_to_what_its_branches_took(troubled_log: Path) -> None:
+    """From the beginning of the run that failed first to the end of the node that gave up."""
+    with Run(troubled_log) as run:
+        lost = sum(episode.seconds for episode in episodes_of(run).episodes)
+        (given_up,) = [v for v in run.visits if v.id == "Recover" and v.outcome == "FAILURE"]
+    assert abs(lost - given_up.duration) < 1e-6
+
+
+def test_a_checkpoint_keeps_what_was_counted(troubled_log: Path) -> None:
+    with Run(troubled_log) as run:
+        state = tally_of(run, run.end).state()
+    states = TypeAdapter(TallyState)
+    text = states.dump_json(state)
+    assert Tally.resumed(states.validate_json(text)).state() == state
+    older = json.loads(text)
+    del older["episodes"]
+    assert states.validate_python(older).episodes == EpisodesState()
+
+
+def test_the_story_of_a_failure_says_what_cured_it(tmp_path: Path) -> None:
+    nodes = tree("Main", "Main/Recover", "Main/Recover/Grasp", "Main/Recover/LookAgain")
+    recover, grasp, look = "Main/Recover", "Main/Recover/Grasp", "Main/Recover/LookAgain"
+    script = {
+        0: [begins("Main"), begins(recover), begins(grasp, "ball_1")],
+        20: [ends(grasp, "FAILURE", "grasp.missed"), tries(recover, "grasp.missed", "grasp.*", grasp)],
+        21: [begins(look)],
+        40: [ends(look)],
+        41: [begins(grasp, "ball_1")],
+        60: [ends(grasp), ends(recover), ends("Main")],
+    }
+    log = record(tmp_path / "log.mcap", nodes, 61, script)
+    with Run(log) as run:
+        found = explain(run)
+        text = to_text(run, found, "LOG")
+        told = json.loads(to_json_text(run, found))
+    assert (
+        "Recover tried LookAgain for grasp.* (SUCCESS after 0.9 s). Cured by LookAgain after 1 try: "
+        "Recover went on after 2.0 s."
+    ) in " ".join(text.split())
+    assert (
+        "Recovery (1 episode: 1 cured; 2.0 s lost)\n"
+        "  cause         seen  cured  tries   s lost  by\n"
+        "  grasp.missed     1      1    1.0      2.0  LookAgain\n"
+    ) in text
+    (cause,) = told["recovery"]["causes"]
+    assert (cause["cause"], cause["seen"], cause["cured"], cause["seconds"]) == ("grasp.missed", 1, 1, 2.05)
+    assert told["recovery"]["episodes"][told["failures"][0]["episode"]]["cure"] == "LookAgain"
+    assert told["failures"][0]["handled_by"][0]["ran"] == "LookAgain"
+
+
+def test_planted_faults_are_counted_together() -> None:
+    slip = PlantedCount("slip", "grasp.slipped", "cured", 2)
+    assert added_planted([slip, slip, PlantedCount("slip", "", "", 1)]) == (
+        PlantedCount("slip", "", "", 1),
+        PlantedCount("slip", "grasp.slipped", "cured", 4),
+    )

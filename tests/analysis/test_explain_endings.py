@@ -1,0 +1,130 @@
+"""Runs that ended by something else than a skill's failure: conditions, faults of code, a crash, edits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from picktree.analysis import Run
+from picktree.analysis.explain.text.rendering import notes_on, to_text
+from picktree.session.session import RunRequest, Session
+
+from ..session.test_watch import LOGGED, MISSION, Editor
+
+HEAD = "picktree: 1\nkind: mission\nscene: sort_small\n"
+PLUGIN = """
+from picktree.trees.ports import In, port
+from picktree.trees.skill import Skill, Steps
+from picktree.cell.world import World
+
+
+class Broken(Skill):
+    '''Fails by a fault of its own.'''
+
+    uses = ()
+    example = "Broken"
+
+    def run(self, world: World) -> Steps:
+        yield
+        raise ZeroDivisionError("one over nothing")
+
+
+NODES = (Broken,)
+"""
+
+
+def run(folder: Path, trees: str) -> Path:
+    (folder / "mission.yaml").write_text(HEAD + trees, encoding="utf-8")
+    request = RunRequest(mission=folder / "mission.yaml", backend="kinematic", out=folder)
+    return Session(request).run().folder
+
+
+def test_a_condition_that_does_not_hold(tmp_path: Path) -> None:
+    folder = run(
+        tmp_path, "trees:\n  Main:\n    Sequence:\n      - AlwaysSuccess\n      - Condition: {if: 1 > 2}\n"
+    )
+    with Run(folder) as log:
+        found = log.explanation
+    assert found.outcome.sentence == (
+        "the mission ended in FAILURE: a condition did not hold; 0 of 4 items are where they belong, 4 left"
+    )
+    assert found.failures == ()
+    (cause,) = found.root_causes
+    assert (cause.cause, cause.ended_run) == ("tree.condition", True)
+    assert cause.title == "a condition did not hold, and the mission ends there: 1 > 2"
+    assert cause.reasons == ("Main/Sequence/Condition was asked at 0.00 s",)
+
+
+def test_an_item_that_still_rolls_in_its_bin_when_the_mission_ends(tmp_path: Path) -> None:
+    (tmp_path / "one_ball.yaml").write_text(
+        "picktree: 1\nkind: scene\nbase: sort_small\nspawn:\n"
+        "  - {of: {ball: 1}, colours: [red], area: {min: [0.4, -0.1], max: [0.6, 0.1]}}\n"
+    )
+    (tmp_path / "mission.yaml").write_text(
+        "picktree: 1\nkind: mission\nscene: one_ball.yaml\ntrees:\n  Main:\n    Sequence:\n"
+        '      - Observe: {camera: overhead, objects: "{items}"}\n'
+        '      - ForEach: {in: "{items}", out: "{item}", do: {Sequence: [{Grasp: {object: "{item}"}}, '
+        '{Place: {object: "{item}", into: red_bin}}]}}\n'
+        "      - Observe: {camera: overhead}\n"
+    )
+    faults = tmp_path / "faults.yaml"
+    faults.write_text(
+        "picktree: 1\nkind: faults\nfaults:\n  - {fault: bump, when: {node: Observe, start: 2}, "
+        "target: {kind: ball}, velocity: [0, 0.2, 0]}\n"
+    )
+    result = Session(RunRequest(tmp_path / "mission.yaml", faults=faults, out=tmp_path)).run()
+    assert (result.status, result.items.sorted) == ("incomplete", 0)
+    with Run(result.folder) as log:
+        (cause,) = log.explanation.root_causes
+        (story,) = log.explanation.items
+    assert (cause.cause, cause.ended_run) == ("place.not_at_rest", True)
+    assert cause.title == "red_ball_1 still moved in red_bin when the mission ended"
+    assert story.truth == "truly in red_bin, where it belongs, but does not rest in it"
+
+
+def test_a_fault_in_the_code_of_a_node(tmp_path: Path) -> None:
+    (tmp_path / "broken.py").write_text(PLUGIN, encoding="utf-8")
+    with Run(run(tmp_path, "plugins: [broken.py]\ntrees:\n  Main:\n    Broken\n")) as log:
+        (cause,) = log.explanation.root_causes
+        (failure,) = log.failures
+    assert (cause.cause, cause.ended_run, failure.fate) == ("internal.error", True, "ended")
+    assert "one over nothing" in cause.title
+    assert cause.reasons[-1] == "ZeroDivisionError: one over nothing"
+
+
+def test_a_program_that_died_while_it_ran(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mission.yaml").write_text(
+        HEAD + "trees:\n  Main:\n    GoTo: {pose: rest}\n", encoding="utf-8"
+    )
+    session = Session(RunRequest(mission=tmp_path / "mission.yaml", backend="kinematic", out=tmp_path))
+
+    def die(period: float) -> None:
+        if session.world.clock.now > 0.5:
+            raise RuntimeError("the power is gone")
+        step(period)
+
+    step = session.world.control.step_tick
+    monkeypatch.setattr(session.world.control, "step_tick", die)
+    with pytest.raises(RuntimeError):
+        session.run()
+    with Run(session.folder) as log:
+        found = log.explanation
+    assert found.outcome.status == "crashed"
+    assert found.outcome.sentence.startswith("the run was ended at ")
+    assert found.outcome.sentence.endswith("by an error of the program (RuntimeError) while GoTo was running")
+    assert [cause.cause for cause in found.root_causes] == ["run.crashed"]
+
+
+def test_a_mission_that_was_edited_while_it_ran(tmp_path: Path) -> None:
+    mission = tmp_path / "mission.yaml"
+    mission.write_text(MISSION, encoding="utf-8")
+    editor = Editor(tmp_path, {0.3: {"mission.yaml": LOGGED}})
+    session = Session(RunRequest(mission=mission, backend="kinematic", out=tmp_path), edits=editor)
+    editor.clock = lambda: session.world.clock.now
+    folder = session.run().folder
+    with Run(folder) as log:
+        (note,) = notes_on(log)
+        text = to_text(log, log.explanation, str(folder))
+    assert note.startswith("the mission was edited while it ran, at ")
+    assert "Note: the mission was edited while it ran" in text

@@ -1,0 +1,95 @@
+"""Why an item got away from the fingers, by what they pressed with and what the wrist felt: each limit."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from picktree.analysis.explain.causes.slip_causes import not_held, too_heavy
+from picktree.analysis.explain.investigation.case import Case
+from picktree.analysis.explain.investigation.explanation import FailureStory
+from picktree.logs.series import JointSeries, WrenchSeries
+from picktree.world.scene.description import CatalogueEntry
+from picktree.world.shapes import Box
+
+ITEM = "red_block_1"
+ENTRY = CatalogueEntry("block", "box", Box((0.04, 0.04, 0.04)), 0.5, 0.6)
+"""4.9 N of weight."""
+
+
+def case(pressed: float, pulled: float, entry: CatalogueEntry = ENTRY) -> Case:
+    """A log of two seconds: fingers that stood open close, press with one force while the wrist feels one
+    pull, and let go."""
+    times = np.arange(40) * 0.05
+    closed, gone = times >= 0.5, times >= 1.5
+    width = np.where(closed & ~gone, 0.02, 0.04) * np.where(gone, 0.0, 1.0)
+    force = np.where(closed & ~gone, pressed, 0.0)
+    fingers, efforts = np.stack([width, width], axis=1), np.stack([force, force], axis=1)
+    down = np.where((times >= 0.8) & (times < 1.4), -pulled, 0.0)
+    run = SimpleNamespace(
+        joints=JointSeries(("finger_1", "finger_2"), times, fingers, np.zeros((40, 2)), efforts),
+        wrenches=WrenchSeries(times, np.stack([0 * down, 0 * down, down], axis=1), np.zeros((40, 3))),
+        picks=(),
+    )
+    attached = SimpleNamespace(time=0.6, record=SimpleNamespace(data={"reason": "attached to the gripper"}))
+    told: dict[str, Any] = {
+        "run": run,
+        "family": SimpleNamespace(visits=[SimpleNamespace(start=0.0, end=1.9, item=ITEM)]),
+        "pairs": {ITEM: "item_00"},
+        "entry": lambda _: entry,
+        "changes": lambda *_, **__: [attached],
+        "believed_at": lambda _: [SimpleNamespace(id=ITEM, attached=True)],
+    }
+    return cast("Case", SimpleNamespace(**told))
+
+
+def failure(cause: str = "grasp.slipped", **evidence: object) -> FailureStory:
+    told = {"cause": cause, "item": ITEM, "time": 1.9, "node": "Main/Grasp", "evidence": evidence}
+    return cast("FailureStory", SimpleNamespace(**told))
+
+
+@pytest.mark.parametrize(
+    ("pressed", "pulled", "cause", "title"),
+    [
+        # At 20 N, 24 N are held with the catalogue's friction: slippery is what slips under less than half.
+        (
+            20.0,
+            11.5,
+            "item.slippery",
+            "red_block_1 is slipperier than its kind: its friction is at most 0.29",
+        ),
+        (20.0, 12.5, "", ""),
+        # Three times the weight, and 3 N of jolts: from 17.7 N on it is another weight.
+        (20.0, 17.0, "", ""),
+        (20.0, 18.3, "item.heavy", "red_block_1 is heavier than its kind: it slipped under 18 N"),
+        # With less than 1.3 times the weight it was the mission's fault.
+        (5.2, 1.0, "grasp.weak", "red_block_1 was gripped with too little force: 5.2 N a finger"),
+        (5.5, 1.0, "item.slippery", "red_block_1 is slipperier than its kind: its friction is at most 0.10"),
+    ],
+)
+def test_what_slipped_was_slippery_heavy_or_gripped_too_gently(
+    pressed: float, pulled: float, cause: str, title: str
+) -> None:
+    found = not_held(case(pressed, pulled), failure())
+    assert (("", "") if found is None else (found.cause, found.title)) == (cause, title)
+
+
+def test_what_was_missed_did_not_slip() -> None:
+    assert not_held(case(20.0, 1.0), failure("grasp.missed")) is None
+
+
+@pytest.mark.parametrize(
+    ("pull", "tilt", "heavy"), [(18.3, 0.0, True), (17.0, 0.0, False), (18.3, 0.5, True), (18.3, 0.7, False)]
+)
+def test_what_stops_the_arm_and_pulls_straight_down_is_heavy(pull: float, tilt: float, heavy: bool) -> None:
+    force = [pull * np.sin(tilt), 0.0, -pull * np.cos(tilt)]
+    found = too_heavy(case(20.0, 1.0), failure("safety.force_limit", force=force))
+    assert (found is not None) is heavy
+    direction = [np.sin(tilt), 0.0, -np.cos(tilt)]
+    found = too_heavy(case(20.0, 1.0), failure("world.disturbed", force=pull, direction=direction))
+    assert (found is not None) is heavy
+    if found is not None:
+        assert found.title == "red_block_1 is heavier than its kind: it pulled the hand down with 18 N"

@@ -1,0 +1,201 @@
+"""Tables of a run: the same rows in CSV and in Parquet, and all of what the log says."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+import pytest
+from pyarrow import csv as arrow_csv
+from pyarrow import parquet
+
+from picktree.analysis import Run
+from picktree.analysis.export.exporting import export
+from picktree.analysis.export.tables.columns import Says, Table, columns
+from picktree.analysis.export.tables.csv_file import read_csv, write_csv
+from picktree.analysis.export.tables.parquet_file import read_parquet, write_parquet
+from picktree.analysis.export.tables.tables import TABLES
+from picktree.errors import PicktreeError
+from picktree.logs.optional_libraries import adding
+
+GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
+
+
+@pytest.fixture(scope="module")
+def run(troubled_log: Path) -> Iterator[Run]:
+    with Run(troubled_log) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def folders(run: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    out = tmp_path_factory.mktemp("tables")
+    for form in ("csv", "parquet"):
+        export(run, form, out / form)
+    return {form: out / form for form in ("csv", "parquet")}
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
+def test_both_forms_read_back_as_the_rows_of_the_run(
+    table: Table[Any], run: Run, folders: dict[str, Path]
+) -> None:
+    rows = tuple(table.rows(run))
+    assert read_csv(folders["csv"] / f"{table.name}.csv", table) == rows
+    assert read_parquet(folders["parquet"] / f"{table.name}.parquet", table) == rows
+
+
+def test_the_tables_hold_what_the_run_holds(run: Run) -> None:
+    counts = {table.name: len(tuple(table.rows(run))) for table in TABLES}
+    assert run.result is not None
+    assert counts["ticks"] == len(run.ticks) > 100
+    assert counts["visits"] == len(run.visits) > 10
+    assert counts["picks"] == run.result.picks.tried > 0
+    assert counts["plans"] == len(run.plans) > 0
+    assert counts["events"] == len(run.events) > 0
+    assert counts["failures"] == len(run.failures) > 0
+    assert counts["items"] == len(run.explanation.items)
+    assert counts["joints"] == len(run.joints.times) * len(run.joints.names)
+    assert counts["wrenches"] == len(run.wrenches.times)
+
+
+def test_a_parquet_column_has_a_type_a_unit_and_a_meaning(folders: dict[str, Path]) -> None:
+    schema = parquet.read_table(folders["parquet"] / "picks.parquet").schema
+    width, held = schema.field("width"), schema.field("held")
+    assert (str(width.type), width.nullable) == ("double", True)
+    assert width.metadata == {
+        b"unit": b"m",
+        b"meaning": b"opening of the fingers after they closed",
+    }
+    assert (str(held.type), held.nullable) == ("bool", False)
+
+
+def test_csv_is_what_the_rfc_says(folders: dict[str, Path]) -> None:
+    data = (folders["csv"] / "visits.csv").read_bytes()
+    assert data.startswith(b"visit,path,id,item,attempt,parent,start,end,duration,")
+    assert data.endswith(b"\r\n")
+    with (folders["csv"] / "visits.csv").open(encoding="utf-8", newline="") as file:
+        lines = list(csv.reader(file, strict=True))
+    assert {len(line) for line in lines} == {len(lines[0])}
+
+
+@dataclasses.dataclass(frozen=True)
+class Odd:
+    text: Annotated[str, Says("anything")]
+    number: Annotated[float | None, Says("may be missing", "m")]
+    yes: Annotated[bool | None, Says("may be missing")]
+
+
+ODD = Table("odd", "something odd", Odd, lambda run: ())
+TEXTS = (
+    "", "plain", 'a "quoted", text\nof two lines', "=1+1", "+49", "-1", "@SUM(A1)", "\tx", "'=1", "''-2",
+    "'quoted'", "µm – °",
+)  # fmt: skip
+
+
+def test_odd_texts_survive_and_no_cell_is_a_formula(tmp_path: Path) -> None:
+    rows = [
+        Odd(text, None if k % 2 else 0.1 + 0.2, None if k % 3 else k % 2 == 0) for k, text in enumerate(TEXTS)
+    ]
+    assert write_csv(tmp_path / "odd.csv", ODD, rows) == len(rows)
+    write_parquet(tmp_path / "odd.parquet", ODD, rows)
+    assert read_csv(tmp_path / "odd.csv", ODD) == tuple(rows)
+    assert read_parquet(tmp_path / "odd.parquet", ODD) == tuple(rows)
+    with (tmp_path / "odd.csv").open(encoding="utf-8", newline="") as file:
+        cells = [line[0] for line in csv.reader(file)][1:]
+    assert not [cell for cell in cells if cell[:1] in "=+-@\t\r" and cell]
+    assert cells[3:6] == ["'=1+1", "'+49", "'-1"]
+
+
+def test_every_column_says_what_it_holds() -> None:
+    names = [table.name for table in TABLES]
+    assert len(set(names)) == len(names)
+    for table in TABLES:
+        for column in table.columns:
+            assert column.meaning, f"{table.name}.{column.name}"
+    assert [column.kind for column in columns(Odd)] == ["text", "float", "bool"]
+
+
+def test_the_document_names_every_table_and_column() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "viewers.md").read_text(encoding="utf-8")
+    for table in TABLES:
+        assert f"| `{table.name}` | {table.meaning} |" in text
+        for column in table.columns:
+            unit = f" ({column.unit})" if column.unit else ""
+            assert f"| `{column.name}`{unit} | {column.meaning} |" in text, f"{table.name}.{column.name}"
+
+
+def test_a_log_of_format_1_says_what_it_lacks(tmp_path: Path) -> None:
+    with Run(GOLDEN) as run:
+        written = export(run, "csv", tmp_path / "tables")
+    assert written.notes == (
+        "a log of format 1 has no transitions: what nodes did and how they failed is told in part",
+    )
+    counts = {path.stem: rows for path, rows in written.rows.items()}
+    assert counts["ticks"] == 60
+    assert written.to_text().splitlines()[2] == f"{tmp_path}/tables/ticks.csv            60 rows"
+
+
+def test_a_log_that_was_cut_is_exported_with_a_note(run: Run, tmp_path: Path) -> None:
+    data = run.path.read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
+    with Run(tmp_path / "cut.mcap") as cut:
+        written = export(cut, "csv", tmp_path / "tables")
+        assert written.notes == (cut.recovered,)
+    assert 0 < written.rows[tmp_path / "tables" / "ticks.csv"] < len(run.ticks)
+
+
+def test_what_cannot_be_written_is_one_sentence_and_leaves_nothing(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(PicktreeError) as raised:
+        export(run, "csv", tmp_path / "file")
+    assert str(raised.value) == f"{tmp_path}/file cannot be written: file exists"
+
+
+def test_an_export_that_stops_half_way_leaves_the_former_files(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    export(run, "csv", tmp_path)
+    before = (tmp_path / "run.csv").read_bytes()
+
+    def full(path: Path, table: object, rows: object) -> int:
+        path.write_text("half")
+        if path.name.endswith("joints.csv"):
+            raise OSError(28, "No space left on device")
+        return 0
+
+    monkeypatch.setattr("picktree.analysis.export.tables.csv_file.write_csv", full)
+    with pytest.raises(PicktreeError) as raised:
+        export(run, "csv", tmp_path)
+    assert str(raised.value) == f"{tmp_path} cannot be written: no space left on device"
+    assert (tmp_path / "run.csv").read_bytes() == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(f"{t.name}.csv" for t in TABLES)
+
+
+def test_without_pyarrow_the_extra_is_named(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, "picktree.analysis.export.tables.parquet_file", raising=False)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(PicktreeError) as raised:
+        export(run, "parquet", tmp_path / "out")
+    assert str(raised.value) == f"An export to Parquet needs the extra 'parquet': {adding('parquet')}"
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
+def test_another_reader_of_csv_finds_the_same(table: Table[Any], folders: dict[str, Path]) -> None:
+    """pyarrow's, which guesses the types as pandas does."""
+    read = arrow_csv.read_csv(
+        folders["csv"] / f"{table.name}.csv",
+        parse_options=arrow_csv.ParseOptions(newlines_in_values=True),
+    )
+    typed = parquet.read_table(folders["parquet"] / f"{table.name}.parquet")
+    assert read.schema.names == typed.schema.names
+    assert read.num_rows == typed.num_rows
+    for column in table.columns:
+        if column.kind in ("int", "float", "bool"):
+            assert read.column(column.name).to_pylist() == typed.column(column.name).to_pylist()

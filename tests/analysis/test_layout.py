@@ -1,0 +1,236 @@
+"""The layout, judged by Lichtblick's own rules: its grammar, its parser of schemas, its camera."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from google.protobuf.json_format import MessageToDict
+
+from picktree.analysis import Run
+from picktree.analysis.export.layout.lanes import LEAVES, lanes
+from picktree.analysis.export.layout.layout import Layout, layout, paths_of
+from picktree.analysis.export.layout.layout_format import Split
+from picktree.analysis.export.layout.message_path import literal, parse, values
+from picktree.analysis.export.layout.view_3d import camera_state
+from picktree.logs.run_log import RunLog
+from picktree.logs.schema import topics
+
+GOLDEN = Path(__file__).parents[1] / "logs" / "golden"
+
+
+@pytest.fixture(scope="module")
+def made(troubled_log: Path) -> Layout:
+    with Run(troubled_log) as run:
+        return layout(run)
+
+
+def messages(log: RunLog, topic: str) -> Iterator[object]:
+    """As a viewer has them: JSON parsed, protobuf with all of its fields."""
+    for raw in log.messages([topic]):
+        if log.topics[topic].encoding == "json":
+            yield json.loads(raw.data)
+        else:
+            from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+
+            assert topic == topics.JOINTS.name
+            message = JointStates.FromString(raw.data)
+            yield MessageToDict(
+                message, preserving_proto_field_name=True, always_print_fields_with_no_presence=True
+            )
+
+
+def test_every_message_path_finds_something_in_the_log(troubled_log: Path, made: Layout) -> None:
+    empty: list[str] = []
+    with RunLog(troubled_log) as log:
+        for key, panel in made.panels:
+            for text in paths_of(panel):
+                path = parse(text)
+                assert path.topic in log.topics, text
+                if not any(values(path, message) for message in messages(log, path.topic)):
+                    empty.append(f"{key} {text}")
+    assert empty == []
+
+
+def test_a_lane_has_one_status_in_every_tick(troubled_log: Path, made: Layout) -> None:
+    panels = dict(made.panels)
+    paths = [t for t in paths_of(panels["StateTransitions!picktree0"]) if t.startswith("/bt/tick.")]
+    assert len(paths) > 5
+    with RunLog(troubled_log) as log:
+        for message in messages(log, topics.TICK.name):
+            for text in paths:
+                (status,) = values(parse(text), message)
+                assert status in ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+
+
+def test_lanes_are_the_root_and_what_took_time_in_the_trees_order(troubled_log: Path) -> None:
+    with Run(troubled_log) as run:
+        chosen = lanes(run)
+        order = [node.path for node in run.trees[0].record.nodes]
+        idle = {n.path for n in run.trees[0].record.nodes} - {visit.path for visit in run.visits}
+    assert [lane.label for lane in chosen] == [
+        "Main",
+        "Repeat/Sequence",
+        "Sequence/Observe",
+        "ForEach",
+        "SortOne",
+        "Recover/Sequence",
+        "Grasp",
+        "Place",
+        "grasp.missed",
+        "grasp.missed/SafeRetreat",
+        "grasp.missed/Observe",
+        "world.unknown_object/Observe",
+        "give_up/SafeRetreat",
+        "GoTo",
+    ]
+    assert all(lane.path.endswith(lane.label) for lane in chosen)
+    paths = [lane.path for lane in chosen]
+    assert paths == sorted(paths, key=order.index)
+    assert idle and not idle & set(paths)
+    assert len(chosen) <= LEAVES + 6
+
+
+def test_the_arrangement_holds_every_panel_once(made: Layout) -> None:
+    def leaves(node: str | Split) -> Iterator[str]:
+        if not isinstance(node, str):
+            assert 0 < node["splitPercentage"] < 100
+            yield from leaves(node["first"])
+            yield from leaves(node["second"])
+            return
+        yield node
+        panel = made.file["configById"][node]
+        if "tabs" in panel:
+            assert 0 <= panel["activeTabIdx"] < len(panel["tabs"])
+            for tab in panel["tabs"]:
+                yield from leaves(tab["layout"])
+
+    placed = list(leaves(made.file["layout"]))
+    assert sorted(placed) == sorted(made.file["configById"])
+    kinds = {key.split("!")[0] for key in placed}
+    assert kinds == {"3D", "StateTransitions", "Plot", "RawMessages", "Image", "RosOut", "Tab"}
+
+
+def test_the_topics_of_the_panels_are_those_of_the_log(troubled_log: Path, made: Layout) -> None:
+    panels: dict[str, Any] = dict(made.panels)
+    with RunLog(troubled_log) as log:
+        for key, panel in panels.items():
+            if key.startswith("3D!"):
+                assert set(panel["topics"]) <= set(log.topics)
+                frames = {f"frame:{t.child}" for at in log.transforms() for t in at.record}
+                assert set(panel["transforms"]) == {"frame:world", *frames}
+            if key.startswith("Image!"):
+                assert {panel["imageMode"]["imageTopic"], panel["imageMode"]["calibrationTopic"]} <= set(
+                    log.topics
+                )
+        assert log.topics[panels["RosOut!picktree0"]["topicToRender"]].schema == "foxglove.Log"
+
+
+def test_the_camera_sees_all_of_a_sphere() -> None:
+    centre, radius = np.array([0.3, -0.1, 0.4]), 0.7
+    state = camera_state(centre, radius)
+    # three.js: Spherical(distance, phi, theta) about y, turned by 90 degrees about x
+    phi, theta = math.radians(state["phi"]), -math.radians(state["thetaOffset"])
+    x, y, z = math.sin(phi) * math.sin(theta), math.cos(phi), math.sin(phi) * math.cos(theta)
+    eye = np.array(state["targetOffset"]) + state["distance"] * np.array([x, -z, y])
+    away = float(np.linalg.norm(eye - centre))
+    towards = (eye - centre) / away
+    assert math.degrees(math.atan2(towards[1], towards[0])) == pytest.approx(-30.0)  # before the robot
+    assert math.degrees(math.asin(towards[2])) == pytest.approx(25.0)
+    half = math.degrees(math.asin(radius / away))
+    assert 0.8 * state["fovy"] / 2 < half < state["fovy"] / 2
+
+
+def refused(schema: dict[str, Any], where: str = "") -> list[str]:
+    """What Lichtblick's reader of JSON schemas would raise, as its parseJsonSchema.ts reads."""
+    if schema.get("type") != "object" or not isinstance(schema.get("properties"), dict):
+        return [f"{where}: no object with properties"]
+    found: list[str] = []
+    for name, field in schema["properties"].items():
+        at = f"{where}.{name}"
+        kind = field.get("type")
+        if kind == "array":
+            field = field["items"]
+            kind = field.get("type")
+        if kind == "object":
+            found += refused(field, at)
+        elif kind not in ("boolean", "string", "number", "integer"):
+            found.append(f"{at}: {kind}")
+    return found
+
+
+@pytest.mark.parametrize("topic", [t for t in topics.FIXED if t.encoding == "json"], ids=lambda t: t.name)
+def test_lichtblick_reads_the_schema(topic: topics.Topic) -> None:
+    assert refused(json.loads(topic.schema_data())) == []
+
+
+def test_what_lichtblick_refuses_is_seen() -> None:
+    schema = {
+        "type": "object",
+        "properties": {
+            "any": {},
+            "free": {"type": "object"},
+            "path": {"type": "array", "items": {"type": "array", "items": {"type": "number"}}},
+        },
+    }
+    assert refused(schema) == [".any: None", ".free: no object with properties", ".path: array"]
+
+
+def test_a_log_of_an_older_format_has_a_layout() -> None:
+    with Run(GOLDEN / "small.mcap") as run:
+        paths = paths_of(dict(layout(run).panels)["StateTransitions!picktree0"])
+    assert paths == (
+        "/bt/tick.root_status",
+        '/bt/tick.nodes[:]{path=="/Main"}.status',
+        '/bt/tick.nodes[:]{path=="/Main/Grasp"}.status',
+        '/events{kind=="recovery"}.message',
+    )
+
+
+def test_a_log_that_was_cut_has_a_layout(troubled_log: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    data = troubled_log.read_bytes()
+    cut.write_bytes(data[: len(data) // 2])
+    with Run(cut) as run:
+        assert run.recovered
+        kinds = {key.split("!")[0] for key, _ in layout(run).panels}
+    assert {"3D", "StateTransitions", "Plot", "RosOut"} <= kinds
+
+
+def test_message_paths_are_read_as_the_viewers_do() -> None:
+    message = {
+        "nodes": [
+            {"path": "A", "status": "RUNNING", "n": {"k": 1}},
+            {"path": 'say "hi"', "status": "IDLE", "n": {"k": 2}},
+        ],
+        "kind": "fault",
+    }
+
+    def found(text: str) -> tuple[object, ...]:
+        return values(parse(text), message)
+
+    assert found('/t.nodes[:]{path=="A"}.status') == ("RUNNING",)
+    assert found("/t.nodes[:]{path=='say \"hi\"'}.status") == ("IDLE",)
+    assert found("/t.nodes[1].status") == found("/t.nodes[-1].status") == ("IDLE",)
+    assert found("/t.nodes[0:1].n.k") == (1, 2)
+    assert found("/t.nodes[:]{n.k>1}.path") == ('say "hi"',)
+    assert found('/t{kind=="fault"}.kind') == ("fault",)
+    assert found('/t{kind!="fault"}.kind') == found("/t.nothing") == found("/t.nodes[7]") == ()
+    assert found("/t.kind[0]") == ()  # a string is no list
+
+
+@pytest.mark.parametrize("text", ["", ".a", "/t.", "/t[0]", "/t.a[]", "/t.a[:]{b=c}", "/t.a{b==1.5}"])
+def test_what_is_no_message_path_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"begins with no topic|no field, slice or filter at"):
+        parse(text)
+
+
+def test_a_text_with_both_quotes_cannot_be_filtered_by() -> None:
+    assert literal("Main/Grasp") == '"Main/Grasp"'
+    assert literal('say "hi"') == "'say \"hi\"'"
+    assert literal('"it\'s"') is None

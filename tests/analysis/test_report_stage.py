@@ -1,0 +1,195 @@
+"""What moves in a report: poses over ticks, and the truth between the seconds at which it was written."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from picktree.analysis.report.page_data.body_frames import Believed, Look, Sampled, spans
+from picktree.analysis.report.page_data.body_motion import motion_of
+from picktree.analysis.report.page_data.packing import Quantised
+from picktree.analysis.report.page_data.poses import between, composed, continuous, filled, inverse, row
+from picktree.analysis.report.page_data.truth_matching import matched, track
+from picktree.analysis.report.panels.models import MOST_FACES, packed_link
+from picktree.analysis.report.panels.stage import pack_stage
+from picktree.analysis.run import Run
+from picktree.logs.meshes.binary_gltf import write_glb
+from picktree.logs.meshes.triangle_meshes import joined, shape_mesh
+from picktree.logs.schema.records import Body, LinkMesh
+from picktree.world.shapes import Box, Sphere
+from picktree.world.values import Array, Pose
+
+STILL = row(Pose())
+
+
+def poses(n: int = 40) -> tuple[list[Pose], Array]:
+    rng = np.random.default_rng(5)
+    found = []
+    for _ in range(n):
+        q = rng.normal(size=4)
+        x, y, z, w = (float(c) for c in q / np.linalg.norm(q))
+        a, b, c = (float(v) for v in rng.uniform(-1, 1, 3))
+        found.append(Pose((a, b, c), (x, y, z, w)))
+    return found, np.array([row(pose) for pose in found])
+
+
+def same(a: Array, b: Array) -> None:
+    """Equal as poses: a quaternion and its negative are one rotation."""
+    np.testing.assert_allclose(a[:, :3], b[:, :3], atol=1e-12)
+    np.testing.assert_allclose(np.abs(np.sum(a[:, 3:] * b[:, 3:], axis=1)), 1.0, atol=1e-12)
+
+
+def test_rows_of_poses_compose_as_poses_do() -> None:
+    one, a = poses()
+    two = list(reversed(one))
+    b = a[::-1]
+    same(composed(a, b), np.array([row(p @ q) for p, q in zip(one, two, strict=True)]))
+    same(inverse(a), np.array([row(p.inverse()) for p in one]))
+    same(composed(inverse(a), a), np.tile(np.array(STILL), (len(a), 1)))
+
+
+def test_between_two_poses_the_shorter_way_is_taken() -> None:
+    turned = Pose.from_rpy((1.0, 0.0, 0.0), (0.0, 0.0, 0.4))
+    start = np.array([STILL])
+    end = np.array([row(turned)]) * np.array([1, 1, 1, -1, -1, -1, -1])
+    half = between(start, end, np.array([0.5]))
+    same(half, np.array([row(Pose.from_rpy((0.5, 0.0, 0.0), (0.0, 0.0, 0.2)))]))
+
+
+def test_quaternions_do_not_jump_to_their_negatives() -> None:
+    angles = np.linspace(0.0, 4.0 * math.pi, 200)
+    rows = np.array([row(Pose.from_rotation((0.0, 0.0, 0.0), _about_z(angle))) for angle in angles])
+    assert np.abs(np.diff(rows, axis=0)).max() > 1.0  # w ≥ 0 makes them jump
+    smooth = continuous(rows)
+    assert np.abs(np.diff(smooth, axis=0)).max() < 0.1
+    same(smooth, rows)
+
+
+def _about_z(angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_gaps_are_filled_from_before_and_at_the_start_from_behind() -> None:
+    gap = [math.nan] * 7
+    a, b = list(STILL), [1.0, *STILL[1:]]
+    assert filled(np.array([gap, a, gap, gap, b, gap])).tolist() == [a, a, a, a, b, b]
+    assert filled(np.array([gap, gap])).tolist() == [a, a]
+
+
+def test_spans_of_flags() -> None:
+    assert spans(np.array([True, True, False, True, False, False, True])) == [(0, 1), (3, 3), (6, 6)]
+    assert spans(np.zeros(3, dtype=np.bool_)) == []
+
+
+def body(name: str, colour: str = "red", kind: str = "block") -> Body:
+    return Body(name, kind, "box", colour, Box((0.04, 0.04, 0.04)), Pose())
+
+
+def believed(name: str, xs: Array, held: Array | None = None, colour: str = "red") -> Believed:
+    """At (x, 0, 0) at each tick."""
+    rows = np.tile(np.array(STILL), (len(xs), 1))
+    rows[:, 0] = xs
+    rows[np.isnan(xs)] = np.nan
+    flags = np.zeros(len(xs), dtype=np.bool_) if held is None else held.astype(np.bool_)
+    return Believed(name, rows, flags, (Look(0, body(name, colour)),))
+
+
+def sampled(name: str, ticks: list[int], xs: list[float], colour: str = "red") -> Sampled:
+    rows = np.tile(np.array(STILL), (len(ticks), 1))
+    rows[:, 0] = xs
+    return Sampled(body(name, colour), np.array(ticks), rows)
+
+
+def test_true_bodies_are_matched_to_the_nearest_believed_ones_of_their_kind() -> None:
+    ones = [
+        believed("red_1", np.full(21, 0.50)),
+        believed("red_2", np.full(21, 0.30)),
+        believed("blue_1", np.full(21, 0.31), colour="blue"),
+    ]
+    truths = [
+        sampled("item_0", [0, 20], [0.301, 0.301]),
+        sampled("item_1", [0, 20], [0.305, 0.305], "blue"),
+        sampled("item_2", [0, 20], [0.502, 0.502]),
+        sampled("item_3", [0, 20], [0.9, 0.9], "green"),
+    ]
+    assert matched(ones, truths) == [1, 2, 0, None]
+    assert matched([], truths) == [None] * 4
+
+
+def test_what_lies_is_interpolated_from_second_to_second() -> None:
+    truth = sampled("item", [0, 20, 40], [0.0, 0.2, 0.2])
+    found = track(truth, None, 60)
+    np.testing.assert_allclose(found[:21, 0], np.linspace(0.0, 0.2, 21))
+    assert np.isnan(found[41:, 0]).all()  # the log does not say
+
+
+def test_what_is_held_moves_with_the_hand_and_not_straight() -> None:
+    arc = np.sin(np.linspace(0.0, math.pi, 21))  # out and back between two samples
+    one = believed("red_1", arc, np.ones(21))
+    found = track(sampled("item", [0, 20], [0.002, 0.004]), one, 21)
+    np.testing.assert_allclose(found[:, 0] - arc, np.linspace(0.002, 0.004, 21), atol=1e-9)
+
+
+def test_what_is_taken_stays_where_it_was_until_then() -> None:
+    held = np.arange(21) >= 12
+    hand = np.where(held, 0.5 + 0.01 * (np.arange(21) - 12), 0.5)
+    found = track(sampled("item", [0, 20], [0.501, 0.581]), believed("red_1", hand, held), 21)
+    np.testing.assert_allclose(found[:12, 0], 0.501)
+    np.testing.assert_allclose(found[12:, 0], hand[12:] + 0.001)
+
+
+def test_what_slips_from_the_hand_goes_from_the_hand_to_where_it_was_found() -> None:
+    hand = np.linspace(0.0, 1.0, 21)
+    found = track(sampled("item", [0, 20], [0.0, 0.3]), believed("red_1", hand, np.ones(21)), 21)
+    assert found[0, 0] == pytest.approx(0.0)
+    assert found[-1, 0] == pytest.approx(0.3)
+    low, high = np.minimum(hand, 0.3), np.maximum(hand, 0.3)
+    assert ((low - 1e-9 <= found[:, 0]) & (found[:, 0] <= high + 1e-9)).all()
+
+
+def test_links_stand_in_the_page_where_the_log_says(troubled_log: Path) -> None:
+    with Run(troubled_log) as run:
+        data = pack_stage(run).data
+        frames = motion_of(run).frames
+        assert isinstance(data, dict)
+        here = np.tile(np.array(STILL), (frames.ticks, 1))
+        for link, packed in zip(data["links"], data["chain"], strict=True):  # type: ignore[arg-type]
+            part = [packed[key].levels * packed[key].step for key in ("p", "q")]  # type: ignore[index]
+            step = np.hstack(part)
+            step[:, 3:] /= np.linalg.norm(step[:, 3:], axis=1, keepdims=True)
+            here = composed(here, step)
+            known = frames.track(str(link))
+            assert np.abs(here[:, :3] - known[:, :3]).max() < 1e-3
+            turned = 1.0 - np.abs(np.sum(here[:, 3:] * known[:, 3:], axis=1))
+            assert turned.max() < 1e-6  # 0.2 degrees
+
+
+def test_an_item_that_a_fault_took_away_is_gone_from_that_tick_on(troubled_log: Path) -> None:
+    with Run(troubled_log) as run:
+        taken = next(at for at in run.events if at.record.kind == "fault")
+        tick = run.ticks.number_at(taken.time)
+        data = pack_stage(run).data
+        assert isinstance(data, dict)
+        presence = {truth["id"]: truth["present"] for truth in data["truths"]}  # type: ignore
+        item = taken.record.data["item"]
+        assert presence.pop(item) == [[0, tick]]
+        assert set(map(str, presence.values())) == {str([[0, len(run.ticks) - 1]])}
+
+
+def test_heavy_models_are_thinned_and_foreign_ones_left_out() -> None:
+    balls = [shape_mesh(Sphere(0.05)).placed(Pose((0.2 * k, 0.0, 0.0))) for k in range(3)]
+    heavy = joined(balls)
+    assert len(heavy.faces) > 2 * MOST_FACES
+    packed = packed_link(LinkMesh("link", write_glb(heavy)))
+    assert isinstance(packed, dict)
+    faces, vertices = packed["faces"], packed["vertices"]
+    assert isinstance(faces, np.ndarray) and isinstance(vertices, Quantised)
+    assert MOST_FACES < len(faces) <= 3 * MOST_FACES
+    places = vertices.levels * vertices.step
+    away = np.linalg.norm(places - np.round(places / 0.2) * 0.2 * [1, 0, 0], axis=1)
+    assert np.abs(away - 0.05).max() < 0.004  # on the balls still
+    assert packed_link(LinkMesh("link", b"glTF of others")) is None

@@ -1,0 +1,35 @@
+"""What the linter says of a text, each finding as its code, place and sentence."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from textwrap import dedent
+
+from picktree.authoring.checking.check import check_mission
+from picktree.files.yaml.document import read_document
+from picktree.trees.loading.registry import Registry
+
+MISSION = "picktree: 1\nkind: mission\n"
+
+
+@cache
+def _registry() -> Registry:
+    registry = Registry()
+    registry.ids()
+    return registry
+
+
+def lint(text: str, *codes: str, head: str = MISSION, folder: Path = Path()) -> list[str]:
+    """The findings of these codes, or all; lines count from the text's own first. Errors of the language
+    raise."""
+    path = folder / "mission.yaml"
+    checked = check_mission(read_document(head + dedent(text).strip("\n"), path, "mission"), _registry())
+    assert checked.mission is not None, "\n".join(map(str, checked.faults))
+    lines = head.count("\n")
+    return [
+        f"{fault.code} {fault.mark.line - lines}:{fault.mark.column} "
+        + str(fault).removeprefix(f"{fault.mark}: ")
+        for fault in checked.faults
+        if (not codes or fault.code in codes) and fault.mark.file == str(path)
+    ]

@@ -1,0 +1,73 @@
+"""The analysis against reality: random missions over the whole vocabulary, whose leaves do as they like.
+
+Whatever node ends, in whatever way, with whatever keys written and whatever in the hand: the analysis has
+allowed it. A campaign of more of them is `benchmarks/linting.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from picktree.trees.controls import Fallback, ForceSuccess
+from picktree.trees.flow import Ends, Flow, State
+from picktree.trees.flow.flow_walk import Walk
+from picktree.trees.mission import NodeSpec
+from picktree.trees.node import Node
+
+from .watched import Unsound, Watched
+from .wild_missions import wild_mission
+
+BATCH = 20
+
+
+@pytest.mark.parametrize("first", range(0, 40, BATCH))
+def test_nothing_happens_that_the_analysis_rules_out(first: int) -> None:
+    for seed in range(first, first + BATCH):
+        watched = Watched(wild_mission(seed))
+        for run in range(3):
+            watched.run(run)
+
+
+MISSION = """
+picktree: 1
+kind: mission
+trees:
+  Main:
+    Fallback:
+      - ForceSuccess: {Do: {}}
+      - Log: {message: never}
+"""
+
+
+def test_a_mission_that_does_as_it_is_told_passes_the_watch() -> None:
+    for run in range(5):
+        Watched(MISSION).run(run)
+
+
+def hides_everything(cls: type[Node], spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+    ends.fail(flow.failure)
+    ends.run(flow.running)
+    return ends.flow()
+
+
+def never_fails(cls: type[Node], spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    ends = Ends()
+    ends.succeed(walk.child(spec.children[0], (entry,)).everywhere)
+    return ends.flow()
+
+
+@pytest.mark.parametrize(("node", "wrong"), [(ForceSuccess, hides_everything), (Fallback, never_fails)])
+def test_the_watch_sees_a_wrong_analysis(
+    monkeypatch: pytest.MonkeyPatch,
+    node: type[Node],
+    wrong: Callable[[type[Node], NodeSpec, State, Walk], Flow],
+) -> None:
+    monkeypatch.setattr(node, "flow", classmethod(wrong))
+    with pytest.raises(Unsound):
+        for seed in range(BATCH):
+            watched = Watched(wild_mission(seed))
+            for run in range(3):
+                watched.run(run)

@@ -1,0 +1,85 @@
+"""The missions and sub-trees that come with picktree, rehearsed: every branch of them is reached."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from picktree.authoring.rehearsal.rehearse import rehearse_files
+from picktree.authoring.rehearsal.verdict.rehearsal_result import Rehearsal
+from picktree.trees.loading.loader import load_mission
+
+from ..trees.rehearsing import case_file, rehearse
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+MISSIONS = [f for f in sorted(EXAMPLES.glob("*.yaml")) if "\nkind: mission\n" in f.read_text("utf-8")]
+
+
+@pytest.mark.parametrize("mission", MISSIONS, ids=lambda file: file.stem)
+def test_the_cases_of_an_example_pass_and_reach_all_of_it(mission: Path) -> None:
+    rehearsal = rehearse_files(mission)
+    assert {case.name: case.differences for case in rehearsal.failed} == {}
+    assert [str(mark) for case in rehearsal.cases for mark in case.unused] == []
+    assert [f"{point.mark} {point.missed}" for point in rehearsal.coverage.missed] == []
+
+
+def rehearsed(tmp_path: Path, trees: str, cases: str) -> Rehearsal:
+    """A mission that includes the library's trees, in the scene of the examples."""
+    file = tmp_path / "mission.yaml"
+    file.write_text(
+        "picktree: 1\nkind: mission\nscene: three_bins\ninclude: [library/sorting, library/recovery]\n"
+        f"trees:\n  Main:\n{trees}",
+        encoding="utf-8",
+    )
+    mission = load_mission(file)
+    return rehearse(mission, case_file(cases, mission))
+
+
+def missed(rehearsal: Rehearsal) -> list[str]:
+    return [f"{point.node}: {point.missed}" for point in rehearsal.coverage.missed]
+
+
+def test_pick_and_place_of_the_library(tmp_path: Path) -> None:
+    rehearsal = rehearsed(
+        tmp_path,
+        '    Sequence: [{Observe: {objects: "{items}"}}, {PickAndPlaceAll: {items: "{items}"}}]\n',
+        """
+        objects: {red: {kind: block, colour: red}, blue: {kind: can, colour: blue}}
+        cases:
+          well: {expect: {status: SUCCESS, order: [Observe, Grasp, Place, Grasp, Place]}}
+          disturbed: {leaves: {Grasp: [world.disturbed, SUCCESS]}, expect: {status: SUCCESS}}
+          missed:
+            leaves: {Grasp: [grasp.missed, SUCCESS]}
+            expect: {status: SUCCESS, order: [Observe, Grasp, SafeRetreat, Observe, "..."]}
+          hemmed_in: {leaves: {Grasp: [grasp.no_candidate, SUCCESS]}, expect: {status: SUCCESS}}
+          slipped: {leaves: {Place: [grasp.slipped, SUCCESS]}, expect: {status: SUCCESS}}
+          gone: {leaves: {Grasp: [world.unknown_object, SUCCESS]}, expect: {status: SUCCESS}}
+          held_up: {leaves: {Place: [control.timeout, SUCCESS]}, expect: {status: SUCCESS}}
+          stopped: {leaves: {Place: [safety.stop, SUCCESS]}, expect: {status: SUCCESS}}
+          in_vain:
+            leaves: {Place: place.full}
+            expect:
+              status: SUCCESS
+              handled: [{cause: place.full, by: PickAndPlaceAll/ForEach, times: 2}]
+              facts: {items_to_do: 2, holding: false}
+        """,
+    )
+    assert {case.name: case.differences for case in rehearsal.failed} == {}
+    assert missed(rehearsal) == []
+
+
+def test_cures_of_the_library(tmp_path: Path) -> None:
+    rehearsal = rehearsed(
+        tmp_path,
+        "    Sequence: [LookAgain, RetreatAndLook, {WaitAndLook: {pause: 200 ms}}, LetGoAndRetreat]\n",
+        """
+        cases:
+          it:
+            leaves: {SafeRetreat: {ticks: 2}}
+            expect: {status: SUCCESS, ticks: 9, order: [Observe, SafeRetreat, Observe, Observe, SafeRetreat]}
+        """,
+    )
+    assert {case.name: case.differences for case in rehearsal.failed} == {}
+    assert rehearsal.cases[0].ticks == 9
+    assert missed(rehearsal) == []

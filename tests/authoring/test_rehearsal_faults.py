@@ -1,0 +1,376 @@
+"""What can be wrong in a cases file: each fault's whole text, and all of them at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from picktree.authoring.rehearsal.checking.case_checks import check_cases, load_cases
+from picktree.errors import PicktreeError
+from picktree.files.yaml.document import parse_document
+
+from ..trees.rehearsing import faults_of, mission_of, nodes
+
+MISSION = """
+Main:
+  ports: {pause: {type: float, unit: ms, default: 0}}
+  Sequence:
+    - Look: {objects: "{items}"}
+    - ForEach: {in: "{items}", out: "{item}", do: {SortOne: {item: "{item}"}}}
+    - IfThenElse: [Ready, Go]
+    - Weigh: {weight: "{w}", sort: "{s}"}
+SortOne:
+  ports: {item: {type: object}}
+  Recover:
+    do: [{Pick: {object: "{item}"}}, {Put: {object: "{item}"}}]
+    when: {grasp.*: [Go]}
+"""
+WEIGHED = "Weigh: {outputs: {weight: 1, sort: light}}"
+
+
+def faults(case: str) -> list[str]:
+    """Of one case whose text begins on line 5, after two blanks."""
+    text = "cases:\n  it:\n" + "\n".join(f"    {line}" for line in dedent(case).strip().splitlines())
+    return faults_of(text, mission_of(MISSION, "scene: three_bins\n"))
+
+
+@pytest.mark.parametrize(
+    ("answer", "fault"),
+    [
+        # Patterns.
+        ("Grab: SUCCESS", "P703 6:7: cases.it.leaves.Grab: no node of the mission fits 'Grab' "
+         "(known: Look, Pick, Put, Go, Ready, Weigh, Sequence, ForEach, SortOne, Recover, grasp.*, "
+         "IfThenElse)"),
+        ("Pik: SUCCESS", "P703 6:7: cases.it.leaves.Pik: no node of the mission fits 'Pik' "
+         "(did you mean 'Pick'?)"),
+        ("Main/Recover/Look: SUCCESS", "P703 6:7: cases.it.leaves.Main/Recover/Look: no node of the mission "
+         "fits 'Main/Recover/Look' ('Look' stands at Main/Sequence/Look)"),
+        ("'/': SUCCESS", "P703 6:7: cases.it.leaves./: the pattern is empty (as SortOne/Grasp)"),
+        ("Recover: SUCCESS", "P704 6:7: cases.it.leaves.Recover: 'Recover' is a node of the language "
+         "(Recover), which answers for itself (known: Look, Pick, Put, Go, Ready, Weigh)"),
+        # Answers.
+        ("Pick: 3", "P710 6:13: cases.it.leaves.Pick: an answer is a status, a cause or a mapping, not 3 "
+         "(as SUCCESS, or {cause: grasp.missed, ticks: 3})"),
+        ("Pick: SUCESS", "P710 6:13: cases.it.leaves.Pick: 'SUCESS' is neither a status nor a cause "
+         "(did you mean 'SUCCESS'?)"),
+        ("Pick: []", "P710 6:13: cases.it.leaves.Pick: the list of answers is empty"),
+        ("Pick: {answers: SUCCESS}",
+         "P710 6:14: cases.it.leaves.Pick.answers: 'answers' is a list of answers"),
+        ("Pick: {else: SUCCESS}", "P105 6:7: cases.it.leaves.Pick: 'answers' is missing"),
+        ("Pick: {answers: [SUCCESS], than: SUCCESS}",
+         "P104 6:34: cases.it.leaves.Pick.than: unknown key 'than' (known: answers, else)"),
+        ("Pick: {ticks: -1}", "P107 6:21: cases.it.leaves.Pick.ticks: at least 0 is wanted, not -1"),
+        ("Pick: {cause: grasp.missed, status: SUCCESS}",
+         "P710 6:43: cases.it.leaves.Pick.status: an answer with a cause is a FAILURE, not SUCCESS"),
+        ("Pick: {message: oh}",
+         "P710 6:14: cases.it.leaves.Pick.message: only a failure with a cause has a message"),
+        ("Pick: {status: RUNNING, then: {hand: empty}}",
+         "P710 6:31: cases.it.leaves.Pick.then: what never ends has no 'then'"),
+        ("Pick: FAILURE", "P710 6:13: cases.it.leaves.Pick.status: Pick is a skill, which fails for a cause "
+         "(one of grasp.missed, grasp.slipped, safety.*)"),
+        ("Pick: [SUCCESS, SKIPPED]", "P710 6:23: cases.it.leaves.Pick[1].status: Pick is a skill, which does "
+         "not skip itself (it is skipped by its '_skipIf' or '_while', which is asked in a rehearsal, too)"),
+        ("Ready: RUNNING",
+         "P710 6:14: cases.it.leaves.Ready.status: Ready is a condition: it is never RUNNING"),
+        ("Ready: {ticks: 2}",
+         "P710 6:22: cases.it.leaves.Ready.ticks: Ready is a condition: it takes no ticks"),
+        # Causes.
+        ("Pick: grasp.mised",
+         "P705 6:13: cases.it.leaves.Pick.cause: no cause is called 'grasp.mised' "
+         "(did you mean 'grasp.missed'?)"),
+        ("Pick: {cause: place.full}", "P706 6:21: cases.it.leaves.Pick.cause: Pick does not fail with "
+         "place.full (it declares grasp.missed, grasp.slipped, safety.*)"),
+        ("Look: perception.not_found", "P706 6:13: cases.it.leaves.Look.cause: Look does not fail with "
+         "perception.not_found (it declares none)"),
+        # Outputs.
+        ("Look: {outputs: {object: [a]}}", "P707 6:24: cases.it.leaves.Look.outputs.object: Look has no "
+         "output 'object' (did you mean 'objects'?)"),
+        ("Go: {outputs: {x: 1}}",
+         "P707 6:22: cases.it.leaves.Go.outputs.x: Go has no output 'x' (it has none)"),
+        ("Look: {outputs: {objects: a}}", "P708 6:33: cases.it.leaves.Look.outputs.objects: output 'objects' "
+         "of Look: 'a' is not a list, each an object's id (what is to be done)"),
+        ("Look: {outputs: {objects: [a, c]}}", "P717 6:33: cases.it.leaves.Look.outputs.objects: "
+         "no object 'c' is in the belief of this case (known: a, table, red_bin, green_bin, blue_bin)"),
+        # What follows from an answer.
+        ("Go: {then: {hand: b}}", "P717 6:25: cases.it.leaves.Go.then.hand: no object 'b' is in the belief "
+         "of this case (known: a, table, red_bin, green_bin, blue_bin)"),
+        ("Go: {then: {facts: {holds: true}}}", "P711 6:27: cases.it.leaves.Go.then.facts.holds: there is no "
+         "fact 'holds' (did you mean 'holding'?)"),
+        ("Go: {then: {objects: {b: {place: bin}}}}", "P712 6:40: cases.it.leaves.Go.then.objects.b.place: "
+         "there is no place 'bin' (did you mean 'red_bin'?)"),
+        ("Go: {then: {objects: {b: {clour: red}}}}", "P104 6:33: cases.it.leaves.Go.then.objects.b.clour: "
+         "unknown key 'clour' (did you mean 'colour'?)"),
+    ],
+)  # fmt: skip
+def test_leaves(answer: str, fault: str) -> None:
+    assert faults(f"leaves:\n  {answer}\n  {WEIGHED}\nobjects: {{a: {{}}}}\nexpect: {{status: SUCCESS}}") == [
+        fault
+    ]
+
+
+@pytest.mark.parametrize(
+    ("weigh", "fault"),
+    [
+        ("SUCCESS", "P709 6:14: cases.it.leaves.Weigh: Weigh succeeds without its output 'weight', "
+         "used at Main/Sequence/Weigh (as {outputs: {weight: …}}: what it weighs)"),
+        ("{outputs: {weight: 1}}", "P709 6:14: cases.it.leaves.Weigh: Weigh succeeds without its output "
+         "'sort', used at Main/Sequence/Weigh (as {outputs: {sort: …}}: of what sort it is)"),
+        ("{outputs: {weight: 1 m, sort: light}}", "P708 6:33: cases.it.leaves.Weigh.outputs.weight: output "
+         "'weight' of Weigh: '1 m' is a length, not a force (as 20 N) (what it weighs)"),
+        ("{outputs: {weight: 1, sort: lite}}", "P708 6:42: cases.it.leaves.Weigh.outputs.sort: output 'sort' "
+         "of Weigh: 'lite' is none of the choices; did you mean 'light'? (of what sort it is)"),
+    ],
+)  # fmt: skip
+def test_outputs_that_somebody_reads(weigh: str, fault: str) -> None:
+    assert faults(f"leaves:\n  Weigh: {weigh}\nexpect: {{status: SUCCESS}}") == [fault]
+
+
+def test_an_output_that_somebody_reads_needs_an_answer() -> None:
+    assert faults("expect: {status: SUCCESS}") == [
+        "P709 4:3: cases.it: Main/Sequence/Weigh has no answer, but an output 'weight' that the mission uses "
+        "(as {outputs: {weight: …}}: what it weighs)"
+    ]
+
+
+def test_a_pattern_after_others_that_fit_all_that_it_fits() -> None:
+    case = f"leaves:\n  '*': {{outputs: {{}}}}\n  Pick: SUCCESS\n  {WEIGHED}\nexpect: {{status: SUCCESS}}"
+    found = [fault for fault in faults(case) if fault.startswith("P716")]
+    assert found == [
+        "P716 7:7: cases.it.leaves.Pick: 'Pick' is never used: patterns before it fit all that it fits "
+        "(put it first)",
+        "P716 8:7: cases.it.leaves.Weigh: 'Weigh' is never used: patterns before it fit all that it fits "
+        "(put it first)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("line", "fault"),
+    [
+        ("parameters: {wait: 1}", "P713 5:18: cases.it.parameters.wait: the mission has no parameter 'wait' "
+         "(known: pause)"),
+        ("parameters: {pause: soon}", "P713 5:25: cases.it.parameters.pause: the mission's parameter "
+         "'pause': 'soon' is not a time (as 500 ms)"),
+        ("objects: {a: {kind: blok}}",
+         "P712 5:25: cases.it.objects.a.kind: there is no kind 'blok' (did you mean 'block'?)"),
+        ("objects: {a: {form: cube}}", "P712 5:25: cases.it.objects.a.form: there is no form 'cube' "
+         "(known: box, cylinder, sphere, plate, mesh, unknown)"),
+        ("objects: {a: {colour: rde}}", "P712 5:27: cases.it.objects.a.colour: there is no colour 'rde' "
+         "(did you mean 'red'?)"),
+        ("objects: {a: {destination: redbin}}", "P712 5:32: cases.it.objects.a.destination: there is no bin "
+         "'redbin' (did you mean 'red_bin'?)"),
+        ("objects: {a: {role: thing}}", "P108 5:25: cases.it.objects.a.role: 'thing' is not known here "
+         "(known: item, obstacle)"),
+        ("facts: {time: 3}", "P711 5:13: cases.it.facts.time: the time passes by itself, tick by tick "
+         "(known: items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done)"),
+        ("facts: {holding: 1}",
+         "P711 5:22: cases.it.facts.holding: the fact 'holding' is true or false, not 1"),
+        ("facts: {items_to_do: true}",
+         "P711 5:26: cases.it.facts.items_to_do: the fact 'items_to_do' is a whole number, not true"),
+        ("halt_after: 0", "P107 5:17: cases.it.halt_after: at least 1 is wanted, not 0"),
+        ("leafs: {}", "P104 5:5: cases.it.leafs: unknown key 'leafs' (did you mean 'leaves'?)"),
+        ("leaves: [Go]", "P106 5:13: cases.it.leaves: a mapping is wanted, not a list"),
+    ],
+)  # fmt: skip
+def test_the_world_of_a_case(line: str, fault: str) -> None:
+    weighed = "" if line.startswith("leaves") else f"leaves: {{{WEIGHED}}}\n"
+    found = faults(f"{line}\n{weighed}expect: {{status: SUCCESS}}")
+    assert [one for one in found if not one.startswith("P709")] == [fault]
+
+
+@pytest.mark.parametrize(
+    ("expect", "fault"),
+    [
+        ("{}", "P714 5:5: cases.it.expect: nothing is expected: this case cannot fail "
+         "(as 'expect: {status: SUCCESS}')"),
+        ("{never: [], handled: [], facts: {}}", "P714 5:5: cases.it.expect: nothing is expected: this case "
+         "cannot fail (as 'expect: {status: SUCCESS}')"),
+        ("{facts: {time: true}}",
+         "P711 5:28: cases.it.expect.facts.time: the fact 'time' is a number, not true"),
+        ("{status: DONE}", "P108 5:22: cases.it.expect.status: 'DONE' is not known here "
+         "(known: SUCCESS, FAILURE, SKIPPED, RUNNING, IDLE)"),
+        ("{status: SUCCESS, cause: grasp.missed}",
+         "P714 5:38: cases.it.expect.cause: a mission that ends in SUCCESS has no cause"),
+        ("{cause: grasp.gone}", "P705 5:21: cases.it.expect.cause: no cause is called 'grasp.gone' "
+         "(did you mean 'grasp.*'?)"),
+        ("{status: RUNNING}",
+         "P714 5:22: cases.it.expect.status: RUNNING needs 'ticks': after how many it must still run"),
+        ("{status: IDLE}", "P714 5:22: cases.it.expect.status: a mission is IDLE only when it was halted "
+         "(say so with 'halt_after')"),
+        ("{order: [Pick, Puts]}", "P703 5:28: cases.it.expect.order[1]: no node of the mission fits 'Puts' "
+         "(did you mean 'Put'?)"),
+        ("{order: [Recover]}", "P704 5:22: cases.it.expect.order[0]: 'Recover' is a node of the language "
+         "(Recover), which answers for itself (known: Look, Pick, Put, Go, Ready, Weigh)"),
+        ("{order: [{Pick: missed}]}", "P714 5:29: cases.it.expect.order[0].Pick: 'missed' is neither an "
+         "outcome nor a cause (did you mean 'grasp.missed'?)"),
+        ("{order: [{Pick: place.full}]}", "P706 5:29: cases.it.expect.order[0].Pick: Pick does not fail with "
+         "place.full (it declares grasp.missed, grasp.slipped, safety.*)"),
+        ("{order: [[Pick]]}", "P714 5:22: cases.it.expect.order[0]: an entry of 'order' is a leaf, or a leaf "
+         "and how it ends (as Grasp, or {Grasp: grasp.missed}, or '...')"),
+        ("{never: [Gone]}", "P703 5:22: cases.it.expect.never[0]: no node of the mission fits 'Gone' "
+         "(did you mean 'Go'?)"),
+        ("{handled: [grasp.lost]}", "P705 5:24: cases.it.expect.handled[0].cause: no cause is called "
+         "'grasp.lost' (did you mean 'grasp.*'?)"),
+        ("{handled: [{cause: grasp.missed, by: Recovery}]}", "P703 5:50: cases.it.expect.handled[0].by: "
+         "no node of the mission fits 'Recovery' (did you mean 'Recover'?)"),
+        ("{handled: [{cause: grasp.missed, handler: grasp.missed}]}",
+         "P718 5:55: cases.it.expect.handled[0].handler: the mission has no handler 'grasp.missed' "
+         "(did you mean 'grasp.*'?)"),
+        ("{handled: [{by: Recover}]}", "P105 5:24: cases.it.expect.handled[0]: 'cause' is missing"),
+        ("{facts: {done: true}}",
+         "P711 5:22: cases.it.expect.facts.done: there is no fact 'done' (known: items_left, items_to_do, "
+         "holding, held_object, stopped, feed_exhausted, items_done, time)"),
+        ("{blackboard: {itms: []}}", "P715 5:27: cases.it.expect.blackboard.itms: Main has no key 'itms' "
+         "(did you mean 'items'?)"),
+        ("{blackboard: {Sort/item: a}}", "P715 5:27: cases.it.expect.blackboard.Sort/item: no sub-tree of "
+         "the mission fits 'Sort' (did you mean 'SortOne'?)"),
+        ("{ticks: 0}", "P107 5:21: cases.it.expect.ticks: at least 1 is wanted, not 0"),
+    ],
+)  # fmt: skip
+def test_expectations(expect: str, fault: str) -> None:
+    assert faults(f"expect: {expect}\nleaves: {{{WEIGHED}}}") == [fault]
+
+
+def test_a_halted_mission_may_not_take_less_ticks_than_it_is_given() -> None:
+    assert faults(f"halt_after: 9\nexpect: {{ticks: 3}}\nleaves: {{{WEIGHED}}}") == [
+        "P714 6:21: cases.it.expect.ticks: the mission is halted after 9 ticks, which is more"
+    ]
+
+
+def test_what_holds_for_all_cases_is_reported_once_where_it_stands() -> None:
+    text = """\
+    objects: {a: {kind: blok}}
+    facts: {hold: true}
+    parameters: {wait: 1}
+    leaves: {Pick: grasp.gone, Weigh: {outputs: {weight: 1, sort: light}}}
+    cases:
+      one: {expect: {status: SUCCESS}}
+      two: {expect: {status: SUCCESS}}
+    """
+    assert faults_of(text, mission_of(MISSION, "scene: three_bins\n")) == [
+        "P712 3:21: objects.a.kind: there is no kind 'blok' (did you mean 'block'?)",
+        "P711 4:9: facts.hold: there is no fact 'hold' (did you mean 'holding'?)",
+        "P713 5:14: parameters.wait: the mission has no parameter 'wait' (known: pause)",
+        "P705 6:16: leaves.Pick.cause: no cause is called 'grasp.gone' (did you mean 'grasp.missed'?)",
+    ]
+
+
+def test_faults_of_form_and_of_names_come_in_one_round() -> None:
+    text = """\
+    casess: {}
+    cases:
+      1st: {expect: {status: SUCCESS}}
+      two:
+        objects: {a: {confidence: 3}, b: {kind: blok}}
+        leaves:
+          Pick: [{ticks: soon}, grasp.gone]
+          Weigh: {outputs: {weight: 1, sort: light}}
+        expect: {status: WELL, never: [Gone]}
+      three: {leaves: {Weigh: {outputs: {weight: 1, sort: light}}}}
+    """
+    assert faults_of(text, mission_of(MISSION, "scene: three_bins\n")) == [
+        "P104 3:1: casess: unknown key 'casess' (did you mean 'cases'?)",
+        "P111 5:3: cases.1st: '1st' is not a name (letters, digits and _, not beginning with a digit)",
+        "P709 5:3: cases.1st: Main/Sequence/Weigh has no answer, but an output 'weight' that the mission "
+        "uses (as {outputs: {weight: …}}: what it weighs)",
+        "P107 7:31: cases.two.objects.a.confidence: 3 is more than 1",
+        "P712 7:45: cases.two.objects.b.kind: there is no kind 'blok' (did you mean 'block'?)",
+        "P106 9:22: cases.two.leaves.Pick[0].ticks: a whole number is wanted, not 'soon'",
+        "P705 9:29: cases.two.leaves.Pick[1].cause: no cause is called 'grasp.gone' "
+        "(did you mean 'grasp.missed'?)",
+        "P108 11:22: cases.two.expect.status: 'WELL' is not known here "
+        "(known: SUCCESS, FAILURE, SKIPPED, RUNNING, IDLE)",
+        "P703 11:36: cases.two.expect.never[0]: no node of the mission fits 'Gone' (did you mean 'Go'?)",
+        "P105 12:3: cases.three: 'expect' is missing",
+    ]
+
+
+@pytest.mark.parametrize("cases", ["cases: {}", "cases:", ""])
+def test_a_file_without_cases(cases: str) -> None:
+    found = faults_of(cases, mission_of("Main: {Go: {}}"))
+    assert [one.split(" ", 1)[0] for one in found] == ["P701"]
+    assert found[0].endswith("the file has no cases ('cases:' holds them by name)")
+
+
+def test_an_object_that_appears_on_the_way_is_known() -> None:
+    case = """
+    leaves:
+      Go: {then: {objects: {b: {}, a: null}, hand: HELD}}
+      Weigh: perception.stale
+    expect: {ticks: 9}
+    """
+    assert faults(case.replace("HELD", "b")) == []
+    assert [fault[:4] for fault in faults(case.replace("HELD", "a"))] == ["P717"]
+
+
+def test_what_may_go_wrong_depends_on_the_wiring() -> None:
+    mission = mission_of("Main: {Sequence: [{Look: {expect: a}}, {Look: {name: around}}]}")
+    case = "cases:\n  it:\n    leaves: {PATTERN: perception.not_found}\n    expect: {status: FAILURE}\n"
+    assert faults_of(case.replace("PATTERN", "Look"), mission) == []
+    assert faults_of(case.replace("PATTERN", "'*'"), mission) == [
+        "P706 5:19: cases.it.leaves.*.cause: Look does not fail with perception.not_found (it declares none)"
+    ]
+
+
+def test_more_cases_than_anybody_reads() -> None:
+    text = "cases:\n" + "".join(f"  c{n}: {{expect: {{ticks: 1}}}}\n" for n in range(501))
+    assert faults_of(text, mission_of("Main: {Go: {}}")) == [
+        "P110 3:1: cases: at most 500 cases are wanted in a file, not 501"
+    ]
+
+
+def test_without_a_mission_only_what_every_mission_knows_is_checked() -> None:
+    text = """\
+    cases:
+      it:
+        facts: {hold: true}
+        leaves: {Whatever: grasp.gone, Other: brewing.too_hot}
+        expect: {status: SUCCESS, never: [Nobody]}
+    """
+    assert faults_of(text, None) == [
+        "P711 5:13: cases.it.facts.hold: there is no fact 'hold' (did you mean 'holding'?)",
+        "P705 6:24: cases.it.leaves.Whatever.cause: no cause is called 'grasp.gone' "
+        "(did you mean 'grasp.missed'?)",
+    ]
+
+
+def test_the_mission_beside_the_file_is_the_one_that_counts(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text("picktree: 1\nkind: mission\ntrees: {Main: {Go: {}}}\n")
+    (tmp_path / "bad.yaml").write_text("picktree: 1\nkind: mission\ntrees: {Main: {Gone: {}}, A b: Go}\n")
+    (tmp_path / "lost.yaml").write_text("picktree: 1\nkind: mission\nscene: no_bins\ntrees: {Main: Go}\n")
+
+    def found(mission: str) -> list[str]:
+        text = f"picktree: 1\nkind: cases\nmission: {mission}\ncases: {{it: {{expect: {{never: [Gone]}}}}}}\n"
+        document = parse_document(text, tmp_path / "cases.yaml", "cases")
+        faults = check_cases(document, nodes())
+        return [f"{one.code} {one}".replace(f"{tmp_path}/", "") for one in faults]
+
+    assert found("m.yaml") == [
+        "P703 cases.yaml:4:31: cases.it.expect.never[0]: no node of the mission fits 'Gone' "
+        "(did you mean 'Go'?)"
+    ]
+    assert found("none.yaml") == [
+        "P702 cases.yaml:3:10: mission: the mission cannot be read: none.yaml:1:1: there is no such file"
+    ]
+    assert found("bad.yaml")[0].startswith(
+        "P702 cases.yaml:3:10: mission: the mission cannot be read: bad.yaml:3:16: Main: unknown node 'Gone'"
+    )
+    assert found("lost.yaml")[0].startswith(
+        "P702 cases.yaml:3:10: mission: the mission's scene cannot be read: "
+    )
+
+
+def test_loading_raises_with_all_errors(tmp_path: Path) -> None:
+    file = tmp_path / "cases.yaml"
+    file.write_text(
+        "picktree: 1\nkind: cases\ncases: {it: {facts: {a: 1, b: 2}, expect: {status: SUCCESS}}}\n"
+    )
+    with pytest.raises(PicktreeError) as caught:
+        load_cases(file, mission_of("Main: {Go: {}}"))
+    assert str(caught.value).replace(f"{tmp_path}/", "").splitlines() == [
+        "cases.yaml:3:22: cases.it.facts.a: there is no fact 'a' "
+        "(known: items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done)",
+        "cases.yaml:3:28: cases.it.facts.b: there is no fact 'b' "
+        "(known: items_left, items_to_do, holding, held_object, stopped, feed_exhausted, items_done)",
+    ]

@@ -1,0 +1,75 @@
+"""Out and in again: nothing is lost, and BehaviorTree.CPP takes what is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+
+from picktree.authoring.xml.export.mission_export import mission_to_xml
+from picktree.authoring.xml.importing.mission_import import xml_to_mission
+from picktree.files.yaml.document import open_document, read_document
+from picktree.trees.loading.loader import examine
+from picktree.trees.loading.registry import Registry
+from picktree.trees.mission_files import LIBRARY
+
+from ..trees.scripted import FILE
+from .btcpp_rules import complaints
+from .xml_missions import essence, missions, parsed, registry
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+FILES = [
+    path
+    for path in sorted((*EXAMPLES.glob("*.yaml"), *LIBRARY.glob("*.yaml")))
+    if "\nkind: mission\n" in path.read_text(encoding="utf-8")
+]
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_examples_and_library_survive(path: Path) -> None:
+    known = Registry()
+    first = examine(open_document(path, "mission"), known)
+    assert first.faults == ()
+    xml = mission_to_xml(first.mission)
+    text = xml_to_mission(xml, path.with_suffix(".xml"), known)
+    second = examine(read_document(text, path, "mission"), known)
+    assert second.faults == ()
+    assert essence(second.mission) == essence(first.mission)
+    assert mission_to_xml(second.mission) == xml
+    assert complaints(xml) == []
+
+
+@given(missions())
+@settings(max_examples=30)
+def test_any_mission_survives(text: str) -> None:
+    first = parsed(text)
+    xml = mission_to_xml(first)
+    assert complaints(xml) == []
+    second = parsed(xml_to_mission(xml, FILE.with_suffix(".xml"), registry()))
+    assert essence(second) == essence(first)
+    assert mission_to_xml(second) == xml
+
+
+@pytest.mark.parametrize(
+    ("wrong", "complaint"),
+    [
+        ("<root/>", "no <root> of format 4"),
+        ('<root BTCPP_format="4"><BehaviorTree ID="a b"><AlwaysSuccess/></BehaviorTree></root>',
+         "tree: 'a b' is no name"),
+        ('<root BTCPP_format="4"><BehaviorTree ID="A"><Inverter/></BehaviorTree></root>',
+         "Inverter must have exactly 1 child"),
+        ('<root BTCPP_format="4"><BehaviorTree ID="A"><Grasp/></BehaviorTree></root>',
+         "Node not recognized: Grasp"),
+        ('<root BTCPP_format="4"><BehaviorTree ID="A"><AlwaysSuccess x="1"/></BehaviorTree></root>',
+         "a port with name [x] is found in <AlwaysSuccess>"),
+        ('<root BTCPP_format="4"><BehaviorTree ID="A"><AlwaysSuccess _skipIf="a.b"/></BehaviorTree></root>',
+         "Error in the script 'a.b'"),
+        ('<root BTCPP_format="4"><BehaviorTree ID="A"><Timeout msec="0.5"><AlwaysSuccess/></Timeout>'
+         "</BehaviorTree></root>", "[msec] with value [0.5] can not be converted to unsigned"),
+        ('<root BTCPP_format="4"><BehaviorTree ID="A"><SubTree ID="B"/></BehaviorTree></root>',
+         "Can't find a tree with name: B"),
+    ],
+)  # fmt: skip
+def test_the_rules_of_btcpp_can_be_broken(wrong: str, complaint: str) -> None:
+    assert complaint in complaints(wrong)

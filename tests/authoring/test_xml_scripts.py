@@ -1,0 +1,224 @@
+"""Expressions as BehaviorTree.CPP's scripts, and back: what stands in the text, and that nothing changes."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Literal, cast
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from picktree.authoring.xml.export.expression_text import expression_text
+from picktree.authoring.xml.export.script_export import Unsayable, assignments_script, script
+from picktree.authoring.xml.importing.script_import import ScriptError, read_condition, read_statements
+from picktree.files.expressions.expression import Expression
+from picktree.files.expressions.syntax_tree import (
+    Arithmetic,
+    Attribute,
+    Call,
+    Choice,
+    Comparison,
+    ListOf,
+    Literally,
+    Logic,
+    Name,
+    Not,
+    Part,
+    Related,
+    Relation,
+    Sign,
+    Symbol,
+)
+from picktree.trees.loading.assignments import parse_assignments
+
+RELATIONS: tuple[Relation, ...] = ("==", "!=", "<", "<=", ">", ">=")
+AMONG: tuple[Relation, ...] = ("in", "not in")
+SYMBOLS: tuple[Symbol, ...] = ("+", "-", "*", "/")
+DIVISIONS: tuple[Symbol, ...] = ("//", "%")
+LOGIC: tuple[Literal["and", "or"], ...] = ("and", "or")
+
+
+def without_places(part: object) -> object:
+    """Equal for what says the same; 1 and true and 1.0 are not the same."""
+    if isinstance(part, tuple):
+        return tuple(without_places(item) for item in cast("tuple[object, ...]", part))
+    if not is_dataclass(part):
+        return (type(part).__name__, part)
+    kept = [f.name for f in fields(part) if f.name != "at"]
+    return (type(part).__name__, *(without_places(getattr(part, name)) for name in kept))
+
+
+SAID = [
+    ("n > 3", "n > 3"),
+    ("not done", "!done"),
+    ("not (a and b)", "!(a && b)"),
+    ("not a == b", "!(a == b)"),
+    ("(not a) == b", "!a == b"),
+    ("a and b and c", "a && b && c"),
+    ("a or b and c", "a || (b && c)"),
+    ("(a or b) and c", "(a || b) && c"),
+    ("colour == 'red'", "colour == 'red'"),
+    ('name == "it\'s"', 'name == "it\'s"'),
+    ("0 < n <= 3", "0 < n <= 3"),
+    ("(a < b) == c", "(a < b) == c"),
+    ("a - (b - c)", "a - (b - c)"),
+    ("a - b - c", "a - b - c"),
+    ("a + b * c", "a + b * c"),
+    ("(a + b) * c", "(a + b) * c"),
+    ("-a + 1", "(-a) + 1"),
+    ("1.5e-7 * x", "1.5e-07 * x"),
+    ("done == true", "done == true"),
+    ("1 if a else 2", "a ? 1 : 2"),
+    ("1 if a else 2 if b else 3", "a ? 1 : (b ? 2 : 3)"),
+]
+
+
+@pytest.mark.parametrize(("ours", "theirs"), SAID)
+def test_what_both_can_say(ours: str, theirs: str) -> None:
+    expression = Expression.parse(ours)
+    assert script(expression) == theirs
+    back = Expression.parse(read_condition(theirs))
+    assert without_places(back.root) == without_places(expression.root)
+
+
+UNSAID = {
+    "items_left": "'items_left' is a fact of the world, not a key of the blackboard",
+    "item.colour == 'red'": "there are no attributes, lists, functions and other operators",
+    "len(items) > 0": "there are no attributes, lists, functions and other operators",
+    "n // 2": "there are no attributes, lists, functions and other operators",
+    "c in ['red']": "there is no 'in'",
+    "x == null": "there is no null",
+    "trueish": "'trueish' begins like a constant",
+    "c == 'grün'": "a text with such characters",
+    "c == 'it\\'s \"so\"'": "a text with such characters",
+    "+n": "there are no attributes, lists, functions and other operators",
+}
+
+
+@pytest.mark.parametrize("ours", UNSAID)
+def test_what_only_we_can_say(ours: str) -> None:
+    with pytest.raises(Unsayable) as caught:
+        script(Expression.parse(ours))
+    assert str(caught.value) == UNSAID[ours]
+
+
+THEIRS = {
+    " battery>20&&!charging ": "battery > 20 and not charging",
+    "a || b && c": "(a or b) and c",
+    "a && b || c && d": "(a and b or c) and d",
+    "!a && b": "not a and b",
+    "-x * -y": "-x * -y",
+    "0x1F == n": "31 == n",
+    "(a)": "a",
+    "a ? 'yes' : 'no'": "'yes' if a else 'no'",
+}
+
+
+@pytest.mark.parametrize("theirs", THEIRS)
+def test_scripts_of_others_are_read_by_btcpp_s_own_grammar(theirs: str) -> None:
+    assert read_condition(theirs) == THEIRS[theirs]
+
+
+REFUSED = {
+    "": "the script is empty",
+    "a & b": "bitwise operators have no counterpart",
+    "~a": "bitwise operators have no counterpart",
+    "'a' .. 'b'": "joining of texts have no counterpart",
+    "@state == 1": "keys of the root's blackboard (@) have no counterpart",
+    "in > 3": "'in' cannot be the name of a key in an expression",
+    "a := 3": "one expression without an assignment is wanted",
+    "a; b": "one expression without an assignment is wanted",
+    "a ==": "a value is missing",
+    "(a": "')' is missing",
+    "a b": "';' is missing",
+    "a.b": "'.' has no meaning in a script",
+    "(" * 60 + "a" + ")" * 60: "the script is nested more than 40 deep",
+    "a" * 5000: "the script is longer than 4000 characters",
+    "3 = a": "only a key of the tree can be assigned to",
+    "@a := 3": "only a key of the tree can be assigned to",
+    "a = b = c": "only one key can be assigned to",
+}
+
+
+@pytest.mark.parametrize("theirs", REFUSED)
+def test_scripts_that_have_no_counterpart(theirs: str) -> None:
+    with pytest.raises(ScriptError) as caught:
+        read_condition(theirs)
+    assert str(caught.value) == REFUSED[theirs]
+
+
+def test_assignments() -> None:
+    ours = parse_assignments("a := 1; b = a + 1; c := 'x;y'")
+    theirs = assignments_script(ours)
+    assert theirs == "a := 1; b = a + 1; c := 'x;y'"
+    assert [s.text() for s in read_statements(theirs)] == ["a := 1", "b = a + 1", "c := 'x;y'"]
+    assert [s.text() for s in read_statements("in := 4")] == ["in := 4"]
+    assert [s.text() for s in read_statements("n += 1; m *= 2 + k")] == ["n = n + 1", "m = m * (2 + k)"]
+
+
+PLACE = st.just(0)
+names = st.builds(Name, PLACE, st.sampled_from(["a", "b", "count", "colour_2", "_x"]))
+texts = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=5)
+numbers = st.integers(0, 2**40) | st.floats(0, 1e30)
+literals = st.builds(
+    Literally, PLACE, numbers | st.booleans() | texts.filter(lambda text: not ("'" in text and '"' in text))
+)
+
+
+def parts_of(inner: st.SearchStrategy[Part]) -> st.SearchStrategy[Part]:
+    """What scripts can say, too."""
+    relations = st.sampled_from(RELATIONS)
+    several = st.lists(inner, min_size=2, max_size=3).map(tuple)
+    related = st.lists(st.builds(Related, PLACE, relations, inner), min_size=1, max_size=2).map(tuple)
+    return st.one_of(
+        st.builds(Not, PLACE, inner),
+        st.builds(Sign, PLACE, st.just("-"), inner),
+        st.builds(Arithmetic, PLACE, st.sampled_from(SYMBOLS), inner, inner),
+        st.builds(Comparison, PLACE, inner, related),
+        st.builds(Logic, PLACE, st.sampled_from(LOGIC), several),
+        st.builds(Choice, PLACE, inner, inner, inner),
+    )
+
+
+def ours_alone(inner: st.SearchStrategy[Part]) -> st.SearchStrategy[Part]:
+    items = st.lists(inner, min_size=1, max_size=3).map(tuple)
+    among = st.tuples(st.builds(Related, PLACE, st.sampled_from(AMONG), inner))
+    return st.one_of(
+        parts_of(inner),
+        st.builds(Attribute, PLACE, inner, st.just("colour")),
+        st.builds(ListOf, PLACE, items),
+        st.builds(Call, PLACE, st.just("max"), items),
+        st.builds(Comparison, PLACE, inner, among),
+        st.builds(Sign, PLACE, st.just("+"), inner),
+        st.builds(Arithmetic, PLACE, st.sampled_from(DIVISIONS), inner, inner),
+    )
+
+
+sayable = st.recursive(names | literals, parts_of, max_leaves=8)
+everything = st.recursive(names | literals | st.just(Literally(0, None)), ours_alone, max_leaves=8)
+
+
+@given(everything)
+@settings(max_examples=100)
+def test_the_text_of_any_expression_parses_to_the_same(part: Part) -> None:
+    assert without_places(Expression.parse(expression_text(part)).root) == without_places(part)
+
+
+@given(sayable)
+@settings(max_examples=100)
+def test_a_script_reads_back_as_the_same_expression(part: Part) -> None:
+    theirs = script(Expression("", frozenset(), frozenset(), part))
+    back = Expression.parse(read_condition(theirs))
+    assert without_places(back.root) == without_places(part)
+
+
+@given(st.text("ab 01.'\"&|!<>=:?;+-*/()@~^xX", max_size=25))
+@settings(max_examples=100)
+def test_no_script_is_too_strange_to_be_refused(text: str) -> None:
+    try:
+        ours = read_condition(text)
+    except ScriptError as error:
+        assert 0 <= error.offset <= max(len(text), 0)
+    else:
+        Expression.parse(ours)

@@ -1,0 +1,152 @@
+"""Compliant courses in physics: force along an axis, a spring for each axis, a finer step in contact."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+import pytest
+
+from picktree.control.cartesian.anchor_courses import Course, Felt
+from picktree.control.cartesian.stiffness import Stiffness
+from picktree.control.execution.contact_motion import Complied
+from picktree.errors import PicktreeError
+from picktree.simulation.physics.backend import PhysicsHardware
+
+from .control_cell import TICK, Cell
+
+DOWN_FREE = Stiffness(linear=(600.0, 600.0, 0.0), angular=20.0)
+"""No spring along the vertical: there the wrench alone decides."""
+
+
+class Press(Course):
+    """Push down with so many newtons for a while."""
+
+    def __init__(self, force: float, seconds: float, aside: float = 0.0) -> None:
+        super().__init__()
+        self.force, self.seconds, self.aside = force, seconds, aside
+        self.felt: list[float] = []
+
+    def step(self, felt: Felt) -> None:
+        self.wrench[2] = -self.force
+        self.position = self.origin + np.array([self.aside * min(1.0, felt.elapsed), 0.0, 0.0])
+        self.felt.append(float(felt.force[2]))
+        self.finished = felt.elapsed >= self.seconds
+
+
+def physics() -> Cell:
+    return Cell(backend=PhysicsHardware)
+
+
+def press(cell: Cell, course: Course, rate: int) -> Generator[None, None, Complied]:
+    with cell.loop.contact(rate):
+        return (yield from cell.move.comply(course, 3.0, stiffness=DOWN_FREE))
+
+
+@pytest.mark.parametrize("rate", [240, 500, 1000])
+def test_without_stiffness_along_an_axis_the_wrench_is_the_force(rate: int) -> None:
+    cell = physics()
+    cell.go(0.5, 0.1, 0.02)
+    course = Press(8.0, 1.2)
+    result = cell.run(press(cell, course, rate))
+    assert result.finished
+    assert len(course.felt) == pytest.approx(1.2 * rate, abs=2)
+    assert float(np.mean(course.felt[len(course.felt) // 2 :])) == pytest.approx(8.0, abs=0.7)
+    assert cell.monitor.stopped is None
+
+
+def test_the_finer_step_ends_once_the_arm_is_held() -> None:
+    cell = physics()
+    cell.go(0.5, 0.1, 0.05)
+    seen: list[float] = []
+
+    def doing() -> Generator[None, None, None]:
+        with cell.loop.contact(1000):
+            seen.append(cell.loop.period)
+            yield from cell.move.comply(Press(0.0, 0.2), 1.0, stiffness=DOWN_FREE)
+        seen.append(cell.loop.period)
+        yield
+
+    before = cell.loop.now
+    cell.run(doing())
+    assert seen == [1 / 1000, 1 / 1000]
+    assert cell.loop.period == 1 / 240
+    ticks = (cell.loop.now - before) / TICK
+    assert ticks == pytest.approx(round(ticks), abs=1e-9)
+
+
+def test_halted_in_contact_it_comes_to_rest_and_back_to_the_everyday_step() -> None:
+    cell = physics()
+    cell.go(0.5, 0.1, 0.02)
+    doing = press(cell, Press(12.0, 2.0, aside=0.03), 500)
+    cell.ticks(doing, 15)
+    assert cell.loop.controller == "CartesianImpedance"
+    doing.close()
+    cell.rest()
+    cell.loop.step_tick(TICK)
+    assert (cell.loop.period, cell.loop.controller) == (1 / 240, "Hold")
+    assert np.isfinite(cell.loop.state.position).all()
+    cell.go(0.5, 0.0, 0.2)
+    assert cell.monitor.stopped is None
+
+
+def test_taking_over_from_the_spring_makes_no_step() -> None:
+    cell = physics()
+    cell.go(0.5, 0.1, 0.05)
+    doing = cell.move.comply(Press(0.0, 1.0, aside=0.05), 3.0, stiffness=DOWN_FREE)
+    cell.ticks(doing, 12)
+    speed = cell.loop.state.velocity
+    assert float(np.abs(speed).max()) > 0.02
+    lease = cell.loop.acquire("another")
+    cell.loop.step()
+    cell.loop.step()
+    change = np.abs(cell.loop.state.velocity - speed) * 120.0
+    assert (change < cell.model.acceleration_limit).all()
+    lease.release()
+    cell.rest()
+
+
+def test_what_happens_in_contact_is_the_same_each_time() -> None:
+    ends: list[tuple[float, ...]] = []
+    for _ in range(2):
+        cell = physics()
+        cell.go(0.5, 0.1, 0.02)
+        cell.run(press(cell, Press(8.0, 0.6, aside=0.01), 500))
+        cell.go(0.5, 0.1, 0.1)
+        ends.append((cell.loop.now, *cell.loop.state.position.tolist()))
+    assert ends[0] == ends[1]
+
+
+def test_a_stiffness_for_each_axis_of_the_tool() -> None:
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    spring = Stiffness(linear=(100.0, 200.0, 300.0), angular=5.0, frame="tool")
+    in_world = spring.matrix(quarter)
+    np.testing.assert_allclose(np.diag(in_world), [200.0, 100.0, 300.0, 5.0, 5.0, 5.0])
+    assert spring.along(np.array([1.0, 0.0, 0.0]), quarter) == pytest.approx(200.0)
+
+
+def test_stiffness_in_a_frame_that_stays_where_it_is() -> None:
+    half = float(np.sqrt(0.5))
+    spring = Stiffness(linear=(100.0, 200.0, 300.0), frame=(half, 0.0, 0.0, half))
+    np.testing.assert_allclose(np.diag(spring.matrix(np.eye(3)))[:3], [100.0, 300.0, 200.0])
+
+
+def test_damping_of_an_axis_is_its_share_of_the_critical() -> None:
+    inertia = np.diag([4.0, 4.0, 4.0, 0.1, 0.1, 0.1])
+    spring = Stiffness(linear=(225.0, 400.0, 0.0), angular=10.0, damping=(1.0, 0.5, 0.7))
+    damping = np.diag(spring.damping_matrix(inertia, np.eye(3)))
+    np.testing.assert_allclose(damping[:2], [2 * np.sqrt(225.0 * 4.0), 0.5 * 2 * np.sqrt(400.0 * 4.0)])
+    assert damping[2] == pytest.approx(0.7 * 2 * np.sqrt(200.0 * 4.0))
+    one, three = (
+        Stiffness(100.0, 10.0, share).damping_matrix(inertia, np.eye(3)) for share in (0.9, (0.9, 0.9, 0.9))
+    )
+    np.testing.assert_allclose(one, three)
+
+
+def test_a_rate_that_does_not_divide_the_tick_is_refused() -> None:
+    cell = physics()
+    known = "240, 300, 400, 480, 500, 600, 800, 1000, 1200, 1500, 2000 Hz"
+    message = f"^a step of 1/250 s is not possible; rates: {known}$"
+    with pytest.raises(PicktreeError, match=message), cell.loop.contact(250):
+        pass
+    assert cell.loop.period == 1 / 240

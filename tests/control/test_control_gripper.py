@@ -1,0 +1,105 @@
+"""Fingers that do not do what they are told: jammed, weak, held open or shut; said with figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+
+from picktree.control.execution.gripper_motion import Grip
+from picktree.world.causes import Failure
+from picktree.world.values import GripperState
+
+from .control_cell import ROBOT, TICK
+
+
+@dataclass
+class Fingers:
+    """A gripper whose fingers move as told towards `stop` m and press there with a share of the force."""
+
+    stop: float = 0.0
+    share: float = 1.0
+    jammed: bool = False
+    width: float = 0.08
+    now: float = 0.0
+    target: float = 0.08
+    force: float = 0.0
+
+    def read(self) -> GripperState:
+        pressing = (
+            self.force * self.share if self.target < self.stop >= self.width and not self.jammed else 0.0
+        )
+        return GripperState(self.width, 0.0, pressing)
+
+    def command(self, width: float, force: float, speed: float | None = None) -> None:
+        self.target, self.force = width, force
+
+    def tick(self) -> None:
+        self.now += TICK
+        if not self.jammed:
+            aim = max(self.target, self.stop) if self.target < self.width else self.target
+            self.width += min(max(aim - self.width, -0.2 * TICK), 0.2 * TICK)
+
+
+def closed(fingers: Fingers, force: float = 20.0) -> float:
+    grip = Grip(fingers, fingers, ROBOT.gripper)
+    doing = grip.close(force)
+    while True:
+        try:
+            next(doing)
+        except StopIteration as end:
+            return float(end.value)
+        fingers.tick()
+
+
+def test_fingers_that_press_as_told_or_meet_are_sound() -> None:
+    assert closed(Fingers(stop=0.04)) == 0.04
+    assert closed(Fingers(stop=0.04, share=0.8)) == 0.04
+    assert closed(Fingers(share=0.1)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("fingers", "message"),
+    [
+        (
+            Fingers(stop=0.04, share=0.3),
+            "control.gripper: the fingers press with 6.0 N each, though told 20 N",
+        ),
+        (
+            Fingers(jammed=True),
+            "control.gripper: the fingers stand at 80.0 mm and have not moved, though told to close "
+            "with 20 N",
+        ),
+    ],
+)
+def test_weak_and_jammed_fingers_are_said(fingers: Fingers, message: str) -> None:
+    with pytest.raises(Failure) as raised:
+        closed(fingers)
+    assert str(raised.value) == message
+    assert raised.value.evidence["told"] == 20.0
+
+
+def test_fingers_that_should_open_on_the_way_are_late_soon_when_they_do_not_move() -> None:
+    fingers = Fingers(jammed=True, width=0.01)
+    grip = Grip(fingers, fingers, ROBOT.gripper)
+    assert grip.late() is None
+    grip.start(0.06)
+    for _ in range(5):
+        fingers.tick()
+        assert grip.late() is None
+    fingers.tick()
+    late = grip.late()
+    assert late is not None
+    assert str(late) == "control.gripper: the fingers opened 10 mm of 60 mm"
+    fingers.jammed = False
+    for _ in range(6):
+        fingers.tick()
+        assert grip.late() is None
+
+
+def test_fingers_that_cannot_open_say_so() -> None:
+    fingers = Fingers(jammed=True, width=0.03)
+    doing = Grip(fingers, fingers, ROBOT.gripper).open()
+    with pytest.raises(Failure, match=r"^control.gripper: the fingers opened 30 mm of 80 mm$"):
+        for _ in doing:
+            fingers.tick()

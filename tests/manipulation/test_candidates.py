@@ -1,0 +1,190 @@
+"""The stream of whole candidates, and what its trail tells of those that dropped out."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import replace
+from typing import TypeVar
+
+import pytest
+
+from picktree.cell.world import World
+from picktree.manipulation.grasp.grasp_candidates import GraspCandidate, grasp_candidates
+from picktree.manipulation.pick.candidate_rejections import fates, told
+from picktree.manipulation.pick.candidate_stages import APPROACH, GRASP, HAND, PLACE, PRE_GRASP, RANKED, ROOM
+from picktree.manipulation.pick.pick_candidates import PickAndPlace
+from picktree.manipulation.pick.pick_stream import PickStream
+from picktree.robots.loading import load_robot
+from picktree.session.assembly import assemble
+from picktree.simulation.backends import build_hardware
+from picktree.world.belief.planning_scene import BeliefObject
+from picktree.world.causes import Failure, planning
+from picktree.world.journal import CandidatesRanked, PlanMade
+from picktree.world.scene.loading.scene_loading import load_scene
+from picktree.world.shapes import Box, Cylinder
+from picktree.world.values import ObjectId, Pose
+
+T = TypeVar("T")
+BLOCK = ObjectId("red_block_1")
+
+
+def believed(
+    name: str, at: tuple[float, float, float], *, size: float = 0.04, place: str = "table"
+) -> BeliefObject:
+    """A red cube."""
+    return BeliefObject(
+        ObjectId(name), "item", "block", "box", Box((size, size, size)), "red", Pose(at),
+        0.001, 0.01, 1.0, 0.0, place=place,
+    )  # fmt: skip
+
+
+def world_with(*beliefs: BeliefObject) -> World:
+    """The small sorting scene without physics, and a belief of its own."""
+    scene, robot = load_scene("sort_small"), load_robot("panda")
+    world = assemble(build_hardware("kinematic", scene, robot, 3), scene, robot, 3)
+    for belief in beliefs:
+        world.scene.put(belief, "test")
+    return world
+
+
+def stream(world: World) -> PickStream:
+    belief = world.scene.get(BLOCK)
+    return PickStream(world, belief, grasps(world), "Grasp")
+
+
+def grasps(world: World) -> list[GraspCandidate]:
+    return grasp_candidates(world.scene.get(BLOCK), world.robot.description.gripper)
+
+
+def answer(steps: Generator[None, None, T]) -> T:
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def trail(world: World) -> CandidatesRanked:
+    """The last choice in the journal."""
+    return [entry for entry in world.journal.take() if isinstance(entry, CandidatesRanked)][-1]
+
+
+def reasons(ranked: CandidatesRanked) -> str:
+    return told(fates(ranked.tried, ranked.into))
+
+
+def test_the_best_candidate_is_proven_up_to_its_approach() -> None:
+    world = world_with(believed(BLOCK, (0.5, 0.0, 0.02)))
+    pick = answer(stream(world).find())
+    assert pick is not None
+    assert pick.landing is not None
+    assert pick.above is not None
+    assert pick.landing.into == "red_bin"
+    plan = pick.approach
+    assert world.robot.tcp(plan.trajectory.end).distance(pick.grasp.tcp_in_world) < 1e-4
+    assert world.robot.tcp(pick.over).distance(pick.grasp.tcp_in_world) == pytest.approx(0.08, abs=1e-4)
+    assert world.robot.tcp(pick.above).distance(pick.landing.above) < 1e-4
+    assert len(plan.passes) == 2
+    ranked = trail(world)
+    assert (ranked.purpose, ranked.object, ranked.into) == ("grasp by Grasp", BLOCK, "red_bin")
+    assert ranked.stages[RANKED] == len(grasps(world))
+    assert ranked.stages[APPROACH] == 1
+    (accepted,) = (tried for tried in ranked.tried if tried.verdict == "accepted")
+    assert (accepted.name, accepted.place, accepted.stage) == (pick.grasp.name, pick.landing.name, APPROACH)
+
+
+def test_cheap_tests_are_made_of_many_and_dear_ones_of_few() -> None:
+    world = world_with(believed(BLOCK, (0.5, 0.0, 0.02)))
+    assert answer(stream(world).find()) is not None
+    entries = world.journal.take()
+    counts = list(next(e for e in entries if isinstance(e, CandidatesRanked)).stages.values())
+    assert counts == sorted(counts, reverse=True)
+    assert counts[0] > counts[-2] == 1
+    assert sum(isinstance(entry, PlanMade) for entry in entries) == 1
+
+
+def test_what_cannot_be_carried_on_makes_room_for_the_next() -> None:
+    world = world_with(believed(BLOCK, (0.5, 0.0, 0.02)))
+    candidates = stream(world)
+    found: list[PickAndPlace] = []
+    for _ in range(4):
+        pick = answer(candidates.find())
+        assert pick is not None
+        candidates.refuse(pick, Failure(planning.NO_PATH, "a test says no"))
+        found.append(pick)
+    assert len({(p.grasp.name, p.landing.name if p.landing else "") for p in found}) == 4
+    assert found[0].cost < min(pick.cost for pick in found) + 0.2, "the guess of a way is no bound"
+    verdicts = [t.verdict for t in trail(world).tried if t.stage == "transfer planned"]
+    assert verdicts[0] == "no way to the place: a test says no"
+
+
+def test_a_neighbour_that_the_hand_would_touch_is_named_with_its_distance() -> None:
+    x = 0.5
+    walls = [believed(f"wall_{k}", (x + dx, dy, 0.02)) for k, (dx, dy) in enumerate(
+        ((0.048, 0.0), (-0.048, 0.0), (0.0, 0.048), (0.0, -0.048)))]  # fmt: skip
+    world = world_with(believed(BLOCK, (x, 0.0, 0.02)), *walls)
+    assert answer(stream(world).find()) is None
+    ranked = trail(world)
+    assert ranked.stages[HAND] == 0
+    assert {tried.stage for tried in ranked.tried} == {HAND}
+    assert all(tried.by.startswith("wall_") and tried.gap < 0.003 for tried in ranked.tried)
+    first = fates(ranked.tried, ranked.into)[0]
+    assert first.words.startswith("the hand would touch wall_")
+    assert first.words.endswith("mm deep in it at best)")
+    assert sum(fate.count for fate in fates(ranked.tried, ranked.into)) == ranked.stages[RANKED]
+
+
+def test_an_object_out_of_reach() -> None:
+    world = world_with(believed(BLOCK, (0.98, 0.5, 0.02)))
+    assert answer(stream(world).find()) is None
+    ranked = trail(world)
+    assert (ranked.stages[HAND], ranked.stages[PRE_GRASP]) == (ranked.stages[RANKED], 0)
+    assert reasons(ranked) == f"{ranked.stages[RANKED]} the pre-grasp is out of reach"
+
+
+def test_a_full_bin() -> None:
+    world = world_with(believed(BLOCK, (0.5, 0.0, 0.02)))
+    bin_ = world.scene.bins[ObjectId("red_bin")]
+    x, y, _ = bin_.pose.position
+    for k in range(9):
+        at = (x + (k // 3 - 1) * 0.07, y + (k % 3 - 1) * 0.055, 0.09)
+        world.scene.put(
+            replace(believed(f"tower_{k}", at, place="red_bin"), shape=Cylinder(0.01, 0.16)), "test"
+        )
+    assert answer(stream(world).find()) is None
+    ranked = trail(world)
+    assert reasons(ranked) == f"{ranked.stages[RANKED]} red_bin is full"
+    assert ranked.stages[PRE_GRASP] == 0, "the arm is not asked for what leads nowhere"
+
+
+def test_a_place_that_is_covered_is_told_with_what_covers_it() -> None:
+    world = world_with(believed(BLOCK, (0.5, 0.0, 0.02)))
+    x, y, z = world.scene.bins[ObjectId("red_bin")].pose.position
+    world.scene.put(
+        replace(believed("lid_1", (x, y, z + 0.23)), role="obstacle", shape=Box((0.4, 0.4, 0.2))), "test"
+    )
+    assert answer(stream(world).find()) is None
+    ranked = trail(world)
+    assert ranked.stages[GRASP] > 0
+    assert (ranked.stages[ROOM], ranked.stages[PLACE]) == (0, 0)
+    covered = "from there red_bin cannot be reached (over red_bin red_block_1 would touch lid_1)"
+    assert reasons(ranked).startswith(f"{ranked.stages[GRASP]} {covered}")
+    assert len(ranked.tried) < 2 * ranked.stages[RANKED], "places that fail alike are one row"
+
+
+def test_an_object_that_belongs_nowhere_is_grasped_all_the_same() -> None:
+    world = world_with(replace(believed(BLOCK, (0.5, 0.0, 0.02)), colour="white"))
+    pick = answer(stream(world).find())
+    assert pick is not None
+    assert (pick.landing, pick.above) == (None, None)
+
+
+def test_the_stream_depends_on_the_belief_alone() -> None:
+    def found() -> tuple[list[float], list[float], CandidatesRanked]:
+        world = world_with(believed(BLOCK, (0.5, 0.1, 0.02)), believed("red_block_2", (0.56, 0.1, 0.02)))
+        pick = answer(stream(world).find())
+        assert pick is not None
+        assert pick.above is not None
+        return list(pick.above), list(pick.approach.trajectory.position.ravel()), trail(world)
+
+    assert found() == found()

@@ -1,0 +1,81 @@
+"""What a stroke does by what it feels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from picktree.control.cartesian.anchor_courses import Felt
+from picktree.manipulation.push.push_arcs import Arcs, straight
+from picktree.manipulation.push.pushed_object import Estimate, seen, together
+from picktree.manipulation.push.stroke_course import AWAY, PushCourse
+from picktree.world.planar_geometry import Planar
+
+PERIOD = 1 / 240
+START = np.array([0.5, 0.0, 0.02])
+TOOL = Planar(-0.03, 0.0)
+DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def stroke(force: Callable[[float], float], way: float = 0.05, curvature: float = 0.0) -> PushCourse:
+    """A stroke along x with the tool where it is told; `force` (N) against it by the carrier's way (m)."""
+    path = straight(Planar(0.54, 0.0), way) if not curvature else Arcs(Planar(0.54, 0.0), ((way, curvature),))
+    course = PushCourse(path, TOOL, 0.01, 0.05, 8.0, 0.8)
+    course.start(START.copy(), DOWN.copy())
+    turn = 0.0
+    for k in range(2000):
+        against = -force(course.reached) * np.array([math.cos(turn), math.sin(turn), 0.0])
+        felt = np.array([against[0], against[1], 0.0]) - 0.8 * course.acceleration
+        course.advance(
+            Felt(k * PERIOD, PERIOD, felt, np.zeros(3), course.position.copy(), course.rotation.copy())
+        )
+        turned = course.rotation @ DOWN.T
+        turn = math.atan2(turned[1, 0], turned[0, 0])
+        if course.finished:
+            return course
+    raise AssertionError("never finished")
+
+
+def test_a_push_ends_where_its_way_ends_and_leaves_the_object() -> None:
+    course = stroke(lambda way: 0.4 if way > 0.0 else 0.0)
+    assert (course.blocked, course.lost, course.in_contact) == (False, False, True)
+    assert course.touched_at == pytest.approx(0.002, abs=0.002)
+    assert course.carrier.x == pytest.approx(0.59, abs=1e-4)
+    assert course.position[0] == pytest.approx(0.56 - AWAY, abs=5e-4)
+
+
+def test_what_does_not_move_stops_the_push() -> None:
+    course = stroke(lambda way: max(0.0, 1500 * (way - 0.02)))
+    assert course.blocked
+    assert course.reached == pytest.approx(0.0253, abs=1e-3)
+
+
+def test_contact_that_is_lost_ends_the_push() -> None:
+    course = stroke(lambda way: 0.4 if 0.0 < way < 0.02 else 0.0)
+    assert (course.lost, course.in_contact) == (True, False)
+    assert 0.027 < course.reached < 0.045
+
+
+def test_what_is_never_there_is_not_felt() -> None:
+    course = stroke(lambda way: 0.0)
+    assert (course.touched_at, course.in_contact, course.lost) == (None, False, False)
+    assert course.reached == pytest.approx(0.05)
+
+
+def test_the_tool_turns_with_its_way() -> None:
+    course = stroke(lambda way: 0.4 if way > 0.0 else 0.0, curvature=10.0)
+    assert course.carrier.yaw == pytest.approx(0.5, abs=1e-3)
+    assert course.in_contact
+
+
+def test_touch_counts_for_more_than_sight_until_the_two_contradict() -> None:
+    touch = Estimate(Planar(0.5, 0.0, 0.0), np.diag([2e-4**2, 1e-3**2]), 0.004)
+    near = together(touch, seen(Planar(0.5005, 0.0005, 0.01)), math.pi / 2)
+    assert near.at.x == pytest.approx(0.50007, abs=1e-5)
+    assert near.at.y == pytest.approx(0.0004, abs=1e-5)
+    assert near.at.yaw < 0.003
+    far = together(touch, seen(Planar(0.51, 0.0, 0.0)), math.pi / 2)
+    assert far.at == Planar(0.51, 0.0, 0.0)

@@ -1,0 +1,119 @@
+"""What hangs on the hand is weighed while the arm lifts it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from picktree.cell.world import World
+from picktree.manipulation.carry.weighing import Kept, Weighing
+from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
+from picktree.world.values import Array
+
+MODEL = RobotModel(load_robot("panda"))
+TICK = 0.05
+G = 9.81
+
+
+@dataclass
+class Lift:
+    """A hand that is lifted by 8 cm in half a second, along a sine, with `mass` kg between its fingers."""
+
+    mass: float
+    slides: float | None = None
+    """Time at which it is lost, s; the fingers stay as they are."""
+    turns: float = 0.0
+    """Of the hand meanwhile, rad/s."""
+    width: float = 0.04
+    now: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.home = MODEL.named("home")
+        self.up = self.moving(self.home, np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
+
+    @staticmethod
+    def moving(q: Array, twist: Array) -> Array:
+        """Joint speeds (n,) that move the TCP by a twist (6,)."""
+        return np.asarray(np.linalg.pinv(MODEL.jacobian(q)) @ twist, np.float64)
+
+    def speed(self, time: float) -> float:
+        return 0.16 * (1.0 - np.cos(2 * np.pi * time / 0.5))
+
+    def height(self, time: float) -> float:
+        return 0.16 * (time - 0.5 / (2 * np.pi) * np.sin(2 * np.pi * time / 0.5))
+
+    def load(self, window: float) -> float:
+        """The mean force over the last tick, as an ideal wrist has it: by the change of momentum."""
+        begin = self.now - TICK
+        rising = (self.speed(self.now) - self.speed(begin)) / TICK
+        held = self.mass if self.slides is None or begin < self.slides else 0.0
+        return (MODEL.hand_mass + held) * rising + held * G
+
+    def world(self) -> World:
+        position = self.home + self.up * self.height(self.now)
+        velocity = self.moving(position, np.array([0.0, 0.0, self.speed(self.now), 0.0, 0.0, self.turns]))
+        control = SimpleNamespace(
+            load=self.load,
+            wrist=SimpleNamespace(payload=None),
+            period=1 / 240,
+            state=SimpleNamespace(position=position, velocity=velocity),
+            tcp=MODEL.tcp(position),
+        )
+        self.grip = SimpleNamespace(width=self.width)
+        clock = SimpleNamespace(now=self.now)
+        made = SimpleNamespace(control=control, robot=MODEL, tick=TICK, clock=clock, grip=self.grip)
+        return cast("World", made)
+
+    def weigh(self) -> Weighing:
+        """Lift it, asking each tick."""
+        world = self.world()
+        weighing = Weighing(world, 0.5)
+        while self.now < 0.5 - 1e-9 and weighing.doubt is None:
+            self.now += TICK
+            later = self.world()
+            world.__dict__.update(control=later.control, clock=later.clock, grip=self.grip)
+            weighing.watch()
+        return weighing
+
+
+@pytest.mark.parametrize("mass", [0.03, 0.1, 1.0])
+def test_it_weighs_what_it_weighs_although_the_hand_is_accelerated(mass: float) -> None:
+    weighing = Lift(mass).weigh()
+    assert weighing.doubt is None
+    assert weighing.hold is not None
+    assert weighing.hold.load == pytest.approx(mass * G, abs=0.02)
+
+
+def test_an_empty_hand_leaves_doubt() -> None:
+    weighing = Lift(0.0).weigh()
+    assert weighing.hold is None
+    assert weighing.doubt is not None
+    assert abs(weighing.load() or 1.0) < 0.02
+
+
+def test_what_was_lost_on_the_last_centimetres_leaves_doubt() -> None:
+    """Over the whole lift it still weighs enough."""
+    weighing = Lift(0.5, slides=0.3).weigh()
+    assert (weighing.load() or 0.0) > 0.3
+    assert weighing.hold is None
+    assert weighing.doubt is not None
+
+
+def test_a_hand_that_turns_is_not_weighed() -> None:
+    weighing = Lift(0.1, turns=0.5).weigh()
+    assert (weighing.load(), weighing.hold) == (None, None)
+    assert weighing.doubt is not None
+
+
+@pytest.mark.parametrize("width", [0.036, 0.044, 0.001])
+def test_fingers_that_move_leave_doubt(width: float) -> None:
+    world = Lift(0.1).world()
+    kept = Kept(world)
+    assert kept.watch() is None
+    world.grip.__dict__["width"] = width
+    assert kept.watch() is kept.doubt is not None

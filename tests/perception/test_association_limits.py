@@ -1,0 +1,249 @@
+"""How near is the same: each limit of the association from both sides, with detections made up for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from picktree.perception.data_association import ObservationSummary, update_belief
+from picktree.perception.fitting.view import Detection, Unexplained, View
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.world.shapes import Box
+from picktree.world.values import ObjectId, Pose
+
+from .perception_pictures import BLOCK, BRICK, empty_scene, standing, view_of
+
+OUT_OF_VIEW = (3.0, 0.0, 0.02)
+ON_THE_TABLE = (0.5, 0.0, 0.02)
+IN_THE_BIN = (0.4, 0.4, 0.025)
+
+
+@cache
+def empty_table() -> View:
+    return view_of([])
+
+
+@cache
+def a_red_block() -> View:
+    return view_of([standing(BLOCK, 0.45, -0.1, 0.2, "red")])
+
+
+def believed(
+    at: tuple[float, float, float] = OUT_OF_VIEW,
+    *,
+    sigma: float = 0.0,
+    place: str = "table",
+    name: str = "red_block_1",
+    confidence: float = 0.9,
+) -> BeliefObject:
+    known = ("item", "block", "box", BLOCK, "red", Pose(at), sigma, 0.01, confidence, 0.0)
+    return BeliefObject(ObjectId(name), *known, place=place)
+
+
+def detected(
+    at: tuple[float, float, float],
+    by: float,
+    *,
+    kind: str = "block",
+    confidence: float = 0.9,
+    place: str = "table",
+    colour: str = "red",
+) -> Detection:
+    """A detection that is `by` m away from a point, along y."""
+    x, y, z = at
+    shape = BLOCK if kind == "block" else BRICK
+    return Detection(
+        kind, "box", shape, colour, Pose((x, y + by, z)), 0.001, 0.01, confidence, math.pi / 2, place
+    )  # fmt: skip
+
+
+def after(
+    scene: PlanningScene, *detections: Detection, unexplained: tuple[Unexplained, ...] = (), now: float = 2.0
+) -> ObservationSummary:
+    view = replace(empty_table(), detections=detections, unexplained=unexplained)
+    return update_belief(scene, view, now)
+
+
+def scene_of(*objects: BeliefObject) -> PlanningScene:
+    scene = empty_scene()
+    for one in objects:
+        scene.put(one, "told")
+        scene.new_id(one.id.rpartition("_")[0])
+    return scene
+
+
+def taken(item: BeliefObject, detection: Detection) -> bool:
+    """Whether the one detection is taken for the one item."""
+    scene = scene_of(item)
+    summary = after(scene, detection)
+    same = summary.seen == (item.id,)
+    assert same or item.id in summary.hidden
+    assert same is (scene.get(item.id).last_seen == 2.0)
+    return same
+
+
+@pytest.mark.parametrize(
+    ("sigma", "reach"), [(0.0, 0.04), (0.005, 0.055), (0.01, 0.07), (0.03, 0.13), (0.05, 0.13)]
+)
+def test_on_the_table_an_item_is_taken_for_itself_near_where_it_was(sigma: float, reach: float) -> None:
+    """4 cm, and three standard deviations of where it was believed to be, of at most 3 cm."""
+    item = believed(sigma=sigma)
+    assert taken(item, detected(OUT_OF_VIEW, reach - 0.001))
+    assert not taken(item, detected(OUT_OF_VIEW, reach + 0.001))
+
+
+def test_in_one_bin_an_item_is_taken_for_itself_further_off() -> None:
+    item = believed(place="red_bin")
+    assert taken(item, detected(OUT_OF_VIEW, 0.099, place="red_bin"))
+    assert not taken(item, detected(OUT_OF_VIEW, 0.101, place="red_bin"))
+    # From the table into a bin, and from one bin into another, it is as on the table.
+    for place in ("table", "blue_bin"):
+        item = believed(place=place)
+        assert taken(item, detected(OUT_OF_VIEW, 0.039, place="red_bin"))
+        assert not taken(item, detected(OUT_OF_VIEW, 0.041, place="red_bin"))
+
+
+def test_of_another_colour_it_is_another_item_wherever_it_is() -> None:
+    assert not taken(believed(), detected(OUT_OF_VIEW, 0.001, colour="blue"))
+
+
+def test_another_kind_is_worth_two_centimetres() -> None:
+    item = believed()
+    alike = detected(OUT_OF_VIEW, 0.03)
+    for by, kind in ((-0.005, "brick"), (-0.015, "block")):
+        scene = scene_of(item)
+        after(scene, detected(OUT_OF_VIEW, by, kind="brick"), alike)
+        assert scene.get(item.id).kind == kind
+        assert len(scene.objects) == 2
+
+
+def test_the_nearest_pairs_in_all_are_made() -> None:
+    """Not the nearest one first: it would leave a far one to the other."""
+    one, other = believed(), believed((3.0, 0.03, 0.02), name="red_block_2")
+    scene = scene_of(one, other)
+    summary = after(scene, detected(OUT_OF_VIEW, 0.02), detected(OUT_OF_VIEW, -0.03))
+    assert summary.new == ()
+    assert scene.get("red_block_1").pose.position[1] == pytest.approx(-0.03)
+    assert scene.get("red_block_2").pose.position[1] == pytest.approx(0.02)
+
+
+def test_what_left_its_place_is_looked_for_within_half_a_metre() -> None:
+    for by, name in ((0.49, "red_block_1"), (0.51, "red_block_2")):
+        scene = scene_of(believed(ON_THE_TABLE))
+        after(scene, detected(ON_THE_TABLE, by))
+        assert [o.id for o in scene.objects] == [name]
+    for other in (detected(ON_THE_TABLE, 0.3, kind="brick"), detected(ON_THE_TABLE, 0.3, colour="blue")):
+        scene = scene_of(believed(ON_THE_TABLE))
+        summary = after(scene, other)
+        assert summary.removed == ("red_block_1",)
+        assert [o.id for o in scene.objects] == [f"{other.colour}_{other.kind}_1"]
+
+
+def test_what_is_seen_worse_than_before_is_believed_as_before() -> None:
+    """With less than 0.8 of the former confidence, and only where the view bears the former out."""
+    view = a_red_block()
+    (seen,) = view.detections
+    for share, kept in ((0.79, True), (0.81, False)):
+        item = believed(seen.pose.position, confidence=0.5)
+        scene = scene_of(item)
+        worse = replace(seen, pose=seen.pose.shifted((0.004, 0.0, 0.0)), confidence=0.5 * share)
+        update_belief(scene, replace(view, detections=(worse,)), 2.0)
+        now = scene.get(item.id)
+        assert now.last_seen == 2.0
+        assert (now.pose == item.pose, now.confidence == 0.5) == (kept, kept)
+    # The place is seen empty: the worse look is all that there is.
+    scene = scene_of(believed(ON_THE_TABLE, confidence=0.9))
+    after(scene, detected(ON_THE_TABLE, 0.02, confidence=0.2))
+    assert scene.get("red_block_1").confidence == 0.2
+
+
+def test_what_is_seen_at_the_hand_in_the_colour_of_what_it_holds_is_that() -> None:
+    for by, colour, new in ((0.059, "red", 0), (0.061, "red", 1), (0.0, "blue", 1)):
+        scene = scene_of(replace(believed(ON_THE_TABLE), object_in_tcp=Pose(), place="hand"))
+        summary = after(scene, detected(ON_THE_TABLE, by, colour=colour))
+        assert len(summary.new) == new
+
+
+def test_what_was_held_elsewhere_when_the_picture_was_taken_is_looked_for_there() -> None:
+    there = (0.7, 0.2, 0.3)
+    scene = scene_of(replace(believed(ON_THE_TABLE), object_in_tcp=Pose(), place="hand"))
+    view = replace(empty_table(), detections=(detected(there, 0.02),))
+    assert update_belief(scene, view, 2.0, held_at=Pose(there)).new == ()
+    scene = scene_of(replace(believed(ON_THE_TABLE), object_in_tcp=Pose(), place="hand"))
+    assert len(update_belief(scene, view, 2.0).new) == 1
+    assert scene.held is not None and scene.held.pose.position == ON_THE_TABLE
+
+
+@pytest.mark.parametrize(
+    ("by", "confidence", "place", "new"),
+    [
+        (0.079, 0.59, "table", False),
+        (0.079, 0.61, "table", True),
+        (0.081, 0.59, "table", True),
+        (0.099, 0.61, "red_bin", False),
+        (0.101, 0.61, "red_bin", True),
+        (0.300, 0.59, "red_bin", False),
+    ],
+)
+def test_a_doubtful_look_near_something_hidden_makes_no_new_item(
+    by: float, confidence: float, place: str, new: bool
+) -> None:
+    scene = scene_of(believed())
+    summary = after(scene, detected(OUT_OF_VIEW, by, kind="brick", confidence=confidence, place=place))
+    assert (len(summary.new) == 1) is new
+    assert summary.hidden == ("red_block_1",)
+
+
+def test_of_another_colour_a_doubtful_look_is_something_new() -> None:
+    scene = scene_of(believed())
+    assert after(scene, detected(OUT_OF_VIEW, 0.05, colour="blue", confidence=0.3)).new == ("blue_block_1",)
+
+
+def test_what_is_given_up_stays_so_where_it_lay() -> None:
+    for sigma, by, place in (
+        (0.0, 0.039, "aside"),
+        (0.01, 0.069, "aside"),
+        (0.05, 0.129, "aside"),
+        (0.0, 0.041, "table"),
+        (0.01, 0.071, "table"),
+        (0.05, 0.131, "table"),
+    ):
+        scene = scene_of(believed(ON_THE_TABLE, sigma=sigma, place="aside"))
+        after(scene, detected(ON_THE_TABLE, by))
+        assert scene.get("red_block_1").place == place, (sigma, by)
+    scene = scene_of(believed(place="aside"))
+    after(scene, detected(OUT_OF_VIEW, 0.01, place="red_bin"))
+    assert scene.get("red_block_1").place == "red_bin"
+
+
+def test_a_patch_about_something_hidden_of_its_colour_is_no_obstacle() -> None:
+    (patch,) = view_of([standing(Box((0.1, 0.08, 0.1)), 0.5, -0.15, 0.0, "grey")]).unexplained
+    patch = replace(patch, colour="red")
+    x, y, z = patch.pose.position
+    reach = max(patch.shape.size)
+    for by, colour, obstacles in ((reach - 0.001, "red", 0), (reach + 0.001, "red", 1), (0.0, "blue", 1)):
+        # Held: whatever the picture shows there, it stays believed.
+        item = replace(believed((x, y + by, z)), colour=colour, object_in_tcp=Pose())
+        assert after(scene_of(item), unexplained=(patch,)).unexplained == obstacles
+
+
+def test_of_headings_that_look_the_same_the_nearest_to_the_former_is_believed() -> None:
+    before, seen = math.radians(100.0), math.radians(15.0)
+    scene = scene_of(replace(believed(), pose=Pose.from_rpy(OUT_OF_VIEW, (0.0, 0.0, before))))
+    alike = replace(
+        detected(OUT_OF_VIEW, 0.0), pose=Pose.from_rpy(OUT_OF_VIEW, (0.0, 0.0, seen)), turn=math.pi / 2
+    )
+    after(scene, alike)
+    x = scene.get("red_block_1").pose.rotation()[:2, 0]
+    assert math.degrees(math.atan2(x[1], x[0])) == pytest.approx(105.0)
+    # What looks the same only after half a turn has two, and what has no heading only its own.
+    for turn, believes in ((math.pi, 195.0), (0.0, 15.0)):
+        scene = scene_of(
+            replace(believed(), pose=Pose.from_rpy(OUT_OF_VIEW, (0.0, 0.0, math.radians(190.0))))
+        )
+        after(scene, replace(alike, turn=turn))
+        x = scene.get("red_block_1").pose.rotation()[:2, 0]
+        assert math.degrees(math.atan2(x[1], x[0])) % 360.0 == pytest.approx(believes)

@@ -1,0 +1,52 @@
+"""What rides on a belt is seen as on a table: where it is, and where it is no longer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from picktree.perception.data_association import update_belief
+from picktree.perception.pipeline import Perception
+from picktree.robots.model import RobotModel
+from picktree.simulation.physics.backend import PhysicsHardware
+from picktree.world.belief.planning_scene import PlanningScene
+
+from ..simulation.belt_cell import belt_scene, on_belt, positions, ride
+from ..simulation.simulated_cell import panda
+
+KINDS = ("plate", "block", "ball", "can")
+
+
+def observe(hardware: PhysicsHardware, perception: Perception, scene: PlanningScene) -> None:
+    joints, width = hardware.arm.read().position, hardware.gripper.read().width
+    view = perception.detect(hardware.cameras["overhead"].capture(), joints, width, scene)
+    assert view.unexplained == ()
+    update_belief(scene, view, hardware.clock.now)
+
+
+def believed(scene: PlanningScene) -> dict[str, tuple[float, ...]]:
+    return {o.id: o.pose.position for o in scene.objects}
+
+
+def test_items_on_a_belt_are_found_and_found_again_when_it_has_run() -> None:
+    description = belt_scene(*KINDS, length=0.9)
+    hardware = on_belt(description, [0.36, 0.14, -0.10, -0.34])
+    perception = Perception(description, RobotModel(panda()))
+    scene = PlanningScene(description.fixtures, description.bins)
+    observe(hardware, perception, scene)
+    first = believed(scene)
+    assert [name.rsplit("_", 1)[0] for name in sorted(first)] == [
+        "red_ball2", "red_block1", "red_can3", "red_plate0"
+    ]  # fmt: skip
+    plate, *others = (f"red_{kind}{n}_1" for n, kind in enumerate(KINDS))
+    truth = dict(zip((plate, *others), positions(hardware), strict=True))
+    assert {name: pytest.approx(truth[name], abs=2e-3) for name in first} == first
+    scene.put(replace(scene.get(others[0]), place="aside"), "given up")  # type: ignore[arg-type]
+
+    ride(hardware, 0.12)
+    observe(hardware, perception, scene)
+    truth = dict(zip((plate, *others), positions(hardware), strict=True))
+    assert truth[plate][2] < 0.0
+    assert {name: pytest.approx(truth[name], abs=2e-3) for name in others} == believed(scene)
+    assert {o.place for o in scene.objects} == {"table"}

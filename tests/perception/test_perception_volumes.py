@@ -1,0 +1,271 @@
+"""What nothing explains is a volume: it grows with what is seen, clears where rays pass, keeps the hidden."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from picktree.perception.data_association import update_belief
+from picktree.perception.pipeline import Perception
+from picktree.perception.voxels.box_merging import merged
+from picktree.perception.voxels.voxel_grid import CELL, body_of, cells_of, centres, keys, within
+from picktree.planning.collision.collision_bodies import loose_bodies
+from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
+from picktree.world.raycasting import inside
+from picktree.world.shapes import Box, Cylinder, Sphere
+from picktree.world.values import Array, ObjectId, Pose
+
+from .perception_pictures import (
+    BLOCK,
+    CAN,
+    RED_BIN,
+    SCENE,
+    Robot,
+    Thing,
+    empty_scene,
+    photograph,
+    standing,
+    view_of,
+)
+
+POST = Thing(Box((0.06, 0.05, 0.3)), Pose.from_rpy((0.5, 0.15, 0.15), (0.0, 0.0, 0.4)), "grey")
+
+
+def look(scene: PlanningScene, *things: Thing, now: float, robot: Robot | None = None) -> list[str]:
+    """Look once; the reasons for what changed in the obstacles."""
+    scene.take_changes()
+    update_belief(scene, view_of(things, scene=scene, robot=robot, seed=int(now)), now)
+    changes = scene.take_changes()
+    return [c.reason for c in changes if (c.after or c.before) and (c.after or c.before).role == "obstacle"]  # pyright: ignore[reportOptionalMemberAccess]
+
+
+def obstacles(scene: PlanningScene) -> list[BeliefObject]:
+    return [o for o in scene.objects if o.role == "obstacle"]
+
+
+def taken_up(scene: PlanningScene) -> Array:
+    """Middles of the cells that are taken up (n, 3), m."""
+    return np.concatenate([centres(cells_of(o)) for o in obstacles(scene)])
+
+
+def share_covered(scene: PlanningScene, thing: Thing) -> float:
+    """How much of the thing is in blocks, by points drawn in it."""
+    reach = 0.5 * np.array([0.5, 0.5, 0.5])
+    points = thing.pose.apply(np.random.default_rng(1).uniform(-reach, reach, (200_000, 3)))
+    points = points[inside(thing.shape, thing.pose, points)]
+    covered = np.zeros(len(points), dtype=bool)
+    for o in obstacles(scene):
+        for block in o.blocks:
+            covered |= inside(Box(block.size), o.pose @ Pose(block.at), points, 1e-6)
+    return float(covered.mean())
+
+
+def test_a_post_is_covered_wholly_and_little_else() -> None:
+    for thing in (
+        POST,
+        Thing(Cylinder(0.04, 0.25), Pose((0.6, -0.2, 0.125)), "white"),
+        Thing(Box((0.05, 0.05, 0.3)), Pose((0.5, 0.0, 0.15)), "red"),
+    ):
+        scene = empty_scene()
+        look(scene, thing, now=1)
+        assert [str(o.id) for o in obstacles(scene)] == ["obstacle_1"]
+        assert share_covered(scene, thing) > 0.999
+        points = taken_up(scene)
+        grown = 0.022  # two cells and the noise
+        shape = Box(tuple(s + 2 * grown for s in thing.shape.size)) if isinstance(thing.shape, Box) else None  # pyright: ignore[reportArgumentType]
+        round_ = Cylinder(0.04 + grown, 0.25 + 2 * grown)
+        assert inside(shape or round_, thing.pose, points).all()
+        assert points[:, 2].min() > 0.0, "the table itself is none"
+
+
+def test_it_stays_the_same_while_nothing_changes() -> None:
+    scene = empty_scene()
+    assert look(scene, POST, now=1) == ["depth that nothing explains"]
+    reasons = [look(scene, POST, now=n) for n in range(2, 6)]
+    settled = obstacles(scene)[0]
+    assert reasons[-2:] == [["seen again"], ["seen again"]], "noise must not make it another each time"
+    look(scene, POST, now=9)
+    assert obstacles(scene)[0].blocks == settled.blocks
+    assert obstacles(scene)[0].last_seen == 9.0
+
+
+def test_what_is_taken_away_is_gone_with_the_next_look() -> None:
+    scene = empty_scene()
+    look(scene, POST, now=1)
+    assert look(scene, now=2) == ["its place was seen without it"]
+    assert scene.objects == ()
+
+
+def test_what_moves_clears_behind_and_grows_ahead() -> None:
+    scene = empty_scene()
+    look(scene, POST, now=1)
+    ahead = replace(POST, pose=POST.pose.shifted((0.04, 0.0, 0.0)))
+    assert look(scene, ahead, now=2) == ["it was seen to take up other space"]
+    assert [str(o.id) for o in obstacles(scene)] == ["obstacle_1"]
+    assert share_covered(scene, ahead) > 0.999
+    assert taken_up(scene)[:, 0].min() > POST.pose.position[0] - 0.03
+
+
+def test_what_the_arm_hides_stays() -> None:
+    scene = empty_scene()
+    look(scene, POST, now=1)
+    before = obstacles(scene)
+    hand = Robot(Box((0.25, 0.25, 0.05)), Pose((0.5, 0.1, 0.55)))
+    arm = Thing(hand.box, hand.pose, "white")
+    assert look(scene, arm, now=2, robot=hand) == []
+    assert obstacles(scene) == before
+    assert look(scene, now=3) == ["its place was seen without it"]
+
+
+def test_what_the_arm_hid_of_it_grows_when_it_is_seen() -> None:
+    wall = Thing(Box((0.04, 0.4, 0.1)), Pose((0.65, -0.1, 0.05)), "grey")
+    hand = Robot(Box((0.15, 0.2, 0.05)), Pose((0.62, -0.18, 0.4)))
+    scene = empty_scene()
+    look(scene, wall, Thing(hand.box, hand.pose, "white"), now=1, robot=hand)
+    assert share_covered(scene, wall) < 0.8
+    assert "more of it was seen" in look(scene, wall, now=2)
+    assert share_covered(scene, wall) > 0.999
+
+
+def test_below_a_bar_that_is_seen_to_hang_there_is_room() -> None:
+    bar = Thing(Box((0.3, 0.05, 0.04)), Pose((0.5, -0.36, 0.3)), "grey")
+    scene = empty_scene()
+    look(scene, bar, now=1)
+    assert share_covered(scene, bar) > 0.99
+    below = taken_up(scene)
+    below = below[below[:, 2] < 0.1]
+    full = len(within(Box((0.3, 0.05, 0.1)), Pose((0.5, -0.36, 0.05))))
+    assert len(below) < 0.35 * full, "rays pass below it"
+
+
+def test_items_and_bins_are_not_blocked() -> None:
+    scene = empty_scene()
+    can = standing(CAN, 0.5, 0.06, 0.0, "blue")
+    in_bin = Thing(BLOCK, Pose((0.41, 0.39, 0.025)), "red")
+    at_bin = Thing(Box((0.05, 0.05, 0.3)), Pose((0.4, 0.26, 0.15)), "grey")
+    for n in range(1, 3):
+        look(scene, POST, can, in_bin, at_bin, now=n)
+    assert [o.kind for o in scene.objects if o.role == "item"].count("can") == 1
+    points = taken_up(scene)
+    assert not inside(can.shape, can.pose, points).any()
+    low, high = RED_BIN.inside()
+    local = RED_BIN.pose.inverse().apply(points)
+    assert not (np.all(local > np.array(low), axis=1) & np.all(local < np.array(high), axis=1)).any()
+
+
+def test_an_item_behind_it_is_not_given_up() -> None:
+    scene = empty_scene()
+    low = standing(BLOCK, 0.5, -0.3, 0.0, "green")
+    look(scene, low, now=1)
+    assert [str(o.id) for o in scene.objects] == ["green_block_1"]
+    tall = Thing(Box((0.12, 0.04, 0.35)), Pose((0.5, -0.24, 0.175)), "grey")
+    look(scene, low, tall, now=2)
+    assert scene.find("green_block_1") is not None
+    look(scene, low, now=3)
+    assert [str(o.id) for o in scene.objects] == ["green_block_1"]
+
+
+def test_noise_and_flying_pixels_leave_no_specks() -> None:
+    things = [standing(BLOCK, 0.4 + 0.1 * k, -0.2, 0.3 * k, "red") for k in range(2)]
+    for seed in range(2):
+        scene = empty_scene()
+        image = photograph([*things, POST], seed=seed, noise=0.003)
+        depth = image.depth.copy()
+        rng = np.random.default_rng(seed)
+        jump = np.abs(np.diff(depth, axis=1, prepend=depth[:, :1])) > 0.02
+        flying = jump & (depth > 0) & (rng.random(depth.shape) < 0.5)
+        depth[flying] = depth[flying] - rng.uniform(0.02, 0.25, int(flying.sum())).astype(np.float32)
+        spoilt = replace(image, depth=depth)
+        update_belief(scene, Perception(SCENE, Robot()).detect(spoilt, np.zeros(7), 0.08, scene), 1.0)
+        (one,) = obstacles(scene)
+        assert np.hypot(one.pose.position[0] - 0.5, one.pose.position[1] - 0.15) < 0.03
+
+
+def test_something_of_an_items_colour_beside_the_arm_is_seen() -> None:
+    tall = Thing(Box((0.05, 0.08, 0.27)), Pose.from_rpy((0.43, 0.1, 0.135), (0, 0, 2.5)), "yellow")
+    hand = Robot(Box((0.12, 0.2, 0.1)), Pose((0.42, 0.26, 0.35)))
+    scene = empty_scene()
+    look(scene, tall, Thing(hand.box, hand.pose, "white"), now=1, robot=hand)
+    assert [str(o.id) for o in scene.objects] == ["obstacle_1"]
+
+
+def test_what_turns_out_to_be_an_item_is_no_obstacle_any_more() -> None:
+    scene = empty_scene()
+    block = standing(BLOCK, 0.5, -0.1, 0.2, "red")
+    cells = within(Box((0.045, 0.045, 0.045)), block.pose)
+    shape, pose, blocks = body_of(merged(cells))
+    scene.put(
+        BeliefObject(
+            ObjectId("obstacle_7"), "obstacle", "unknown", "unknown", shape, "red", pose,
+            0.005, 0.1, 0.5, 0.0, blocks=blocks,
+        ),
+        "test",
+    )  # fmt: skip
+    look(scene, block, now=1)
+    assert [str(o.id) for o in scene.objects] == ["red_block_1"]
+
+
+def test_boxes_cover_their_cells_exactly() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        cells = keys(rng.integers(-4, 5, (int(rng.integers(1, 200)), 3)))
+        shape, pose, blocks = body_of(merged(cells, most=10_000))
+        o = BeliefObject(
+            ObjectId("o"), "obstacle", "unknown", "unknown", shape, "grey", pose, 0, 0, 1, 0, blocks=blocks
+        )
+        assert np.array_equal(cells_of(o), cells)
+        few = replace(
+            o, **dict(zip(("shape", "pose", "blocks"), body_of(merged(cells, most=5)), strict=True))
+        )
+        assert len(few.blocks) <= 5
+        assert np.isin(cells, cells_of(few)).all()
+
+
+def test_an_obstacle_of_an_older_log_is_taken_up_too() -> None:
+    scene = empty_scene()
+    turned = Pose.from_rpy((0.5, 0.15, 0.15), (0.0, 0.0, math.pi / 4))
+    scene.put(
+        BeliefObject(
+            ObjectId("obstacle_1"), "obstacle", "unknown", "unknown", Box((0.06, 0.06, 0.3)), "grey", turned,
+            0.005, 0.1, 0.5, 0.0,
+        ),
+        "test",
+    )  # fmt: skip
+    assert len(cells_of(scene.get("obstacle_1"))) * float(np.prod(CELL)) > 0.9 * 0.06 * 0.06 * 0.3
+    look(scene, Thing(Box((0.06, 0.06, 0.3)), turned, "grey"), now=1)
+    (known,) = obstacles(scene)
+    assert str(known.id) == "obstacle_1" and known.blocks
+
+
+def test_a_ball_is_covered_down_to_the_table() -> None:
+    ball = Thing(Sphere(0.06), Pose((0.6, 0.2, 0.06)), "dark_grey")
+    scene = empty_scene()
+    look(scene, ball, now=1)
+    assert share_covered(scene, ball) > 0.97, "but for a rim of some mm on the far side"
+
+
+def test_a_tower_of_an_items_colour_and_width_is_no_stack_of_items() -> None:
+    for high in (0.11, 0.1243, 0.2):
+        tower = Thing(
+            Box((0.046, 0.047, high)), Pose.from_rpy((0.4, 0.22, high / 2), (0.0, 0.0, 1.0)), "blue"
+        )
+        scene = empty_scene()
+        look(scene, tower, now=1)
+        assert [str(o.id) for o in scene.objects] == ["obstacle_1"]
+
+
+def test_a_hull_stands_for_many_blocks_where_it_is_tight() -> None:
+    scene = empty_scene()
+    look(scene, POST, now=1)
+    (post,) = obstacles(scene)
+    assert len(post.blocks) > 1
+    (body,) = loose_bodies([post])
+    assert body.name == "obstacle_1"
+    assert inside(body.shape, body.pose, centres(cells_of(post))).all()
+    bent = np.concatenate([within(Box((0.3, 0.04, 0.2)), Pose()), within(Box((0.04, 0.3, 0.2)), Pose())])
+    shape, pose, blocks = body_of(merged(np.unique(bent)))
+    loose = loose_bodies([replace(post, shape=shape, pose=pose, blocks=blocks)])
+    assert [b.name for b in loose] == ["obstacle_1"] * len(blocks)
+    assert len(blocks) == 2

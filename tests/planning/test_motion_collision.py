@@ -1,0 +1,195 @@
+"""The fast checker against the naive test, against python-fcl, and against its own margins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from picktree.planning.collision.clearances import Margins
+from picktree.planning.collision.collision_bodies import is_board
+from picktree.planning.collision.collision_checker import Collision
+from picktree.planning.collision.start_tolerance import Way
+from picktree.planning.collision.trajectory_judge import Judge
+from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
+from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.shapes import Box
+from picktree.world.trajectory import Trajectory
+from picktree.world.values import Array, Pose
+
+from .motion_cell import HOME, MODEL, down, item, littered, table_scene
+
+
+def at(pose: Pose) -> Array:
+    q = InverseKinematics(MODEL).descend(pose, HOME)
+    assert q is not None
+    return q
+
+
+def looking_at(scene: PlanningScene, width: float = 0.04, margins: Margins | None = None) -> Collision:
+    collision = Collision(MODEL, margins)
+    collision.update(scene, width)
+    return collision
+
+
+def names(collision: Collision, q: Array) -> set[tuple[str, str]]:
+    return {(c.a, c.b) for c in collision.contacts(q)}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_broad_phase_misses_nothing(seed: int) -> None:
+    scene = littered(seed, high=0.6)
+    if seed % 2:
+        scene.put(item("held", Box((0.05, 0.05, 0.15)), Pose()), "test")
+        scene.attach("held", Pose((0.0, 0.0, 0.05)))
+    collision = looking_at(scene)
+    rng = np.random.default_rng(seed)
+    answers: list[bool] = []
+    for _ in range(150):
+        q = rng.uniform(MODEL.lower, MODEL.upper)
+        answers.append(collision.free(q))
+        one_by_one = collision.contacts(q)
+        assert answers[-1] == (not one_by_one), one_by_one
+    assert 0.1 < np.mean(answers) < 0.95
+
+
+def test_requests_depend_on_no_earlier_query() -> None:
+    """A cached guess would make answers depend on history; contact points would cost time."""
+    collision = looking_at(littered(0))
+    checker = collision.excusing((), 0.0)
+    for request in checker._geometry_data.collisionRequests:  # pyright: ignore[reportPrivateUsage]
+        assert not request.enable_contact
+        assert str(request.gjk_initial_guess).endswith("DefaultGuess")
+
+
+def test_agrees_with_fcl() -> None:
+    """Without margins: what the judge finds 0.1 mm deep is not free, what is deep here, the judge finds."""
+    scene = littered(5, high=0.6)
+    scene.put(item("held", Box((0.05, 0.05, 0.15)), Pose()), "test")
+    scene.attach("held", Pose((0.0, 0.0, 0.05)))
+    collision = looking_at(scene, 0.06, Margins(0.0, 0.0, 0.0, -0.002))
+    judge = Judge(MODEL)
+    rng = np.random.default_rng(2)
+    hits = 0
+    for _ in range(120):
+        q = rng.uniform(MODEL.lower, MODEL.upper)
+        still = np.zeros((2, 7))
+        standing = Trajectory(np.array([0.0, 0.01]), np.array([q, q]), still, still)
+        judged = {(c.a, c.b) for c in judge.judge(standing, scene, 0.06, excuse_start=False)}
+        seen = {(c.a, c.b): c.distance for c in collision.contacts(q)}
+        assert judged <= set(seen)
+        assert {pair for pair, depth in seen.items() if depth < -0.0025} <= judged
+        assert collision.free(q) == (not seen)
+        hits += bool(judged)
+    assert 10 < hits < 110
+
+
+def test_without_a_margin_what_lies_deep_in_each_other_is_seen() -> None:
+    """With a margin of nought coal takes these two links, 9 mm deep in each other, for apart."""
+    q = np.array([1.0462881, 0.72710322, 1.04743667, -0.76741345, -2.43633052, 0.38170118, 2.05911783])
+    scene = table_scene(item("held", Box((0.05, 0.05, 0.15)), Pose()))
+    scene.attach("held", Pose((0.0, 0.0, 0.05)))
+    collision = looking_at(scene, 0.06, Margins(0.0, 0.0, 0.0, -0.002))
+    assert names(collision, q) == {("panda_link5", "panda_hand")}
+    assert not collision.free(q)
+
+
+def test_fingers_come_nearer_to_a_board_than_to_anything_else() -> None:
+    tip = MODEL.description.gripper.tip
+    collision = looking_at(table_scene())
+    assert collision.free(at(down(0.5, 0.0, tip + 0.001)))
+    assert not collision.free(at(down(0.5, 0.0, tip + 0.0003)))
+    block = item("block", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))
+    collision.update(table_scene(block), 0.04)
+    assert collision.free(at(down(0.5, 0.0, 0.1 + tip + 0.0035)))
+    touching = names(collision, at(down(0.5, 0.0, 0.1 + tip + 0.0025)))
+    assert touching == {("panda_leftfinger", "block"), ("panda_rightfinger", "block")}
+
+
+def test_clearance_widens_what_is_kept_and_not_what_is_tolerated() -> None:
+    block = item("block", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))
+    collision, scene = Collision(MODEL), table_scene(block)
+    above = at(down(0.5, 0.0, 0.1 + MODEL.description.gripper.tip + 0.010))
+    for clearance, free in ((0.0, True), (0.006, True), (0.008, False), (0.0, True)):
+        collision.update(scene, 0.04, clearance=clearance)
+        assert collision.free(above) == free
+        assert (collision.contacts(above) == ()) == free
+    scene = table_scene(item("cube", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.0, 0.02))))
+    scene.attach("cube", Pose())
+    collision.update(scene, 0.04, clearance=0.002)
+    assert collision.free(at(down(0.5, 0.0, 0.0185)))
+
+
+def test_a_held_object_may_stand_on_the_table_but_not_lie_in_a_neighbour() -> None:
+    scene = table_scene(item("cube", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.0, 0.02))))
+    scene.attach("cube", Pose())
+    collision = looking_at(scene)
+    assert collision.free(at(down(0.5, 0.0, 0.0185)))
+    assert names(collision, at(down(0.5, 0.0, 0.0175))) == {("cube", "table")}
+    neighbour = item("other", Box((0.04, 0.04, 0.04)), Pose((0.542, 0.0, 0.02)))
+    scene.put(neighbour, "test")
+    collision.update(scene, 0.04)
+    assert ("cube", "other") in names(collision, at(down(0.5, 0.0, 0.02)))
+    scene.put(replace(neighbour, pose=Pose((0.55, 0.0, 0.02))), "test")
+    collision.update(scene, 0.04)
+    assert ("cube", "other") not in names(collision, at(down(0.5, 0.0, 0.02)))
+
+
+def test_follows_what_the_scene_allows_moves_and_removes() -> None:
+    scene = table_scene(item("block", Box((0.05, 0.05, 0.05)), Pose((0.5, 0.0, 0.025))))
+    collision = looking_at(scene)
+    inside = at(down(0.5, 0.0, 0.02))
+    assert not collision.free(inside)
+    with scene.allow(("gripper", "block")):
+        collision.update(scene, 0.04)
+        assert collision.free(inside)
+    collision.update(scene, 0.04)
+    assert not collision.free(inside)
+    scene.put(replace(scene.get("block"), pose=Pose((0.4, 0.15, 0.025))), "moved")
+    collision.update(scene, 0.04)
+    assert collision.free(inside)
+    assert not collision.free(at(down(0.4, 0.15, 0.02)))
+    scene.remove("block", "gone")
+    collision.update(scene, 0.04)
+    assert collision.free(at(down(0.4, 0.15, 0.02)))
+
+
+def test_fingers_follow_the_opening() -> None:
+    scene = table_scene(item("post", Box((0.03, 0.03, 0.06)), Pose((0.5, 0.0, 0.03))))
+    collision = looking_at(scene, 0.08)
+    around = at(down(0.5, 0.0, 0.03))
+    assert collision.free(around)
+    collision.update(scene, 0.03)
+    assert names(collision, around) == {("panda_leftfinger", "post"), ("panda_rightfinger", "post")}
+
+
+def test_the_named_poses_are_free() -> None:
+    collision = looking_at(table_scene())
+    for name in MODEL.description.named:
+        assert collision.contacts(MODEL.named(name)) == (), name
+
+
+def test_a_start_within_the_margin_is_excused_near_it_only() -> None:
+    scene = table_scene(item("block", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.05))))
+    collision = looking_at(scene)
+    tip = MODEL.description.gripper.tip
+    start = at(down(0.5, 0.0, 0.1 + tip + 0.001))
+    way = Way(collision, start)
+    assert not collision.free(start)
+    assert {(c.a, c.b) for c in way.excused} == {
+        ("panda_leftfinger", "block"),
+        ("panda_rightfinger", "block"),
+    }
+    assert way.stuck == ()
+    assert way.free(start) and way.nearly_free(start)
+    assert not way.free(at(down(0.5, 0.0, 0.1 + tip - 0.002)))
+    assert way.free(at(down(0.5, 0.0, 0.2)))
+    deep = Way(collision, at(down(0.5, 0.0, 0.1 + tip - 0.005)))
+    assert {(c.a, c.b) for c in deep.stuck} == {("panda_leftfinger", "block"), ("panda_rightfinger", "block")}
+
+
+def test_boards_are_told_by_their_least_extent() -> None:
+    assert is_board(Box((1.0, 1.0, 0.04)), Pose())
+    assert not is_board(Box((1.0, 0.02, 0.5)), Pose())
+    assert is_board(Box((1.0, 0.02, 0.5)), Pose.from_rpy((0, 0, 0), (np.pi / 2, 0, 0)))

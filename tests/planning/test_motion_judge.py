@@ -1,0 +1,188 @@
+"""The judge against every pair at every moment."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from trimesh import load_mesh  # pyright: ignore[reportUnknownVariableType]
+
+from picktree.planning.collision.collision_bodies import loose_bodies, still_bodies
+from picktree.planning.collision.collision_checker import Collision
+from picktree.planning.collision.fcl_shapes import Solid, gap, hull, place, solid
+from picktree.planning.collision.swept_volumes import STEP, TURN, moments_of
+from picktree.planning.collision.trajectory_judge import TOLERANCE, Judge
+from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
+from picktree.planning.requests import Scaling
+from picktree.planning.timing.time_parameterization import time_corners
+from picktree.robots.loading import load_robot
+from picktree.robots.model import RobotModel
+from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.shapes import Box, ConvexMesh
+from picktree.world.trajectory import Trajectory
+from picktree.world.values import Array, Pose
+
+from .motion_cell import HOME, MODEL, down, item, littered, table_scene
+
+WIDTH = 0.06
+HAND = {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
+
+
+@cache
+def judge() -> Judge:
+    return Judge(MODEL)
+
+
+@cache
+def links() -> list[tuple[str, Pose, Solid]]:
+    return [
+        (mesh.link, mesh.pose_in_link, hull(np.array(load_mesh(mesh.path).vertices) * mesh.scale))
+        for mesh in MODEL.collision_meshes()
+    ]
+
+
+def motion(*corners: Array) -> Trajectory:
+    found = time_corners(MODEL, np.array(corners), Scaling(), 0.1)
+    assert found is not None
+    return found
+
+
+def some_motion(seed: int, reach: float = 0.8) -> Trajectory:
+    rng = np.random.default_rng(seed)
+    a = rng.uniform(MODEL.planned_lower, MODEL.planned_upper)
+    b = np.clip(a + rng.uniform(-reach, reach, 7), MODEL.planned_lower, MODEL.planned_upper)
+    return motion(a, b)
+
+
+def scene_of(seed: int) -> PlanningScene:
+    scene = littered(seed, high=0.6)
+    if seed % 2:
+        scene.put(item("held", Box((0.05, 0.05, 0.15)), Pose()), "test")
+        scene.attach("held", Pose((0.0, 0.0, 0.05)))
+    return scene
+
+
+def one_by_one(trajectory: Trajectory, scene: PlanningScene) -> dict[tuple[str, str], float]:
+    """Least distance of each pair that may not touch, found without any bound."""
+    disabled = {frozenset(pair) for pair in MODEL.description.disabled_pairs}
+    around = (*still_bodies(scene), *loose_bodies(scene.objects))
+    bodies = [(body.name, place(solid(body.shape), body.pose)) for body in around]
+    least: dict[tuple[str, str], float] = {}
+
+    def note(a: str, b: str, distance: float) -> None:
+        least[a, b] = min(distance, least.get((a, b), np.inf))
+
+    for q in moments_of(MODEL, trajectory).configurations:
+        poses = MODEL.link_poses(q, WIDTH)
+        robot = [(link, place(shape, poses[link] @ pose)) for link, pose, shape in links()]
+        held = scene.held
+        if held is not None and held.object_in_tcp is not None:
+            robot.append((held.id, place(solid(held.shape), MODEL.tcp(q) @ held.object_in_tcp)))
+        for i, (a, one) in enumerate(robot):
+            for b, other in robot[i + 1 :]:
+                carried = b == "held" and a in {*HAND, "panda_link7"}
+                if frozenset((a, b)) not in disabled and not {a, b} <= HAND and not carried:
+                    note(a, b, gap(one, other).distance)
+            if a != "panda_link0":
+                for b, other in bodies:
+                    note(a, b, gap(one, other).distance)
+    return least
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bounds_hide_no_contact_and_no_nearer_pair(seed: int) -> None:
+    scene, trajectory = scene_of(seed), some_motion(seed)
+    least = one_by_one(trajectory, scene)
+    judged = {(c.a, c.b): c.distance for c in judge().judge(trajectory, scene, WIDTH, excuse_start=False)}
+    # What is held may sink 2 mm into a board.
+    deep = {pair: d for pair, d in least.items() if d < (-0.002 if pair[1] == "table" else 0.0) - TOLERANCE}
+    assert judged == pytest.approx(deep, abs=1e-9)
+    closest = judge().clearance(trajectory, scene, WIDTH)
+    assert closest is not None
+    assert closest.distance == pytest.approx(min(least.values()), abs=1e-9)
+    assert closest.distance == pytest.approx(least[closest.a, closest.b], abs=1e-9)
+
+
+def test_moments_are_close_together_and_begin_and_end_with_the_motion() -> None:
+    trajectory = some_motion(3)
+    moments = moments_of(MODEL, trajectory)
+    points = np.array([MODEL.tcp(q).position for q in moments.configurations])
+    assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() <= STEP * 1.001
+    assert np.linalg.norm(np.diff(moments.configurations, axis=0), axis=1).max() <= TURN * 1.001
+    np.testing.assert_array_equal(moments.configurations[[0, -1]], trajectory.position[[0, -1]])
+    assert (moments.times[0], moments.times[-1]) == (0.0, trajectory.duration)
+    assert np.all(np.diff(moments.times) > 0)
+    for time, q in zip(moments.times, moments.configurations, strict=True):
+        np.testing.assert_allclose(q, trajectory.sample(float(time))[0], atol=1e-12)
+
+
+def test_clearance_says_between_what_where_and_when() -> None:
+    """Straight down to 30 mm above a block, measured from the tips: the table is further away."""
+    block = item("block", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))
+    scene = table_scene(block)
+    ik = InverseKinematics(MODEL)
+    tip = MODEL.description.gripper.tip
+    high, low = (ik.descend(down(0.5, 0.0, 0.1 + tip + above), HOME) for above in (0.15, 0.03))
+    assert high is not None and low is not None
+    trajectory = motion(high, low)
+    closest = judge().clearance(trajectory, scene, WIDTH)
+    assert closest is not None
+    assert closest.a in HAND and closest.b == "block"
+    assert closest.distance == pytest.approx(0.03, abs=0.0005)
+    assert closest.time == trajectory.duration
+    assert closest.point_b[2] == pytest.approx(0.1, abs=1e-6)
+    np.testing.assert_array_equal(closest.configuration, trajectory.end)
+    with scene.allow(("gripper", "block"), ("arm", "block")):
+        beside = judge().clearance(trajectory, scene, WIDTH)
+        assert beside is not None and "block" not in (beside.a, beside.b)
+
+
+def test_a_motion_that_stands_still_is_judged() -> None:
+    still = np.zeros((2, 7))
+    standing = Trajectory(np.array([0.0, 0.01]), np.array([HOME, HOME]), still, still)
+    assert judge().judge(standing, table_scene(), WIDTH) == ()
+    closest = judge().clearance(standing, table_scene(), WIDTH)
+    assert closest is not None and closest.distance > 0.0
+
+
+def test_what_one_joint_carries_is_not_judged_against_itself() -> None:
+    """The xArm's gripper is screwed to its last link: their hulls overlap."""
+    arm = RobotModel(load_robot("xarm6"))
+    home = arm.named("home")
+    still = np.zeros((2, arm.n))
+    standing = Trajectory(np.array([0.0, 0.01]), np.array([home, home]), still, still)
+    judge = Judge(arm)
+    assert judge.judge(standing, table_scene(), WIDTH) == ()
+    (tightest,) = judge.tightest(home[None], table_scene(), WIDTH, reach=1.0)
+    assert tightest is not None and tightest.distance > tightest.margin > 0.0
+
+
+def test_where_the_fast_checker_changes_its_answer_the_judge_measures_the_margin() -> None:
+    """Halved down between a free and a colliding configuration, among hulls and with one in the hand."""
+    rng = np.random.default_rng(5)
+    scene = littered(1, high=0.6)
+    hulls = [
+        ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in points), "made up")
+        for points in rng.normal(size=(9, 12, 3)) * 0.04
+    ]
+    for k, shape in enumerate(hulls[1:]):
+        x, y, z = (float(c) for c in rng.uniform([0.2, -0.5, 0.1], [0.8, 0.5, 0.8]))
+        scene.put(item(f"hull_{k}", shape, Pose((x, y, z))), "test")
+    scene.put(item("held", hulls[0], Pose()), "test")
+    scene.attach("held", Pose((0.0, 0.0, 0.05)))
+    collision = Collision(MODEL)
+    collision.update(scene, WIDTH)
+    drawn = rng.uniform(MODEL.lower, MODEL.upper, (120, 7))
+    free = [q for q in drawn if collision.free(q)]
+    hit = [q for q in drawn if not collision.free(q)]
+    edges: list[Array] = []
+    for low, high in zip(free, hit, strict=False):
+        for _ in range(30):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if collision.free(middle) else (low, middle)
+        edges.append(low)
+    assert len(edges) > 20
+    for tightest in judge().tightest(np.array(edges), scene, WIDTH):
+        assert tightest is not None
+        assert tightest.distance == pytest.approx(tightest.margin, abs=1e-4)

@@ -1,0 +1,110 @@
+"""Straight lines of the TCP: straight, reversible, and clear about what ended them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation, Slerp
+
+from picktree.planning.collision.collision_checker import Collision
+from picktree.planning.collision.start_tolerance import Way
+from picktree.planning.kinematics.cartesian_lines import JUMP, STEP, slerp, straight, straight_from_any
+from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
+from picktree.world.belief.planning_scene import PlanningScene
+from picktree.world.shapes import Box
+from picktree.world.values import Array, Pose, Quaternion
+
+from .motion_cell import HOME, MODEL, down, item, table_scene
+
+IK = InverseKinematics(MODEL)
+
+
+def at(pose: Pose) -> Array:
+    q = IK.descend(pose, HOME)
+    assert q is not None
+    return q
+
+
+def quaternion(values: Array) -> Quaternion:
+    x, y, z, w = (float(value) for value in values)
+    return (x, y, z, w)
+
+
+def way(start: Array, scene: PlanningScene | None = None) -> Way:
+    collision = Collision(MODEL)
+    collision.update(scene or table_scene(), 0.04)
+    return Way(collision, start)
+
+
+def test_a_line_is_straight_in_even_steps_and_turns_evenly() -> None:
+    begin, end = down(0.45, -0.1, 0.3), down(0.5, 0.1, 0.25, 0.8)
+    start = at(begin)
+    found = straight(MODEL, IK, way(start), start, end)
+    assert (found.fraction, found.ended_by, found.ended_at) == (1.0, "", None)
+    poses = [MODEL.tcp(q) for q in found.path]
+    points = np.array([pose.position for pose in poses])
+    share = np.linspace(0.0, 1.0, len(points))[:, None]
+    np.testing.assert_allclose(points, points[0] + share * (points[-1] - points[0]), atol=3e-5)
+    assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() <= STEP + 3e-5
+    turned = [begin.angle(pose) for pose in poses]
+    np.testing.assert_allclose(turned, share[:, 0] * begin.angle(end), atol=5e-4)
+    assert np.abs(np.diff(found.path, axis=0)).max() < JUMP
+
+
+def test_the_same_line_backwards_leads_back() -> None:
+    begin, end = down(0.45, -0.1, 0.3), down(0.5, 0.08, 0.22)
+    start = at(begin)
+    there = straight(MODEL, IK, way(start), start, end)
+    back = straight(MODEL, IK, way(start), there.path[-1], begin)
+    assert (there.ended_by, back.ended_by) == ("", "")
+    assert MODEL.tcp(back.path[-1]).distance(begin) < 2e-5
+    np.testing.assert_allclose(back.path[-1], start, atol=0.05)
+
+
+def test_a_line_out_of_reach_says_where_it_ended() -> None:
+    begin = down(0.6, 0.0, 0.3)
+    start = at(begin)
+    end = begin.shifted((0.5, 0.0, 0.0))
+    found = straight(MODEL, IK, way(start), start, end)
+    assert found.ended_by in ("reach", "jump")
+    assert 0.2 < found.fraction < 0.8
+    assert found.ended_at is not None
+    reached = MODEL.tcp(found.path[-1]).position[0]
+    assert found.ended_at.position[0] == pytest.approx(reached + STEP, abs=1e-4)
+
+
+def test_a_line_that_meets_something_says_with_which_configuration() -> None:
+    block = item("block", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))
+    scene = table_scene(block)
+    start = at(down(0.5, 0.0, 0.3))
+    found = straight(MODEL, IK, way(start, scene), start, down(0.5, 0.0, 0.05))
+    assert found.ended_by == "collision" and found.blocked is not None and found.ended_at is not None
+    assert MODEL.tcp(found.blocked).distance(found.ended_at) < 2e-5
+    assert way(start, scene).free(found.path[-1]) and not way(start, scene).free(found.blocked)
+
+
+def test_another_posture_gets_through_where_the_first_meets_a_limit() -> None:
+    """From one of the postures the line ends early; the first from which it does not is taken."""
+    begin, end = down(0.4, 0.0, 0.5), down(0.4, 0.0, 0.05)
+    starts = IK.solutions(begin, np.random.default_rng(2), HOME, want=12)
+    fractions = [straight(MODEL, IK, way(q), q, end).fraction for q in starts]
+    assert min(fractions) < 1.0 == max(fractions)
+    short, through = int(np.argmin(fractions)), fractions.index(1.0)
+    found = straight_from_any(MODEL, IK, way, [starts[short], starts[through]], end)
+    assert found is not None and found.start == 1
+    assert (found.found.fraction, found.found.ended_by) == (1.0, "")
+    only = straight_from_any(MODEL, IK, way, [starts[short]], end)
+    assert only is not None and only.found.fraction == fractions[short] and only.found.ended_by
+    assert straight_from_any(MODEL, IK, way, [], end) is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_slerp_agrees_with_scipy(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ends = Rotation.from_rotvec(rng.uniform(-2, 2, (2, 3)))
+    a, b, minus_b = (quaternion(q) for q in (ends.as_quat()[0], ends.as_quat()[1], -ends.as_quat()[1]))
+    for share in (0.0, 0.3, 1.0):
+        for other in (b, minus_b):
+            mixed = Rotation.from_quat(slerp(a, other, share))
+            wanted = Slerp([0.0, 1.0], ends)(share)
+            assert (mixed.inv() * wanted).magnitude() < 1e-9

@@ -1,0 +1,164 @@
+"""The live view, met by a WebSocket client: the log's own bytes, also for who comes late."""
+
+from __future__ import annotations
+
+import base64
+import importlib.util
+import json
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from picktree.errors import PicktreeError
+from picktree.logs.recording.recorder import Recorder
+from picktree.logs.run_log import RunLog
+from picktree.logs.run_result import RunResult
+from picktree.logs.schema import topics
+from picktree.session.live.live_view import LiveView
+from picktree.session.live.real_time_pace import Paced
+from picktree.session.session import RunRequest, Session
+from picktree.world.belief.planning_scene import PlanningScene
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def websocket() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("logs_websocket", Path(__file__).parent / "websocket.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def port_of(view: LiveView) -> int:
+    return int(view.url.rsplit(":", 1)[1])
+
+
+def run(out: Path, view: LiveView | None = None) -> RunResult:
+    request = RunRequest(EXAMPLES / "one_pick.yaml", backend="kinematic", out=out)
+    return Session(request, listener=view).run()
+
+
+def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(
+    websocket: ModuleType, tmp_path: Path
+) -> None:
+    with LiveView(0, "one pick") as view, websocket.Client(port_of(view)) as client:
+        fixed = [topic.name for topic in topics.FIXED]
+        client.wait_for(fixed)
+        client.subscribe(fixed)
+        received: list[object] = []
+        listener = threading.Thread(target=lambda: received.extend(client.rest()))
+        listener.start()
+        result = run(tmp_path / "live", view)
+        patience = time.monotonic() + 300  # of a machine that has other things to do
+        while client.clock != round(result.sim_seconds * 1e9) and time.monotonic() < patience:
+            time.sleep(0.01)
+        view.close()  # not before the client has heard all
+        listener.join()
+    assert client.info["name"] == "one pick" and "time" in client.info["capabilities"]
+    assert client.clock == round(result.sim_seconds * 1e9)
+    with RunLog(result.log) as log:
+        recorded = [websocket.Received(m.topic, m.time, m.data) for m in log.messages(fixed)]
+        assert {
+            topic: (c["schemaName"], c["encoding"], c["schemaEncoding"])
+            for topic, c in client.channels.items()
+            if topic in fixed
+        } == {t.name: (t.schema, t.encoding, t.schema_encoding) for t in topics.FIXED}
+    key = str
+    assert sorted(received, key=key) == sorted(recorded, key=key)
+    assert len(recorded) > 500
+    assert run(tmp_path / "silent").digest == result.digest
+
+
+def test_the_schemas_are_those_of_the_log(websocket: ModuleType) -> None:
+    with LiveView(0) as view, websocket.Client(port_of(view)) as client:
+        client.wait_for([topics.TICK.name, topics.TF.name])
+    assert json.loads(client.channels["/bt/tick"]["schema"]) == json.loads(topics.TICK.schema_data())
+    assert base64.b64decode(client.channels["/tf"]["schema"] + "==") == topics.TF.schema_data()
+
+
+def test_who_comes_late_is_sent_what_still_holds(
+    websocket: ModuleType, sample: ModuleType, tmp_path: Path
+) -> None:
+    cameras = [f"/camera/overhead/{what}" for what in ("calibration", "colour", "depth")]
+    states = ["/bt/tree", "/bt/tick", "/scene/robot", "/scene/objects", "/truth/objects", "/tf", *cameras]
+    passing = ["/events", "/log", "/plan", "/candidates", "/timing", "/wrench"]
+    scene = PlanningScene([sample.TABLE], [sample.BIN])
+    with LiveView(0) as view, Recorder(tmp_path / "log.mcap", sample.RUN, listener=view) as recorder:
+        sample.start(recorder)
+        for k in range(45):
+            sample.step(recorder, scene, k)
+        with websocket.Client(port_of(view)) as client:  # while the run stands still
+            client.wait_for([*states, *passing])
+            client.subscribe([*states, *passing])
+            received = client.messages(len(states))
+            assert client.clock == 2_200_000_000
+            sample.step(recorder, scene, 45)
+            (following,) = client.messages(1)  # and nothing of what is over
+            assert following.time == 2_250_000_000
+    with RunLog(tmp_path / "log.mcap") as log:
+        for message in received:
+            last = log.last(message.topic, 2.2)
+            assert last is not None
+            assert (message.time, message.data) == (last.time, last.data), message.topic
+    assert {message.topic for message in received} == set(states)
+
+
+def test_a_client_that_does_not_listen_holds_up_nothing(websocket: ModuleType, tmp_path: Path) -> None:
+    with LiveView(0) as view, websocket.Client(port_of(view)) as client:
+        client.wait_for([topic.name for topic in topics.FIXED])
+        client.subscribe([topic.name for topic in topics.FIXED])
+        payload = bytes(200_000)
+        for k in range(1000):  # 200 MB, which no socket holds
+            view(topics.ROBOT, k, payload)
+
+
+def test_a_port_that_is_taken_is_one_sentence() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(PicktreeError) as raised:
+            LiveView(port)
+    assert str(raised.value) == (
+        f"no live view on port {port}: something else listens there; give another with --live-port"
+    )
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now, self.slept = 100.0, list[float]()
+
+    def sleep(self, seconds: float) -> None:
+        self.slept.append(round(seconds, 6))
+        self.now += seconds
+
+
+class Silent:
+    """A watcher on whom every tick costs some wall time."""
+
+    def __init__(self, clock: Clock, cost: Callable[[float], float]) -> None:
+        self._clock, self._cost = clock, cost
+
+    def ticked(self, now: float, report: object, items_done: int, items_total: int) -> None:
+        self._clock.now += self._cost(now)
+
+
+def test_the_pace_makes_up_for_slow_ticks_but_not_for_long_ones() -> None:
+    clock = Clock()
+    silent = Silent(clock, lambda now: 3.0 if now == 0.5 else 0.2 if now == 0.2 else 0.01)
+    paced = Paced(silent, 2.0, clock=lambda: clock.now, sleep=clock.sleep)  # type: ignore[arg-type]
+    for k in range(20):
+        paced.ticked(k * 0.1, None, 0, 0)  # type: ignore[arg-type]
+    assert clock.slept[:1] == [0.04]  # 0.1 s at twice the speed, less what the tick cost
+    assert sum(clock.slept) < 0.6
+    paced.ticked(12.0, None, 0, 0)  # type: ignore[arg-type]
+    assert clock.slept[-1] > 4.0

@@ -1,0 +1,222 @@
+"""A run that was killed goes on: from its checkpoint as if nothing had been, or as things stood."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from picktree.analysis.run import Run
+from picktree.errors import PicktreeError
+from picktree.logs.run_log import RunLog
+from picktree.logs.run_result import RunResult
+from picktree.session.assembly import TICK
+from picktree.session.operators import GivenAnswers
+from picktree.session.resume.recorded_recipe import Recorded
+from picktree.session.resume.resumption import ResumeRequest, Resumption
+from picktree.session.session import RunRequest, Session
+from picktree.simulation.kinematic.backend import KinematicHardware
+from picktree.trees.running.runner import NodeInfo, TickReport
+
+SCENE = "picktree: 1\nkind: scene\nbase: sort_small\ncheckpoint_every: 1\n"
+MISSION = """\
+picktree: 1
+kind: mission
+name: two
+scene: often
+goal: sorted >= 2
+trees:
+  Main:
+    Sequence:
+      - Observe: {camera: overhead, objects: "{items}"}
+      - ForEach:
+          in: "{items}"
+          out: "{item}"
+          most: 2
+          do:
+            - Grasp: {object: "{item}"}
+            - Place: {object: "{item}", into: "{item.destination}"}
+"""
+ASKING = """\
+picktree: 1
+kind: mission
+name: asking
+scene: sort_small
+goal: sorted >= 0
+trees:
+  Main:
+    Sequence:
+      - Observe: {camera: overhead, objects: "{items}"}
+      - ForEach:
+          in: "{items}"
+          out: "{item}"
+          most: 2
+          do:
+            - AskForHelp: {reason: "is the {item.kind} there?", object: "{item}", answer: "{answer}"}
+            - Log: {message: answered, value: "{answer}"}
+"""
+
+
+class Killer:
+    """Kills its process while the second item is in the hand, when the log has all that was before."""
+
+    def __init__(self) -> None:
+        self.session: Session | None = None
+        self._log = Path()
+        self._held = 0
+
+    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None:
+        self._log = folder / "log.mcap"
+
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
+    def told(self, now: float, text: str) -> None: ...
+    def finished(self, result: RunResult) -> None: ...
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        assert self.session is not None
+        hardware = self.session.hardware
+        assert isinstance(hardware, KinematicHardware)
+        if items_done == 1 and self.session.world.scene.held is not None and hardware.bodies.held:
+            self._held += 1
+        while self._held == 9:
+            with RunLog(self._log) as log:
+                if log.end > now - 1.5 * TICK:
+                    os.kill(os.getpid(), signal.SIGKILL)
+            time.sleep(0.02)
+
+
+def run_and_be_killed(mission: Path, out: Path) -> None:
+    killer = Killer()
+    killer.session = Session(RunRequest(mission, seed=3, out=out, backend="kinematic"), killer)
+    killer.session.run()
+
+
+def told(run: Run, kind: str) -> list[str]:
+    return [at.record.message for at in run.events if at.record.kind == kind]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("killed")
+    (folder / "often.yaml").write_text(SCENE)
+    (folder / "two.yaml").write_text(MISSION.replace("scene: often", "scene: often.yaml"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def alone(folder: Path) -> RunResult:
+    request = RunRequest(folder / "two.yaml", seed=3, out=folder / "alone", backend="kinematic")
+    return Session(request).run()
+
+
+@pytest.fixture(scope="module")
+def killed(folder: Path) -> Iterator[Path]:
+    """The folder of a run whose process got SIGKILL while the second item was in the hand."""
+    out = folder / "killed"
+    ran = multiprocessing.get_context("fork").Process(
+        target=run_and_be_killed, args=(folder / "two.yaml", out)
+    )
+    ran.start()
+    ran.join()
+    assert ran.exitcode == -signal.SIGKILL
+    yield next(out.iterdir())
+
+
+def test_a_killed_run_goes_on_byte_for_byte(killed: Path, alone: RunResult, tmp_path: Path) -> None:
+    with Resumption(ResumeRequest(killed, out=tmp_path)) as resumption:
+        assert f"{resumption.run.path} from checkpoint-0001: " in resumption.told
+        assert resumption.told.endswith(" s, 1 item done")
+        result = resumption.session().run()
+    assert (result.status, result.digest) == ("success", alone.digest)
+    assert (result.items, result.picks) == (alone.items, alone.picks)
+
+
+def test_it_goes_on_as_things_stood_and_looks_first(killed: Path, alone: RunResult, tmp_path: Path) -> None:
+    with Resumption(ResumeRequest(killed, out=tmp_path, as_it_stands=True)) as resumption:
+        assert resumption.told.endswith(": it looks first")
+        result = resumption.session().run()
+    assert (result.status, result.items) == ("success", alone.items)
+    assert result.picks.tried >= alone.picks.tried  # those of before the kill count
+    with Run(result.folder) as run, Recorded(run) as recorded:
+        assert run.info.continues is not None
+        assert (run.info.continues.as_it_stands, run.info.continues.items_done) == (True, 1)
+        assert told(run, "put_down") == ["in_hand is put down"]
+        first, felt, looked = told(run, "took_stock")
+        assert first == "the run goes on as things stand: it looks first, with the belief of before"
+        assert felt.startswith("something is in the hand: opening ")
+        assert looked == "looked: nothing more is done; 3 to be done"
+        names = [at.record.data["object"] for at in run.events if at.record.kind == "pick"]
+        with Run(alone.folder) as before:
+            picked = [at.record.data["object"] for at in before.events if at.record.kind == "pick"]
+        assert set(names) == {picked[1]}  # the same item has the same id
+        recipe = recorded.recipe()
+        again = Session(replace(recipe, limit=run.info.continues.time + 0.5), out=tmp_path).run()
+        with Run(again.folder) as repeated:
+            assert told(repeated, "took_stock") == [first, felt]
+
+
+def test_a_finished_run_is_refused(alone: RunResult) -> None:
+    with pytest.raises(PicktreeError) as refused:
+        Resumption(ResumeRequest(alone.folder))
+    assert str(refused.value) == (
+        f"{alone.log}: the run is finished: the goal is reached; `picktree whatif` lets it go on from a "
+        "checkpoint with something changed"
+    )
+
+
+def test_a_run_at_its_limit_goes_on_with_a_later_one(folder: Path, alone: RunResult, tmp_path: Path) -> None:
+    request = RunRequest(folder / "two.yaml", seed=3, out=tmp_path, backend="kinematic", limit=0.5)
+    ended = Session(request).run()
+    assert ended.status == "timeout"
+    with pytest.raises(PicktreeError) as refused:
+        Resumption(ResumeRequest(ended.folder))
+    assert str(refused.value) == (
+        f"{ended.log}: the run was ended at its limit, 0.50 s; give a later one, as in --limit '60 s'"
+    )
+    with Resumption(ResumeRequest(ended.folder, out=tmp_path, limit=60.0)) as resumption:
+        assert resumption.told == f"{ended.log} has no checkpoint: the run begins anew"
+        assert resumption.recipe.limit == 60.0
+
+
+def test_a_run_that_asks_for_help_is_paused_and_goes_on_with_the_answer(tmp_path: Path) -> None:
+    (tmp_path / "asking.yaml").write_text(ASKING)
+    request = RunRequest(tmp_path / "asking.yaml", seed=3, out=tmp_path, backend="kinematic")
+    paused = Session(request, operator=GivenAnswers(["2"])).run()
+    assert (paused.status, paused.reached) == ("paused", False)
+    assert paused.asked is not None
+    assert paused.asked.choices == ("go on", "set aside", "give up")
+    assert paused.to_text("picktree").splitlines()[3] == (
+        f"go on with  picktree run --resume {paused.folder} --answer 'go on'"
+    )
+    assert RunResult.from_json_text(paused.to_json_text(), paused.log).asked == paused.asked
+
+    with Resumption(ResumeRequest(paused.folder, out=tmp_path, answers=("give",))) as resumption:
+        assert "from checkpoint-0001" in resumption.told
+        result = resumption.session().run()
+    assert (result.status, result.message) == (
+        "failure",
+        f"help was asked for, and given up: {paused.asked.reason}",
+    )
+    with Run(paused.folder) as run, Recorded(run) as recorded:
+        assert told(run, "log") == ["answered: 'set aside'"]
+        assert told(run, "help_wanted")[-1] == f"help is wanted: {paused.asked.reason}"
+        again = Session(recorded.recipe(), out=tmp_path, operator=recorded.answers()).run()
+        assert run.explanation.outcome.sentence.startswith(f"the run waits for help: {paused.asked.reason}")
+    assert (again.status, again.digest) == ("paused", paused.digest)
+
+
+def test_an_answer_that_is_no_choice_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "asking.yaml").write_text(ASKING)
+    request = RunRequest(tmp_path / "asking.yaml", seed=3, out=tmp_path, backend="kinematic")
+    with pytest.raises(PicktreeError) as refused:
+        Session(request, operator=GivenAnswers(["perhaps"])).run()
+    assert str(refused.value) == (
+        "--answer perhaps: Main/Sequence/ForEach/Sequence/AskForHelp asks, and takes one of these: "
+        "go on, set aside, give up"
+    )

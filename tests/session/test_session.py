@@ -1,0 +1,142 @@
+"""Session: what a run leaves behind, and how it says no. On the kinematic backend, which is fast."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from picktree.errors import PicktreeError
+from picktree.logs.run_log import RunLog
+from picktree.logs.run_result import RunResult
+from picktree.session.assembly import TICK
+from picktree.session.checkpoints import RunState
+from picktree.session.session import RunRequest, Session
+from picktree.trees.running.runner import NodeInfo, TickReport
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+TOPICS = {
+    "/bt/tree", "/bt/tick", "/timing", "/joint_states", "/tf", "/scene/robot", "/scene/objects",
+    "/truth/objects", "/wrench", "/control", "/plan", "/candidates", "/events",
+    "/camera/overhead/colour", "/camera/overhead/depth", "/camera/overhead/calibration",
+}  # fmt: skip
+
+
+def request(out: Path, mission: str = "one_pick", **options: object) -> RunRequest:
+    return RunRequest(mission=EXAMPLES / f"{mission}.yaml", out=out, backend="kinematic", **options)  # type: ignore[arg-type]
+
+
+ONE_ITEM = """\
+picktree: 1
+kind: scene
+base: sort_small
+checkpoint_every: 1
+spawn: [{of: {block: 1}, colours: [red], area: {min: [0.44, -0.1], max: [0.46, -0.08]}}]
+"""
+
+
+class Interrupting:
+    """Sends Ctrl-C while a tick is reported."""
+
+    def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...
+    def edited(self, structure: tuple[NodeInfo, ...]) -> None: ...
+    def told(self, now: float, text: str) -> None: ...
+    def finished(self, result: RunResult) -> None: ...
+
+    def ticked(self, now: float, report: TickReport, items_done: int, items_total: int) -> None:
+        if round(now / TICK) == 6:
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_a_run_leaves_a_log_a_result_and_the_files_it_was_made_from(picked: RunResult) -> None:
+    result = picked
+    assert result.status == "success"
+    assert (result.items.sorted, result.items.left) == (1, 3)
+    assert json.loads((result.folder / "result.json").read_text()) == result.to_json()
+    with RunLog(result.log) as log:
+        assert set(log.topics) >= TOPICS
+        assert {"mission.yaml", "scene.yaml", "robot.yaml", "robot.urdf"} <= set(log.attachments)
+        assert log.digest() == result.digest
+        ticks = list(log.ticks())
+        times = [tick.time for tick in ticks]
+        assert times == pytest.approx([k * 0.05 for k in range(len(ticks))])
+        assert ticks[-1].record.root_status == "SUCCESS"
+        assert {node.path for node in ticks[0].record.nodes} == {node.path for node in log.tree().nodes}
+
+
+def test_checkpoints_are_in_the_log_and_can_be_read_back(tmp_path: Path) -> None:
+    (tmp_path / "one.yaml").write_text(ONE_ITEM)
+    session = Session(request(tmp_path, "sort_by_colour", scene=str(tmp_path / "one.yaml")))
+    result = session.run()
+    assert result.items.sorted == 1
+    with RunLog(result.log) as log:
+        names = [name for name in log.attachments if name.startswith("checkpoint-")]
+        assert names == ["checkpoint-0001.json"]
+        state = RunState.from_json(log.attachment(names[0]))
+        moments = [e.time for e in log.events() if e.record.kind == "checkpoint"]
+    assert state.items_done == 1
+    assert moments == [pytest.approx(state.time + 0.05)]
+    assert RunState.from_json(state.to_json()) == state
+    session.tree.halt()
+    session.tree.restore(state.tree)
+    assert session.tree.save() == state.tree
+
+
+def test_a_run_ends_at_its_limit(tmp_path: Path) -> None:
+    result = Session(request(tmp_path, limit=1.0)).run()
+    assert result.status == "timeout"
+    assert result.sim_seconds == pytest.approx(1.0, abs=0.051)
+
+
+def test_an_interrupted_run_has_a_result_and_a_whole_log(tmp_path: Path) -> None:
+    result = Session(request(tmp_path), Interrupting()).run()
+    assert result.status == "interrupted"
+    with RunLog(result.log) as log:
+        assert not log.recovered
+        assert log.digest() == result.digest
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_before_the_first_tick_leaves_a_whole_log(
+    number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(urdf: str) -> None:
+        os.kill(os.getpid(), number)
+        signal.pause()
+
+    monkeypatch.setattr("picktree.session.session_recording.link_meshes", interrupted)
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt):
+        Session(request(tmp_path)).run()
+    assert signal.getsignal(number) is before
+    (path,) = tmp_path.glob("*/log.mcap")
+    with RunLog(path) as log:
+        assert not log.recovered
+        assert log.result["ended"] == "KeyboardInterrupt"
+        assert "Main" in {node.path for node in log.tree().nodes}
+
+
+def test_the_scene_and_parameters_of_a_run_can_be_chosen(tmp_path: Path) -> None:
+    chosen = request(tmp_path, "sort_by_colour", scene="sort_small", parameters={"rounds": "1"}, limit=0.2)
+    with RunLog(Session(chosen).run().log) as log:
+        assert (log.run.scene, log.run.parameters) == ("sort_small", {"rounds": "1"})
+
+
+def test_a_mission_without_a_scene_needs_one(tmp_path: Path) -> None:
+    mission = tmp_path / "bare.yaml"
+    mission.write_text("picktree: 1\nkind: mission\ntrees: {Main: AlwaysSuccess}\n")
+    with pytest.raises(PicktreeError) as caught:
+        Session(RunRequest(mission=mission))
+    assert str(caught.value) == f"{mission}: the mission names no scene; add 'scene:' or give --scene"
+
+
+def test_a_folder_that_is_a_file_is_refused_before_anything_runs(tmp_path: Path) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("")
+    with pytest.raises(
+        PicktreeError, match=r"the folder .*taken/one_pick-0-.* cannot be made: Not a directory"
+    ):
+        Session(request(taken))

@@ -1,0 +1,80 @@
+"""The scorer looks at the truth alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from picktree.simulation.scoring.scorer import score
+from picktree.simulation.scoring.truth import TrueBody
+from picktree.world.scene.description import CatalogueEntry, Spawn
+from picktree.world.scene.feed import Delivery
+from picktree.world.values import ObjectId, Pose, Vector3
+
+from .simulated_cell import cell
+
+SCENE = cell()
+
+
+def item(position: Vector3, colour: str = "red", kind: str = "block") -> TrueBody:
+    entry: CatalogueEntry = SCENE.entry(kind)
+    return TrueBody.of(ObjectId("item_00"), entry, colour, Pose(position))
+
+
+def taken_away(body: TrueBody, bin_id: str) -> TrueBody:
+    return replace(body, present=False, taken_with=ObjectId(bin_id))
+
+
+@pytest.mark.parametrize(
+    ("body", "verdict"),
+    [
+        (item((0.35, 0.55, 0.025)), "sorted"),
+        (item((0.35, 0.55, 0.025), colour="blue"), "misplaced"),
+        (item((0.35, -0.55, 0.025), colour="blue"), "sorted"),
+        (item((0.5, 0.0, 0.02)), "left"),
+        (item((0.35, 0.55, 0.119)), "sorted"),
+        (item((0.35, 0.55, 0.121)), "left"),
+        (item((0.474, 0.55, 0.12)), "left"),
+        (item((0.35, 0.55, 0.025), colour="green"), "misplaced"),
+        (item((0.5, 0.0, 0.02), colour="green"), "sorted"),
+        (item((0.35, 0.55, -0.7)), "left"),
+        (replace(item((0.35, 0.55, 0.025)), velocity=(0.0, 0.0, -0.3)), "left"),
+        (replace(item((0.35, 0.55, 0.025)), present=False), "left"),
+        (replace(item((0.5, 0.0, 0.02), colour="green"), present=False), "left"),
+        (taken_away(item((0.35, 0.55, 0.025)), "red_bin"), "sorted"),
+        (taken_away(item((0.35, 0.55, 0.121)), "red_bin"), "sorted"),
+        (taken_away(item((0.35, 0.55, 0.025), colour="blue"), "red_bin"), "misplaced"),
+        (taken_away(item((0.35, 0.55, 0.025), colour="green"), "red_bin"), "misplaced"),
+    ],
+)
+def test_an_item_is_judged_by_where_it_rests(body: TrueBody, verdict: str):
+    assert [i.verdict for i in score([body], SCENE).items] == [verdict]
+
+
+def test_the_score_counts_in_all_and_by_form():
+    bodies = [
+        item((0.35, 0.55, 0.025)),
+        item((0.35, 0.55, 0.045), kind="can"),
+        item((0.35, -0.55, 0.025)),
+        item((0.5, 0.0, 0.02), kind="ball"),
+    ]
+    result = score(bodies, SCENE)
+    assert (result.total, result.sorted, result.misplaced, result.left) == (4, 2, 1, 1)
+    assert result.by_form["box"].total == 2 and result.by_form["box"].sorted == 1
+    assert result.by_form["sphere"].left == 1
+    assert not result.reached()
+    assert result.reached("sorted >= 2 and misplaced <= 1")
+    assert score(bodies[:2], SCENE).reached()
+
+
+def test_what_a_feed_still_owes_is_outstanding():
+    load = Spawn((("block", 2),), ("red",), ((0.35, -0.25), (0.65, 0.25)))
+    scene = cell(deliveries=(Delivery(load, total=3), Delivery(load)))
+    first, second = (replace(item((0.35, 0.55, 0.025)), brought_by=n) for n in (0, 1))
+    spawned = item((0.35, 0.55, 0.025))
+    some = score([spawned, first, first, second], scene)
+    assert (some.total, some.sorted, some.outstanding) == (4, 4, 1)
+    assert not some.reached() and some.reached("sorted == total and outstanding < 2")
+    assert score([spawned, *[first] * 3, second], scene).reached()
+    assert not score([item((0.5, 0.0, 0.02)), *[first] * 3], scene).reached()

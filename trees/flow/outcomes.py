@@ -1,0 +1,116 @@
+"""In which ways a node may end, and gathering them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from .failure_reasons import Reasons, joined
+from .flow_state import BETWEEN, LIMIT, NONE, SHARED, Effect, State, States, merged, tidy
+
+Failures: TypeAlias = Mapping[State, Reasons]
+"""States in which a node may have failed, and for which reasons."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """The ends of a node that started in one state. `running`: where it may be between two ticks."""
+
+    success: States
+    failure: Failures
+    skipped: States
+    running: States
+    missing: int = 0
+    """Inputs of the sub-tree that were read although nothing had surely written them, as bits of keys."""
+
+    @property
+    def everywhere(self) -> States:
+        """Every state that it may leave behind, halted or ended."""
+        return frozenset((*self.success, *self.skipped, *self.failure, *self.running))
+
+    def effect(self, entry: State) -> Effect:
+        """What it may have done to the state in which it started."""
+        maybe = hand = 0
+        for state in self.everywhere:
+            maybe |= state.maybe
+            hand |= state.hand
+        return Effect(maybe & ~entry.maybe, hand & ~entry.hand & ~SHARED)
+
+    def alone(self) -> Flow:
+        """The same after what went on beside it has ended."""
+        failed = Ends()
+        for state, reasons in self.failure.items():
+            failed.fail_at(state.alone(), reasons)
+        success, skipped, running = (
+            frozenset(state.alone() for state in states)
+            for states in (self.success, self.skipped, self.running)
+        )
+        return Flow(success, failed.flow().failure, skipped, running, self.missing)
+
+
+NEVER = Flow(NONE, {}, NONE, NONE)
+"""Of a node that does not start."""
+
+
+class Ends:
+    """Gathers the ends of one node."""
+
+    __slots__ = ("_failure", "_running", "_skipped", "_success")
+
+    def __init__(self) -> None:
+        self._success: set[State] = set()
+        self._skipped: set[State] = set()
+        self._running: set[State] = set()
+        self._failure: dict[State, Reasons] = {}
+
+    def succeed(self, states: Iterable[State]) -> None:
+        self._success.update(states)
+
+    def skip(self, states: Iterable[State]) -> None:
+        self._skipped.update(states)
+
+    def run(self, states: Iterable[State]) -> None:
+        self._running.update(states)
+
+    def fail(self, failures: Failures) -> None:
+        for state, reasons in failures.items():
+            self.fail_at(state, reasons)
+
+    def fail_at(self, state: State, reasons: Reasons) -> None:
+        """Failure in that state. Without a reason it is none; with quiet ones only it is doubtful."""
+        if not reasons.loud:
+            if not reasons.quiet:
+                return
+            state = state.in_doubt()
+        known = self._failure.get(state)
+        self._failure[state] = reasons if known is None else joined((known, reasons))
+
+    def take(self, flow: Flow) -> None:
+        """All ends of a child as one's own."""
+        self._success.update(flow.success)
+        self._skipped.update(flow.skipped)
+        self._running.update(flow.running)
+        self.fail(flow.failure)
+
+    def flow(self) -> Flow:
+        return Flow(
+            tidy(frozenset(self._success)),
+            tidy_failures(self._failure),
+            tidy(frozenset(self._skipped)),
+            tidy(frozenset(self._running), BETWEEN),
+        )
+
+
+def tidy_failures(failures: Failures) -> Failures:
+    """Merged where there are too many states; by the hand first, as `tidy`."""
+    if len(failures) <= LIMIT:
+        return failures
+    groups: dict[tuple[int, bool], list[State]] = {}
+    for state in failures:
+        groups.setdefault((state.hand, state.doubtful), []).append(state)
+    if len(groups) > LIMIT:
+        groups.clear()
+        for state in failures:
+            groups.setdefault((0, state.doubtful), []).append(state)
+    return {merged(group): joined(failures[state] for state in group) for group in groups.values()}

@@ -1,0 +1,279 @@
+"""The grammar of nodes: from the values under `trees:` to NodeSpecs, with all faults and their places.
+
+A node is a mapping with one key, `NodeID: {port: value, …}`, or the bare ID. Children are a list under the
+node, or `do:` where it has ports of its own; other slots have names. Where one child is wanted, a list is a
+Sequence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from ...files.yaml.document import Document, Location, Mark, Value
+from ..declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration
+from ..mission import NodeSpec
+from ..node import Node
+from ..ports import PortDeclaration
+from ..values.expression_pointer import Pointer
+from ..values.fault_collector import Faults
+from ..values.port_types import show
+from ..values.port_values import Given
+from ..values.references import Binding, Constant
+from .children import NAME, Children, Filled, Names, labels_of
+from .port_wires import Wires
+from .registry import Registry
+
+
+@dataclass(frozen=True, slots=True)
+class _Site:
+    """Where a node stands: `loc` of what is under its ID, `start` of the whole, and its path in the tree."""
+
+    loc: Location
+    start: Location
+    trail: str
+
+    @property
+    def keyed(self) -> bool:
+        """Whether the ID is the key of a mapping, and not a bare text."""
+        return self.loc != self.start
+
+
+class Grammar:
+    """Reads the nodes of one document."""
+
+    def __init__(
+        self,
+        document: Document,
+        registry: Registry,
+        trees: Mapping[str, tuple[PortDeclaration, ...]],
+        faults: Faults,
+        pointer: Pointer,
+        *,
+        lacking: bool = False,
+    ) -> None:
+        """lacking: a file with more trees could not be read, so that no name is missed."""
+        self._lacking = lacking
+        self._document = document
+        self._registry = registry
+        self._trees = trees
+        self._faults = faults
+        self._wires = Wires(document, faults, pointer)
+        self._children = Children(document, registry, faults, self.node)
+
+    def _fault(
+        self,
+        loc: Location,
+        trail: str,
+        message: str,
+        hint: str = "",
+        *,
+        code: str,
+        key: bool = False,
+        detail: str = "",
+    ) -> None:
+        self._faults.at(self._document, loc, trail, message, hint, code=code, key=key, detail=detail)
+
+    def node(self, value: Value, loc: Location, above: str, names: Names) -> NodeSpec | None:
+        """One node and all below it; None when it cannot be read at all."""
+        if not self._faults.has_room(self._document, loc):
+            return None
+        match value:
+            case str():
+                return self._known(value, None, loc, loc, above, names)
+            case dict() if len(value) == 1:
+                ((identity, body),) = value.items()
+                return self._known(identity, body, (*loc, identity), loc, above, names)
+            case dict() if value:
+                keys = list(value)
+                shown = ", ".join(map(show, keys[:4])) + (", …" if len(keys) > 4 else "")
+                message = f"a node is a mapping with one key, its ID; here are {len(keys)}: {shown}"
+                hint = f"what belongs to {show(keys[0])} is indented under it"
+                self._fault(loc, above, message, hint, code="P215")
+            case _:
+                hint = "as 'Grasp: {object: \"{item}\"}' or a bare ID"
+                self._fault(loc, above, "here a node must stand", hint, code="P216")
+        return None
+
+    def _known(
+        self, identity: str, body: Value, loc: Location, start: Location, above: str, names: Names
+    ) -> NodeSpec | None:
+        given = body.get("name") if isinstance(body, dict) else None
+        named = isinstance(given, str) and NAME.fullmatch(given) is not None
+        name = names.take(given if named and isinstance(given, str) else identity[:60])
+        site = _Site(loc, start, f"{above}/{name}")
+        if given is not None and not named:
+            message = "a name is a text without '/' and '#', 60 characters at most"
+            self._fault((*loc, "name"), site.trail, message, code="P217")
+        if identity in self._trees:
+            return self._subtree(identity, name, body, site)
+        node = self._registry.find(identity)
+        if node is None:
+            self._unknown(identity, body, above, site)
+            return None
+        return self._node(node, name, body, site)
+
+    def _unknown(self, identity: str, body: Value, above: str, site: _Site) -> None:
+        loc = site.loc
+        key = bool(loc) and loc[-1] == identity
+        if IDENTIFIER.fullmatch(identity):
+            hint = self._faults.nearest(identity, (*self._trees, *self._registry.ids()))
+            detail, near = "", hint.startswith("did you mean")
+            if not near:
+                hint = "`picktree nodes` lists those that there are"
+            if not near and self._registry.problems:
+                # The name may be right, and its plug-in installed but broken.
+                hint = "; ".join(problem.message for problem in self._registry.problems)
+                detail = "\n".join(filter(None, (problem.traceback for problem in self._registry.problems)))
+            if near or not self._lacking:
+                message = f"unknown node {show(identity)}"
+                self._fault(loc, above, message, hint, code="P207", key=key, detail=detail)
+        else:
+            hint = "a letter or '_', then letters, digits and '_'"
+            self._fault(loc, above, f"{show(identity)} is not an ID", hint, code="P208", key=key)
+        # What stands below is still looked at: all faults are reported at once.
+        inner, at = (body.get("do"), (*loc, "do")) if isinstance(body, dict) else (body, loc)
+        if isinstance(inner, list):
+            self._children.listed(inner, at, site.trail, Names())
+        elif inner is not None and at != loc:
+            self.node(inner, at, site.trail, Names())
+
+    # A sub-tree.
+
+    def _subtree(self, identity: str, name: str, body: Value, site: _Site) -> NodeSpec | None:
+        ports = {port.key: port for port in self._trees[identity]}
+        given = self._mapping(identity, body, site)
+        bindings: dict[str, Binding] = {}
+        for key, value in given.items():
+            port, loc = ports.get(key), (*site.loc, key)
+            if port is not None:
+                bound = self._wires.binding(port, value, loc, site.trail)
+                if bound is not None:
+                    bindings[key] = bound
+            elif key not in COMMON_KEYS:
+                self._unknown_key(identity, key, (*ports, *COMMON_KEYS), loc, site.trail)
+        self._wires.missing(ports.values(), given, site.loc, site.trail, key=site.keyed)
+        places = {key: self._document.mark((*site.loc, key)) for key in given}
+        return self._spec(identity, name, None, site, given, bindings, {}, places)
+
+    # A node of a class.
+
+    def _node(self, node: type[Node], name: str, body: Value, site: _Site) -> NodeSpec:
+        declaration = node.declaration
+        given, locations = self._body(declaration, body, site)
+        bindings: dict[str, Binding] = {}
+        slots: dict[str, Filled] = {}
+        places: dict[str, Mark] = {}
+        names = Names()
+        for key, value in given.items():
+            port, slot, at = declaration.port(key), declaration.slot(key), locations[key]
+            places[key] = self._document.mark(at)
+            if port is not None:
+                bound = self._wires.binding(port, value, at, site.trail)
+                if bound is not None:
+                    bindings[key] = bound
+            elif slot is not None:
+                slots[key] = self._children.read(declaration, slot, value, at, site.trail, names)
+                for label, _ in slots[key]:
+                    if label:
+                        places[f"{key}/{label}"] = self._document.key_mark((*at, label))
+            elif key not in COMMON_KEYS:
+                self._unknown_key(declaration.id, key, declaration.keys, at, site.trail)
+        self._wires.missing(declaration.ports, given, site.loc, site.trail, key=site.keyed)
+        for slot in declaration.slots:
+            if slot.required and slot.key not in given:
+                what = "its children are" if slot.arity == "many" else "its child is"
+                what = what if slot.key == "do" else f"{slot.key!r} is"
+                message = f"{what} missing: {slot.doc}"
+                self._fault(site.loc, site.trail, message, code="P228", key=site.keyed)
+        self._rules(node, given, bindings, locations, site)
+        ordered = {slot.key: slots[slot.key] for slot in declaration.slots if slot.key in slots}
+        return self._spec(declaration.id, name, node, site, given, bindings, ordered, places)
+
+    def _rules(
+        self,
+        node: type[Node],
+        given: Mapping[str, Value],
+        bindings: Mapping[str, Binding],
+        locations: Mapping[str, Location],
+        site: _Site,
+    ) -> None:
+        """What the class itself finds wrong."""
+        constants = {key: bound.value for key, bound in bindings.items() if isinstance(bound, Constant)}
+        slots = [slot for slot in node.declaration.slots if slot.key in given]
+        labels = {slot.key: labels_of(slot, given[slot.key]) for slot in slots}
+        for wrong in node.check_ports(Given(frozenset(given), constants, labels)):
+            if isinstance(wrong, str):
+                self._fault(site.loc, site.trail, wrong, code="P234", key=site.keyed)
+                continue
+            key, _, label = wrong.key.partition("/")
+            at = locations.get(key, site.loc)
+            message = f"port {key!r}: {wrong.message}" if not label else wrong.message
+            self._fault(
+                (*at, label) if label else at, site.trail, message, wrong.hint, code="P234", key=bool(label)
+            )
+
+    def _spec(
+        self,
+        identity: str,
+        name: str,
+        node: type[Node] | None,
+        site: _Site,
+        given: Mapping[str, Value],
+        bindings: Mapping[str, Binding],
+        slots: Mapping[str, Filled],
+        places: Mapping[str, Mark],
+    ) -> NodeSpec:
+        """The node with what may stand under every node."""
+        loc, trail = site.loc, site.trail
+        return NodeSpec(
+            identity,
+            name,
+            self._document.key_mark(loc) if site.keyed else self._document.mark(loc),
+            node,
+            bindings,
+            slots,
+            self._wires.preconditions(given, loc, trail),
+            self._wires.postconditions(given, loc, trail),
+            self._wires.breakpoint(given, loc, trail),
+            places,
+        )
+
+    def _body(
+        self, declaration: NodeDeclaration, body: Value, site: _Site
+    ) -> tuple[dict[str, Value], dict[str, Location]]:
+        """The node's keys with their values, and where each value stands."""
+        main, loc = declaration.slot("do"), site.loc
+        if main is not None and isinstance(body, str | list):
+            return {"do": body}, {"do": loc}
+        given = dict(self._mapping(declaration.id, body, site))
+        places: dict[str, Location] = {key: (*loc, key) for key in given}
+        strange = [key for key in given if key not in declaration.keys]
+        if main is not None and "do" not in given and len(strange) == 1 and self._is_node(strange[0]):
+            # `Inverter: {Condition: {if: holding}}`: the one key that is no port is the child.
+            child = strange[0]
+            given["do"] = {child: given.pop(child)}
+            places["do"] = loc
+        return given, places
+
+    def _is_node(self, key: str) -> bool:
+        return key in self._trees or self._registry.find(key) is not None or key[:1].isupper()
+
+    def _mapping(self, identity: str, body: Value, site: _Site) -> dict[str, Value]:
+        match body:
+            case None:
+                return {}
+            case dict():
+                return body
+            case list():
+                self._fault(site.loc, site.trail, f"{identity} has no children", code="P230")
+            case _:
+                message = f"the ports of {identity} are a mapping"
+                self._fault(site.loc, site.trail, message, "as '{port: value}'", code="P230")
+        return {}
+
+    def _unknown_key(self, identity: str, key: str, known: Iterable[str], loc: Location, trail: str) -> None:
+        # Conditions are known to those who want them; in a hint they would only be noise.
+        names = [name for name in known if not name.startswith("_") or key.startswith("_")]
+        hint = self._faults.nearest(key, names)
+        self._fault(loc, trail, f"{identity} has no port {show(key)}", hint, code="P218", key=True)

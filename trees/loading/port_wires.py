@@ -1,0 +1,142 @@
+"""What stands at the ports of a node and in its conditions: references, literals, expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Literal, cast
+
+from ...files.expressions.expression import Expression, ExpressionError
+from ...files.yaml.document import Document, Fault, Location, Value
+from ...world.journal import Plain
+from ..declaration import BREAKPOINT, IDENTIFIER, POSTCONDITIONS, PRECONDITIONS
+from ..mission import Assignment
+from ..ports import PortDeclaration
+from ..values.expression_pointer import Pointer
+from ..values.fault_collector import Faults
+from ..values.port_types import convert, show
+from ..values.references import ATTRIBUTES, Binding, Constant, Reference
+from .assignments import parse_assignments
+
+
+class Wires:
+    """Reads the values under the nodes of one document."""
+
+    def __init__(self, document: Document, faults: Faults, pointer: Pointer) -> None:
+        self._document = document
+        self._faults = faults
+        self._pointer = pointer
+
+    def binding(self, port: PortDeclaration, value: Value, loc: Location, trail: str) -> Binding | None:
+        """What a port is connected to; None when it cannot be."""
+        what = f"port {port.key!r}"
+        if isinstance(value, str) and port.type.name != "expression":
+            try:
+                reference = Reference.parse(value)
+            except ValueError as error:
+                hint = 'a reference is "{key}" or "{key.attribute}"'
+                self._fault(loc, trail, f"{what}: {error}", hint, code="P221")
+                return None
+            if reference is not None:
+                return self._reference(port, reference, loc, trail)
+        if port.direction == "out":
+            hint = f'write "{{{value}}}"' if isinstance(value, str) and IDENTIFIER.fullmatch(value) else ""
+            message = f"{what} is an output: it needs a key to write to"
+            self._fault(loc, trail, message, hint or 'as "{key}"', code="P223")
+            return None
+        try:
+            literal = convert(value, port.type, port.unit, port.choices, port.within)
+            return Constant(literal, cast("Plain", value))
+        except ExpressionError as error:
+            self._expression_fault(error, value, loc, trail, what)
+        except ValueError as error:
+            self._fault(loc, trail, f"{what}: {error}", port.doc, code="P220")
+        return None
+
+    def _reference(
+        self, port: PortDeclaration, reference: Reference, loc: Location, trail: str
+    ) -> Binding | None:
+        if port.direction == "out" and reference.attributes:
+            message = f"port {port.key!r} is an output: {reference} cannot be written"
+            self._fault(loc, trail, message, code="P223")
+            return None
+        for name in reference.attributes:
+            if name not in ATTRIBUTES:
+                message = f"port {port.key!r}: {reference}: an object has no attribute {name!r}"
+                self._fault(loc, trail, message, self._faults.nearest(name, ATTRIBUTES), code="P222")
+                return None
+        return reference
+
+    def missing(
+        self,
+        ports: Iterable[PortDeclaration],
+        given: Mapping[str, Value],
+        loc: Location,
+        trail: str,
+        *,
+        key: bool,
+    ) -> None:
+        for port in ports:
+            if port.required and port.key not in given:
+                message = f"port {port.key!r} is missing" + (f": {port.doc}" if port.doc else "")
+                self._fault(loc, trail, message, code="P219", key=key)
+
+    # What may stand under every node.
+
+    def preconditions(self, given: Mapping[str, Value], loc: Location, trail: str) -> dict[str, Expression]:
+        found: dict[str, Expression] = {}
+        for name in PRECONDITIONS:
+            if name not in given:
+                continue
+            value = given[name]
+            try:
+                if not isinstance(value, str | bool):
+                    raise ExpressionError(f"{show(value)} is not an expression")
+                found[name] = Expression.parse(value if isinstance(value, str) else str(value).lower())
+            except ExpressionError as error:
+                self._expression_fault(error, value, (*loc, name), trail, name)
+        return found
+
+    def postconditions(
+        self, given: Mapping[str, Value], loc: Location, trail: str
+    ) -> dict[str, tuple[Assignment, ...]]:
+        found: dict[str, tuple[Assignment, ...]] = {}
+        for name in POSTCONDITIONS:
+            if name not in given:
+                continue
+            value = given[name]
+            if not isinstance(value, str):
+                message = f"{name}: {show(value)} is no assignment"
+                self._fault((*loc, name), trail, message, "as 'tries := tries + 1'", code="P249")
+                continue
+            try:
+                found[name] = parse_assignments(value)
+            except ExpressionError as error:
+                self._expression_fault(error, value, (*loc, name), trail, name)
+        return found
+
+    def breakpoint(
+        self, given: Mapping[str, Value], loc: Location, trail: str
+    ) -> Literal["before", "after"] | None:
+        if BREAKPOINT not in given:
+            return None
+        match given[BREAKPOINT]:
+            case "before" | "after" as when:
+                return when
+            case other:
+                message = f"{BREAKPOINT!r} is 'before' or 'after', not {show(other)}"
+                self._fault((*loc, BREAKPOINT), trail, message, code="P250")
+                return None
+
+    def _expression_fault(
+        self, error: ExpressionError, value: Value, loc: Location, trail: str, what: str
+    ) -> None:
+        if self._faults.full or not isinstance(value, str):
+            self._fault(loc, trail, f"{what}: {error}", code="P225")
+            return
+        mark, message = self._pointer.told(self._document.mark(loc), value, error)
+        self._faults.add(Fault(mark, trail, f"{what}: {message}", "", "P225"))
+
+    def _fault(
+        self, loc: Location, trail: str, message: str, hint: str = "", *, code: str, key: bool = False
+    ) -> None:
+        self._faults.at(self._document, loc, trail, message, hint, code=code, key=key)

@@ -1,0 +1,140 @@
+"""Which nodes there are: the language's own, installed ones (entry points), those of `plugins:`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+from ...world.causes import OUR_PREFIXES, Cause, all_causes
+from ..declaration import NodeDeclaration
+from ..mission import Plugin
+from ..node import Node
+from ..plugins.plugin import load_installed, load_plugin
+from ..plugins.plugin_import import PluginError
+
+GROUP = "picktree.nodes"
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A plug-in that could not be used: a sentence, and its own traceback."""
+
+    plugin: str
+    message: str
+    traceback: str = ""
+
+
+class Registry:
+    """Node classes by ID. Installed plug-ins are imported when a name is asked for that is not built in."""
+
+    def __init__(self, nodes: Iterable[type[Node]] = (), *, installed: bool = True) -> None:
+        from ..controls import NODES  # the control nodes are made from the base, which the registry serves
+
+        self._nodes: dict[str, type[Node]] = {}
+        self._from: dict[str, str] = {}
+        self._plugins: list[Plugin] = []
+        self._asked: set[str] = set()
+        self._problems: list[Problem] = []
+        self._pending = installed
+        self.add(NODES, "picktree.trees")
+        self.add(nodes, "given")
+
+    def find(self, identity: str) -> type[Node] | None:
+        if identity not in self._nodes:
+            self._load_installed()
+        return self._nodes.get(identity)
+
+    def ids(self) -> tuple[str, ...]:
+        self._load_installed()
+        return tuple(self._nodes)
+
+    def declarations(self) -> tuple[NodeDeclaration, ...]:
+        self._load_installed()
+        return tuple(node.declaration for node in self._nodes.values())
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        """Installed plug-ins that failed. Only a mission that misses a node needs to hear of it."""
+        self._load_installed()
+        return tuple(self._problems)
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """Our own causes, and those under the prefixes that the nodes of this registry declare."""
+        self._load_installed()
+        declared = (cause for node in self._nodes.values() for cause in node.declaration.causes)
+        prefixes = {*OUR_PREFIXES, *(cause.name.split(".")[0] for cause in declared)}
+        return tuple(cause for cause in all_causes() if cause.name.split(".")[0] in prefixes)
+
+    @property
+    def patterns(self) -> tuple[str, ...]:
+        """What may stand under `when:`: causes, families of them (`grasp.*`), and `*`."""
+        names = [cause.name for cause in self.causes]
+        families = {name[:at] for name in names for at, letter in enumerate(name) if letter == "."}
+        return (*names, *(f"{family}.*" for family in sorted(families)), "*")
+
+    def plugins_of(self, nodes: Iterable[type[Node]]) -> tuple[Plugin, ...]:
+        """The plug-ins of `plugins:`, and the installed ones of others that offer one of the nodes."""
+        used = {self._from.get(node.declaration.id) for node in nodes}
+        foreign = (plugin for plugin in self._plugins if not _is_ours(plugin.name))
+        return tuple(plugin for plugin in foreign if plugin.name in used | self._asked)
+
+    def copy(self) -> Registry:
+        """A registry that can take in a mission's plug-ins without this one changing."""
+        other = Registry(installed=False)
+        other._nodes, other._from = dict(self._nodes), dict(self._from)
+        other._plugins, other._asked = list(self._plugins), set(self._asked)
+        other._problems, other._pending = list(self._problems), self._pending
+        return other
+
+    def add(self, nodes: Iterable[type[Node]], source: str) -> None:
+        """All of them or none. Raises PluginError when an ID is taken by another class."""
+        given = tuple(nodes)
+        for number, node in enumerate(given):
+            identity = node.declaration.id
+            other = self._nodes.get(identity)
+            twice = any(n.declaration.id == identity and n is not node for n in given[:number])
+            if twice or (other is not None and other is not node):
+                taken = source if twice else self._from[identity]
+                raise PluginError(
+                    f"the plug-in {source!r}: the node {identity!r} is already offered by {taken}",
+                    "give the class a 'node_id' of its own",
+                    code="P256",
+                )
+        for node in given:
+            self._nodes.setdefault(node.declaration.id, node)
+            self._from.setdefault(node.declaration.id, source)
+
+    def add_plugin(self, plugin: str, folder: Path) -> None:
+        """A module by its name, or a Python file in `folder`. Raises PluginError with what went wrong."""
+        self._load_installed()  # so that it is the mission's plug-in that hears that an ID is taken
+        self._take(load_plugin(plugin, folder))
+        self._asked.add(plugin)
+
+    def _take(self, plugin: Plugin) -> None:
+        self.add(plugin.nodes, plugin.name)
+        if plugin not in self._plugins:
+            self._plugins.append(plugin)
+
+    def _load_installed(self) -> None:
+        if not self._pending:
+            return
+        self._pending = False
+        # Ours first: it is not a plug-in of ours that fails when another offers a node of the same ID.
+        entries = sorted(entry_points(group=GROUP), key=lambda e: (not _is_ours(e.value), e.name, e.value))
+        for entry in entries:
+            try:
+                self._take(load_installed(entry.value, _distribution(entry)))
+            except PluginError as error:
+                name = f"{entry.name} ({entry.value})"
+                self._problems.append(Problem(name, error.message, error.detail))
+
+
+def _is_ours(module: str) -> bool:
+    return module.split(".")[0] == "picktree"
+
+
+def _distribution(entry: EntryPoint) -> str:
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else ""

@@ -1,0 +1,48 @@
+"""The names that scene and robot give to a mission: cameras, bins, kinds, named poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...robots.description import RobotDescription
+from ...robots.loading import load_robot
+from ...world.scene.description import SceneDescription
+from ...world.scene.loading.scene_loading import load_scene
+from ..ports import NameKind
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a mission may name, by the kind of name; `scene` and `robot` say where the names come from."""
+
+    scene: str
+    robot: str
+    names: Mapping[NameKind, tuple[str, ...]]
+
+
+def load_surroundings(name: str, beside: Path | None = None) -> Surroundings:
+    """Of the shipped scene of that name, or of a file whose path counts from `beside`; with its robot.
+
+    Raises FileError for a faulty file, PicktreeError when there is none.
+    """
+    scene = load_scene(name, beside)
+    return surroundings(scene, load_robot(scene.robot, Path(scene.source).parent))
+
+
+def surroundings(scene: SceneDescription, robot: RobotDescription) -> Surroundings:
+    """The names of that scene and that robot."""
+    bins = tuple(str(body.id) for body in scene.bins)
+    colours = dict.fromkeys(colour for entry in scene.loads for colour in entry.colours)
+    bored = [fixture for fixture in scene.fixtures if fixture.holes]
+    names: dict[NameKind, tuple[str, ...]] = {
+        "camera": tuple(camera.name for camera in scene.cameras),
+        "pose": tuple(robot.named),
+        "bin": bins,
+        "hole": tuple(str(each.id) for fixture in bored for each in (fixture, *fixture.holes)),
+        "fixture": (*(str(fixture.id) for fixture in scene.fixtures), *bins),
+        "kind": tuple(entry.kind for entry in scene.catalogue),
+        "colour": tuple(colours),
+    }
+    return Surroundings(scene.name, robot.name, names)

@@ -1,0 +1,1 @@
+"""A tree that runs: built, ticked, debugged, edited."""

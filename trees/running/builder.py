@@ -1,0 +1,86 @@
+"""From a Mission to a Tree that can be ticked: sub-trees are written out, each with its own namespace."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ...world.journal import Plain
+from ..blackboard import Namespace
+from ..mission import Mission, NodeSpec, TreeSpec
+from ..node import Node
+from ..runtime import Runtime, TreeWorld, Wiring
+from ..values.references import Binding, Constant, Reference
+from .run_settings import Overrides, read_settings
+from .runner import Tree
+from .subtree import SubTree
+
+
+def build(mission: Mission, world: TreeWorld, parameters: Mapping[str, Plain] | None = None) -> Tree:
+    """The mission as a tree. `parameters` are set from outside, as `read_settings` takes them.
+
+    Raises PicktreeError for one that is unknown, missing or unfitting.
+    """
+    runtime = Runtime(world)
+    main = mission.main
+    settings = read_settings(mission, parameters or {})
+    caller = Namespace(runtime.blackboard, "")
+    start = NodeSpec(main.name, main.name, main.mark, None, settings.parameters)
+    root = _Builder(mission, runtime, settings.overrides).tree(main, start, main.name, caller)
+    return Tree(root, runtime)
+
+
+class _Builder:
+    def __init__(self, mission: Mission, runtime: Runtime, overrides: Overrides) -> None:
+        self._mission = mission
+        self._runtime = runtime
+        self._overrides = overrides
+
+    def tree(self, tree: TreeSpec, call: NodeSpec, path: str, outer: Namespace) -> SubTree:
+        """An instance of a tree: its ports are wired to the caller's namespace or hold constants."""
+        inside = Namespace(self._runtime.blackboard, path)
+        bindings: dict[str, Binding] = {}
+        for port in tree.ports:
+            bound = call.ports.get(port.key)
+            if isinstance(bound, Reference):
+                inside.wire(port.key, outer, bound)
+                bindings[port.key] = bound
+            elif bound is not None:
+                bindings[port.key] = bound
+            elif port.direction == "in":
+                bindings[port.key] = Constant(port.default, _plain(port.default))
+        node = SubTree(_wiring(call, path, outer, bindings), self._runtime, inside)
+        node.fill({"do": (("", self.node(tree.root, path, inside)),)})
+        return node
+
+    def node(self, spec: NodeSpec, above: str, namespace: Namespace) -> Node:
+        path = f"{above}/{spec.name}"
+        if path in self._overrides:
+            spec = replace(spec, ports={**spec.ports, **self._overrides[path]})
+        if spec.node is None:
+            return self.tree(self._mission.trees[spec.id], spec, path, namespace)
+        node = spec.node(_wiring(spec, path, namespace, spec.ports), self._runtime)
+        node.fill(
+            {
+                key: tuple((label, self.node(child, path, namespace)) for label, child in filled)
+                for key, filled in spec.slots.items()
+            }
+        )
+        return node
+
+
+def _wiring(spec: NodeSpec, path: str, namespace: Namespace, ports: Mapping[str, Binding]) -> Wiring:
+    return Wiring(
+        spec.id,
+        spec.name,
+        path,
+        namespace,
+        ports,
+        spec.preconditions,
+        spec.postconditions,
+        spec.breakpoint,
+    )
+
+
+def _plain(value: object) -> Plain:
+    return value if isinstance(value, str | int | float | bool) else str(value)

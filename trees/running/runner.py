@@ -1,0 +1,243 @@
+"""A tree that is ticked, and what one tick looked like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping
+from dataclasses import dataclass
+from typing import cast
+
+from ...errors import PicktreeError
+from ...world.causes import Evidence, FailureReport
+from ...world.journal import Plain
+from ..blackboard import Blackboard, Write
+from ..node import Node
+from ..runtime import Runtime
+from ..skill import Skill
+from ..status import NodeStatus
+from ..transitions import Transition
+from ..values.references import Constant
+from .tree_adoption import Adoption, adopt
+
+
+@dataclass(frozen=True, slots=True)
+class NodeReport:
+    """One node at the end of a tick. `cause` and `evidence` are set where it is in FAILURE with a report."""
+
+    path: str
+    id: str
+    status: NodeStatus
+    ticked: bool
+    message: str
+    cause: str | None
+    evidence: Evidence | None
+
+
+@dataclass(frozen=True, slots=True)
+class TickReport:
+    """One tick: every node, parents first; the writes to the blackboard, and which nodes began and ended, in
+    their order."""
+
+    nodes: tuple[NodeReport, ...]
+    writes: tuple[Write, ...]
+    transitions: tuple[Transition, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NodeInfo:
+    """What does not change about a node: for the record, once."""
+
+    path: str
+    id: str
+    name: str
+    kind: str
+    parent: str | None
+    children: tuple[str, ...]
+    ports: Mapping[str, Plain]
+    """As the mission file says it."""
+
+
+class Tree:
+    """The nodes of a mission with their blackboard. One tick is one call of `tick`."""
+
+    def __init__(self, root: Node, runtime: Runtime) -> None:
+        self._root = root
+        self._runtime = runtime
+        self._nodes = tuple(_parents_first(root))
+        self._by_path = {node.path: node for node in self._nodes}
+        self._leaves = frozenset(node.path for node in self._nodes if not node.children)
+
+    @property
+    def root(self) -> Node:
+        """For py_trees' own tools: its display, its visitors."""
+        return self._root
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """Parents first."""
+        return self._nodes
+
+    @property
+    def blackboard(self) -> Blackboard:
+        return self._runtime.blackboard
+
+    @property
+    def on_start(self) -> list[Callable[[str], None]]:
+        """Called with the path of each node that starts, before it reads its inputs."""
+        return self._runtime.start_hooks
+
+    @property
+    def on_end(self) -> list[Callable[[str], None]]:
+        """Called with the path of each node that has ended or was halted, its status set."""
+        return self._runtime.end_hooks
+
+    @property
+    def status(self) -> NodeStatus:
+        return self._root.state
+
+    @property
+    def failure(self) -> FailureReport | None:
+        """Why the mission failed."""
+        return self._root.failure
+
+    @property
+    def leaves(self) -> frozenset[str]:
+        """Paths of the nodes without children."""
+        return self._leaves
+
+    @property
+    def quiescent(self) -> bool:
+        """Whether no leaf is RUNNING but those that can be saved meanwhile."""
+        return not any(node.state is NodeStatus.RUNNING and not node.saveable for node in self._nodes)
+
+    def tick(self) -> TickReport:
+        """Tick the root once. After the root has ended, another tick starts the mission anew."""
+        self.step()
+        return self._report()
+
+    def step(self) -> None:
+        """As `tick`, for who looks at the nodes itself; the writes stay with the blackboard."""
+        for node in self._nodes:
+            node.ticked = False
+            node.seconds = 0.0
+        self._root.step()
+
+    def halt(self) -> TickReport:
+        """Stop whatever runs; every node is IDLE then."""
+        for node in self._nodes:
+            node.ticked = False
+        self._root.halt()
+        return self._report()
+
+    def find(self, path: str) -> Node:
+        """Raises PicktreeError for an unknown path."""
+        if path not in self._by_path:
+            raise PicktreeError(f"the tree has no node {path!r}")
+        return self._by_path[path]
+
+    def seconds(self) -> dict[str, float]:
+        """Wall time of the nodes that the last tick ticked, children included; no part of the digest."""
+        return {node.path: node.seconds for node in self._nodes if node.ticked}
+
+    def structure(self) -> tuple[NodeInfo, ...]:
+        """The shape of the tree, parents first."""
+        return tuple(
+            NodeInfo(
+                node.path,
+                node.wiring.id,
+                node.name,
+                node.kind,
+                cast("Node", node.parent).path if node.parent is not None else None,
+                tuple(below.path for below in node.below),
+                {
+                    key: bound.text if isinstance(bound, Constant) else str(bound)
+                    for key, bound in node.wiring.ports.items()
+                },
+            )
+            for node in self._nodes
+        )
+
+    def save(self) -> dict[str, Plain]:
+        """All state of nodes and blackboard as plain values. Raises PicktreeError while a leaf runs."""
+        if not self.quiescent:
+            raise PicktreeError("a tree cannot be saved while a skill is running")
+        nodes: dict[str, Plain] = {node.path: cast("Plain", node.save()) for node in self._nodes}
+        return {"nodes": nodes, "blackboard": cast("Plain", self.blackboard.save())}
+
+    def restore(self, saved: Mapping[str, Plain]) -> None:
+        """Go back to a saved state of the same mission. Raises PicktreeError when it is of another."""
+        nodes = cast("dict[str, dict[str, Plain]]", saved["nodes"])
+        if set(nodes) != set(self._by_path):
+            strange = sorted(set(nodes) ^ set(self._by_path))
+            raise PicktreeError(f"the saved state belongs to another mission: {strange[0]!r} is not in both")
+        self._root.halt()
+        for path, state in nodes.items():
+            self._by_path[path].restore(state)
+            self._by_path[path].ticked = False
+        self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
+        self._runtime.transitions.take()
+
+    def adopt(self, saved: Mapping[str, Plain]) -> Adoption:
+        """Go on from a saved state of another version of the mission; this tree is new, not yet ticked.
+
+        The blackboard is taken over whole, and each node whose path and type are the same goes on where it
+        was; the others begin anew.
+        """
+        self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
+        return adopt(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
+
+    def read_again(self, full_keys: Collection[str]) -> None:
+        """Let the running nodes have what is on the blackboard now under these keys, which they had read when
+        they started. Raises Failure for a value that a node does not take."""
+        for node in self._nodes:
+            if node.state is NodeStatus.RUNNING:
+                node.read_again(full_keys)
+
+    def pass_over(self, elements: Collection[str]) -> None:
+        """Let the running loops leave out these elements of their lists, as far as they are yet to come."""
+        for node in self._nodes:
+            if node.state is NodeStatus.RUNNING:
+                node.pass_over(elements)
+
+    def acting(self, path: str = "") -> str | None:
+        """Path of the first skill that runs, of those at or below the node at `path`; empty when none does.
+        None: the node itself does not run."""
+        if path and (path not in self._by_path or self._by_path[path].state is not NodeStatus.RUNNING):
+            return None
+        within = (node for node in self._nodes if not path or f"{node.path}/".startswith(f"{path}/"))
+        running = (node for node in within if node.state is NodeStatus.RUNNING and isinstance(node, Skill))
+        return next((node.path for node in running), "")
+
+    def stand_in(self, path: str, body: Callable[[], Generator[None, None, None]]) -> bool:
+        """Let that body go on in the place of a skill's own from its next tick on, as if the skill was halted
+        before; False: the node is no skill."""
+        if not isinstance(self._by_path.get(path), Skill):
+            return False
+        self._runtime.stand_ins[path] = body
+        return True
+
+    def look(self) -> TickReport:
+        """The nodes as they stand, with what was written, began and ended since the last tick."""
+        return self._report()
+
+    def _report(self) -> TickReport:
+        nodes = tuple(_report(node) for node in self._nodes)
+        return TickReport(nodes, self.blackboard.take_writes(), self._runtime.transitions.take())
+
+
+def _report(node: Node) -> NodeReport:
+    failure = node.failure
+    return NodeReport(
+        node.path,
+        node.wiring.id,
+        node.state,
+        node.ticked,
+        failure.message if failure else node.feedback_message,
+        failure.cause.name if failure else None,
+        failure.evidence if failure else None,
+    )
+
+
+def _parents_first(node: Node) -> Iterator[Node]:
+    yield node
+    for below in node.below:
+        yield from _parents_first(below)

@@ -1,0 +1,81 @@
+"""Gathering what is wrong with a mission: each fault with its place, as many as anyone reads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Final
+
+from ...files.yaml.document import Document, Fault, Location, nearest
+
+MAX_NODES: Final = 10_000
+"""Of a mission with all sub-trees written out."""
+MAX_FAULTS: Final = 200
+"""More are counted, not kept."""
+
+
+class Faults:
+    """The faults of one mission, whichever of its files they stand in."""
+
+    def __init__(self) -> None:
+        self._kept: list[Fault] = []
+        self._more = 0
+        self._nodes = 0
+
+    def has_room(self, document: Document, loc: Location) -> bool:
+        """Count a node of the text; false when there are too many for the mission to be built."""
+        self._nodes += 1
+        if self._nodes == MAX_NODES + 1:
+            message = f"here is node number {self._nodes} of the mission"
+            self.at(document, loc, "", message, f"at most {MAX_NODES} nodes", code="P236")
+        return self._nodes <= MAX_NODES
+
+    @property
+    def full(self) -> bool:
+        """Whether another fault would only be counted."""
+        return len(self._kept) >= MAX_FAULTS
+
+    def __len__(self) -> int:
+        return len(self._kept) + self._more
+
+    def add(self, fault: Fault) -> None:
+        if self.full:
+            self._more += 1
+        else:
+            self._kept.append(fault)
+
+    def at(
+        self,
+        document: Document,
+        loc: Location,
+        trail: str,
+        message: str,
+        hint: str = "",
+        *,
+        code: str,
+        key: bool = False,
+        detail: str = "",
+    ) -> None:
+        """A fault of the value there, or (`key`) of its key."""
+        if self.full:
+            self._more += 1
+            return
+        mark = document.key_mark(loc) if key else document.mark(loc)
+        self._kept.append(Fault(mark, trail, message, hint, code, detail=detail))
+
+    def nearest(self, name: str, known: Iterable[str]) -> str:
+        """As `nearest`, which is dear: nothing when nobody will read it."""
+        return "" if self.full else nearest(name, known)
+
+    def within(self, tree: str) -> bool:
+        """Whether any of them stands in that tree."""
+        starts = (f"{tree}/", f"trees.{tree}.")
+        names = (tree, f"trees.{tree}")
+        return any(f.where in names or f.where.startswith(starts) for f in self._kept)
+
+    def all(self) -> tuple[Fault, ...]:
+        """In the order of the files; the last one says how many are left out."""
+        kept = sorted(dict.fromkeys(self._kept), key=lambda fault: fault.mark)
+        if self._more:
+            message = f"and {self._more} more faults"
+            kept.append(Fault(kept[-1].mark, "", message, "mend those above first", "P200"))
+        return tuple(kept)

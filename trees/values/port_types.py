@@ -1,0 +1,223 @@
+"""The types of ports: what a literal must convert to, and what may flow from an output to an input."""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias, cast
+
+from ...files.expressions.expression import Expression
+from ...files.quantities import parse_quantity
+from ...files.spelling import nearest
+from ...world.journal import Plain
+from ...world.values import ObjectId
+from .plain_values import plain_copy
+
+Name: TypeAlias = Literal["string", "int", "float", "bool", "object", "expression", "any"]
+
+_NAMES: Mapping[object, Name] = {
+    str: "string", int: "int", float: "float", bool: "bool", ObjectId: "object",
+    Expression: "expression", object: "any",
+}  # fmt: skip
+_WORDS: Mapping[Name, str] = {
+    "string": "a text", "int": "a whole number", "float": "a number", "bool": "true or false",
+    "object": "an object's id", "expression": "an expression", "any": "a value",
+}  # fmt: skip
+_LIST = "list of "
+
+
+@dataclass(frozen=True, slots=True)
+class PortType:
+    """One of a few names, as a mission file writes them, or a list of it; `optional`: null is a value too."""
+
+    name: Name
+    many: bool = False
+    optional: bool = False
+
+    @classmethod
+    def parse(cls, text: str) -> PortType:
+        """From a mission file: `object`, `list of object`. Raises ValueError."""
+        stem = text.removeprefix(_LIST)
+        for name in NAMES_IN_FILES:
+            if stem == name:
+                return cls(name, many=text.startswith(_LIST))
+        raise ValueError(f"unknown type {text!r}")
+
+    @classmethod
+    def of(cls, annotation: object) -> tuple[PortType, tuple[Plain, ...] | None]:
+        """From a Python annotation, and the choices that a Literal gives. Raises TypeError."""
+        origin, args = typing.get_origin(annotation), typing.get_args(annotation)
+        if origin in (typing.Union, types.UnionType) and len(args) == 2 and type(None) in args:
+            inner, choices = cls.of(next(a for a in args if a is not type(None)))
+            return cls(inner.name, inner.many, optional=True), choices
+        if origin is list and len(args) == 1:
+            inner, choices = cls.of(args[0])
+            if inner.many or inner.optional:
+                raise TypeError(f"{annotation} cannot be the type of a port")
+            return cls(inner.name, many=True), choices
+        if origin is Literal and all(isinstance(a, str) for a in args):
+            return cls("string"), args
+        for known, name in _NAMES.items():
+            if annotation is known:
+                return cls(name), None
+        raise TypeError(f"{annotation} cannot be the type of a port")
+
+    def __str__(self) -> str:
+        return (_LIST if self.many else "") + self.name
+
+    def words(self) -> str:
+        """As it reads in a sentence: "a list of numbers"."""
+        if self.many:
+            return "a list" if self.name == "any" else f"a list, each {_WORDS[self.name]}"
+        return _WORDS[self.name]
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Which numbers a port takes, in its unit: not under `least`, not over `most`, greater than `above`."""
+
+    least: float | None = None
+    most: float | None = None
+    above: float | None = None
+
+    def check(self, number: float) -> None:
+        """Raises ValueError with a sentence."""
+        if self.least is not None and number < self.least:
+            raise ValueError(f"{number:g} is less than {self.least:g}")
+        if self.most is not None and number > self.most:
+            raise ValueError(f"{number:g} is more than {self.most:g}")
+        if self.above is not None and number <= self.above:
+            raise ValueError(f"{number:g} is not more than {self.above:g}")
+
+    def words(self) -> str:
+        """`more than 0, at most 1`; empty when every number will do."""
+        bounds = (("more than", self.above), ("at least", self.least), ("at most", self.most))
+        return ", ".join(f"{words} {bound:g}" for words, bound in bounds if bound is not None)
+
+
+ANY_NUMBER: Final = Range()
+NAMES_IN_FILES: tuple[Name, ...] = ("string", "int", "float", "bool", "object", "any")
+
+
+def convert(
+    value: object,
+    kind: PortType,
+    unit: str | None = None,
+    choices: Collection[Plain] | None = None,
+    within: Range = ANY_NUMBER,
+) -> object:
+    """A literal of a file as the port's type. Raises ValueError with a sentence."""
+    if value is None and kind.optional:
+        return None
+    if kind.many:
+        if not isinstance(value, list):
+            raise ValueError(f"{show(value)} is not {kind.words()}")
+        one = PortType(kind.name)
+        return [convert(item, one, unit, choices, within) for item in cast("list[object]", value)]
+    converted = _CONVERTERS[kind.name](value, unit)
+    if choices is not None and converted not in choices:
+        raise ValueError(
+            f"{show(converted)} is none of the choices; {nearest(str(value), map(str, choices))}"
+        )
+    if kind.name in ("int", "float"):
+        within.check(cast("float", converted))
+    return converted
+
+
+def accept(
+    value: object,
+    kind: PortType,
+    choices: Collection[Plain] | None = None,
+    within: Range = ANY_NUMBER,
+) -> object:
+    """A value that comes over the blackboard or from a skill. Raises ValueError with a sentence.
+
+    Other than in a literal a text is never read as a number.
+    """
+    if isinstance(value, str) and kind.name in ("float", "int") and not kind.many:
+        raise ValueError(f"{show(value)} is not {kind.words()}")
+    return convert(value, kind, None, choices, within)
+
+
+def show(value: object) -> str:
+    """A value as it stands in a message."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return str(value).lower()
+    # No more is written out than is shown: a value may be as large as a file.
+    text = repr(cast("list[object] | str", value)[:_SHOWN] if isinstance(value, str | list) else value)
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+
+
+_SHOWN = 60
+
+
+def _string(value: object, _: str | None) -> str:
+    if isinstance(value, str):
+        return value
+    hint = "; write it in quotes" if isinstance(value, int | float) else ""
+    raise ValueError(f"{show(value)} is not a text{hint}")
+
+
+def _int(value: object, _: str | None) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"{show(value)} is not a whole number")
+    plain_copy(value)
+    return value
+
+
+def _float(value: object, unit: str | None) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"{show(value)} is not a number")
+    if unit == "ms":
+        return _milliseconds(value)
+    if unit is not None:
+        return parse_quantity(value, unit)
+    if isinstance(value, str):
+        raise ValueError(f"{show(value)} is not a number")
+    return parse_quantity(value, "")
+
+
+def _milliseconds(value: str | int | float) -> float:
+    # BT.CPP's ports `msec` and `delay_msec`: there a bare number is in ms, and so it is here.
+    if not isinstance(value, str):
+        return parse_quantity(value, "s")
+    try:
+        return parse_quantity(float(value), "s")
+    except ValueError:
+        return round(parse_quantity(value, "s") * 1000.0, 9)
+
+
+def _bool(value: object, _: str | None) -> bool:
+    if isinstance(value, bool):
+        return value
+    raise ValueError(f"{show(value)} is neither true nor false")
+
+
+def _object(value: object, _: str | None) -> str:
+    if isinstance(value, str):
+        return value
+    raise ValueError(f"{show(value)} is not an object's id")
+
+
+def _expression(value: object, _: str | None) -> Expression:
+    if isinstance(value, Expression):
+        return value
+    if isinstance(value, bool | int | float):
+        return Expression.parse(str(value).lower())
+    if isinstance(value, str):
+        return Expression.parse(value)
+    raise ValueError(f"{show(value)} is not an expression")
+
+
+def _any(value: object, _: str | None) -> object:
+    return plain_copy(value)
+
+
+_CONVERTERS: Mapping[Name, Callable[[object, str | None], object]] = {
+    "string": _string, "int": _int, "float": _float, "bool": _bool, "object": _object,
+    "expression": _expression, "any": _any,
+}  # fmt: skip

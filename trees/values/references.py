@@ -1,0 +1,109 @@
+"""`"{item}"` and `"{item.colour}"`: references to the blackboard, and what may be asked of an object."""
+
+from __future__ import annotations
+
+import re
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import TypeAlias
+
+from ...files.expressions.type_inference import BOOL, FLOAT, INT, OBJECT, PLACE, TEXT, ValueType
+from ...files.spelling import nearest
+from ...world.belief.planning_scene import BeliefObject, PlanningScene
+from ...world.causes import Failure, tree
+from ...world.colours import ITEM_COLOURS
+from ...world.journal import Plain
+from ...world.scene.description import Form
+from ...world.values import ObjectId
+from .port_types import show
+
+_REFERENCE = re.compile(r"\{([A-Za-z_]\w{0,59})((?:\.[A-Za-z_]\w{0,59}){0,9})\}", re.ASCII)
+_BRACES = re.compile(r"\{.*\}", re.DOTALL)
+
+
+_PLAIN: Mapping[object, ValueType] = {str: TEXT, int: INT, float: FLOAT, bool: BOOL, ObjectId: OBJECT}
+_CHOICES: Mapping[str, tuple[str, ...]] = {
+    "form": (*typing.get_args(Form), "unknown"),
+    "colour": (*ITEM_COLOURS, "unknown"),
+}
+
+
+def _attribute_types() -> dict[str, ValueType]:
+    """The plain fields of a BeliefObject, its plain properties, and `destination`."""
+    hints = typing.get_type_hints(BeliefObject)
+    found = {f.name: hints[f.name] for f in fields(BeliefObject)}
+    for name, member in vars(BeliefObject).items():
+        # A property's type stands on its getter.
+        getter = member.fget if isinstance(member, property) else None
+        if getter is not None:
+            found[name] = typing.get_type_hints(getter).get("return")
+    types: dict[str, ValueType] = {}
+    for name, hint in found.items():
+        if hint in _PLAIN:
+            types[name] = replace(_PLAIN[hint], choices=_CHOICES.get(name, ()))
+        elif typing.get_origin(hint) is typing.Literal:
+            types[name] = replace(TEXT, choices=typing.get_args(hint))
+    return {**types, "place": PLACE, "destination": replace(PLACE, optional=True)}
+
+
+ATTRIBUTE_TYPES: Mapping[str, ValueType] = _attribute_types()
+"""What may stand after the dot, with its type; where all its texts are known, with these."""
+ATTRIBUTES: tuple[str, ...] = tuple(ATTRIBUTE_TYPES)
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """A key of the blackboard; with attributes: of the object whose id is there."""
+
+    key: str
+    attributes: tuple[str, ...] = ()
+
+    @classmethod
+    def parse(cls, text: str) -> Reference | None:
+        """None when the text is a literal. Raises ValueError for braces that are no reference."""
+        match = _REFERENCE.fullmatch(text)
+        if match is None:
+            if _BRACES.fullmatch(text):
+                raise ValueError(f"{show(text)} is not a reference")
+            return None
+        return cls(match[1], tuple(match[2].split(".")[1:]))
+
+    def __str__(self) -> str:
+        return "{" + ".".join((self.key, *self.attributes)) + "}"
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A literal that was converted to the port's type already; `text` is what the file says."""
+
+    value: object
+    text: Plain
+
+
+Binding: TypeAlias = Reference | Constant
+
+
+def attribute(scene: PlanningScene, owner: object, name: str) -> Plain:
+    """`owner.name`, read from the belief of this moment.
+
+    Raises ValueError when there is no such attribute, Failure(world.unknown_object) when no such object.
+    """
+    if not isinstance(owner, str):
+        raise ValueError(f"only an object has attributes, so not {name!r} either")
+    if name not in ATTRIBUTES:
+        raise ValueError(f"an object has no attribute {name!r}; {nearest(name, ATTRIBUTES)}")
+    if name == "destination":
+        return scene.destination(owner)
+    value: Plain = getattr(scene.get(owner), name)
+    return value
+
+
+def resolve(scene: PlanningScene, reference: Reference, value: Plain) -> Plain:
+    """Follow the reference's attributes from the value of its key. Raises Failure."""
+    for name in reference.attributes:
+        try:
+            value = attribute(scene, value, name)
+        except ValueError as error:
+            raise Failure(tree.MISSING_INPUT, f"{reference}: {error}", reference=str(reference)) from None
+    return value

@@ -1,0 +1,109 @@
+"""Where the value of a key comes from, and what is known of it before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Final, cast
+
+from ...files.expressions.type_inference import (
+    ANY,
+    BOOL,
+    FLOAT,
+    INT,
+    OBJECT,
+    TEXT,
+    ValueType,
+    list_of,
+    type_of_value,
+)
+from ...files.yaml.document import Mark
+from ...world.journal import Plain
+from ..ports import NameKind, PortDeclaration
+
+MAX_SOURCES: Final = 40
+"""Of one key; of the others nothing is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One way in which a key gets its value."""
+
+    type: ValueType
+    mark: Mark
+    """Where the text says so."""
+    writer: str = ""
+    """Path of the node that writes it; empty for an input of the tree."""
+    unit: str | None = None
+    values: tuple[Plain, ...] | None = None
+    """All that it can be, when that is known;"""
+    certain: bool = False
+    """whether it will be each of them at some time, as a literal is."""
+    names: NameKind | None = None
+    """What in scene or robot it names."""
+    port: str | None = None
+    """The input of the tree through which it comes in as it is,"""
+    depth: int = 0
+    """or of which it is an element, so many lists deep."""
+
+    def told(self, file: str) -> str:
+        """Where it comes from, for a reader of that file."""
+        place = self.mark.told(file)
+        if self.writer:
+            return f"{self.writer} writes it, {place}"
+        return f"the tree's input {self.port!r}, {place}" if self.port else place
+
+    def elements(self) -> Source:
+        """Of the elements of the list that it is."""
+        inner = self.type.element if self.type.kind == "list" and self.type.element else ANY
+        values = None if self.values is None else _flat(self.values)
+        return replace(self, type=inner, values=values, depth=self.depth + 1 if self.port else 0)
+
+
+def _flat(values: Iterable[Plain]) -> tuple[Plain, ...]:
+    return tuple(item for value in values if isinstance(value, list) for item in value)
+
+
+def constant(value: object, mark: Mark, writer: str = "") -> Source:
+    """A literal, or a default."""
+    return Source(type_of_value(value), mark, writer, values=(cast("Plain", value),), certain=True)
+
+
+def unknown(mark: Mark, writer: str = "") -> Source:
+    return Source(ANY, mark, writer)
+
+
+def declared(port: PortDeclaration, mark: Mark, writer: str = "") -> Source:
+    """What the declaration of an output, or of a tree's input, says."""
+    values = None if port.type.many else port.choices
+    return Source(type_of_port(port), mark, writer, port.unit, values, names=port.names)
+
+
+def type_of_port(port: PortDeclaration) -> ValueType:
+    """The type of the values that come out of the port."""
+    match port.type.name:
+        case "string":
+            one = TEXT
+        case "int":
+            one = INT
+        case "float":
+            one = FLOAT
+        case "bool":
+            one = BOOL
+        case "object":
+            one = OBJECT
+        case "any" | "expression":
+            one = ANY
+    found = list_of(one) if port.type.many else one
+    return replace(found, optional=port.type.optional)
+
+
+def distinct(sources: Iterable[Source]) -> tuple[Source, ...]:
+    """Each kind of source once, with the first writer; beyond a bound only that there are others."""
+    found: dict[object, Source] = {}
+    for source in sources:
+        values = repr(source.values)
+        found.setdefault((source.type, source.unit, values, source.names, source.port, source.depth), source)
+        if len(found) == MAX_SOURCES:
+            return (*found.values(), unknown(source.mark, source.writer))
+    return tuple(found.values())

@@ -1,0 +1,154 @@
+"""What is wrong with the wiring of a mission, as faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ...files.yaml.document import Fault, Mark, nearest
+from ..slots import SlotDeclaration
+from ..values.port_types import show
+from ..values.references import ATTRIBUTE_TYPES, Reference
+from .circuit import Arrival, Circuit
+from .key_writers import Keys, Placed, Write
+from .type_fit import misfit
+from .value_sources import Source
+
+
+def misfits(circuit: Circuit) -> Iterator[Fault]:
+    """At each input the first thing that does not fit; attributes, cases and writes that cannot be."""
+    for keys in circuit.keys.values():
+        for placed in keys.nodes:
+            yield from _attributes(keys, placed)
+            yield from _cases(keys, placed)
+        yield from _writes(keys, frozenset(circuit.facts))
+    for arrivals in circuit.arrivals:
+        wrong = next((arrival for arrival in arrivals if arrival.problem is not None), None)
+        if wrong is not None:
+            yield _misfit(wrong)
+
+
+def _misfit(arrival: Arrival) -> Fault:
+    hints = [f"it goes to the port {arrival.target.key!r} of {arrival.via}"] if arrival.via else []
+    if arrival.text.startswith("{"):
+        hints.append(arrival.source.told(arrival.mark.file))
+    message = f"port {arrival.key!r}: {arrival.problem}"
+    return Fault(arrival.mark, arrival.trail, message, "; ".join(hints), "P237")
+
+
+def _attributes(keys: Keys, placed: Placed) -> Iterator[Fault]:
+    """References to attributes of what is no object."""
+    for key, bound in placed.spec.ports.items():
+        if isinstance(bound, Reference) and bound.attributes:
+            mark = placed.mark(key)
+            for message, hint in _no_object(bound, keys.sources(bound.key), mark.file):
+                yield Fault(mark, placed.path, f"port {key!r}: {bound}: {message}", hint, "P238")
+
+
+def _no_object(reference: Reference, sources: tuple[Source, ...], file: str) -> Iterator[tuple[str, str]]:
+    only = "only an object has attributes, and"
+    for source in sources:
+        if source.type.kind not in ("any", "word", "object"):
+            yield f"{only} {reference.key!r} is {source.type.words()}", source.told(file)
+            return
+    for name in reference.attributes[:-1]:
+        if ATTRIBUTE_TYPES[name].kind != "object":
+            yield f"{only} {name!r} is {ATTRIBUTE_TYPES[name].words()}", ""
+            return
+
+
+def _cases(keys: Keys, placed: Placed) -> Iterator[Fault]:
+    """Cases that the value which decides can never be."""
+    if placed.spec.node is None:
+        return
+    for slot in placed.spec.node.declaration.slots:
+        bound = placed.spec.ports.get(slot.matches or "")
+        sources = keys.reference(bound) if isinstance(bound, Reference) else ()
+        for label, _ in placed.spec.slots.get(slot.key, ()) if sources else ():
+            if not any(_may_be(source, label) for source in sources):
+                yield _never(placed, slot, label, str(bound), sources)
+
+
+def _never(
+    placed: Placed, slot: SlotDeclaration, label: str, text: str, sources: tuple[Source, ...]
+) -> Fault:
+    mark = placed.mark(f"{slot.key}/{label}")
+    values = [_as_label(value) for source in sources for value in source.values or ()]
+    hint = nearest(label, values) if values else sources[0].told(mark.file)
+    message = f"{text} is never {label!r}" + ("" if values else f": it is {sources[0].type.words()}")
+    return Fault(mark, placed.path, message, hint, "P258")
+
+
+def _may_be(source: Source, label: str) -> bool:
+    """Whether the case of that name may ever be chosen by a value from there.
+
+    A literal that decides is a setting of the mission: cases for other settings may stand beside it.
+    """
+    if source.certain:
+        return True
+    if source.values is not None:
+        return any(_as_label(v) == label or _same_number(v, label) for v in source.values)
+    match source.type.kind:
+        case "bool":
+            return label in ("true", "false")
+        case "int" | "float" | "number":
+            number = _number(label)
+            return number is not None and (source.type.kind != "int" or number.is_integer())
+        case "null":
+            return label == "null"
+        case "list" | "mapping":
+            return False
+        case _:
+            return True
+
+
+def _same_number(value: object, label: str) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and _number(label) == value
+
+
+def _number(label: str) -> float | None:
+    try:
+        return float(label)
+    except ValueError:
+        return None
+
+
+def _as_label(value: object) -> str:
+    return value if isinstance(value, str) else show(value)
+
+
+def _writes(keys: Keys, facts: frozenset[str]) -> Iterator[Fault]:
+    """Writes to inputs of the tree or of another type than its output has; keys that hide a fact."""
+    for port in keys.tree.ports:
+        if port.key in facts:
+            yield Fault(_declared(keys, port.key), keys.tree.name, *_hidden(port.key), "P259")
+    for key, writes in keys.writes.items():
+        for write in writes:
+            yield from _write(keys, key, write, facts)
+
+
+def _write(keys: Keys, key: str, write: Write, facts: frozenset[str]) -> Iterator[Fault]:
+    mark, path = write.placed.mark(write.place), write.placed.path
+    what = write.place if write.place.startswith("_") else f"port {write.place!r}"
+    output = keys.output(key)
+    if keys.input(key) is not None:
+        message = f"{what}: {key!r} is an input of the tree {keys.tree.name!r}; it cannot be written"
+        hint = "declare the port with 'direction: out', or write another key"
+        yield Fault(mark, path, message, hint, "P239")
+    elif output is not None:
+        for source in keys.written(write):
+            problem = misfit(source, output, "what it writes", strict=False)
+            if problem is not None:
+                hint = f"the tree's output {key!r}, {_declared(keys, key).told(mark.file)}"
+                yield Fault(mark, path, f"{what}: {problem}", hint, "P237")
+                return
+    elif key in facts:
+        message, hint = _hidden(key)
+        yield Fault(mark, path, f"{what}: {message}", hint, "P259")
+
+
+def _declared(keys: Keys, port: str) -> Mark:
+    return keys.tree.places.get(port, keys.tree.mark)
+
+
+def _hidden(key: str) -> tuple[str, str]:
+    return f"the key {key!r} hides the fact of that name in expressions", "give it another name"

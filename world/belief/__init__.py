@@ -1,0 +1,1 @@
+"""What the robot believes, has tried and has heard."""

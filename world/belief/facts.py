@@ -1,0 +1,62 @@
+"""The facts of the world: names that every expression of a mission may use, besides the blackboard's keys."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..scene.destinations import is_at
+from .planning_scene import BeliefObject, PlanningScene
+
+ASIDE = "aside"
+"""The place of an item that the mission has given up."""
+
+TAKEN_AWAY = "taken away with its bin"
+"""Why an object leaves the belief when its bin is exchanged for an empty one."""
+
+RODE_ON = "the belt carries it on"
+"""Why an object leaves the belief when the belt on which it lies may run."""
+
+FACTS: Mapping[str, type[bool] | type[int] | type[float] | type[str]] = {
+    "items_left": bool,
+    "items_to_do": int,
+    "holding": bool,
+    "held_object": str,
+    "stopped": bool,
+    "feed_exhausted": bool,
+    "items_done": int,
+    "time": float,
+}
+"""Their names and types."""
+
+
+def to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
+    """Items that are believed to lie elsewhere than where they belong, and are not put aside."""
+    return tuple(
+        o
+        for o in scene.objects
+        if o.role == "item"
+        and o.place != ASIDE
+        and (to := scene.destination(o.id)) is not None
+        and not is_at(o.place, to)
+    )
+
+
+def facts(
+    scene: PlanningScene, *, looked: bool, stopped: bool, exhausted: bool, done: int, now: float
+) -> Mapping[str, bool | int | float | str]:
+    """Their values. `items_left` is true before anybody has looked, too: nothing is known of the table.
+
+    `exhausted`: the feed's line says that nothing more will come; `done`: items placed so far.
+    """
+    held = scene.held
+    left = len(to_do(scene))
+    return {
+        "items_left": left > 0 or not looked,
+        "items_to_do": left,
+        "holding": held is not None,
+        "held_object": held.id if held else "",
+        "stopped": stopped,
+        "feed_exhausted": exhausted,
+        "items_done": done,
+        "time": now,
+    }

@@ -1,0 +1,241 @@
+"""From the entries of a scene's feed to its values, with what no single value can be wrong about."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+from ....files.models.validation import Checker
+from ....files.spelling import nearest
+from ....files.value_wording import describe
+from ....files.yaml.document import Location
+from ...shapes import Box, Cylinder, Shape, Sphere, extents
+from ...values import Bounds, ObjectId, Pose
+from ..description import CatalogueEntry, Fixture, Spawn
+from ..feed import At, Belt, Clear, Delivery, Every, When
+from ..scene_schema import FeedFile, FixtureFile, WhenFile
+from .scene_entries import body
+from .spawn_areas import check_area, check_crowding, check_kinds
+
+GAP = 0.025
+SPACING = 0.15
+APART = 0.01
+"""Least distance between two items on a belt, m."""
+SPREAD = 0.25
+"""Share of the spacing by which an item may come earlier or later than evenly."""
+
+
+def check_feed(
+    check: Checker,
+    n: int,
+    entry: FeedFile,
+    catalogue: Mapping[str, CatalogueEntry | None],
+    bodies: Mapping[str, FixtureFile],
+    fixtures: Sequence[Fixture] | None,
+    workspace: Bounds | None,
+) -> None:
+    """Faults of one entry. Faulty kinds count as none; None stands for what could not be read."""
+    loc: Location = ("feed", n)
+    which = check.one_of(loc, FeedFile.one_of)
+    check_kinds(check, loc, entry, catalogue)
+    with check.readable():
+        if which == "area" and entry.area is not None:
+            if entry.spacing is not None:
+                check.fault((*loc, "spacing"), "only items on a belt have a spacing", code="P112", key=True)
+            if check_area(check, loc, entry.area, fixtures, workspace):
+                check_crowding(check, loc, entry, entry.area, _gap(entry), catalogue)
+    with check.readable():
+        if which == "belt" and entry.belt is not None:
+            _check_on_belt(check, loc, entry, entry.belt, catalogue, bodies)
+    with check.readable():
+        if which != "belt" and entry.when is not None:
+            _check_times(check, loc, entry, entry.when)
+
+
+def _check_on_belt(
+    check: Checker,
+    loc: Location,
+    entry: FeedFile,
+    name: str,
+    catalogue: Mapping[str, CatalogueEntry | None],
+    bodies: Mapping[str, FixtureFile],
+) -> None:
+    known = [each for each in bodies if _may_be_belt(check, bodies[each])]
+    if name not in known:
+        hint = nearest(name, known) if known else "a fixture with 'belt'"
+        check.fault((*loc, "belt"), f"there is no belt {describe(name)}", hint, code="P420")
+    for key in ("gap", "tumbled", "when"):
+        with check.readable():
+            if getattr(entry, key) is not None:
+                hint = "a belt runs whenever the robot is ready" if key == "when" else "give its 'spacing'"
+                check.fault((*loc, key), "items on a belt come one by one", hint, code="P112", key=True)
+    with check.readable():
+        size = bodies[name].belt if name in bodies else None
+        for kind in entry.of:
+            item = catalogue.get(kind)
+            if item is not None and size is not None:
+                _check_room(check, loc, entry, kind, item.shape, size[1])
+        known_items = [item for kind in entry.of if (item := catalogue.get(kind)) is not None]
+        if size is not None and known_items:
+            widest = max(reach(item.shape, entry.lying) for item in known_items)
+            _check_barrier(check, name, bodies[name].eye, size[0], widest)
+
+
+def _check_barrier(check: Checker, name: str, eye: float | None, length: float, widest: float) -> None:
+    """Whether items come to the light barrier from where they are set down."""
+    least = -length / 2 + 2 * widest + 2 * APART
+    if eye is not None and -length / 2 < eye < least:
+        message = "items are set down in the light barrier, or beyond it"
+        hint = f"at {math.ceil(100 * least) / 100:g} m or more they come to it"
+        check.fault(("fixtures", name, "eye"), message, hint, code="P421")
+
+
+def _check_room(
+    check: Checker, loc: Location, entry: FeedFile, kind: str, shape: Shape, width: float
+) -> None:
+    """Whether an item lies on the belt and keeps apart from the next, however it is turned."""
+    across = 2 * reach(shape, entry.lying)
+    if across > width:
+        message = f"a {kind} is {1000 * across:.0f} mm across, and the belt is {1000 * width:g} mm wide"
+        check.fault((*loc, "of", kind), message, code="P414", key=True)
+    least = (across + APART) / (1 - SPREAD)
+    spacing = SPACING if entry.spacing is None else entry.spacing
+    if spacing < least:
+        at: Location = (*loc, "spacing") if entry.spacing is not None else (*loc, "of", kind)
+        message = f"items that are {1000 * across:.0f} mm across would touch on the belt"
+        hint = f"a spacing of at least {1000 * math.ceil(1000 * least) / 1000:.0f} mm"
+        check.fault(at, message, hint, code="P414", key=entry.spacing is None)
+
+
+def reach(shape: Shape, lying: float) -> float:
+    """Greatest distance of a point of the shape from its centre as seen from above, m; `lying` is the share
+    of the cylinders that lie."""
+    match shape:
+        case Sphere(radius):
+            return radius
+        case Cylinder(radius, height):
+            return radius if lying == 0 else math.hypot(radius, height / 2)
+        case Box((x, y, _)):
+            return math.hypot(x, y) / 2
+        case _:
+            low, high = extents(shape, Pose().rotation())
+            return max(math.hypot(x, y) for x in (low[0], high[0]) for y in (low[1], high[1]))
+
+
+def _check_times(check: Checker, loc: Location, entry: FeedFile, when: WhenFile) -> None:
+    check.one_of((*loc, "when"), WhenFile.one_of)
+    if when.at is None:
+        return
+    for k, (one, other) in enumerate(pairwise(when.at), start=1):
+        if other <= one:
+            given = check.written((*loc, "when", "at", k), other, "s")
+            message = f"{given} does not come after the load before it"
+            check.fault((*loc, "when", "at", k), message, "times ascend", code="P422")
+            return
+    each = sum(entry.of.values())
+    if entry.total is not None and entry.total > each * len(when.at):
+        message = f"{entry.total} items do not come in {len(when.at)} loads of {each}"
+        check.fault((*loc, "total"), message, "give more times, or leave the total out", code="P423")
+
+
+def check_belts(
+    check: Checker, bodies: Mapping[str, FixtureFile], feed: Sequence[FeedFile], workspace: Bounds | None
+) -> None:
+    """Belts to which nothing comes or too much, or that stop where no arm reaches."""
+    feeding: dict[str, int] = {}
+    for n, entry in enumerate(feed):
+        with check.readable():
+            if entry.belt is not None and entry.belt in feeding:
+                message = f"feed[{feeding[entry.belt]}] comes on the belt {entry.belt!r} already"
+                hint = "one entry says what comes on a belt: a mixture"
+                check.fault(("feed", n, "belt"), message, hint, code="P424")
+            elif entry.belt is not None:
+                feeding[entry.belt] = n
+    for name, entry in bodies.items():
+        with check.readable():
+            if entry.belt is None:
+                continue
+            loc: Location = ("fixtures", name)
+            if workspace is not None and entry.eye is not None:
+                x, y, _ = (body(name, entry).pose @ Pose((entry.eye, 0.0, 0.0))).position
+                (x0, y0, _), (x1, y1, _) = workspace.min, workspace.max
+                if not (x0 <= x <= x1 and y0 <= y <= y1):
+                    message = f"the belt stops at x {x:.2f} m, y {y:.2f} m, outside of the workspace"
+                    hint = f"which is x {x0:g} … {x1:g} m, y {y0:g} … {y1:g} m"
+                    check.fault((*loc, "eye"), message, hint, code="P412")
+            if not any(_may_feed(check, each, name, bodies) for each in feed):
+                message = f"nothing comes on the belt {name!r}"
+                hint = f"an entry of 'feed' with 'belt: {name}'"
+                check.fault(loc, message, hint, code="P425", key=True, severity="warning")
+
+
+def _may_feed(check: Checker, entry: FeedFile, name: str, bodies: Mapping[str, FixtureFile]) -> bool:
+    """Also one in which the belt's name is wrong, missing or cannot be read."""
+    with check.readable():
+        if entry.belt is None:
+            return entry.area is None
+        return entry.belt == name or entry.belt not in bodies or bodies[entry.belt].belt is None
+    return True
+
+
+def _may_be_belt(check: Checker, entry: FixtureFile) -> bool:
+    with check.readable():
+        return entry.belt is not None or (entry.box is None and entry.bin is None)
+    return True
+
+
+def belt(name: str, entry: FixtureFile) -> Belt:
+    """A belt without faults."""
+    assert entry.speed is not None and entry.eye is not None
+    return Belt(ObjectId(name), entry.speed, entry.eye)
+
+
+def delivery(entry: FeedFile, bodies: Mapping[str, FixtureFile]) -> Delivery:
+    """An entry of the feed without faults."""
+    if entry.belt is not None:
+        area = _top(entry.belt, bodies[entry.belt])
+    else:
+        assert entry.area is not None
+        area = (entry.area.min, entry.area.max)
+    load = Spawn(
+        counts=tuple(entry.of.items()),
+        colours=entry.colours,
+        area=area,
+        gap=_gap(entry),
+        lying=entry.lying,
+        tumbled=bool(entry.tumbled),
+    )
+    when = _when(entry.when)
+    total = entry.total
+    if isinstance(when, At) and total is None:
+        total = sum(entry.of.values()) * len(when.times)
+    return Delivery(
+        load=load,
+        when=when,
+        total=total,
+        belt=ObjectId(entry.belt) if entry.belt is not None else None,
+        spacing=SPACING if entry.spacing is None else entry.spacing,
+    )
+
+
+def _top(name: str, entry: FixtureFile) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The rectangle in the world around a belt's top."""
+    fixture = body(name, entry)
+    assert isinstance(fixture, Fixture)
+    low, high = extents(fixture.shape, fixture.pose.rotation())
+    x, y, _ = fixture.pose.position
+    return (x + float(low[0]), y + float(low[1])), (x + float(high[0]), y + float(high[1]))
+
+
+def _when(when: WhenFile | None) -> When:
+    if when is None:
+        return Clear()
+    if when.every is not None:
+        return Every(when.every)
+    assert when.at is not None
+    return At(when.at)
+
+
+def _gap(entry: FeedFile) -> float:
+    return GAP if entry.gap is None else entry.gap

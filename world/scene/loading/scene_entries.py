@@ -1,0 +1,219 @@
+"""From the entries of a scene file to the values of a scene, with what no single value can be wrong about."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ....files.models.validation import Checker
+from ....files.yaml.document import Location
+from ...shapes import Box, Cylinder, Shape, Sphere
+from ...values import Array, ObjectId, Pose, Vector3
+from ..calibration_targets import SMALLEST, tiles_on
+from ..description import Bin, CameraDescription, CatalogueEntry, Fixture, Form
+from ..scene_schema import FORMS, CameraFile, CatalogueFile, FixtureFile, UnknownFile
+from .catalogue_meshes import MeshError, load_convex
+from .hole_loading import check_holes, holes, uncertainty
+
+RESERVED = ("arm", "gripper", "hand", "aside")
+"""Names that the belief uses for other things."""
+FLAT = 1 / 3
+"""A plate's height is at most this share of its shorter side."""
+
+
+def check_body(check: Checker, name: str, entry: FixtureFile) -> None:
+    """Faults of a fixture or a bin."""
+    loc: Location = ("fixtures", name)
+    which = check.one_of(loc, FixtureFile.one_of)
+    if name in RESERVED or (which == "bin" and name == "table"):
+        hint = f"no body may be called {', '.join(RESERVED)}" if name in RESERVED else "the table is no bin"
+        check.fault(loc, f"the name {name!r} is taken", hint, code="P403", key=True)
+    with check.readable():
+        if entry.rpy is not None and entry.yaw is not None:
+            message = "'rpy' and 'yaw' exclude each other"
+            check.fault((*loc, "yaw"), message, "give one of them", code="P112", key=True)
+    with check.readable():
+        if which == "bin" and entry.rpy is not None:
+            check.fault((*loc, "rpy"), "a bin stands upright: give its 'yaw'", code="P405", key=True)
+        if which == "belt" and entry.rpy is not None:
+            check.fault((*loc, "rpy"), "a belt lies level: give its 'yaw'", code="P405", key=True)
+    with check.readable():
+        _check_walls(check, loc, entry, which)
+    with check.readable():
+        _check_drive(check, loc, entry, which)
+    with check.readable():
+        _check_marker(check, loc, entry)
+    check_holes(check, loc, entry, which)
+
+
+def _check_marker(check: Checker, loc: Location, entry: FixtureFile) -> None:
+    if entry.marker is not None and any(a < b for a, b in zip(entry.marker, SMALLEST, strict=True)):
+        least = ", ".join(f"{1000 * size:.0f} mm" for size in SMALLEST)
+        message, hint = "a target this small cannot be seen and touched well enough", f"at least [{least}]"
+        check.fault((*loc, "marker"), message, hint, code="P440")
+
+
+def _check_walls(check: Checker, loc: Location, entry: FixtureFile, which: str | None) -> None:
+    if which not in (None, "bin") and entry.wall is not None:
+        check.fault((*loc, "wall"), "only a bin has walls", code="P112", key=True)
+    if which == "bin" and entry.wall is None:
+        check.fault(
+            loc, "'wall' is missing", "the thickness of the bin's walls, as 5 mm", code="P105", key=True
+        )
+    if which == "bin" and entry.wall is not None and entry.bin is not None:
+        x, y, z = entry.bin
+        if 2 * entry.wall >= min(x, y) or entry.wall >= z:
+            message = f"walls of {check.written((*loc, 'wall'), entry.wall, 'm')} leave no room inside"
+            check.fault((*loc, "wall"), message, "'bin' is the outside", code="P404")
+
+
+def _check_drive(check: Checker, loc: Location, entry: FixtureFile, which: str | None) -> None:
+    for key, value, hint in (
+        ("speed", entry.speed, "how fast the belt runs, as 80 mm/s"),
+        ("eye", entry.eye, "where the light barrier crosses the belt, from its middle, as 0.4 m"),
+    ):
+        if which == "belt" and value is None:
+            check.fault(loc, f"{key!r} is missing", hint, code="P105", key=True)
+        if which not in (None, "belt") and value is not None:
+            check.fault((*loc, key), f"only a belt has {key!r}", code="P112", key=True)
+    if which == "belt" and entry.belt is not None and entry.eye is not None:
+        half = entry.belt[0] / 2
+        if abs(entry.eye) >= half:
+            message = f"{check.written((*loc, 'eye'), entry.eye, 'm')} from its middle is not on the belt"
+            hint = f"it reaches from {-half:g} m to {half:g} m"
+            check.fault((*loc, "eye"), message, hint, code="P421")
+
+
+def body(name: str, entry: FixtureFile) -> Fixture | Bin:
+    """A fixture or a bin without faults. A belt is a fixture, too."""
+    pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
+    if entry.bin is not None and entry.wall is not None:
+        return Bin(ObjectId(name), entry.bin, entry.wall, pose, entry.colour)
+    if entry.belt is not None:
+        return Fixture(
+            ObjectId(name), Box(entry.belt), pose.shifted((0.0, 0.0, entry.belt[2] / 2)), entry.colour
+        )
+    if entry.marker is not None:
+        tiles = tiles_on(entry.marker)
+        loose = uncertainty(entry)
+        return Fixture(ObjectId(name), Box(entry.marker), pose, entry.colour, (), loose, tiles)
+    assert entry.box is not None
+    bored = holes(name, entry)
+    return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour, bored, uncertainty(entry))
+
+
+def check_unknown(check: Checker, loc: Location, entry: UnknownFile) -> None:
+    """Faults of a body that the robot is not told of."""
+    check.one_of(loc, UnknownFile.one_of)
+    with check.readable():
+        if entry.rpy is not None and entry.yaw is not None:
+            message = "'rpy' and 'yaw' exclude each other"
+            check.fault((*loc, "yaw"), message, "give one of them", code="P112", key=True)
+
+
+def unknown(name: str, entry: UnknownFile) -> Fixture:
+    """Such a body without faults."""
+    pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
+    shape: Shape
+    if entry.cylinder is not None:
+        shape = Cylinder(entry.cylinder.radius, entry.cylinder.height)
+    elif entry.sphere is not None:
+        shape = Sphere(entry.sphere.radius)
+    else:
+        assert entry.box is not None
+        shape = Box(entry.box)
+    return Fixture(ObjectId(name), shape, pose, entry.colour)
+
+
+def check_camera(check: Checker, name: str, entry: CameraFile) -> None:
+    """Faults of a camera."""
+    loc: Location = ("cameras", name)
+    with check.readable():
+        if np.allclose(entry.at, entry.look_at, atol=1e-6):
+            hint = "'at' and 'look_at' must differ"
+            check.fault((*loc, "look_at"), "the camera looks at itself", hint, code="P406")
+        elif looking(entry.at, entry.look_at, entry.up) is None:
+            hint = "name what is up in the picture"
+            check.fault((*loc, "up"), "'up' lies along the line of sight", hint, code="P406")
+    with check.readable():
+        if entry.near >= entry.far:
+            at: Location = (*loc, "near") if check.document.get((*loc, "near")) is not None else (*loc, "far")
+            message = f"'near' ({entry.near:g} m) is not less than 'far' ({entry.far:g} m)"
+            check.fault(at, message, code="P407")
+
+
+def camera(name: str, entry: CameraFile) -> CameraDescription:
+    """A camera without faults, with its optical frame."""
+    pose = looking(entry.at, entry.look_at, entry.up)
+    assert pose is not None
+    return CameraDescription(
+        name=name,
+        pose=pose,
+        size=entry.size,
+        fov=entry.fov,
+        depth_noise=entry.depth_noise,
+        edge_dropout=entry.edge_dropout,
+        near=entry.near,
+        far=entry.far,
+        error=Pose.from_rpy(entry.error.offset, entry.error.rpy),
+        on=entry.on,
+    )
+
+
+def looking(at: Vector3, target: Vector3, up: Vector3 | None) -> Pose | None:
+    """The optical frame (x right, y down, z forward) at `at` that looks at `target`.
+
+    None when `up` is along the line of sight. Without `up`, the world's z is up in the picture, or its x
+    when the camera looks straight up or down.
+    """
+    forward = _unit(np.subtract(target, at))
+    candidates = (up,) if up is not None else ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    for upward in candidates:
+        right = np.cross(forward, np.array(upward))
+        if float(np.linalg.norm(right)) > 1e-6 * max(1e-12, float(np.linalg.norm(upward))):
+            right = _unit(right)
+            return Pose.from_rotation(at, np.column_stack([right, np.cross(forward, right), forward]))
+    return None
+
+
+def _unit(vector: Array) -> Array:
+    return vector / np.linalg.norm(vector)
+
+
+def kind(check: Checker, name: str, entry: CatalogueFile) -> CatalogueEntry | None:
+    """A kind of the catalogue; None when it has faults."""
+    loc: Location = ("catalogue", name)
+    form = check.one_of(loc, CatalogueFile.one_of)
+    if name == "unknown":
+        hint = "it stands for what fits no kind"
+        check.fault(loc, "the name 'unknown' is taken", hint, code="P403", key=True)
+    named: Form | None = next((f for f in FORMS if f == form), None)
+    with check.readable():
+        shape = _shape(check, loc, entry)
+        if named is not None and shape is not None:
+            return CatalogueEntry(name, named, shape, entry.mass, entry.friction, entry.force_limit)
+    return None
+
+
+def _shape(check: Checker, loc: Location, entry: CatalogueFile) -> Shape | None:
+    if entry.cylinder is not None:
+        return Cylinder(entry.cylinder.radius, entry.cylinder.height)
+    if entry.sphere is not None:
+        return Sphere(entry.sphere.radius)
+    if entry.plate is not None:
+        x, y, z = entry.plate
+        if z > FLAT * min(x, y):
+            hint = "its height, the third number, is at most a third of the shorter side; else it is a box"
+            check.fault((*loc, "plate"), "a plate is flat", hint, code="P408")
+            return None
+        return Box(entry.plate)
+    if entry.mesh is not None:
+        at = (*loc, "mesh")
+        try:
+            # Relative to the file in which it is named, which may be the base of this one.
+            return load_convex(Path(check.document.mark(at).file).parent / entry.mesh.file, entry.mesh.scale)
+        except MeshError as error:
+            check.fault(at, error.message, error.hint, code="P409")
+            return None
+    return Box(entry.box) if entry.box is not None else None

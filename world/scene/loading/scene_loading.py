@@ -1,0 +1,365 @@
+"""Reading scene files. Everything is checked here, before a simulator sees it; all faults come at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from ....errors import PicktreeError
+from ....files.expressions.expression import Expression
+from ....files.expressions.type_inference import INT
+from ....files.models.validation import Checker
+from ....files.shipped_files import find_file, shipped_names
+from ....files.yaml.document import (
+    Document,
+    Fault,
+    FileError,
+    nearest,
+    open_document,
+    overlaid,
+    read_document,
+)
+from ...values import Bounds, ObjectId, Pose
+from ..calibration_results import Calibration, corrected
+from ..description import (
+    Bin,
+    CatalogueEntry,
+    Destination,
+    Fixture,
+    Limits,
+    SceneDescription,
+    SensorNoise,
+    Spawn,
+    Thinking,
+)
+from ..destinations import can_hold, rule_names
+from ..feed import Exchange
+from ..holes import Hole
+from ..scene_schema import (
+    SECTIONS,
+    CalibrationFile,
+    CameraFile,
+    CatalogueFile,
+    DestinationFile,
+    FeedFile,
+    FixtureFile,
+    RestFile,
+    SpawnFile,
+    UnknownFile,
+)
+from .feed_loading import belt, check_belts, check_feed, delivery
+from .hole_loading import check_fits, holes
+from .scene_conditions import condition
+from .scene_entries import body, camera, check_body, check_camera, check_unknown, kind, unknown
+from .spawn_areas import check_spawn
+
+SHIPPED = Path(__file__).parents[2] / "scenes"
+ROBOTS = Path(__file__).parents[2] / "robots"
+MAX_BASES = 5
+MAX_ENTRIES = 200
+"""Of a section: what a simulator could still bear."""
+RULE_TRIALS = 2_000_000
+"""Characters of rules that are evaluated for the question whether any item fulfils them."""
+GOAL_NAMES = ("total", "sorted", "misplaced", "left", "outstanding")
+
+
+@dataclass(frozen=True, slots=True)
+class SceneCheck:
+    """What was found in a scene file: the scene, None when there are errors, and all faults."""
+
+    scene: SceneDescription | None
+    faults: tuple[Fault, ...]
+    robot: Path | None = None
+    """The file of its robot, where there is one."""
+
+
+def load_scene(name_or_path: str, beside: Path | None = None) -> SceneDescription:
+    """The scene of that shipped name, or of a file whose path counts from `beside`.
+
+    Raises FileError with all faults of the file, PicktreeError when there is no such file.
+    """
+    return _faultless(open_document(find_file(name_or_path, SHIPPED, beside, "scene"), "scene"))
+
+
+def parse_scene(text: str, path: Path) -> SceneDescription:
+    """The scene of a file's text, as a log keeps it; `path` is where the file stood."""
+    return _faultless(read_document(text, path, "scene"))
+
+
+def scene_names() -> tuple[str, ...]:
+    """Names of the shipped scenes."""
+    return shipped_names(SHIPPED)
+
+
+def check_scene(own: Document) -> SceneCheck:
+    """Everything that can be said of a document of kind `scene`; never raises for what stands in it.
+
+    That its robot exists is checked; what the robot's file says is not.
+    """
+    try:
+        document = _on_base(own, MAX_BASES)
+    except FileError as error:
+        return SceneCheck(None, (*error.faults, *_own_faults(own)))
+    parts = _Parts(document)
+    scene = parts.scene(own) if parts.check() else None
+    return SceneCheck(scene, tuple(parts.checker.faults), parts.robot)
+
+
+def _faultless(document: Document) -> SceneDescription:
+    found = check_scene(document)
+    if found.scene is None:
+        raise FileError(found.faults)
+    return found.scene
+
+
+def _on_base(document: Document, depth: int) -> Document:
+    """The document laid on the scene that its `base:` names. Raises FileError with the faults of the base."""
+    name = document.data.get("base")
+    if not isinstance(name, str):
+        return document
+    if depth == 0:
+        message = f"more than {MAX_BASES} scenes stand on one another"
+        raise FileError([document.fault(("base",), message, code="P402")])
+    try:
+        path = find_file(name, SHIPPED, document.path, "scene")
+    except PicktreeError as error:
+        raise FileError([document.fault(("base",), str(error), code="P402")]) from None
+    return overlaid(_on_base(open_document(path, "scene"), depth - 1), document)
+
+
+def _own_faults(document: Document) -> list[Fault]:
+    """What is wrong whatever the base says, which could not be read: nothing that it might have given."""
+    return [fault for fault in _Parts(document).checker.faults if fault.code != "P105"]
+
+
+class _Parts:
+    """The parts of a scene file, each as far as it could be read."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.checker = check = Checker(document)
+        check.keys((*RestFile.model_fields, *SECTIONS))
+        # Unknown keys were refused already.
+        self.rest = check.read(RestFile, ignore=[k for k in document.data if k not in RestFile.model_fields])
+        self.bodies = check.each(FixtureFile, "fixtures", most=MAX_ENTRIES)
+        self.unknown = check.each(UnknownFile, "unknown", most=MAX_ENTRIES)
+        self.cameras = check.each(CameraFile, "cameras", most=MAX_ENTRIES)
+        self.kinds = check.each(CatalogueFile, "catalogue", most=MAX_ENTRIES)
+        self.spawn = check.sequence(SpawnFile, "spawn", most=MAX_ENTRIES)
+        self.feed = check.sequence(FeedFile, "feed", most=MAX_ENTRIES)
+        self.destinations = check.sequence(DestinationFile, "destinations", most=MAX_ENTRIES)
+        self.catalogue: Mapping[str, CatalogueEntry | None] = {}
+        self.robot: Path | None = None
+        self.rules: list[tuple[Expression, str]] = []
+        """Of the destinations: those without a fault of their own, and what each names."""
+
+    def check(self) -> bool:
+        """Look for faults of meaning in all that could be read. Whether the whole file is without error."""
+        check = self.checker
+        with check.readable():
+            self.robot = self._robot(self.rest.robot)
+        workspace = self._workspace()
+        for name, entry in self.bodies.items():
+            check_body(check, name, entry)
+        for name, entry in self.unknown.items():
+            self._check_unknown(name, entry)
+        for name, entry in self.cameras.items():
+            check_camera(check, name, entry)
+        self.catalogue = {name: kind(check, name, entry) for name, entry in self.kinds.items()}
+        self._check_calibration()
+        fixtures = self._fixtures()
+        for n, entry in enumerate(self.spawn):
+            if check.full:
+                break
+            check_spawn(check, n, entry, self.catalogue, fixtures, workspace)
+        self._check_feed(fixtures, workspace)
+        for n, entry in enumerate(self.destinations):
+            self._check_destination(n, entry)
+        self._check_fits()
+        with check.readable():
+            if self.rest.goal is not None:
+                condition(check, ("goal",), self.rest.goal, dict.fromkeys(GOAL_NAMES, INT), code="P419")
+        return not any(fault.severity == "error" for fault in check.faults)
+
+    def scene(self, own: Document) -> SceneDescription:
+        """The values of a file without errors."""
+        rest, limits = self.rest, self.rest.limits
+        known = _calibration(rest.calibration)
+        bodies = [body(name, entry) for name, entry in self.bodies.items()]
+        bins = {str(b.id): b for b in bodies if isinstance(b, Bin)}
+        assert self.robot is not None
+        return SceneDescription(
+            name=own.path.stem,
+            robot=rest.robot if self.robot.parent == ROBOTS else str(self.robot.resolve()),
+            fixtures=tuple(b for b in bodies if not isinstance(b, Bin)),
+            bins=tuple(bins.values()),
+            cameras=tuple(corrected(camera(name, entry), known) for name, entry in self.cameras.items()),
+            catalogue=tuple(k for k in self.catalogue.values() if k is not None),
+            spawn=tuple(_spawn(entry) for entry in self.spawn),
+            destinations=tuple(Destination(d.where, ObjectId(d.to)) for d in self.destinations),
+            limits=Limits(limits.force, Bounds(limits.workspace.min, limits.workspace.max), limits.payload),
+            thinking=Thinking(rest.thinking.collision_check, rest.thinking.image),
+            noise=SensorNoise(
+                rest.sensors.encoder,
+                rest.sensors.width,
+                rest.sensors.force,
+                rest.sensors.torque,
+                rest.sensors.force_bias,
+                rest.sensors.torque_bias,
+                rest.sensors.drift,
+            ),
+            checkpoint_every=rest.checkpoint_every,
+            goal=rest.goal,
+            source=str(own.path),
+            text=_text(own, self.document),
+            belts=tuple(belt(name, entry) for name, entry in self.bodies.items() if entry.belt is not None),
+            deliveries=tuple(delivery(entry, self.bodies) for entry in self.feed),
+            exchange=Exchange(rest.exchange.takes) if rest.exchange is not None else None,
+            unknown=tuple(unknown(name, entry) for name, entry in self.unknown.items()),
+            tool_error=Pose.from_rpy(rest.tool_error.offset, rest.tool_error.rpy),
+            calibration=known,
+        )
+
+    def _robot(self, name: str) -> Path | None:
+        """The robot's file; its path counts from the file that names it: this one or its base."""
+        try:
+            return find_file(name, ROBOTS, Path(self.document.mark(("robot",)).file), "robot")
+        except PicktreeError as error:
+            self.checker.fault(("robot",), str(error), code="P401")
+            return None
+
+    def _fixtures(self) -> list[Fixture] | None:
+        """None when one of them cannot be read."""
+        with self.checker.readable():
+            bodies = [
+                body(name, entry)
+                for name, entry in self.bodies.items()
+                if entry.box is not None or entry.belt is not None or entry.marker is not None
+            ]
+            return [fixture for fixture in bodies if isinstance(fixture, Fixture)]
+        return None
+
+    def _workspace(self) -> Bounds | None:
+        """None when it is faulty."""
+        with self.checker.readable():
+            workspace = self.rest.limits.workspace
+            if all(a < b for a, b in zip(workspace.min, workspace.max, strict=True)):
+                return Bounds(workspace.min, workspace.max)
+            message = "the workspace is empty: 'max' must be greater than 'min' along x, y and z"
+            self.checker.fault(("limits", "workspace"), message, code="P415")
+        return None
+
+    def _check_feed(self, fixtures: list[Fixture] | None, workspace: Bounds | None) -> None:
+        check = self.checker
+        for n, entry in enumerate(self.feed):
+            if check.full:
+                return
+            check_feed(check, n, entry, self.catalogue, self.bodies, fixtures, workspace)
+        check_belts(check, self.bodies, self.feed, workspace)
+        with check.readable():
+            if self.rest.exchange is not None and not any(map(self._may_be_bin, self.bodies)):
+                message, hint = "there is no bin that could be exchanged", "a fixture with 'bin'"
+                check.fault(("exchange",), message, hint, code="P425", key=True, severity="warning")
+
+    def _check_unknown(self, name: str, entry: UnknownFile) -> None:
+        if name in self.bodies:
+            hint = "call one of them otherwise"
+            message = f"the name {name!r} is taken by a fixture"
+            self.checker.fault(("unknown", name), message, hint, code="P403", key=True)
+        check_unknown(self.checker, ("unknown", name), entry)
+
+    def _check_destination(self, n: int, rule: DestinationFile) -> None:
+        check = self.checker
+        with check.readable():
+            # What may be a bin, because it could not be read, is not missed here.
+            bins = [name for name in self.bodies if self._may_be_bin(name)]
+            bored = self._holes()
+            if rule.to not in bins and rule.to not in bored and rule.to.partition("/")[0] not in bins:
+                what = "bin or hole" if bored else "bin"
+                hint = nearest(rule.to, (*bins, *bored))
+                check.fault(("destinations", n, "to"), f"there is no {what} {rule.to!r}", hint, code="P416")
+        with check.readable():
+            loc, names = ("destinations", n, "where"), rule_names(self.kinds)
+            expression = condition(check, loc, rule.where, names, code="P417")
+            # Long rules are tried on fewer items: that takes a bounded time for any file.
+            most = max(1, RULE_TRIALS // (len(self.destinations) * max(1, len(rule.where))))
+            if expression is not None and not can_hold(expression, names, most=most):
+                hint = "check the colour, form and kind that it asks for"
+                check.fault(loc, "no item can fulfil this", hint, code="P418")
+            if expression is not None:
+                self.rules.append((expression, rule.to))
+
+    def _check_calibration(self) -> None:
+        check = self.checker
+        with check.readable():
+            found = self.rest.calibration
+            for name in found.cameras if found is not None else ():
+                if name not in self.cameras:
+                    hint = nearest(name, list(self.cameras))
+                    loc = ("calibration", "cameras", name)
+                    check.fault(loc, f"there is no camera {name!r}", hint, code="P441", key=True)
+
+    def _holes(self) -> Mapping[str, tuple[Hole, ...]]:
+        """What a destination may name beside a bin: a fixture with holes, and each hole of it."""
+        found: dict[str, tuple[Hole, ...]] = {}
+        for name, entry in self.bodies.items():
+            with self.checker.readable():
+                bored = holes(name, entry) if entry.box is not None else ()
+                found |= {name: bored} if bored else {}
+                found |= {str(hole.id): (hole,) for hole in bored}
+        return found
+
+    def _check_fits(self) -> None:
+        """Whether the items that come fit where they belong, when that is known of all."""
+        check = self.checker
+        if len(self.rules) < len(self.destinations) or check.full:
+            return
+        with check.readable():
+            coming = [
+                (kind, colour) for e in (*self.spawn, *self.feed) for kind in e.of for colour in e.colours
+            ]
+            trials = len(dict.fromkeys(coming)) * sum(len(rule.where) for rule in self.destinations)
+            if trials <= RULE_TRIALS:
+                check_fits(check, self.rules, dict.fromkeys(coming), self.catalogue, self._holes())
+
+    def _may_be_bin(self, name: str) -> bool:
+        with self.checker.readable():
+            entry = self.bodies[name]
+            return entry.bin is not None or (
+                entry.box is None and entry.belt is None and entry.marker is None
+            )
+        return True
+
+
+def _text(own: Document, whole: Document) -> str:
+    """The file as it was read; with a base, one text that stands without it."""
+    if own is whole:
+        return own.text
+    data = {key: value for key, value in whole.data.items() if key != "base"}
+    return yaml.safe_dump(data, default_flow_style=None, sort_keys=False, allow_unicode=True, width=110)
+
+
+def _calibration(found: CalibrationFile | None) -> Calibration | None:
+    if found is None:
+        return None
+    return Calibration(
+        cameras=tuple((name, Pose.from_rpy(c.at, c.rpy)) for name, c in found.cameras.items()),
+        tcp=Pose.from_rpy(found.tcp.offset, found.tcp.rpy),
+        date=found.date,
+        by=found.by,
+    )
+
+
+def _spawn(entry: SpawnFile) -> Spawn:
+    return Spawn(
+        counts=tuple(entry.of.items()),
+        colours=entry.colours,
+        area=(entry.area.min, entry.area.max),
+        gap=entry.gap,
+        lying=entry.lying,
+        tumbled=entry.tumbled,
+        touching=entry.touching,
+    )

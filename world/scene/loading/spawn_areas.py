@@ -1,0 +1,158 @@
+"""Whether items that are set down on a table can stand in their area at all; the spawner settles where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from ....files.models.validation import Checker
+from ....files.spelling import nearest
+from ....files.value_wording import describe
+from ....files.yaml.document import Location
+from ...shapes import Box, Cylinder, Shape, Sphere, corners
+from ...values import Bounds
+from ..description import CatalogueEntry, Fixture
+from ..scene_schema import AreaFile, SpawnFile
+
+CROWDED = 0.8
+"""Share of an area that items and their gaps may cover."""
+Outline = tuple[float, float]
+"""Area of an item's footprint with half the gap around it, m², and its greatest reach from the centre, m."""
+
+
+class Load(Protocol):
+    """An entry of a file whose items are set down together. What could not be read raises `Unread`."""
+
+    @property
+    def of(self) -> dict[str, int]: ...
+    @property
+    def lying(self) -> float: ...
+
+
+def check_spawn(
+    check: Checker,
+    n: int,
+    entry: SpawnFile,
+    catalogue: Mapping[str, CatalogueEntry | None],
+    fixtures: Sequence[Fixture] | None,
+    workspace: Bounds | None,
+) -> None:
+    """Faults of one spawn entry. Faulty kinds count as none; None stands for what could not be read."""
+    loc: Location = ("spawn", n)
+    check_kinds(check, loc, entry, catalogue)
+    with check.readable():
+        if check_area(check, loc, entry.area, fixtures, workspace):
+            check_crowding(check, loc, entry, entry.area, 0.0 if entry.touching else entry.gap, catalogue)
+        if entry.touching and entry.tumbled:
+            message = "'touching' and 'tumbled' exclude each other: what is dropped comes to lie anywhere"
+            check.fault((*loc, "touching"), message, "give one of them", code="P112", key=True)
+
+
+def check_kinds(
+    check: Checker, loc: Location, entry: Load, catalogue: Mapping[str, CatalogueEntry | None]
+) -> None:
+    """Whether the catalogue has what the entry asks for."""
+    with check.readable():
+        for name in entry.of:
+            if name not in catalogue:
+                hint = nearest(name, catalogue)
+                message = f"the catalogue has no {describe(name)}"
+                check.fault((*loc, "of", name), message, hint, code="P410", key=True)
+
+
+def check_area(
+    check: Checker,
+    loc: Location,
+    area: AreaFile,
+    fixtures: Sequence[Fixture] | None,
+    workspace: Bounds | None,
+) -> bool:
+    """Whether the area is one at all; faults also when it lies where nothing can be set down or reached."""
+    (x0, y0), (x1, y1) = area.min, area.max
+    if x1 <= x0 or y1 <= y0:
+        message = "the area is empty: 'max' must be greater than 'min' along x and y"
+        check.fault((*loc, "area"), message, code="P411")
+        return False
+    _check_place(check, loc, area, fixtures, workspace)
+    return True
+
+
+def _check_place(
+    check: Checker,
+    loc: Location,
+    area: AreaFile,
+    fixtures: Sequence[Fixture] | None,
+    workspace: Bounds | None,
+) -> None:
+    (x0, y0), (x1, y1) = area.min, area.max
+    points = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)]
+    if workspace is not None:
+        (wx0, wy0, _), (wx1, wy1, _) = workspace.min, workspace.max
+        if any(not (wx0 <= x <= wx1 and wy0 <= y <= wy1) for x, y in points):
+            hint = f"which is x {wx0:g} … {wx1:g} m, y {wy0:g} … {wy1:g} m"
+            check.fault((*loc, "area"), "the area is outside the workspace", hint, code="P412")
+    # A table that could not be read is not missed a second time.
+    if fixtures is not None and any(not _covered(fixtures, x, y) for x, y in points):
+        message = "the area is not over a level fixture"
+        check.fault((*loc, "area"), message, "items stand on a table", code="P413")
+
+
+def check_crowding(
+    check: Checker,
+    loc: Location,
+    entry: Load,
+    area: AreaFile,
+    gap: float,
+    catalogue: Mapping[str, CatalogueEntry | None],
+) -> None:
+    """Whether all items of the entry fit into the area together."""
+    (x0, y0), (x1, y1) = area.min, area.max
+    outlines = [
+        (entry.of[name], _outline(known.shape, gap, entry.lying))
+        for name in entry.of
+        if (known := catalogue.get(name)) is not None
+    ]
+    if not outlines:
+        return
+    needed = sum(number * area for number, (area, _) in outlines)
+    reach = max(reach for _, (_, reach) in outlines)
+    offered = (x1 - x0 + 2 * reach + gap) * (y1 - y0 + 2 * reach + gap)
+    if needed > CROWDED * offered:
+        count = sum(entry.of.values())
+        message = (
+            f"{count} items with gaps of {1000 * gap:g} mm do not fit: "
+            f"they need {needed:.3f} m², and the area with its rim has {offered:.3f} m²"
+        )
+        hint = "enlarge the area, or ask for fewer items or smaller gaps"
+        check.fault((*loc, "area"), message, hint, code="P414")
+
+
+def _covered(fixtures: Iterable[Fixture], x: float, y: float) -> bool:
+    for fixture in fixtures:
+        rotation = fixture.pose.rotation()
+        if abs(rotation[2, 2]) < 0.999 or not isinstance(fixture.shape, Box):
+            continue
+        away = rotation.T @ (np.array([x, y, fixture.pose.position[2]]) - fixture.pose.position)
+        width, depth, _ = fixture.shape.size
+        if abs(away[0]) <= width / 2 + 1e-9 and abs(away[1]) <= depth / 2 + 1e-9:
+            return True
+    return False
+
+
+def _outline(shape: Shape, gap: float, lying: float) -> Outline:
+    match shape:
+        case Sphere(radius):
+            return math.pi * (radius + gap / 2) ** 2, radius
+        case Cylinder(radius, height):
+            upright = math.pi * (radius + gap / 2) ** 2
+            flat = (2 * radius + gap) * (height + gap)
+            reach = radius if lying == 0 else math.hypot(radius, height / 2)
+            return (1 - lying) * upright + lying * flat, reach
+        case _:
+            spread = np.ptp(corners(shape)[:, :2], axis=0)
+            # A hull fills at least half of the rectangle around it.
+            share = 1.0 if isinstance(shape, Box) else 0.5
+            return share * float(spread[0] + gap) * float(spread[1] + gap), float(np.hypot(*spread)) / 2
