@@ -116,7 +116,9 @@ def test_a_module_that_exists_is_itself(cottage: Aliases) -> None:
         ("import kitchen.stove", ModuleNotFoundError, "No module named 'kitchen'"),
     ],
 )  # fmt: skip
-def test_an_unknown_name_is_unknown(line: str, error: type[Exception], message: str, cottage: Aliases) -> None:
+def test_an_unknown_name_is_unknown(
+    line: str, error: type[Exception], message: str, cottage: Aliases
+) -> None:
     with pytest.raises(error) as raised:
         run(line)
     assert (type(raised.value), str(raised.value)) == (error, message)

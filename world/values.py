@@ -15,6 +15,9 @@ Quaternion: TypeAlias = tuple[float, float, float, float]
 
 ObjectId = NewType("ObjectId", str)
 
+GRAVITY = 9.81
+"""Acceleration of free fall in simulation and models, m/s²."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pose:

@@ -16,14 +16,14 @@ from ...world.causes import Failure, control, safety
 from ...world.journal import Happened
 from ...world.protocols import Hardware
 from ...world.stopwatch import Stopwatch
-from ...world.values import Array, JointState, Pose, Vector3, Wrench
+from ...world.values import GRAVITY, Array, JointState, Pose, Vector3, Wrench
 from ..cartesian.impedance import CartesianImpedance, Comply
 from ..commands import Controller, JointCommand
 from ..joints.joint_controllers import Brake, Hold
 from ..safety.motion_lease import ForceGuard, Lease
 from ..safety.safety_monitor import MonitorState, SafetyMonitor
 from ..wrist.joint_efforts import EXPLAINED, Efforts
-from ..wrist.wrist_wrench import GRAVITY, LARGEST_STEP, QUIET, Wrist
+from ..wrist.wrist_wrench import LARGEST_STEP, QUIET, Wrist
 
 REST_SPEED = 0.02
 """Below this, over all joints, the arm counts as standing, rad/s."""

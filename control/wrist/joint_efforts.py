@@ -13,9 +13,8 @@ import pinocchio as pin
 
 from ...robots.model import RobotModel
 from ...robots.unloaded_arm import bare_arm
-from ...world.values import Array, JointState, Wrench
+from ...world.values import GRAVITY, Array, JointState, Wrench
 
-GRAVITY = 9.81
 EXPLAINED = 0.5
 """Share of a force that the joints must carry for it to be believed to be there."""
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...world.values import Array, Vector3
+from ...world.values import GRAVITY, Array, Vector3
 
-GRAVITY = 9.81
 SPREAD = 0.03
 """How far from the grasp the centre of a held object is expected before anything is felt, one sigma, m."""
 HEAVIEST = 20.0

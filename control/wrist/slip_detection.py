@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...world.values import Array
+from ...world.values import GRAVITY, Array
 from .payload_estimate import Payload
 
 if TYPE_CHECKING:
     from ...robots.model import RobotModel
 
-GRAVITY = 9.81
 FEWEST = 2
 """Ticks in a row that tell of a slip."""
 SLIPPING, GONE = 0.7, 0.3

@@ -7,8 +7,8 @@ from collections import deque
 import numpy as np
 
 from ...robots.model import RobotModel
-from ...world.values import Array
-from .wrist_wrench import GRAVITY, Wrist
+from ...world.values import GRAVITY, Array
+from .wrist_wrench import Wrist
 
 AVERAGED = 1 / 60
 """Time over which readings count together, s."""

@@ -10,11 +10,10 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.protocols import Clock, WrenchSensor
-from ...world.values import Array, Pose, Vector3, Wrench
+from ...world.values import GRAVITY, Array, Pose, Vector3, Wrench
 from .contact_detection import Reading
 from .payload_estimate import Payload, PayloadEstimate
 
-GRAVITY = 9.81
 KEPT = 0.21
 """Time over which readings are kept, s."""
 EVERYDAY = 1 / 240

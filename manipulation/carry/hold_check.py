@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ...world.values import GRAVITY
+
 EMPTY_WIDTH = 0.002
 """Fingers that are closer than this hold nothing, m."""
-LEAST_LOAD = 0.012 * 9.81
+LEAST_LOAD = 0.012 * GRAVITY
 """Weight of 12 g: the least load that counts as held, N."""
 GONE = 0.5
 """Share of the load that must be gone after a release."""

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from ...control.wrist.payload_estimate import SPREAD, Payload
 from ...world.scene.description import CatalogueEntry
-from ...world.values import Pose
-from ..grasp.grip_force import ACCELERATION, GRAVITY, Pressure
+from ...world.values import GRAVITY, Pose
+from ..grasp.grip_force import ACCELERATION, Pressure
 from .hold_check import Hold
 
 if TYPE_CHECKING:

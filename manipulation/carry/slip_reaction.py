@@ -9,7 +9,8 @@ import numpy as np
 from ...control.wrist.payload_estimate import Payload
 from ...control.wrist.slip_detection import FeltMass, Moving, SlipDetector, carried, moving
 from ...world.journal import Happened
-from ..grasp.grip_force import FIRMER, GRAVITY, needed
+from ...world.values import GRAVITY
+from ..grasp.grip_force import FIRMER, needed
 
 if TYPE_CHECKING:
     from ...cell.world import World

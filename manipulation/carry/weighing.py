@@ -15,14 +15,13 @@ import numpy as np
 
 from ...control.wrist.slip_detection import FeltMass
 from ...world.causes import Failure, grasp
-from ...world.values import Array
+from ...world.values import GRAVITY, Array
 from .hold_check import EMPTY_WIDTH, LEAST_LOAD, Hold
 from .slip_reaction import SlipWatch, firmer
 
 if TYPE_CHECKING:
     from ...cell.world import World
 
-GRAVITY = 9.81
 CLEAR = 0.02
 """Height above the grasp from which the object no longer rests on what it stood on, m."""
 TURNING = 0.25

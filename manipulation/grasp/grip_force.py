@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from ...control.execution.gripper_motion import OPENING
 from ...robots.description import GripperDescription
 from ...world.scene.description import CatalogueEntry
+from ...world.values import GRAVITY
 
-GRAVITY = 9.81
 ACCELERATION = 9.0
 """Greatest of the hand on its fast transfers, as measured, m/s²."""
 SAFETY = 2.0

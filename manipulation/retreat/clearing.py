@@ -12,8 +12,7 @@ from ...planning.requests import Contact, Scaling
 from ...planning.search.escape_directions import DIRECTIONS, Direction
 from ...world.causes import Failure
 from ...world.journal import Happened
-from ...world.values import Array, Vector3
-from ..grasp.grip_force import GRAVITY
+from ...world.values import GRAVITY, Array, Vector3
 
 if TYPE_CHECKING:
     from ...cell.world import World

@@ -19,7 +19,7 @@ from ...world.protocols import Camera, Feed, SensorStamps
 from ...world.random_streams import Streams
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape, bottom, scaled
-from ...world.values import Array, JointState, ObjectId, Pose, Quaternion, Vector3, Wrench
+from ...world.values import GRAVITY, Array, JointState, ObjectId, Pose, Quaternion, Vector3, Wrench
 from ..checkpoints.kinematic_state import ItemState, KinematicState
 from ..checkpoints.physics_state import GripperCommand
 from ..common.footprints import floor_height
@@ -38,7 +38,7 @@ from .belts import KinematicBelts
 from .bodies import Bodies, Body, Prism
 from .camera import KinematicCamera, Posture, Stage
 from .cell_access import KinematicCell, body_of, true_body
-from .gripper import GRAVITY, KinematicGripper
+from .gripper import KinematicGripper
 from .pushing import KinematicPushing
 from .support_contact import Feet
 from .weak_joints import WeakJoints

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from ...robots.description import GripperDescription
 from ...world.shapes import extents
-from ...world.values import GripperState, ObjectId, Pose
+from ...world.values import GRAVITY, GripperState, ObjectId, Pose
 from ..checkpoints.physics_state import GripperCommand
 from ..faults.device_faults import Ailments
 from .bodies import Bodies, Body
 
-GRAVITY = 9.81
 OVERLAP = 0.001
 """Least depth of an item between the pads, m."""
 

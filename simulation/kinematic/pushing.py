@@ -11,10 +11,9 @@ from ...manipulation.push.contact_faces import tool_outline
 from ...manipulation.push.quasi_static_pushing import Sliding
 from ...robots.description import GripperDescription
 from ...world.planar_geometry import Outline, Planar, moved, outline, planar
-from ...world.values import Array, ObjectId
+from ...world.values import GRAVITY, Array, ObjectId
 from .bodies import Bodies, Prism
 
-GRAVITY = 9.81
 OVER = 0.0015
 """Finger tips that are less than this below the top of an item stand upon it, m."""
 DOWNWARDS = 0.98

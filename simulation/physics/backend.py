@@ -18,7 +18,7 @@ from ...world.protocols import Camera, Clock, Feed, SensorStamps
 from ...world.random_streams import Streams
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape
-from ...world.values import ObjectId, Pose, Vector3
+from ...world.values import GRAVITY, ObjectId, Pose, Vector3
 from ..checkpoints.physics_state import Checkpoint, RobotReading
 from ..common.sensor_noise import BodyNoise
 from ..common.uncertain_fixtures import displaced
@@ -45,8 +45,6 @@ from .robot.devices import PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
 from .robot.robot_body import RobotBody
 from .sleeping_items import EVERY, REST_LOOKS
 
-GRAVITY = 9.81
-"""m/s²"""
 RESIDUAL_THRESHOLD = 3e-7
 """At 1e-5 boxes creep 0.15 mm/s over the table unless they get rolling friction, at three times the cost."""
 SETTLE_MOST = 600

@@ -8,10 +8,9 @@ from dataclasses import replace
 import pytest
 
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.kinematic.gripper import GRAVITY
 from picktree.simulation.kinematic.support_contact import Feet
 from picktree.world.shapes import bottom
-from picktree.world.values import Pose
+from picktree.world.values import GRAVITY, Pose
 
 from ..control.control_cell import DOWN, Cell
 from .simulated_cell import CATALOGUE

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
+from ....world.values import GRAVITY
 from ..investigation.case import Case, Finding
 from ..investigation.evidence import number, numbers
 from ..investigation.explanation import FailureStory
 from ..investigation.number_wording import force
 from .grip_history import Grip, grip_within
 
-GRAVITY = 9.81
 SLIPPERY = 0.5
 """Share of what the fingers should hold below which an item that slips must be slippery."""
 HEAVY = 3.0
