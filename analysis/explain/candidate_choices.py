@@ -13,13 +13,13 @@ from ...manipulation.pick.candidate_rejections import fates
 from .investigation.explanation import Choice, Rejection
 
 if TYPE_CHECKING:
-    from ..run import Run
+    from ...logs.run_record import RunRecord
 
 PLANS = 3
 """Failing plans in a row that are told."""
 
 
-def choices_before(run: Run, source: Visit) -> tuple[Choice, ...]:
+def choices_before(run: RunRecord, source: Visit) -> tuple[Choice, ...]:
     """Those within the visit that failed and of its item, in the order of time."""
     found = [
         _of_candidates(at)

@@ -22,10 +22,10 @@ from .root_causes import root_causes_of
 from .run_ending import outcome_of
 
 if TYPE_CHECKING:
-    from ..run import Run
+    from ...logs.run_record import RunRecord
 
 
-def explain(run: Run, *, faults: bool = True, items: bool = True) -> Explanation:
+def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Explanation:
     """`faults`: quote faults that were planted, where they concern the same items; the causes that are named
     follow from the rest of the log, with and without. `items`: tell each item's story.
 

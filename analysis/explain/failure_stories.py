@@ -15,10 +15,10 @@ from .investigation.failure_course import Courses
 from .investigation.visit_tree import Family
 
 if TYPE_CHECKING:
-    from ..run import Run
+    from ...logs.run_record import RunRecord
 
 
-def failures_of(run: Run, family: Family) -> tuple[FailureStory, ...]:
+def failures_of(run: RunRecord, family: Family) -> tuple[FailureStory, ...]:
     """Every failure with a cause, in the order of their times. A false condition is none."""
     end = run.ticks.times[-1] if run.ticks.times else 0.0
     names = Names(node for at in run.trees for node in at.record.nodes)
@@ -33,7 +33,7 @@ def failures_of(run: Run, family: Family) -> tuple[FailureStory, ...]:
     return tuple(found)
 
 
-def _story(run: Run, number: int, source: Visit, courses: Courses, cause: Cause | None) -> FailureStory:
+def _story(run: RunRecord, number: int, source: Visit, courses: Courses, cause: Cause | None) -> FailureStory:
     course = courses.of(source)
     node = source.origin or source.path
     known = run.tree_at(source.end).nodes

@@ -10,10 +10,10 @@ from .investigation.explanation import Outcome
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ..run import Run
+    from ...logs.run_record import RunRecord
 
 
-def outcome_of(run: Run, visits: Sequence[Visit]) -> Outcome:
+def outcome_of(run: RunRecord, visits: Sequence[Visit]) -> Outcome:
     end = run.ticks.times[-1] if run.ticks.times else run.end
     result = run.result
     if result is None:
@@ -35,12 +35,12 @@ def outcome_of(run: Run, visits: Sequence[Visit]) -> Outcome:
     return Outcome(result.status, sentence, end, items.sorted, items.total)
 
 
-def _status(run: Run) -> str:
+def _status(run: RunRecord) -> str:
     ended = run.log.result.get("ended", "")
     return "crashed" if ended and ended != "orderly" else "killed"
 
 
-def _cut_off(run: Run, visits: Sequence[Visit], end: float) -> str:
+def _cut_off(run: RunRecord, visits: Sequence[Visit], end: float) -> str:
     ended = run.log.result.get("ended", "")
     if ended and ended != "orderly":
         return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"

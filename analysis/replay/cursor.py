@@ -11,8 +11,9 @@ from typing import Any, Literal, TypeAlias, TypeVar
 from ...errors import PicktreeError
 from ...logs.run_log import At
 from ...logs.schema.records import Control, Event, Joints, Plan, Scene, Tree, TreeNode, WrenchReading
+from ...logs.sequences import TickAt
 from ...logs.visits import Visit
-from ..run import Run, TickAt
+from ..run import Run
 from .node_names import fitting
 from .replay_course import Course, Move, Written, course_of
 

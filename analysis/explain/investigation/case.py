@@ -25,8 +25,8 @@ from .recorded_scene import entry_of, scene_of
 from .visit_tree import Family
 
 if TYPE_CHECKING:
+    from ....logs.run_record import RunRecord
     from ....planning.kinematics.inverse_kinematics import InverseKinematics
-    from ...run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Finding:
 class Case:
     """What is asked of a log again and again while causes are looked for. Truth is for the analyst only."""
 
-    def __init__(self, run: Run, family: Family, failures: Sequence[FailureStory]) -> None:
+    def __init__(self, run: RunRecord, family: Family, failures: Sequence[FailureStory]) -> None:
         self.run = run
         self.family = family
         self.failures = tuple(failures)

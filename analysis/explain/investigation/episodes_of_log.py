@@ -17,8 +17,8 @@ from ....logs.visits_format_1 import with_transitions
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from ....logs.run_record import RunRecord
     from ....logs.schema.records import Tick
-    from ...run import Run
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Episodes:
         return by_cause(self.cures)
 
 
-def episodes_of(run: Run) -> Episodes:
+def episodes_of(run: RunRecord) -> Episodes:
     """Of an older log as far as its events go. Raises PicktreeError where the log is damaged."""
     episodes: list[Episode] = []
     planted: list[Planted] = []
@@ -67,7 +67,7 @@ def episodes_of(run: Run) -> Episodes:
 _KINDS = frozenset({"recovery", "set_aside", "fault"})
 
 
-def _ticks(run: Run) -> Iterator[At[Tick | None]]:
+def _ticks(run: RunRecord) -> Iterator[At[Tick | None]]:
     if run.log.format >= 2:
         yield from run.log.busy_ticks()
         return

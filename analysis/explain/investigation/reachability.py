@@ -13,15 +13,15 @@ from ....errors import PicktreeError
 from ....world.values import Pose
 
 if TYPE_CHECKING:
+    from ....logs.run_record import RunRecord
     from ....planning.kinematics.inverse_kinematics import InverseKinematics
-    from ...run import Run
 
 POSES = 12
 """Of many poses so many are tried, spread over the list."""
 SOLUTIONS = 1
 
 
-def arm_of(run: Run) -> InverseKinematics | None:
+def arm_of(run: RunRecord) -> InverseKinematics | None:
     """The arm's kinematics by the robot file in the log; None when that cannot be read here."""
     if "robot.yaml" not in run.log.attachments:
         return None

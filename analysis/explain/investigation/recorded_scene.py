@@ -12,10 +12,10 @@ from ....world.scene.description import CatalogueEntry, SceneDescription
 from ....world.scene.loading.scene_loading import parse_scene
 
 if TYPE_CHECKING:
-    from ...run import Run
+    from ....logs.run_record import RunRecord
 
 
-def scene_of(run: Run) -> SceneDescription | None:
+def scene_of(run: RunRecord) -> SceneDescription | None:
     """None when the log holds no scene file, or one that needs files which it does not hold."""
     kept = run.log.attachments
     if "scene.yaml" not in kept:

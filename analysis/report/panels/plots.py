@@ -11,7 +11,8 @@ import yaml
 from numpy.typing import NDArray
 
 from ....errors import PicktreeError
-from ...run import ControlSeries, JointSeries, Run, WrenchSeries
+from ....logs.series import ControlSeries, JointSeries, WrenchSeries
+from ...run import Run
 from ..page_data.packing import Packable, Section, quantised
 
 Floats = NDArray[np.float64]
