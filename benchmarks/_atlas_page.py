@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from _fault_measures import Measure
 from _fault_table import sortable
-from picktree.simulation.fault_files.fault_description import Expect
+from picktree.simulation.fault_files.fault_entries import Expect
 
 if TYPE_CHECKING:
     from picktree.analysis.explain.investigation.explanation import FailureStory

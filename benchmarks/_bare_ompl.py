@@ -5,8 +5,7 @@ Nothing of picktree's planner is used: a callable that asks pinocchio, OMPL's mo
 
 from __future__ import annotations
 
-from picktree.planning.collision.coal_shapes import CoalShapes
-from picktree.planning.collision.collision_bodies import loose_bodies, still_bodies
+from picktree.planning.collision.collision_bodies import CoalShapes, loose_bodies, still_bodies
 from picktree.planning.collision.collision_checker import robot_geometry
 from picktree.robots.model import RobotModel, se3
 from picktree.world.belief.planning_scene import PlanningScene

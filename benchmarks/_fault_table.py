@@ -9,7 +9,7 @@ from typing import Any
 
 from _fault_measures import Measure
 from picktree.batch.statistics.rates import Rate, rate
-from picktree.simulation.fault_files.fault_description import Expect
+from picktree.simulation.fault_files.fault_entries import Expect
 from picktree.world.causes import cause_named, matches
 
 COLUMNS: Mapping[str, str] = {

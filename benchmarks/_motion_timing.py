@@ -17,8 +17,8 @@ from picktree.planning.requests import Offset, Plan, PoseGoal, Request, Scaling
 from picktree.planning.service.motion_chain import Chain
 from picktree.planning.service.solver import Solver
 from picktree.planning.timing.path_curves import Curve, cornered, splined
-from picktree.planning.timing.path_limits import TORQUE, Limits, Stretch
 from picktree.planning.timing.time_parameterization import time_curve
+from picktree.planning.timing.toppra_profile import TORQUE, Limits, Stretch
 from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure

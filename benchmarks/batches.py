@@ -124,7 +124,7 @@ def phase(settings: Settings, name: str, doing: Callable[[], Any]) -> Any:
 
 def start_up() -> float:
     """CPU s that a worker takes until it is ready."""
-    from picktree.batch.workers.worker import serve
+    from picktree.batch.workers.local_executor import serve
 
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -146,10 +146,10 @@ def apart(settings: Settings, seed: int) -> Alone:
 
 
 def run_alone(settings: Settings, seed: int, out: Path) -> Alone:
-    from picktree.batch.workers import worker
+    from picktree.batch.workers import local_executor
     from picktree.session.session import RunRequest, Session
 
-    worker.load()
+    local_executor.load()
     cpu, wall = time.process_time(), time.perf_counter()
     request = RunRequest(
         Path(settings.mission),

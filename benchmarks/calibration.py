@@ -106,7 +106,7 @@ def _scores(believed: Pose, truly: Pose, position: object, angle: object) -> lis
 
 
 def _scene(seed: int, base: str, cameras: tuple[str, ...]) -> str:
-    from picktree.robots.rpy import rpy_of
+    from picktree.robots.tool_frame import rpy_of
     from picktree.world.values import Pose as Frame
 
     rng = np.random.default_rng([seed, 7])

@@ -24,8 +24,7 @@ from pathlib import Path
 
 from _campaign import ROOT
 from picktree.batch.cluster.ray_executor import RayExecutor
-from picktree.batch.plan.job import Job
-from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan import Job, Plan
 from picktree.batch.results.rows import JobRow
 from picktree.batch.workers.batch import Batch, Ended
 from picktree.batch.workers.executor import Executor

@@ -20,7 +20,7 @@ from picktree.analysis.render.snapshot import snapshot
 from picktree.analysis.run import Run
 from picktree.batch.results.store import NAME
 from picktree.errors import PicktreeError
-from picktree.simulation.fault_files.fault_description import Expect
+from picktree.simulation.fault_files.fault_entries import Expect
 from picktree.simulation.fault_files.fault_loading import load_faults
 
 SIZE = (640, 400)

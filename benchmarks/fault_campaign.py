@@ -38,7 +38,7 @@ from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.cli.batch.progress import progress
 from picktree.errors import PicktreeError
 from picktree.logs.run_result import RunResult
-from picktree.simulation.fault_files.fault_description import Expect
+from picktree.simulation.fault_files.fault_entries import Expect
 from picktree.simulation.fault_files.fault_loading import load_faults
 
 PLAN = ROOT / "benchmarks" / "campaign" / "plan.yaml"

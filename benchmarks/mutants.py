@@ -51,7 +51,7 @@ ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "safety": {
         "control/safety/*.py": (),
-        "control/wrist/joint_efforts.py": (),
+        "control/joints/external_torque.py": (),
         "control/execution/control_loop.py": tuple(f"ControlLoop.{name}" for name in LOOP),
         "planning/service/trajectory_gate.py": (),
     },
@@ -60,7 +60,7 @@ ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
         "perception/data_association.py": (),
         "perception/fitting/view.py": (),
         **{f"perception/voxels/{name}.py": () for name in ("obstacle_volumes", "space_carving")},
-        "manipulation/place/exchanged_bins.py": (),
+        "manipulation/place/dropped_objects.py": (),
     },
 }
 """What is mutated: files, and of some only these functions."""

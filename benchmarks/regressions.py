@@ -23,7 +23,7 @@ from picktree.batch.plan.plan import Plan
 from picktree.batch.results.store import NAME
 from picktree.batch.statistics.comparison import Comparison, compare_recipes
 from picktree.batch.statistics.comparison_text import text_of
-from picktree.batch.statistics.recipe_outcomes import Outcome, Recipe, read_recipe
+from picktree.batch.statistics.differences import Outcome, Recipe, read_recipe
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.cli.batch.progress import progress

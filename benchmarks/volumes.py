@@ -18,7 +18,7 @@ from statistics import median
 
 from picktree.perception.data_association import update_belief
 from picktree.perception.pipeline import Perception
-from picktree.perception.voxels.box_merging import merged
+from picktree.perception.voxels.obstacle_volumes import merged
 from picktree.perception.voxels.voxel_grid import CELL, body_of, cells_of, centres, indices, within
 from picktree.planning.collision.collision_bodies import Body, bodies_of
 from picktree.planning.collision.collision_checker import Collision

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..errors import PicktreeError
-from ..world.scene.calibration_targets import Tile
+from ..world.scene.calibration_results import Tile
 from ..world.values import Array, Pose, Vector3
 from .hand_eye import camera_in_tcp, spread, target_in_camera
 from .observations import Evidence, Shot

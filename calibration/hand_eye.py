@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..world.scene.calibration_targets import Tile
+from ..world.scene.calibration_results import Tile
 from ..world.values import Array, Pose
 from .observations import Shot
 from .target_detection import aligned

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..world.scene.calibration_targets import Tile
+from ..world.scene.calibration_results import Tile
 from ..world.values import Array, Pose
 from .observations import Evidence, Shot
 from .target_detection import area_and_centroid, pixels_of

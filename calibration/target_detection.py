@@ -10,12 +10,29 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..perception.segmentation import hues
+from ..perception.segmentation import blobs
 from ..perception.segmentation.blobs import connected
 from ..world.protocols import Intrinsics, RgbdImage
-from ..world.scene.calibration_targets import Tile
+from ..world.scene.calibration_results import Tile
 from ..world.values import Array, Pose
-from .tiles import TileSeen
+
+
+@dataclass(frozen=True, slots=True)
+class TileSeen:
+    """A square in a picture. Pixels (column u, row v) are those of `Intrinsics`."""
+
+    index: int
+    """Of the square among those of the target."""
+    pixel: tuple[float, float]
+    """Centroid of its area in the picture."""
+    depth: float
+    """Along the optical axis where the ray of `depth_pixel` meets it, m: harmonic mean over its inside."""
+    depth_pixel: tuple[float, float]
+    depth_sigma: float
+    """Standard error of that depth, from the scatter, m."""
+    area: int
+    """Pixels."""
+
 
 LEAST = 16
 """Pixels of a square."""
@@ -47,7 +64,7 @@ def find_tiles(image: RgbdImage, tiles: Sequence[Tile]) -> tuple[TileSeen, ...]:
     Items may have the squares' colours: what counts is that their distances are those of the target. Next to
     what is nearer, such as the fingers of the hand, a square is taken to be hidden in part.
     """
-    label = hues.labels(image.colour)
+    label = blobs.labels(image.colour)
     patches: list[_Patch] = []
     for index, tile in enumerate(tiles):
         patches += _patches(image, label, index, tile.colour)
@@ -80,7 +97,7 @@ def _patches(image: RgbdImage, label: NDArray[np.uint8], index: int, colour: str
     """All patches of that colour that nothing cuts off."""
     height, width = label.shape
     found: list[_Patch] = []
-    for rows, columns in connected(np.equal(label, hues.label_of(colour)), LEAST):
+    for rows, columns in connected(np.equal(label, blobs.label_of(colour)), LEAST):
         upper, left = int(rows.min()), int(columns.min())
         lower, right = int(rows.max()) + 1, int(columns.max()) + 1
         if min(upper, left) == 0 or lower == height or right == width:

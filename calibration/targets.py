@@ -1,20 +1,140 @@
-"""The target that cameras and tool are calibrated at, as the scene file has it."""
+"""The target that cameras and tool are calibrated at, as the scene file has it.
+
+Where the closed fingers touch a target, so that their tip is known in all three directions.
+
+On a side face the tip's place along the face's normal counts. Turned by half a turn about the vertical it
+counts with the other sign, so the two together part the tip from the face. Leaning with the tip ahead, how
+far the tip reaches out of the hand counts, too. How the hand is turned about its tip shows in none of them.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..world.causes import Failure
 from ..world.causes import world as world_causes
-from ..world.scene.calibration_targets import Tile
+from ..world.scene.calibration_results import Tile
 from ..world.shapes import Box
-from ..world.values import Pose, Vector3
+from ..world.values import Array, Pose, Vector3
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from ..robots.model import RobotModel
     from ..world.scene.description import Fixture
+
+
+LEAN = math.radians(30.0)
+"""Of the hand, for touches with the tip ahead."""
+LOW = 0.4
+"""How high the fingers' lowest corner is beside a side face, as a share of the target's height."""
+OUT = 0.35
+"""Where the top is touched, as a share of its edges from the middle."""
+TOUCHING = 1e-4
+"""Corners of the tips that are so near to the furthest one touch, too, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """One touch that is wanted."""
+
+    name: str
+    face: Vector3
+    """Normal of the face in the target's frame."""
+    normal: Vector3
+    """The same in the world."""
+    tcp: tuple[Pose, ...]
+    """In the world, where the tips should meet the face; any of them will do."""
+
+
+def tips(model: RobotModel, width: float = 0.0) -> Array:
+    """Corners (16, 3) of both pads in the TCP's frame with the fingers `width` m open, m."""
+    q = model.named("home")
+    links, tcp = model.link_poses(q, width), model.tcp(q)
+    gripper = model.description.gripper
+    corners = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    found = [
+        (tcp.inverse() @ links[link] @ pose).apply(corners * np.array(box.size))
+        for link, (box, pose) in zip(gripper.fingers, gripper.pads, strict=True)
+    ]
+    return np.concatenate(found)
+
+
+def contacts(target: Pose, size: Vector3, at_tips: Array, turned: float) -> tuple[Contact, ...]:
+    """All touches of a block of `size` m at `target` in the world; `at_tips` as `tips` gives them.
+
+    `turned`: of the hand's x axis against the target's when it is upright, rad, a multiple of a right angle.
+    It makes no difference but to what the arm can reach.
+    """
+    return tuple(
+        _contact(target, name, face, point, hands, at_tips, (LOW - 0.5) * size[2])
+        for name, face, point, hands in _wanted(size, turned)
+    )
+
+
+def _wanted(size: Vector3, turned: float) -> Iterator[tuple[str, Array, Array, tuple[Array, ...]]]:
+    """Name, normal, point and the hand's axes (3, 3), in the target's frame."""
+    x, y, z = (length / 2 for length in size)
+    up = np.array([0.0, 0.0, 1.0])
+    upright = np.array([math.cos(turned), math.sin(turned), 0.0])
+    for name, face, reach, along in (
+        ("+x", (1.0, 0.0, 0.0), x, y),
+        ("-x", (-1.0, 0.0, 0.0), x, y),
+        ("+y", (0.0, 1.0, 0.0), y, x),
+        ("-y", (0.0, -1.0, 0.0), y, x),
+    ):
+        normal = np.array(face)
+        beside = np.cross(up, normal)
+        for number, side in enumerate((1.0, -1.0)):
+            point = normal * reach + beside * side * 0.25 * along
+            # The hand turned by half a turn: so each face is touched by two sides of it.
+            yield f"{name} side {number + 1}", normal, point, (_hand(-up, side * upright),)
+        ahead = -math.cos(LEAN) * up - math.sin(LEAN) * normal
+        hands = (_hand(ahead, normal), _hand(ahead, -normal))
+        yield f"{name} leaning", normal, normal * reach, hands
+    for number, (right, front) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        point = np.array([right * OUT * 2 * x, front * OUT * 2 * y, z])
+        yield f"top {number + 1}", up, point, (_hand(-up, upright if number % 2 else -upright),)
+    for number, aside in enumerate(((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0))):
+        ahead = -math.cos(LEAN) * up + math.sin(LEAN) * np.array(aside)
+        hands = (_hand(ahead, np.array(aside)), _hand(ahead, -np.array(aside)))
+        yield f"top leaning {number + 1}", up, up * z, hands
+
+
+def _hand(forward: Array, x: Array) -> Array:
+    """Axes (3, 3) of a TCP that points along `forward`, its x as near to `x` as that allows."""
+    across = np.cross(forward, x)
+    across = across / np.linalg.norm(across)
+    return np.column_stack([np.cross(across, forward), across, forward])
+
+
+def _contact(
+    target: Pose, name: str, face: Array, point: Array, hands: tuple[Array, ...], at_tips: Array, low: float
+) -> Contact:
+    """`point` on the face; beside a side face its height follows from `low`, where the tips' lowest corner is
+    to be in the target's frame."""
+    turn = target.rotation()
+    normal = turn @ face
+    poses: list[Pose] = []
+    for hand in hands:
+        axes = turn @ hand
+        reach = at_tips @ (axes.T @ normal)
+        touching = at_tips[reach < reach.min() + TOUCHING].mean(axis=0)
+        place = point - hand @ touching
+        if face[2] == 0.0:
+            place[2] = low - float((at_tips @ hand[2]).min())
+        poses.append(Pose.from_rotation(target.apply(place), axes))
+    return Contact(name, _three(face), _three(normal), tuple(poses))
+
+
+def _three(vector: Array) -> Vector3:
+    x, y, z = (float(c) for c in vector)
+    return x, y, z
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ..world.belief.facts import facts, to_do
-from ..world.belief.feed_notices import Noticed
-from ..world.no_feed import NoFeed
-from .handling_parameters import Handling
+from ..planning.requests import Scaling
+from ..world.belief.facts import Noticed, facts, to_do
+from ..world.protocols import NoFeed
 from .handover import Underway
 from .operator_desk import OperatorDesk
 
-if TYPE_CHECKING:  # so that who only names the type, as a plug-in does, does not wait for planner and robot
+if TYPE_CHECKING:
     from ..control.execution.control_loop import ControlLoop
     from ..control.execution.gripper_motion import Grip
     from ..control.execution.motions import Motions
@@ -28,6 +27,42 @@ if TYPE_CHECKING:  # so that who only names the type, as a plug-in does, does no
     from ..world.scene.description import SceneDescription
     from ..world.thinking_time import ThinkingAccount
     from .vision import Eyes
+
+
+@dataclass(frozen=True, slots=True)
+class Handling:
+    """Defaults for a table-top arm with a parallel gripper. m, N, m/s."""
+
+    approach: float = 0.08
+    """From the pre-grasp pose straight down to the grasp, and up again."""
+    guard: float = 25.0
+    """Contact force that stops a free motion."""
+    touch: float = 4.0
+    """Contact force that a guarded descent feels for."""
+    touch_speed: float = 0.05
+    felt_way: float = 0.010
+    """Last bit of the way down that is felt for flat objects."""
+    back_off: float = 0.001
+    """Raised again by this much after having touched."""
+    free: float = 0.9
+    """Share of the joints' speed limits on free motions: the servo overshoots a little."""
+    line: float = 0.5
+    """Share of the joints' speed limits on straight lines next to objects."""
+    lower_speed: float = 0.12
+    """Of a guarded lowering with an object in the hand."""
+    rim_clearance: float = 0.005
+    """Of the finger tips above the rim of a bin, when an object is lowered into it."""
+    release: float = 0.03
+    """How much wider than the object the fingers open to release it."""
+
+    def scaling(self, speed: float) -> Scaling:
+        """For free motions at `speed`, a share (0, 1]."""
+        return Scaling(velocity=self.free * speed, acceleration=speed)
+
+    @property
+    def slowly(self) -> Scaling:
+        """For straight lines next to objects."""
+        return Scaling(velocity=self.line, acceleration=self.line)
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
+from typing import Final
 
 from ..errors import PicktreeError
-from .spelling import nearest
+from .value_wording import nearest
+
+ROOT: Final = Path(__file__).resolve().parent.parent
+"""Folder of the package `picktree`. In a checkout it contains tests, examples and documents, too."""
+
+
+@cache
+def rooms() -> tuple[str, ...]:
+    """Names of the top-level packages, sorted. Only they have an `__init__.py`: tests and examples have
+    none."""
+    return tuple(sorted(file.parent.name for file in ROOT.glob("*/__init__.py")))
 
 
 def find_file(name_or_path: str, folder: Path, beside: Path | None, what: str) -> Path:

@@ -11,23 +11,24 @@ from types import TracebackType
 from typing import Self
 
 from ..errors import PicktreeError
-from .grip_closings import Pick, picks_of
 from .run_log import At, RunLog
 from .run_result import RunResult
 from .schema import topics
 from .schema.records import Candidates, Event, LogLine, Plan, RunInfo, Scene, Tree
-from .sequences import Shots, TickAt, Ticks
 from .series import (
     ControlSeries,
     GripperSeries,
     JointSeries,
+    Shots,
+    TickAt,
+    Ticks,
     WrenchSeries,
     control_series,
     gripper_series,
     joint_series,
     wrench_series,
 )
-from .visits import Visit, visits_of
+from .visits import Pick, Visit, picks_of, visits_of
 
 
 @dataclass(frozen=True, slots=True, repr=False)

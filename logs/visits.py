@@ -3,12 +3,54 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
-from .run_log import RunLog
-from .schema.records import Tick, Transition, Tree, Values, Write
+from .run_log import At, RunLog
+from .schema.records import Event, NodeStatus, Tick, Transition, Tree, Values, Write
+
+
+@dataclass(frozen=True, slots=True)
+class Pick:
+    """One closing of the fingers on an object, as the robot felt it."""
+
+    time: float
+    """Simulated s."""
+    object: str
+    """Id of the believed object."""
+    held: bool
+    node: str
+    """Path of the node that closed them."""
+    candidate: str = ""
+    """The grasp that was chosen."""
+    width: float = float("nan")
+    """Opening after closing, m."""
+    load: float = float("nan")
+    """Weight at the wrist after lifting, N."""
+
+
+def picks_of(events: Iterable[At[Event]]) -> tuple[Pick, ...]:
+    """Those among the events of a run."""
+    return tuple(_pick(at) for at in events if at.record.kind == "pick")
+
+
+def _pick(at: At[Event]) -> Pick:
+    data = at.record.data
+    width, load = (
+        float(value) if isinstance(value := data.get(name), (int, float)) else float("nan")
+        for name in ("width", "load")
+    )
+    return Pick(
+        at.time,
+        str(data["object"]),
+        bool(data["held"]),
+        at.record.node,
+        str(data.get("candidate", "")),
+        width,
+        load,
+    )
+
 
 HALTED: Final = "HALTED"
 
@@ -199,3 +241,65 @@ def visits_of(log: RunLog) -> tuple[Visit, ...]:
         else:
             following.take(at.time, at.record)
     return following.finish()
+
+
+ENDED = frozenset({"SUCCESS", "FAILURE", "SKIPPED"})
+
+
+def derived_visits(log: RunLog) -> tuple[Visit, ...]:
+    """As `visits_of`. A node that ended and began anew within one tick counts as one visit, and what a node
+    read when it began is not known."""
+    trees = list(log.trees())
+    following = Following(trees[0].record if trees else Tree(()))
+    coming = trees[1:]
+    for at in with_transitions(log.ticks()):
+        while coming and coming[0].time <= at.time:
+            following.follow(coming.pop(0).record)
+        following.take(at.time, at.record)
+    return following.finish()
+
+
+def with_transitions(ticks: Iterator[At[Tick]]) -> Iterator[At[Tick]]:
+    """The ticks with the transitions that their statuses speak of."""
+    running: set[str] = set()
+    for at in ticks:
+        begun = [
+            Transition(node.path, "RUNNING")
+            for node in at.record.nodes
+            if node.ticked and node.status != "IDLE" and node.path not in running
+        ]
+        running |= {transition.path for transition in begun}
+        ended = [
+            _end(node, at.record.nodes)
+            for node in reversed(at.record.nodes)
+            if node.path in running and (node.status in ENDED if node.ticked else node.status != "RUNNING")
+        ]
+        running -= {transition.path for transition in ended}
+        yield At(at.time, replace(at.record, transitions=(*begun, *ended)))
+
+
+def _end(node: NodeStatus, nodes: Sequence[NodeStatus]) -> Transition:
+    if not node.ticked or node.status != "FAILURE":
+        return Transition(node.path, node.status if node.ticked else "IDLE", message=node.message)
+    source = _origin(node, nodes) if node.cause else node
+    return Transition(
+        node.path,
+        "FAILURE",
+        cause=node.cause,
+        origin=source.path if node.cause else "",
+        message=source.message,
+        evidence=source.evidence,
+    )
+
+
+def _origin(node: NodeStatus, nodes: Sequence[NodeStatus]) -> NodeStatus:
+    """The lowest node below it that stands in the same failure, or itself."""
+    same = [
+        below
+        for below in nodes
+        if below.status == "FAILURE"
+        and below.path.startswith(node.path + "/")
+        and below.cause == node.cause
+        and node.message in ("", below.message)
+    ]
+    return max(same, key=lambda below: below.path.count("/"), default=node)

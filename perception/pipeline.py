@@ -24,13 +24,11 @@ from .fitting.item_fitting import GOOD, HOVER, MODEL_SIGMA, Fitter, Hypothesis
 from .fitting.known_object_fitting import ROUGH, Sighting, followed
 from .fitting.view import BinView, Detection, Look, Unexplained, View
 from .geometry.camera_geometry import Sight
-from .geometry.resting_poses import rests
-from .geometry.seated_items import Mouths
+from .geometry.resting_poses import Mouths, rests
 from .geometry.silhouette_fitting import Stand
-from .segmentation import hues
-from .segmentation.blobs import Blob, Patch, Picture, connected, outlined
-from .segmentation.close_views import coarsened, cut_off
-from .voxels.unexplained_depth import RAISED, boxed, grey, points_of
+from .segmentation import blobs
+from .segmentation.blobs import Blob, Patch, Picture, coarsened, connected, cut_off, outlined
+from .voxels.space_carving import RAISED, boxed, grey, points_of
 
 __all__ = ["BinView", "Detection", "Look", "Perception", "Unexplained", "View"]
 
@@ -138,7 +136,7 @@ class Perception:
         depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
         believed = Sight.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
-        label = hues.labels(image.colour)
+        label = blobs.labels(image.colour)
         held = scene.held
         in_hand = None if held is None or held.object_in_tcp is None else (held.shape, held.object_in_tcp)
         if moving:
@@ -230,7 +228,7 @@ class _Finding:
         usable = (picture.label > 0) & ~picture.blocked
         if self.backdrop.label.any():
             usable &= self._is_more_than_paint()
-        present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(hues.NAMES)))
+        present = np.flatnonzero(np.bincount(picture.label[usable], minlength=len(blobs.NAMES)))
         patches = [
             picture.claim(rows, columns, int(label))
             for label in present
@@ -380,7 +378,7 @@ def _detection(sight: Sight, blob: Blob, hypotheses: list[Hypothesis], floor: Fl
         entry.kind,
         entry.form,
         entry.shape,
-        hues.NAMES[blob.patch.label],
+        blobs.NAMES[blob.patch.label],
         Pose.from_rotation(stand.centre, stand.turned),
         position + (0.0 if best.supported else 1e-3),
         max(angle, 2e-3),

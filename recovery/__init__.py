@@ -3,13 +3,11 @@
 from ..trees.node import Node
 from .ask_for_help import AskForHelp
 from .budget import Budget
-from .for_attempt import ForAttempt
 from .free_spot import FreeSpot
 from .guards import GUARDS
 from .look_around import LookAround
 from .plan_with import PlanWith
-from .recover import Recover
-from .recovery_node import RecoveryNode
+from .recover import ForAttempt, Recover, RecoveryNode
 from .reset_gripper import ResetGripper
 from .safe_retreat import SafeRetreat
 from .set_aside import SetAside

@@ -13,7 +13,7 @@ from ..trees.ports import In, Out, port
 from ..trees.runtime import Runtime, Wiring
 from ..trees.skill import ARM
 from ..trees.status import NodeStatus
-from ..trees.values.port_values import Given, Misfit
+from ..trees.values.port_types import Given, Misfit
 from ..trees.values.references import Reference
 from ..world.causes import Failure, control, tree
 from ..world.values import ObjectId

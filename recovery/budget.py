@@ -9,7 +9,7 @@ from ..trees.flow import Ends, Flow, State
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
-from ..trees.values.port_values import Given
+from ..trees.values.port_types import Given
 from ..world.causes import FailureReport, tree
 from ..world.values import ObjectId
 

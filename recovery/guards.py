@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, cast
 
 from ..errors import PicktreeError
-from ..files.spelling import nearest
+from ..files.value_wording import nearest
 from ..trees.flow.default_flow import leaf
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
-from ..trees.values.port_values import Given, Misfit
+from ..trees.values.port_types import Given, Misfit
 from ..world.causes import all_causes, cause_named, matches
 
 if TYPE_CHECKING:

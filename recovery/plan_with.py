@@ -10,7 +10,7 @@ from ..trees.controls.decorator import Decorator
 from ..trees.flow import Ends, Flow, State
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
-from ..trees.values.port_values import Given
+from ..trees.values.port_types import Given
 
 if TYPE_CHECKING:
     from ..planning.service.plan_service import PlanService

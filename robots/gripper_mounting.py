@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..files.spelling import nearest
+from ..files.value_wording import nearest
 from ..world.values import Pose, Vector3
 from .mesh_files import PACKAGE, mesh_file
-from .rpy import rpy_of
+from .tool_frame import rpy_of
 from .urdf_tree import UrdfError, parsed_urdf, skeleton_of
 
 

@@ -16,8 +16,7 @@ from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
 from .gripper_mounting import LinkInertia, Mounting, NamedUrdf, composed
 from .mesh_files import package_folder
 from .robot_schema import GripperFile, MountFile, RobotFile
-from .urdf_geometry import link_geometry
-from .urdf_tree import LIMITED, MOVING, Skeleton, UrdfError, read_skeleton
+from .urdf_tree import LIMITED, MOVING, Skeleton, UrdfError, link_geometry, read_skeleton
 
 SHIPPED = Path(__file__).parents[1] / "world" / "robots"
 

@@ -11,9 +11,9 @@ from ..errors import PicktreeError
 from ..world.shapes import Box
 from ..world.values import Array, Pose, Vector3
 from .description import RobotDescription
-from .fingers import fingers_of
+from .finger_linkage import fingers_of
 from .tool_frame import mount_tool
-from .urdf_geometry import LinkMesh, LinkShape, link_geometry
+from .urdf_tree import LinkMesh, LinkShape, link_geometry
 
 TCP_FRAME = "picktree_tcp"
 LIMIT_RESERVE = 0.03

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..cell.handling_parameters import Handling
 from ..cell.vision import Eyes
-from ..cell.world import World
+from ..cell.world import Handling, World
 from ..control.execution.control_loop import ControlLoop
 from ..control.execution.gripper_motion import Grip
 from ..control.execution.motions import Motions

@@ -19,7 +19,7 @@ from ..perception.fitting.view import BinView
 from ..simulation.backends import Simulation
 from ..simulation.faults.injector import FaultState, Injector
 from ..trees.running.runner import Tree
-from ..world.belief.feed_notices import NoticedState
+from ..world.belief.facts import NoticedState
 from ..world.belief.planning_scene import SceneSnapshot
 from .run_tally import Tally, TallyState
 

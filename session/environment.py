@@ -15,7 +15,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
-from ..files.rooms import ROOT, rooms
+from ..files.shipped_files import ROOT, rooms
 
 LIBRARIES: Final = (
     "picktree",

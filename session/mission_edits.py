@@ -2,18 +2,150 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import hashlib
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Final, Protocol
 
+from ..authoring.checking.check import check_mission
 from ..errors import PicktreeError
 from ..files.diagnostics.fault_rendering import fault_lines
-from ..files.yaml.document import FileError, read_text
+from ..files.yaml.document import Document, FileError, open_document, read_text
 from ..trees.loading.scene_names import Surroundings
-from ..trees.mission import Mission
+from ..trees.mission import IN_LIBRARY, Mission
+from ..trees.ports import PortDeclaration
 from ..world.scene.description import SceneDescription
-from .edited_mission import files_of, read_edited
-from .file_watch import Edits
+
+MOST_FILES: Final = 200
+"""That are watched."""
+
+
+def read_edited(current: Mission, known: Surroundings, *, own_scene: bool) -> Mission:
+    """The mission as its files are now. Raises FileError with the checker's errors, and PicktreeError for an
+    edit that needs a new run.
+
+    `own_scene`: the run has the scene that the mission names, not another.
+    """
+    check = check_mission(open_document(current.document.path, "mission"), known=known)
+    errors = [fault for fault in check.faults if fault.severity == "error"]
+    if errors or check.mission is None:
+        raise FileError(errors)
+    edited = check.mission
+    if edited.library:
+        raise PicktreeError(f"{edited.document.path}: this is a library now; a mission has a tree 'Main'")
+    if own_scene and edited.scene != current.scene:
+        message = f"the scene is {edited.scene} now, and this run has {current.scene}: that needs a new run"
+        raise PicktreeError(f"{edited.document.mark(('scene',))}: {message}")
+    changed = _changed(current.parameters, edited.parameters)
+    if changed:
+        message = f"the mission's parameter {changed!r} is another than at the start; that needs a new run"
+        raise PicktreeError(f"{edited.document.mark(('trees', 'Main', 'ports'))}: {message}")
+    return edited
+
+
+def files_of(mission: Path) -> tuple[Path, ...]:
+    """The files which, edited, make it another mission: its own, and what it includes or names as plug-in,
+    be it there or not."""
+    found: dict[Path, None] = {}
+    todo = [mission]
+    while todo and len(found) < MOST_FILES:
+        file = todo.pop(0)
+        if file in found:
+            continue
+        found[file] = None
+        if file.suffix != ".py":
+            try:
+                todo += _named_by(open_document(file, "mission"))
+            except FileError:
+                continue
+    return tuple(found)
+
+
+def _named_by(document: Document) -> Iterator[Path]:
+    folder = document.path.parent
+    for key in ("include", "plugins"):
+        entries = document.data.get(key)
+        for entry in entries if isinstance(entries, list) else []:
+            if not isinstance(entry, str) or "\x00" in entry or entry.startswith(IN_LIBRARY):
+                continue
+            if key == "include" or entry.endswith(".py"):
+                yield folder / entry
+
+
+def _changed(before: tuple[PortDeclaration, ...], after: tuple[PortDeclaration, ...]) -> str:
+    """The first parameter that came, went, or takes other values; what is said about it may change."""
+    old, new = ({port.key: replace(port, doc="") for port in ports} for ports in (before, after))
+    return next((key for key in {**old, **new} if old.get(key) != new.get(key)), "")
+
+
+PERIOD = 0.25
+"""Wall seconds between two looks at the files."""
+_SETTLED = 1_000_000_000
+"""Age of a file, ns, from which an unchanged stamp means an unchanged content."""
+
+
+class Edits(Protocol):
+    """Where a watched run hears of edits; it asks at every tick."""
+
+    def watch(self, files: Iterable[Path]) -> None:
+        """From now on these files, as they are now; some may not be there."""
+        ...
+
+    def found(self) -> bool:
+        """Whether one of them is another than when they were last watched, or found to be edited."""
+        ...
+
+
+class FileEdits:
+    """Looks at the files on the disk, a few times a second of the wall clock.
+
+    An edit counts when two looks have seen the same: an editor that is still writing is not interrupted.
+    """
+
+    def __init__(self, period: float = PERIOD, wall: Callable[[], float] = time.monotonic) -> None:
+        self._period, self._wall = period, wall
+        self._files: tuple[Path, ...] = ()
+        self._known: dict[Path, str] = {}
+        self._seen: dict[Path, str] | None = None
+        self._looked_at = -period
+        self._stamps: dict[Path, tuple[tuple[int, int, int], str]] = {}
+
+    def watch(self, files: Iterable[Path]) -> None:
+        self._files = tuple(dict.fromkeys(files))
+        self._known, self._seen = self._look(), None
+
+    def found(self) -> bool:
+        now = self._wall()
+        if now - self._looked_at < self._period:
+            return False
+        self._looked_at = now
+        seen = self._look()
+        if seen == self._known or seen != self._seen:
+            self._seen = seen
+            return False
+        self._known, self._seen = seen, None
+        return True
+
+    def _look(self) -> dict[Path, str]:
+        return {file: self._fingerprint(file) for file in self._files}
+
+    def _fingerprint(self, file: Path) -> str:
+        """Of the content; empty when it cannot be read. The content is read when the file's stamp is new."""
+        try:
+            stat = file.stat()
+            stamp = (stat.st_mtime_ns, stat.st_size, stat.st_ino)
+            known = self._stamps.get(file)
+            if known is not None and known[0] == stamp:
+                return known[1]
+            fingerprint = hashlib.sha256(file.read_bytes()).hexdigest()
+        except (OSError, ValueError):
+            self._stamps.pop(file, None)
+            return ""
+        if abs(time.time_ns() - stat.st_mtime_ns) > _SETTLED:
+            self._stamps[file] = (stamp, fingerprint)
+        return fingerprint
 
 
 @dataclass(frozen=True, slots=True)

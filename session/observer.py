@@ -2,11 +2,60 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
 
+from ..cell.operator_desk import Question
+from ..errors import PicktreeError
 from ..logs.run_result import RunResult
 from ..trees.running.runner import NodeInfo, TickReport
+
+
+class Operator(Protocol):
+    """Answers questions; simulated time stands still meanwhile."""
+
+    def answer(self, question: Question) -> str | None:
+        """One of the question's choices; None when there is nobody who says: the run ends `paused`."""
+        ...
+
+
+class GivenAnswers:
+    """Answers that were given before anybody asked, one for each question; then whoever comes after."""
+
+    def __init__(self, answers: Iterable[str], after: Operator | None = None) -> None:
+        self._left = deque(answers)
+        self._after = after
+
+    def answer(self, question: Question) -> str | None:
+        """Raises PicktreeError for an answer that the question does not know."""
+        if not self._left:
+            return self._after.answer(question) if self._after else None
+        said = self._left.popleft()
+        choice = question.choice(said)
+        if choice is None:
+            known = ", ".join(question.choices)
+            raise PicktreeError(f"--answer {said}: {question.node} asks, and takes one of these: {known}")
+        return choice
+
+
+class RecordedAnswers:
+    """Answers that a log holds, each to the node that asked; where another asks now, or takes no such answer,
+    whoever comes after is asked, from then on."""
+
+    def __init__(self, answers: Iterable[tuple[str, str]], after: Operator | None = None) -> None:
+        """`answers`: path of who asked, and what was answered."""
+        self._left = deque(answers)
+        self._after = after
+
+    def answer(self, question: Question) -> str | None:
+        if self._left:
+            node, said = self._left.popleft()
+            if node == question.node and said in question.choices:
+                return said
+            self._left.clear()
+        return self._after.answer(question) if self._after else None
 
 
 class Watcher(Protocol):

@@ -2,16 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import posixpath
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
 
+from ..files.yaml.document import read_document
 from ..logs.schema.records import Continues
 from ..robots.description import RobotDescription
+from ..robots.mesh_files import mesh_file
+from ..robots.urdf_tree import LinkMesh, link_geometry
 from ..simulation.backends import Backend
-from ..simulation.fault_files.fault_description import FaultFile
-from ..trees.mission import Mission
+from ..simulation.fault_files.fault_entries import FaultFile
+from ..trees.mission import Mission, Plugin, name_of
 from ..world.scene.description import SceneDescription
+from ..world.shapes import ConvexMesh
 from .checkpoints import RunState
+
+
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    name: str
+    content: str | bytes
+    media_type: str
+    source: Path | None = None
+    """The file that it was read from."""
+
+    @property
+    def data(self) -> bytes:
+        return self.content.encode() if isinstance(self.content, str) else self.content
+
+
+def mission_files(mission: Mission) -> Iterator[Attachment]:
+    """The mission, what it includes under the names by which it does so, and the sources of its plug-ins:
+    `plugin/wave.py` lies beside it, `module/a.b.py` is installed."""
+    yield Attachment("mission.yaml", mission.text, "application/yaml", mission.document.path)
+    folder = mission.document.path.parent
+    for document in mission.included:
+        name = f"include/{name_of(document.path, folder)}"
+        yield Attachment(name, document.text, "application/yaml", document.path)
+    folder = folder.resolve()
+    for plugin in mission.sources:
+        if plugin.file is not None:
+            yield Attachment(_name(plugin, plugin.file, folder), plugin.source, "text/x-python", plugin.file)
+
+
+def plugin_versions(mission: Mission) -> dict[str, str]:
+    """Versions of the distributions that its installed plug-ins come from, by name."""
+    known = (plugin.distribution.rpartition(" ") for plugin in mission.sources if plugin.distribution)
+    return {name: version for name, _, version in known}
+
+
+def _name(plugin: Plugin, file: Path, folder: Path) -> str:
+    if not plugin.name.endswith(".py"):
+        return f"module/{plugin.name}.py"
+    beside = file.is_relative_to(folder)
+    return f"plugin/{file.relative_to(folder).as_posix() if beside else plugin.name}"
+
 
 LIMIT = 3600.0
 """Simulated seconds after which a run is ended, unless told otherwise."""
@@ -53,3 +105,93 @@ class Recipe:
     """None: from the beginning."""
     paths: Mapping[str, str] = field(default_factory=dict[str, str])
     """Of a recipe from a log: where its files stood when they were first read, by name of the attachment."""
+
+
+ROBOT_MESHES: Final = "robot/"
+"""Where the meshes that a URDF names stand, each under the name that it has there."""
+
+
+def recipe_files(recipe: Recipe) -> Iterator[Attachment]:
+    """Mission, scene, robot and faults, with what they name.
+
+    The meshes of a robot whose URDF is in an installed package are not among them: see `installed_meshes`.
+    """
+    yield from mission_files(recipe.mission)
+    scene, robot = recipe.scene, recipe.robot
+    yield Attachment("scene.yaml", scene.text, "application/yaml", Path(scene.source))
+    yield from scene_meshes(scene)
+    urdf = Path(robot.urdf)
+    yield Attachment("robot.yaml", robot.text, "application/yaml", Path(robot.source))
+    yield Attachment("robot.urdf", urdf.read_bytes(), "application/xml", urdf)
+    if not is_installed(robot):
+        for name, file in robot_meshes(robot.urdf):
+            yield Attachment(name, file.read_bytes(), "model/mesh", file)
+    if recipe.faults is not None:
+        faults = recipe.faults
+        yield Attachment("faults.yaml", faults.text, "application/yaml", Path(faults.source))
+
+
+def fingerprints(recipe: Recipe, files: Iterator[Attachment] | list[Attachment]) -> dict[str, str]:
+    """SHA-256 and original path of each file, by the name that it has in the log."""
+    found = {
+        file.name: f"{hashlib.sha256(file.data).hexdigest()} {recipe.paths.get(file.name, file.source or '')}"
+        for file in files
+    }
+    return {**found, **installed_meshes(recipe.robot)}
+
+
+def scene_meshes(scene: SceneDescription) -> Iterator[Attachment]:
+    """The meshes of the catalogue: `mesh/hexagon.obj`; with the kind before it where two have one name."""
+    files = {e.kind: Path(e.shape.source) for e in scene.catalogue if isinstance(e.shape, ConvexMesh)}
+    named = Counter(file.name for file in set(files.values()))
+    given: set[str] = set()
+    for kind, file in files.items():
+        name = f"mesh/{file.name}" if named[file.name] == 1 else f"mesh/{kind}/{file.name}"
+        if name not in given:
+            given.add(name)
+            yield Attachment(name, file.read_bytes(), "model/mesh", file)
+
+
+def installed_meshes(robot: RobotDescription) -> Mapping[str, str]:
+    """As `fingerprints`, of the meshes of a robot that comes with an installed package."""
+    return _hashed_meshes(robot.urdf) if is_installed(robot) else {}
+
+
+def is_installed(robot: RobotDescription) -> bool:
+    """Whether its URDF, and that of a mounted gripper, are named as `package:path`."""
+    data = read_document(robot.text, Path(robot.source), "robot").data
+    mount = data.get("mount")
+    named = [str(data.get("urdf"))]
+    if isinstance(mount, dict):
+        named.append(str(mount.get("urdf")))
+    return all(":" in each for each in named)
+
+
+def robot_meshes(urdf: str) -> tuple[tuple[str, Path], ...]:
+    """All meshes that a URDF names, visual and collision, each once: name in the log, file."""
+    named = dict(_references(urdf))
+    found = [*link_geometry(urdf, "visual"), *link_geometry(urdf, "collision")]
+    files = {g.path: Path(g.path) for g in found if isinstance(g, LinkMesh)}
+    return tuple((named[path], file) for path, file in sorted(files.items()) if path in named)
+
+
+def plain_reference(filename: str) -> str:
+    """The name of a mesh in a URDF as a path that leads nowhere else."""
+    for prefix in ("package://", "file://"):
+        filename = filename.removeprefix(prefix)
+    parts = [p for p in posixpath.normpath(filename.replace("\\", "/")).split("/") if p not in ("", ".")]
+    return "/".join("up" if part == ".." else part for part in parts)
+
+
+def _references(urdf: str) -> Iterator[tuple[str, str]]:
+    for mesh in ElementTree.parse(urdf).getroot().iter("mesh"):
+        filename = mesh.get("filename", "")
+        if (file := mesh_file(Path(urdf), filename)) is not None:
+            yield str(file), f"{ROBOT_MESHES}{plain_reference(filename)}"
+
+
+@lru_cache(maxsize=4)
+def _hashed_meshes(urdf: str) -> Mapping[str, str]:
+    return {
+        name: f"{hashlib.sha256(file.read_bytes()).hexdigest()} {file}" for name, file in robot_meshes(urdf)
+    }

@@ -45,10 +45,8 @@ from ..world.stopwatch import Stopwatch
 from ..world.values import Vector3
 from .assembly import TICK, assemble
 from .checkpoints import RunState, restore, take
-from .file_watch import Edits, FileEdits
-from .mission_edits import Following, Revisions
-from .observer import Watcher
-from .operators import Operator
+from .mission_edits import Edits, FileEdits, Following, Revisions
+from .observer import Operator, Watcher
 from .recipe import LIMIT, Recipe
 from .request import RunOptions, RunRequest, make_folder, read_recipe
 from .run_tally import Tally

@@ -22,8 +22,7 @@ from ..world.values import Array, Pose
 from . import environment as circumstances
 from .arithmetic_probe import arithmetic
 from .checkpoints import RunState
-from .mission_files import mission_files, plugin_versions
-from .recipe_files import fingerprints, recipe_files
+from .recipe import fingerprints, mission_files, plugin_versions, recipe_files
 
 if TYPE_CHECKING:
     from .session import Session

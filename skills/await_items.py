@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.place.exchanged_bins import let_ride, notice_exchanges
+from ..manipulation.place.dropped_objects import let_ride, notice_exchanges
 from ..trees.ports import In, port
 from ..trees.skill import Skill, Steps
 from ..world.causes import Failure, feed

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ..manipulation.place.exchanged_bins import fill_of, notice_exchanges
+from ..manipulation.place.dropped_objects import fill_of, notice_exchanges
 from ..trees.ports import In, port
 from ..trees.skill import Doing, Skill, Steps
 from ..world.causes import Failure, feed

@@ -8,23 +8,19 @@ import numpy as np
 
 from ..cell.handover import Carriage
 from ..manipulation.carry.hold_check import Hold
-from ..manipulation.carry.payload_belief import burden, take_up, weighed
-from ..manipulation.carry.weighing import Weighing
-from ..manipulation.grasp.compliant_closing import close
+from ..manipulation.carry.weighing import Weighing, burden, take_up, weighed
+from ..manipulation.grasp.compliant_closing import close, found_again
 from ..manipulation.grasp.grasp_candidates import GraspCandidate, grasp_candidates
 from ..manipulation.grasp.grip_force import pressure
-from ..manipulation.grasp.regrasping import found_again
 from ..manipulation.grasp.straight_lines import CARRIED, feel, lift, raise_off
 from ..manipulation.motion.motion_watch import TargetWatch
 from ..manipulation.motion.replanning import Replans
-from ..manipulation.pick.candidate_rejections import fates, told
-from ..manipulation.pick.candidate_stages import PLACE
-from ..manipulation.pick.pick_candidates import PickAndPlace
+from ..manipulation.pick.pick_candidates import PLACE, PickAndPlace, fates, told
 from ..manipulation.pick.pick_stream import PickStream
 from ..manipulation.pick.transfer_requests import onward
 from ..manipulation.pick.visual_servoing import close_in
 from ..manipulation.place.dropped_objects import let_go
-from ..manipulation.retreat.escape import escape
+from ..manipulation.retreat.clearing import escape
 from ..planning.requests import Holding, Plan
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps

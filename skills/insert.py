@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from ..control.cartesian.stiffness import Stiffness
 from ..control.contact.hole_search import Inserting, Leaving, Touch
-from ..manipulation.carry.hold_check import Hold, released
-from ..manipulation.carry.in_hand_check import felt_in_hand, lost
+from ..manipulation.carry.hold_check import Hold, felt_in_hand, lost, released
 from ..manipulation.grasp.straight_lines import withdraw
 from ..manipulation.insert.insertion import ABOVE, Fit, fit, mouth, peg, poses_over, resting
 from ..manipulation.motion.replanning import travel

@@ -9,7 +9,7 @@ from ..control.cartesian.twist import FASTEST, FASTEST_TURN, Twist
 from ..errors import PicktreeError
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, Skill, Steps
-from ..trees.values.port_values import Given, Misfit
+from ..trees.values.port_types import Given, Misfit
 from ..world.causes import control, planning, safety
 from ..world.causes import world as world_causes
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ..manipulation.place.exchanged_bins import notice_exchanges
+from ..manipulation.place.dropped_objects import notice_exchanges
 from ..trees.ports import In, Out, port
 from ..trees.skill import CAMERA, Skill, Steps
 from ..trees.values.references import Binding

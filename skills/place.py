@@ -5,21 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, cast
 
-from ..manipulation.carry.hold_check import released
-from ..manipulation.carry.in_hand_check import felt_in_hand
-from ..manipulation.carry.payload_belief import burden, is_fragile, weighed
-from ..manipulation.carry.weighing import Kept
+from ..manipulation.carry.hold_check import felt_in_hand, released
+from ..manipulation.carry.weighing import Kept, burden, is_fragile, weighed
 from ..manipulation.grasp.straight_lines import lower, withdraw
 from ..manipulation.motion.motion_watch import LandingWatch, PointWatch
 from ..manipulation.motion.replanning import Replans, planned
 from ..manipulation.pick.transfer_requests import lowering
 from ..manipulation.place.bin_spots import blocked, put_down_poses
-from ..manipulation.place.exchanged_bins import notice_exchanges
+from ..manipulation.place.dropped_objects import notice_exchanges
 from ..manipulation.place.release_poses import landings, levels, target_for
 from ..planning.requests import Plan, PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
-from ..trees.values.port_values import Given, Misfit
+from ..trees.values.port_types import Given, Misfit
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure, control, grasp, place, planning, safety
 from ..world.causes import world as world_causes

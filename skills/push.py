@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from ..manipulation.push.averaged_view import look_closely
 from ..manipulation.push.push_stroke import Pushed, Ready, go_looking, make, ready, refused, step_back, unfit
-from ..manipulation.push.pushed_object import Estimate, felt, seen, together
+from ..manipulation.push.pushed_object import Estimate, felt, look_closely, seen, together
 from ..manipulation.push.singulation import Parting, crowded, has_room, partings
 from ..manipulation.push.stroke_planning import Aim, Stroke, asides, strokes
 from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, GRIPPER, Doing, Skill, Steps
-from ..trees.values.port_values import Given, Misfit
+from ..trees.values.port_types import Given, Misfit
 from ..world.causes import Failure, control, perception, planning, push, safety
 from ..world.causes import world as world_causes
 from ..world.journal import Happened, Plain

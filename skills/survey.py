@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..calibration.observations import SHOT, Shot
+from ..calibration.observations import SHOT, Shot, Viewpoint, viewpoints
+from ..calibration.target_detection import TileSeen
 from ..calibration.targets import Target, target_named
-from ..calibration.tiles import TileSeen
-from ..calibration.views import Viewpoint, viewpoints
 from ..planning.requests import NamedGoal, PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, Doing, Skill, Steps

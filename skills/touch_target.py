@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..calibration.observations import TOUCH, Touch
-from ..calibration.targets import target_named
-from ..calibration.touches import Contact, contacts, tips
+from ..calibration.targets import Contact, contacts, target_named, tips
 from ..planning.requests import PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps

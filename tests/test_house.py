@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.files.rooms import rooms
+from picktree.files.shipped_files import rooms
 
 from .commands import call
 from .rooms import PACKAGES, PROJECT, ROOMS, ROOT

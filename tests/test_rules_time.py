@@ -27,12 +27,11 @@ MEASURING = {
     "logs/recording/log_file.py",
     "logs/mcap/writer.py",
     "session/request.py",
-    "session/file_watch.py",
+    "session/mission_edits.py",
     "commissioning/calibrate/job.py",
     "session/live/live_view.py",
-    "session/live/real_time_pace.py",
     "analysis/report/report.py",
-    "analysis/resim/resim_process.py",
+    "analysis/resim/resim.py",
     "analysis/render/video/film.py",
 }
 """Who may look at a clock of this machine, to put what it says into the record or a folder's name; of a run

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ..world.belief.planning_scene import PlanningScene
 from ..world.journal import Plain
-from .values.plain_values import plain_copy
+from .values.port_types import plain_copy
 from .values.references import Reference, resolve
 
 

@@ -2,17 +2,96 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal, Protocol
 
+from ..errors import PicktreeError
 from ..files.expressions.expression import Expression
-from ..files.yaml.document import Document, Mark
-from .mission_files import name_of
+from ..files.shipped_files import is_file, shipped_names
+from ..files.yaml.document import Document, Fault, Mark, nearest, open_document, read_document
 from .node import Node
 from .ports import PortDeclaration
+from .values.fault_collector import MAX_NODES
 from .values.references import Binding
+
+LIBRARY: Final = Path(__file__).parent / "library"
+"""Sub-trees that come with picktree."""
+IN_LIBRARY: Final = "library/"
+
+
+class MissionFiles(Protocol):
+    """Gives included files by name: `common.yaml`, `parts/bins.yaml`, or `library/recovery`.
+
+    A name is relative to the mission's folder and never leads out of it.
+    """
+
+    def document(self, name: str) -> Document:
+        """Raises PicktreeError when there is no such file, FileError when it cannot be read."""
+        ...
+
+
+class FilesOnDisk:
+    """The files beside a mission, and the library."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def document(self, name: str) -> Document:
+        path = path_of(name, self._folder)
+        if not is_file(path):
+            raise PicktreeError(_missing(name, self._folder))
+        if not name.startswith(IN_LIBRARY) and not _inside(path, self._folder):
+            raise PicktreeError(f"{name!r} leads out of the mission's folder by a symbolic link")
+        return open_document(path, "mission")
+
+
+class RecordedFiles:
+    """The texts that a record kept, by the names under which the mission included them."""
+
+    def __init__(self, texts: Mapping[str, str], folder: Path) -> None:
+        self._texts, self._folder = texts, folder
+
+    def document(self, name: str) -> Document:
+        if name not in self._texts:
+            raise PicktreeError(f"the record holds no file {name!r}")
+        return read_document(self._texts[name], path_of(name, self._folder), "mission")
+
+
+def path_of(name: str, folder: Path) -> Path:
+    """Where the file of that name stands, or stood."""
+    if name.startswith(IN_LIBRARY) and not name.endswith((".yaml", ".yml")):
+        return LIBRARY / f"{name.removeprefix(IN_LIBRARY)}.yaml"
+    return folder / name
+
+
+def name_of(path: Path, folder: Path) -> str:
+    """The name of the file at that path, for a mission in that folder: the inverse of `path_of`."""
+    if path.parent == LIBRARY:
+        return f"{IN_LIBRARY}{path.stem}"
+    return path.relative_to(folder).as_posix()
+
+
+def library_names() -> tuple[str, ...]:
+    """What may stand after `library/`."""
+    return shipped_names(LIBRARY)
+
+
+def _inside(path: Path, folder: Path) -> bool:
+    try:
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # a circle of symbolic links
+        return False
+
+
+def _missing(name: str, folder: Path) -> str:
+    if path_of(name, folder).parent == LIBRARY:
+        wanted = name.removeprefix(IN_LIBRARY)
+        return f"the library has no {wanted!r} ({nearest(wanted, library_names())})"
+    return f"there is no file {name!r} beside the mission"
+
 
 MAIN = "Main"
 
@@ -124,3 +203,60 @@ class Mission:
         """The texts of the included files by the names under which they were included."""
         folder = self.document.path.parent
         return {name_of(document.path, folder): document.text for document in self.included}
+
+
+MAX_DEPTH: Final = 120
+"""Nodes above one another, sub-trees written out."""
+
+
+def called_by(tree: TreeSpec) -> tuple[str, ...]:
+    """The sub-trees that the tree uses, each once."""
+    return tuple(dict.fromkeys(node.id for node in tree.root.iterate() if node.node is None))
+
+
+def reachable(trees: Mapping[str, TreeSpec]) -> frozenset[str]:
+    """The trees that a run may come to."""
+    found: set[str] = set()
+    todo = [MAIN]
+    while todo:
+        name = todo.pop()
+        if name in trees and name not in found:
+            found.add(name)
+            todo += called_by(trees[name])
+    return frozenset(found)
+
+
+def bottom_up(trees: Mapping[str, TreeSpec]) -> tuple[str, ...]:
+    """The trees, each after those that it uses. Raises CycleError."""
+    calls = {name: [c for c in called_by(tree) if c in trees] for name, tree in trees.items()}
+    return tuple(TopologicalSorter(calls).static_order())
+
+
+def check_calls(trees: Mapping[str, TreeSpec]) -> Iterable[Fault]:
+    """A fault for a circle, and for a mission too large to be built."""
+    try:
+        order = bottom_up(trees)
+    except CycleError as error:
+        circle: list[str] = list(reversed(error.args[1]))
+        name, called = circle[0], circle[1]
+        mark = next(n.mark for n in trees[name].root.iterate() if n.node is None and n.id == called)
+        shown = circle if len(circle) <= 12 else [*circle[:6], "…", *circle[-5:]]
+        message = f"the sub-trees call each other in a circle: {' → '.join(shown)}"
+        yield Fault(mark, f"trees.{name}", message, "a loop is Repeat or ForEach", "P235")
+        return
+    sizes: dict[str, tuple[int, int]] = {}
+    for name in order:
+        sizes[name] = _size(trees[name].root, sizes)
+    count, depth = sizes.get(MAIN, (0, 0))
+    if count > MAX_NODES or depth > MAX_DEPTH:
+        message = f"with its sub-trees written out the mission has {count} nodes, {depth} deep"
+        hint = f"at most {MAX_NODES} nodes, {MAX_DEPTH} deep"
+        yield Fault(trees[MAIN].mark, f"trees.{MAIN}", message, hint, "P236")
+
+
+def _size(spec: NodeSpec, sizes: Mapping[str, tuple[int, int]]) -> tuple[int, int]:
+    """Number and depth of the nodes with sub-trees written out; those are in `sizes` already."""
+    below = [_size(child, sizes) for child in spec.children]
+    if spec.node is None and spec.id in sizes:
+        below = [sizes[spec.id]]
+    return 1 + sum(count for count, _ in below), 1 + max((depth for _, depth in below), default=0)

@@ -22,16 +22,15 @@ from .transitions import Transition
 from .values.failure_reports import (
     pack,
     plain_evidence,
+    portable_trace,
     report_from_plain,
     report_to_plain,
     unpack,
     with_attached,
+    without_addresses,
 )
-from .values.plain_values import plain_copy
-from .values.port_types import accept
-from .values.port_values import Given, Misfit
+from .values.port_types import Given, Misfit, accept, plain_copy
 from .values.references import Binding, Constant, Reference
-from .values.tracebacks import portable_trace, without_addresses
 
 if TYPE_CHECKING:
     from .flow import Flow, State

@@ -176,3 +176,17 @@ class Hardware(Protocol):
     def step(self) -> None:
         """Apply the commands, let `period` pass, refresh the sensors."""
         ...
+
+
+NOTHING = FeedSignals()
+
+
+class NoFeed:
+    """`protocols.Feed`: nobody is there to hear."""
+
+    def ready(self) -> None: ...
+
+    def exchange(self, bin_id: ObjectId) -> None: ...
+
+    def read(self) -> FeedSignals:
+        return NOTHING

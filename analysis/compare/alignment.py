@@ -2,8 +2,7 @@
 
 A visit is named by (item, node path, attempt). Items are paired by `items`, nodes by `nodes`; the attempts
 are counted from `since` on, on both sides, so that a run that goes on from a checkpoint aligns with the one
-that it continues. Times are simulated seconds.
-"""
+that it continues. Times are simulated seconds."""
 
 from __future__ import annotations
 
@@ -11,13 +10,27 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ...logs.visits import Key, Visit
+from ...logs.visits import Key, Visit, derived_visits
 from ..run import Run
-from .comparable_visits import both_visits
 from .divergence import Parting, Sides, find_parting
-from .item_matching import ItemMatch, match_items
-from .node_matching import NodeMatch, match_nodes
+from .node_matching import ItemMatch, NodeMatch, match_items, match_nodes
 from .visit_pair import EPSILON, Pair, differences
+
+
+@dataclass(frozen=True, slots=True)
+class BothVisits:
+    """`derived`: they follow from the statuses after each tick, because one log is of format 1 and tells no
+    more; then what nodes read, and which object they were told of, is not known of either."""
+
+    a: Sequence[Visit]
+    b: Sequence[Visit]
+    derived: bool
+
+
+def both_visits(a: Run, b: Run) -> BothVisits:
+    if a.log.format < 2 or b.log.format < 2:
+        return BothVisits(derived_visits(a.log), derived_visits(b.log), derived=True)
+    return BothVisits(a.visits, b.visits, derived=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,8 @@ from typing import Literal, TypeAlias
 from ...logs.schema import topics
 from ..run import Run
 from .alignment import Alignment, align
-from .first_difference import Difference, first_difference
-from .item_outcomes import ItemChange, item_changes
-from .run_outcome import RunOutcome, outcome_of
+from .divergence import Difference, first_difference
+from .run_outcome import ItemChange, RunOutcome, item_changes, outcome_of
 from .run_settings import SetUp, compare_set_up
 from .time_spent import CountChange, TimeSpent, WayChange, causes, time_spent, ways
 

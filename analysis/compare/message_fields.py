@@ -2,13 +2,65 @@
 
 from __future__ import annotations
 
+import json
 import zlib
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
 import orjson
 
 from ...logs.schema.topics import message_class
+
+
+def short_names(paths: Iterable[str]) -> Mapping[str, str]:
+    """By path.
+
+    >>> short_names(["Main", "Main/A", "Main/A/Grasp", "Main/Recover/Grasp"])["Main/Recover/Grasp"]
+    'Recover/Grasp'
+    """
+    known = list(dict.fromkeys(paths))
+    uses = Counter(end for path in known for end in _ends(path))
+    return {path: next((end for end in _ends(path) if uses[end] == 1), path) for path in known}
+
+
+def _ends(path: str) -> list[str]:
+    """The last part, the last two, and so on up to the whole."""
+    parts = path.split("/")
+    return ["/".join(parts[-k:]) for k in range(1, len(parts) + 1)]
+
+
+LONGEST = 90
+"""Characters; more are cut."""
+
+
+def value_text(value: object) -> str:
+    """As JSON, cut when it is long; numbers with six digits; nothing for None.
+
+    >>> value_text({"width": 0.0312345678, "held": True})
+    '{"width": 0.0312346, "held": true}'
+    """
+    if value is None:
+        return "–"
+    if isinstance(value, str):
+        return _cut(value)
+    return _cut(json.dumps(_rounded(value), ensure_ascii=False, default=str))
+
+
+def _rounded(value: object) -> object:
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    if isinstance(value, list):
+        return [_rounded(one) for one in cast("list[object]", value)]
+    if isinstance(value, dict):
+        return {key: _rounded(one) for key, one in cast("dict[str, object]", value).items()}
+    return value
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
 
 NAMES = ("path", "id", "name", "child_frame_id", "key", "object", "kind")
 """Fields that say what an element of a list is, the best first."""

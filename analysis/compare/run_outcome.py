@@ -3,12 +3,122 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal, TypeAlias
 
-from ...logs.visits_format_1 import derived_visits
+from ...logs.visits import Visit, derived_visits
 from ..run import Run
+from .alignment import Alignment
+from .node_matching import Basis
+
+State: TypeAlias = Literal["done", "held", "left", "gone"]
+"""As the robot believed at the end. `done`: where it belongs; `held`: in the hand; `left`: somewhere else;
+`gone`: no longer believed in."""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemEnd:
+    """What became of one item in one run. Times are simulated s."""
+
+    id: str
+    state: State
+    place: str
+    """Where it is believed to be: a bin, the table, in the hand; empty when gone."""
+    begun: float | None
+    """When a node first was about it; None when none was."""
+    done: float | None
+    """When it was last placed where it belongs."""
+    busy: float
+    """What its nodes took, one within the other counted once."""
+    grasps: int
+    """How often the fingers closed on it."""
+    failures: int
+    """How often a node that was about it failed by itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class ItemChange:
+    """An item in two runs; None where that run did not know it."""
+
+    a: ItemEnd | None
+    b: ItemEnd | None
+    basis: Basis | None
+    """How it was found to be the same; None when only one run knew it."""
+
+    @property
+    def differs(self) -> bool:
+        """Whether it ended differently: in another state or place."""
+        return (
+            self.a is None or self.b is None or (self.a.state, self.a.place) != (self.b.state, self.b.place)
+        )
+
+
+def item_changes(a: Run, b: Run, alignment: Alignment) -> tuple[ItemChange, ...]:
+    """All items of both runs, in the order in which A discovered them; what only B knew last."""
+    match = alignment.items
+    ours = _ends(a, alignment.visits_a, alignment.since)
+    theirs = _ends(b, alignment.visits_b, alignment.since)
+    basis = {pair.a: pair for pair in match.pairs}
+    changes: list[ItemChange] = []
+    for name, end in ours.items():
+        pair = basis.get(name)
+        changes.append(ItemChange(end, theirs.get(pair.b) if pair else None, pair.basis if pair else None))
+    changes += [ItemChange(None, theirs[name], None) for name in match.only_b if name in theirs]
+    return tuple(changes)
+
+
+def _ends(run: Run, visits: Sequence[Visit], since: float) -> dict[str, ItemEnd]:
+    """Of everything of the role `item` that was believed in from `since` on, in the order of discovery."""
+    done = {
+        str(event.record.data["object"]): event
+        for event in run.events
+        if event.record.kind == "item_done" and event.time >= since
+    }
+    last = run.log.belief_at(run.end)
+    believed = {body.id: body for body in last.record.bodies} if last else {}
+    ends: dict[str, ItemEnd] = {}
+    for name in _discovered(run, since):
+        body, event = believed.get(name), done.get(name)
+        state: State = "gone" if body is None else "held" if body.attached else "left"
+        place = "" if body is None else "in the hand" if body.attached else body.place
+        if event is not None and state == "left" and body is not None:
+            into = str(event.record.data.get("into", body.place))
+            state = "done" if body.place in ("", into) else "left"
+            place = body.place or into
+        about = [visit for visit in visits if visit.item == name]
+        ends[name] = ItemEnd(
+            name,
+            state,
+            place,
+            min((visit.start for visit in about), default=None),
+            event.time if event and state == "done" else None,
+            _covered([(visit.start, visit.end) for visit in about]),
+            sum(pick.object == name and pick.time >= since for pick in run.picks),
+            sum(visit.failed_itself for visit in about),
+        )
+    return ends
+
+
+def _discovered(run: Run, since: float) -> list[str]:
+    found: dict[str, None] = {}
+    known = run.log.belief_at(since)
+    for at in run.log.beliefs(known.time if known else since):
+        for body in at.record.bodies:
+            if body.role == "item":
+                found.setdefault(body.id)
+    return list(found)
+
+
+def _covered(spans: list[tuple[float, float]]) -> float:
+    """Length of the union of some spans."""
+    covered, reached = 0.0, float("-inf")
+    for start, end in sorted(spans):
+        covered += max(end - max(start, reached), 0.0)
+        reached = max(reached, end)
+    return covered
+
 
 KILLED = "killed"
 """Status of a run whose log has no result."""

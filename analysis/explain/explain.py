@@ -9,20 +9,120 @@ from typing import TYPE_CHECKING
 from ...logs.episodes.episode import Episode
 from ...logs.run_log import At
 from ...logs.schema.records import Event
-from ...logs.visits_format_1 import derived_visits
-from .failure_stories import failures_of
+from ...logs.visits import Visit, derived_visits
+from .failure_stories import failures_of, observed
 from .investigation.case import Case
 from .investigation.episodes_of_log import Episodes, episodes_of
-from .investigation.explanation import Explanation, FailureStory, RootCause
-from .investigation.visit_tree import Family
+from .investigation.explanation import Explanation, FailureStory, LookAt, Outcome, RootCause
+from .investigation.failure_course import Family
 from .item_stories import items_of
-from .notable_moments import moments
-from .observations import observed
 from .root_causes import root_causes_of
-from .run_ending import outcome_of
 
 if TYPE_CHECKING:
     from ...logs.run_record import RunRecord
+
+
+def outcome_of(run: RunRecord, visits: Sequence[Visit]) -> Outcome:
+    end = run.ticks.times[-1] if run.ticks.times else run.end
+    result = run.result
+    if result is None:
+        return Outcome(_status(run), _cut_off(run, visits, end), end, None, None)
+    items = result.items
+    counts = f"{items.sorted} of {items.total} items are where they belong"
+    if items.misplaced:
+        counts += f", {items.misplaced} in a wrong bin"
+    if items.left:
+        counts += f", {items.left} left"
+    sentence = {
+        "success": f"the mission succeeded and its goal is reached: {counts}",
+        "incomplete": f"the mission ended in SUCCESS, but its goal is missed: {counts}",
+        "failure": f"the mission ended in FAILURE: {result.message or 'a condition did not hold'}; {counts}",
+        "timeout": f"the run was ended at its limit of time{_doing(visits)}; {counts}",
+        "paused": f"the run waits for help: {result.message}; {counts}",
+        "interrupted": f"the run was interrupted{_doing(visits)}; {counts}",
+    }[result.status]
+    return Outcome(result.status, sentence, end, items.sorted, items.total)
+
+
+def _status(run: RunRecord) -> str:
+    ended = run.log.result.get("ended", "")
+    return "crashed" if ended and ended != "orderly" else "killed"
+
+
+def _cut_off(run: RunRecord, visits: Sequence[Visit], end: float) -> str:
+    ended = run.log.result.get("ended", "")
+    if ended and ended != "orderly":
+        return f"the run was ended at {end:.2f} s by an error of the program ({ended}){_doing(visits)}"
+    return f"the log ends at {end:.2f} s without a result: the process was killed{_doing(visits)}"
+
+
+def _doing(visits: Sequence[Visit]) -> str:
+    """What ran when the log ended."""
+    running = [v for v in visits if v.outcome == "RUNNING"]
+    if not running:
+        return ""
+    last = max(running, key=lambda v: (v.path.count("/"), v.number))
+    name = last.path.rsplit("/", 1)[-1]
+    about = f" of {last.item}" if last.item else ""
+    return f" while {name}{about} was running"
+
+
+MOST = 8
+CLOSE = 0.6
+"""Moments nearer than this are one, s."""
+
+WATCH = {
+    "item.gone": "the item vanishes from the truth, and the belief keeps it",
+    "item.moved": "truth and belief of the item part",
+    "item.pushed_by_arm": "the hand touches the item on its way",
+    "item.left_bin": "the item leaves the bin",
+    "item.slippery": "the wrist's load, the opening: the item slides out of the fingers",
+    "item.heavy": "the wrist's force while the hand lifts",
+    "item.out_of_reach": "how far the item lies from the arm's base",
+    "item.crowded": "the neighbours around the item",
+    "item.beside_bin": "the bin's wall beside the item",
+    "item.never_seen": "the camera's picture, and where the item truly lies",
+    "camera.off": "truth beside belief of any item: all are off the same way",
+    "grasp.weak": "the fingers' force and the wrist's load while the hand lifts",
+    "scene.blocked": "what stands between hand and item",
+    "bin.full": "how much lies in the bin",
+    "bin.crowded": "what lies in the bin below the hand",
+    "planner.budget": "the way that had to be found",
+    "tree.timeout": "what was still running",
+    "run.limit": "what was still running",
+    "run.killed": "the last that the log holds",
+    "run.crashed": "the last that the log holds",
+    "mission.wrong_bin": "into which bin the item goes",
+    "place.beside": "where the item comes down",
+}
+
+
+def moments(
+    causes: Sequence[RootCause], failures: Sequence[FailureStory], outcome: Outcome
+) -> tuple[LookAt, ...]:
+    """For each root cause when it happened and when it first showed; then what ended the run."""
+    found: list[LookAt] = []
+
+    def add(look: LookAt) -> None:
+        if len(found) < MOST and all(abs(look.time - other.time) > CLOSE for other in found):
+            found.append(look)
+
+    for cause in causes:
+        first = failures[cause.failures[0]] if cause.failures else None
+        watch = WATCH.get(cause.cause, "")
+        told = f"{cause.item}: {watch}" if watch and cause.item else watch
+        if cause.time is not None and cause.time > 0.0:
+            add(LookAt(cause.time, told or cause.title, first.number if first else None))
+        if first is not None:
+            name = first.node.rsplit("/", 1)[-1]
+            about = f" of {first.item}" if first.item else ""
+            add(LookAt(first.time, f"{name}{about} fails: {first.cause}", first.number))
+    for failure in failures:
+        if failure.fate == "ended":
+            add(LookAt(failure.time, f"the failure that ended the mission: {failure.cause}", failure.number))
+    if outcome.status != "success" and causes:
+        add(LookAt(outcome.end, "the end: truth beside belief of everything"))
+    return tuple(found)
 
 
 def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Explanation:

@@ -2,20 +2,172 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ...logs.episodes.cure_names import Names
-from ...logs.visits import Visit
+from ...logs.episodes.episode import Names
+from ...logs.run_log import At
+from ...logs.schema.records import Body, Candidates, Event, Plan
+from ...logs.visits import HALTED, Visit
+from ...manipulation.pick.pick_candidates import fates
 from ...world.causes import Cause, all_causes
-from .candidate_choices import choices_before
-from .investigation.explanation import FailureStory
-from .investigation.failure_course import Courses
-from .investigation.visit_tree import Family
+from .causes.item_whereabouts import MISPLACED, SAMPLED
+from .investigation.body_tracks import apart
+from .investigation.case import Case
+from .investigation.explanation import Choice, FailureStory, Rejection, number
+from .investigation.failure_course import Courses, Family
+from .investigation.number_wording import distance, listed, place, seconds
 
 if TYPE_CHECKING:
     from ...logs.run_record import RunRecord
+
+
+PLANS = 3
+"""Failing plans in a row that are told."""
+
+
+def choices_before(run: RunRecord, source: Visit) -> tuple[Choice, ...]:
+    """Those within the visit that failed and of its item, in the order of time."""
+    found = [
+        _of_candidates(at)
+        for at in run.candidates
+        if source.start - 1e-6 <= at.time <= source.end + 1e-6 and at.record.object == source.item
+    ]
+    plans = [at for at in run.plans if source.start - 1e-6 <= at.time <= source.end + 1e-6]
+    refused = [at for at in plans if at.record.outcome != "found"]
+    if refused and plans[-1] is refused[-1]:
+        found.append(_of_plans(refused, len(plans), source.item))
+    return tuple(sorted(found, key=lambda choice: choice.time))
+
+
+def _of_candidates(at: At[Candidates]) -> Choice:
+    record = at.record
+    stages = tuple((stage.name, stage.count) for stage in record.stages)
+    found = fates(record.tried, record.into)
+    if found:
+        rejections = tuple(Rejection(f.name, f.words, f.count, f.stage, f.by) for f in found)
+        return Choice(at.time, record.purpose, record.object, stages, rejections)
+    refused = Counter(c.verdict for c in record.tried if c.verdict != "accepted")
+    names: dict[str, str] = {}
+    for candidate in record.tried:
+        names.setdefault(candidate.verdict, candidate.name)
+    return Choice(
+        at.time,
+        record.purpose,
+        record.object,
+        stages,
+        tuple(Rejection(names[reason], reason, count) for reason, count in refused.most_common()),
+    )
+
+
+def _of_plans(refused: list[At[Plan]], plans: int, item: str) -> Choice:
+    """Plans that failed with the same words, numbers aside, are told as one."""
+    alike: dict[str, list[At[Plan]]] = {}
+    for at in refused:
+        words = re.sub(r"[\d.]+", "#", f"{at.record.outcome} {at.record.message}")
+        alike.setdefault(words, []).append(at)
+    return Choice(
+        refused[-1].time,
+        "plan",
+        item,
+        (("asked for", plans), ("found", plans - len(refused))),
+        tuple(
+            Rejection(
+                group[0].record.request, f"{group[0].record.outcome}: {group[0].record.message}", len(group)
+            )
+            for group in sorted(alike.values(), key=len, reverse=True)
+        ),
+    )
+
+
+_IN_MOTION = ("world.disturbed", "safety.", "control.")
+LATELY = 5.0
+"""What happened so long before a failure is told with it, s."""
+
+
+def observed(case: Case, failure: FailureStory, planted: Sequence[At[Event]]) -> tuple[str, ...]:
+    return (
+        *_belief(case, failure),
+        *_hand(case, failure),
+        *_stops(case, failure),
+        *_halted(case, failure),
+        *_faults(case, failure, planted),
+    )
+
+
+def _belief(case: Case, failure: FailureStory) -> list[str]:
+    """Where the item was believed to be, and where it truly was."""
+    if not failure.item:
+        return []
+    before = failure.time - 1e-3  # the belief of the moment before, which the failure may have changed
+    believed, true = case.belief.at(failure.item, before), case.pairs.get(failure.item)
+    really = None if true is None else _really(case, failure, true)
+    if believed is None:
+        return [f"belief: {failure.item} is not known"]
+    where = "in the hand" if believed.attached else f"at {place(believed.pose.position)}"
+    told = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
+    if true is not None and _gone(case, failure, true):
+        told.append(f"truth: {failure.item} is nowhere any more")
+    elif really is not None and apart(really, believed) > MISPLACED:
+        off = distance(apart(really, believed))
+        told.append(f"truth: {failure.item} at {place(really.pose.position)}, {off} from the belief")
+    return told
+
+
+def _really(case: Case, failure: FailureStory, true: str) -> Body | None:
+    """The item as it truly was just after the failure, unless the hand moved it about."""
+    later = next((t for t in case.truth.times if t >= failure.time - 1e-6), case.end)
+    then = case.belief.at(failure.item, later)
+    carried = then is not None and then.attached
+    return None if carried else case.truth.at(true, later)
+
+
+def _gone(case: Case, failure: FailureStory, true: str) -> bool:
+    gone = case.gone(true)
+    return gone is not None and gone[1] <= failure.time + SAMPLED
+
+
+def _hand(case: Case, failure: FailureStory) -> list[str]:
+    joints = case.run.joints
+    fingers = [n for n, name in enumerate(joints.names) if "finger" in name]
+    told = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
+    if not fingers or told or not len(joints.times):
+        return []
+    at = max(int((joints.times <= failure.time + 1e-6).sum()) - 1, 0)
+    width = float(joints.positions[at, fingers].sum())
+    return [f"hand: the fingers were {max(width, 0.0) * 1000:.0f} mm open"]
+
+
+def _stops(case: Case, failure: FailureStory) -> list[str]:
+    visit = case.visit(failure)
+    return [
+        f"safety: the arm was stopped at {seconds(at.time)}: {at.record.message}"
+        for at in case.events("safety_stop", start=visit.start, end=failure.time)
+    ]
+
+
+def _halted(case: Case, failure: FailureStory) -> list[str]:
+    visit = case.visit(failure)
+    stopped = [
+        v.path.rsplit("/", 1)[-1]
+        for v in case.family.visits
+        if v.outcome == HALTED and v.last == visit.last and case.family.within(v, visit)
+    ]
+    return [f"stopped with it: {listed(stopped[::-1], 4)}"] if stopped else []
+
+
+def _faults(case: Case, failure: FailureStory, planted: Sequence[At[Event]]) -> list[str]:
+    true = case.pairs.get(failure.item)
+    return [
+        f"planted: {at.record.message} ({failure.time - at.time:.1f} s before)"
+        for at in planted
+        if true is not None
+        and at.record.data.get("item") == true
+        and failure.time - LATELY <= at.time <= failure.time
+    ]
 
 
 def failures_of(run: RunRecord, family: Family) -> tuple[FailureStory, ...]:
@@ -63,11 +215,11 @@ def _story(run: RunRecord, number: int, source: Visit, courses: Courses, cause: 
 
 
 def _follows(source: Visit, before: Sequence[Visit], family: Family) -> int | None:
-    """The number of the earlier failure that this one follows from."""
-    for number in reversed(range(len(before))):
-        earlier = before[number]
+    """The earlier_number of the earlier failure that this one follows from."""
+    for earlier_number in reversed(range(len(before))):
+        earlier = before[earlier_number]
         if _within_the_answer(source, earlier, family) or _consequence(source, earlier, family):
-            return number
+            return earlier_number
     return None
 
 

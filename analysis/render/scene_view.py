@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...logs.meshes.binary_gltf import read_glb
-from ...logs.meshes.body_parts import parts_of
+from ...logs.meshes.link_meshes import parts_of
 from ...logs.meshes.triangle_meshes import Mesh, joined, part_mesh, shape_mesh
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ...logs.schema.records import Block, Body, LinkMesh, Part, Scene

@@ -2,16 +2,90 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
+import cv2
+import numpy as np
+
 from ...errors import PicktreeError
+from ...logs.meshes.triangle_meshes import Mesh, joined, load_mesh, shape_mesh
 from ...logs.recording.images import write_picture
 from ...logs.run_log import RunLog
+from ...robots.description import RobotDescription
+from ...robots.model import RobotModel
+from ...robots.urdf_tree import LinkMesh, link_geometry
+from ...world.values import Array, Pose
 from .captions import write
 from .frames import moments
 from .rasterizer import Picture
+from .renderer import render
 from .scene_view import Scenery, Show
 from .viewpoint import View
+
+ROBOT_PICTURE_SIZE = (1000, 900)
+FACES = 6000
+"""Of one mesh at most."""
+AXIS = 0.08
+"""Length of the axes of a frame, m."""
+_COLOURS = ((214, 60, 60), (52, 168, 83), (66, 110, 235))
+"""Of x, y, z."""
+
+
+def draw_robot(robot: RobotDescription, path: Path) -> None:
+    """Write a PNG: what collides of the robot at `home` with the gripper open, its base, flange and TCP.
+
+    Raises PicktreeError for a mesh that cannot be read.
+    """
+    model = RobotModel(robot)
+    home = model.named("home")
+    poses = model.link_poses(home, robot.gripper.max_width)
+    mesh = joined(
+        [part.placed(pose) for link, part in _parts(robot) if (pose := poses.get(link)) is not None]
+    )
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    middle = (low + high) / 2
+    span = float(np.linalg.norm(high - low))
+    view = View(
+        target=(float(middle[0]), float(middle[1]), float(middle[2])),
+        distance=1.15 * span / (2 * math.tan(math.radians(16.0))),
+        azimuth=math.radians(35.0),
+        elevation=math.radians(18.0),
+        fov=math.radians(32.0),
+    )
+    picture = np.ascontiguousarray(render(mesh, view, ROBOT_PICTURE_SIZE))
+    frames = {"base": robot.base_in_world, "flange": model.flange(home), "TCP": model.tcp(home)}
+    for name, pose in frames.items():
+        _frame(picture, view, name, pose)
+    if not cv2.imwrite(str(path), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)):
+        raise PicktreeError(f"{path} cannot be written")
+
+
+def _parts(robot: RobotDescription) -> list[tuple[str, Mesh]]:
+    found: list[tuple[str, Mesh]] = []
+    for element in link_geometry(robot.urdf, "collision"):
+        if isinstance(element, LinkMesh):
+            try:
+                mesh = load_mesh(element.path, FACES)
+            except (OSError, ValueError) as error:
+                raise PicktreeError(f"{element.path}: the mesh cannot be read: {error}") from None
+            found.append((element.link, mesh.placed(element.pose_in_link, element.scale)))
+        else:
+            found.append((element.link, shape_mesh(element.shape).placed(element.pose_in_link)))
+    return found
+
+
+def _frame(picture: np.ndarray, view: View, name: str, pose: Pose) -> None:
+    ends: Array = np.vstack([np.zeros(3), np.eye(3) * AXIS])
+    pixels = np.round(view.project(pose.apply(ends), ROBOT_PICTURE_SIZE)[:, :2]).astype(int)
+    start = (int(pixels[0, 0]), int(pixels[0, 1]))
+    for colour, (x, y), letter in zip(_COLOURS, pixels[1:].tolist(), "xyz", strict=True):
+        cv2.line(picture, start, (x, y), colour, 3, cv2.LINE_AA)
+        cv2.putText(picture, letter, (x + 3, y + 3), cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
+    place = (start[0] + 10, start[1] - 10)
+    cv2.putText(picture, name, place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 4, cv2.LINE_AA)
+    cv2.putText(picture, name, place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, (30, 30, 30), 1, cv2.LINE_AA)
+
 
 SIZE = (1280, 800)
 _FINE = 2

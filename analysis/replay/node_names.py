@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 from typing import Protocol, TypeVar
 
 from ...errors import PicktreeError
-from ...files.spelling import nearest
+from ...files.value_wording import nearest
 
 
 class Named(Protocol):

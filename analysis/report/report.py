@@ -2,26 +2,79 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import os
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
+from string import Template
+from typing import Final
 
+from ... import __version__
+from ...authoring.drawing.formats import shapes
 from ...errors import PicktreeError
 from ..run import Run
-from .page import page
-from .page_data.packing import Section
+from .page_data.packing import Section, pack
 from .panels.board import pack_board
-from .panels.events import pack_events
-from .panels.failures import pack_failures
+from .panels.events import pack_events, pack_failures
 from .panels.header import pack_run, summary
 from .panels.images import pack_images
 from .panels.lanes import pack_lanes
 from .panels.plots import pack_plots
 from .panels.stage import pack_stage
 from .panels.tree import pack_tree
+
+PAGE: Final = Path(__file__).parent / "page"
+DRAWING: Final = ("libraries.js", "arranging.js", "viewer.js")
+"""Of the drawn tree; `report.js` finds `PicktreeDrawing` there."""
+
+
+def page(title: str, summary: str, sections: Iterable[Section]) -> str:
+    """The whole file. `summary` is what is said where scripts do not run."""
+    scripts = [(shapes.PAGE / name).read_text(encoding="utf-8") for name in DRAWING]
+    scripts.append((PAGE / "report.js").read_text(encoding="utf-8"))
+    template = Template((PAGE / "page.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        title=escape(title),
+        summary=escape(summary),
+        generator=f"picktree {__version__}",
+        policy=escape(_policy(scripts)),
+        style=style(),
+        payload=pack(sections),
+        scripts="\n".join(f"<script>{script}</script>" for script in scripts),
+    )
+
+
+def style() -> str:
+    """The style sheet: the palette of the drawn tree as variables, then its rules and the page's own."""
+    drawing = Template((shapes.PAGE / "drawing.css").read_text(encoding="utf-8"))
+    return "\n".join(
+        (
+            f":root {{ color-scheme: light; {_variables(shapes.LIGHT)} }}",
+            f':root[data-theme="dark"] {{ color-scheme: dark; {_variables(shapes.DARK)} }}',
+            drawing.substitute({name: f"var(--{name})" for name in shapes.LIGHT}),
+            (PAGE / "report.css").read_text(encoding="utf-8"),
+        )
+    )
+
+
+def _variables(colours: Mapping[str, str]) -> str:
+    return " ".join(f"--{name}: {value};" for name, value in colours.items())
+
+
+def _policy(scripts: Iterable[str]) -> str:
+    """Nothing may be fetched, and no script may run but these."""
+    digests = (hashlib.sha256(script.encode("utf-8")).digest() for script in scripts)
+    allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode('ascii')}'" for digest in digests)
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "connect-src blob:; base-uri 'none'; form-action 'none'"
+    )
+
 
 PACKERS: tuple[Callable[[Run], Section], ...] = (
     pack_run,

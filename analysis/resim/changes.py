@@ -3,21 +3,51 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Final
 
 from ...authoring.checking.check import check_mission
 from ...errors import PicktreeError
 from ...files.yaml.document import Fault, FileError, open_document
 from ...robots.loading import load_robot
-from ...session.mission_files import mission_files
-from ...session.recipe import Recipe
-from ...simulation.fault_files.fault_description import FaultFile
+from ...session.recipe import Recipe, mission_files
+from ...simulation.fault_files.fault_entries import FaultFile
 from ...simulation.fault_files.fault_loading import load_faults
 from ...trees.loading.scene_names import surroundings
 from ...trees.mission import Mission
 from ...world.scene.loading.scene_loading import load_scene
+from ..run import Run
+
+_TIME: Final = re.compile(r"(\d+(?:\.\d*)?|\.\d+)\s*(s|ms|min)")
+_UNITS: Final = {"s": 1.0, "ms": 1e-3, "min": 60.0}
+
+
+def parse_tick(text: str, run: Run, option: str) -> int:
+    """`412` is the tick of that number, `20.6 s` the last tick at that simulated time or before.
+
+    `option` names it in errors. Raises PicktreeError for anything else, and beyond the end of the log.
+    """
+    times = run.ticks.times
+    if not times:
+        raise PicktreeError(f"{run.path}: the log holds no tick")
+    written = text.strip()
+    over = f"{option} {written}: the log ends with tick {len(times) - 1}, at {times[-1]:.2f} s"
+    if written.isdecimal():
+        if int(written) >= len(times):
+            raise PicktreeError(over)
+        return int(written)
+    match = _TIME.fullmatch(written)
+    if match is None:
+        raise PicktreeError(f"{option} {written}: write the number of a tick, as 412, or a time, as 20.6s")
+    seconds = float(match[1]) * _UNITS[match[2]]
+    if seconds > times[-1] + 1e-6:
+        raise PicktreeError(over)
+    if seconds < times[0] - 1e-6:
+        raise PicktreeError(f"{option} {written}: the log begins at {times[0]:.2f} s")
+    return run.ticks.number_at(seconds)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from ...errors import PicktreeError
 from ...logs.schema.arithmetic_record import Arithmetic, departure
 from ...session import environment as circumstances
-from ...session.recipe_files import ROBOT_MESHES
+from ...session.recipe import ROBOT_MESHES
 from ...world.scene.loading.scene_loading import load_scene
 from ..run import Run
 

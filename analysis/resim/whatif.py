@@ -21,8 +21,7 @@ from ..compare.alignment import align
 from ..compare.run_outcome import KILLED, RunOutcome
 from ..compare.text.divergence_text import parting_lines
 from ..run import Run
-from .changes import Changed, Changes, apply
-from .moment_syntax import parse_tick
+from .changes import Changed, Changes, apply, parse_tick
 from .resim_comparison import Comparison, is_cut
 from .whatif_result import Continuation, NodeFates
 

@@ -10,14 +10,23 @@ from typing import cast
 from ...files.marks import FileError, Mark
 from ...files.yaml.document import open_document
 from ...trees.loading.loader import examine
-from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec
-from ...trees.mission_files import name_of
+from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, name_of
 from ...trees.ports import PortDeclaration
 from ...trees.slots import SlotDeclaration
 from ...trees.values.references import Binding, Reference
 from ...world.journal import Plain
-from .chart import Branch, BranchRole, Chart, ChartNode, ChartPort, ChartTree, PortRole, Rule
-from .symbols import RECOVERY, symbol_of
+from .chart import (
+    RECOVERY,
+    Branch,
+    BranchRole,
+    Chart,
+    ChartNode,
+    ChartPort,
+    ChartTree,
+    PortRole,
+    Rule,
+    symbol_of,
+)
 
 
 def chart_of_file(path: Path) -> Chart:

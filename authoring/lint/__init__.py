@@ -10,10 +10,9 @@ from ...trees.mission import Mission
 from .endless_loops import endless, unbounded_recovery, vain_attempts
 from .held_at_end import left_in_hand
 from .mission_survey import Survey
-from .needless_nodes import needless_defaults, without_effect
+from .needless_nodes import needless_defaults, unreachable, without_effect
 from .resource_conflicts import at_the_same_time, started_anew
 from .unhandled_causes import needless_handlers, unhandled
-from .unreachable_nodes import unreachable
 from .unused_ports import breakpoints, unused_files, unused_ports, unused_trees
 from .unwritten_keys import never_read, read_before_written
 

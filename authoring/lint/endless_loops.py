@@ -2,15 +2,151 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 from ...files.expressions.expression import Expression
 from ...files.yaml.document import Fault
-from ...trees.controls import ForEach, KeepRunningUntilFailure, Repeat, RetryUntilSuccessful
-from ...trees.mission import NodeSpec
-from .branch_effects import changes_of, depends_on, is_steady
-from .mission_survey import Survey
-from .node_context import Context, contexts
+from ...trees.controls import (
+    ForEach,
+    KeepRunningUntilFailure,
+    Parallel,
+    ReactiveFallback,
+    ReactiveSequence,
+    Repeat,
+    RetryUntilSuccessful,
+    Timeout,
+)
+from ...trees.flow.key_bits import expressions_of
+from ...trees.mission import MAIN, NodeSpec, TreeSpec
+from ...trees.values.references import Reference
+from ...world.belief.facts import FACTS
+from .mission_survey import Survey, ports_of
+
+_BY_ITSELF = "time"
+"""The fact that changes although nobody does anything."""
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """`acts`: something in it may move the robot, look, or do what nobody knows. `keys`: what it writes."""
+
+    acts: bool
+    keys: frozenset[str]
+
+    def decides(self, expression: Expression) -> bool:
+        """Whether the expression may get another value by it."""
+        facts = {name for name in expression.names if name in FACTS}
+        by_world = self.acts and bool(facts or expression.paths)
+        return by_world or _BY_ITSELF in facts or bool(self.keys & expression.names)
+
+
+def changes_of(branches: Iterable[NodeSpec], trees: Mapping[str, TreeSpec]) -> Changes:
+    """What the branches may change, seen from the tree in which they stand."""
+    acts, keys = False, set[str]()
+    for branch in branches:
+        for spec in branch.iterate():
+            keys |= _written(spec, trees)
+            if spec.node is None:
+                acts = acts or changes_of((trees[spec.id].root,), trees).acts
+            elif not spec.children and not spec.node.steady and spec.node.kind != "condition":
+                acts = True
+    return Changes(acts, frozenset(keys))
+
+
+def is_steady(branch: NodeSpec, trees: Mapping[str, TreeSpec]) -> bool:
+    """Whether it takes no time and answers alike each time, unless something else changes what it asks."""
+    written: set[str] = set()
+    read: set[str] = set()
+    for spec in branch.iterate():
+        if spec.node is None:
+            if not is_steady(trees[spec.id].root, trees):
+                return False
+        elif not spec.node.steady:
+            return False
+        written |= _written(spec, trees)
+        read |= set(_read(spec, trees))
+    return _BY_ITSELF not in read and not written & read
+
+
+def depends_on(branch: NodeSpec, trees: Mapping[str, TreeSpec], changes: Changes) -> bool:
+    """Whether these changes may make it answer otherwise."""
+    if changes.acts:
+        return True
+    return any(changes.keys & set(_read(spec, trees)) for spec in branch.iterate())
+
+
+def _written(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> set[str]:
+    outputs = {port.key for port in ports_of(spec, trees) if port.direction == "out"}
+    wired = {b.key for key, b in spec.ports.items() if isinstance(b, Reference) and key in outputs}
+    return wired | {a.key for assignments in spec.postconditions.values() for a in assignments}
+
+
+def _read(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[str]:
+    outputs = {port.key for port in ports_of(spec, trees) if port.direction == "out"}
+    for key, bound in spec.ports.items():
+        if isinstance(bound, Reference) and key not in outputs:
+            yield bound.key
+    for _, expression in expressions_of(spec):
+        yield from expression.names
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """`stopped`: something above may halt it while it runs. `beside`: something else is ticked meanwhile."""
+
+    stopped: bool = False
+    beside: bool = False
+
+    def below(self, spec: NodeSpec, child: NodeSpec, survey: Survey) -> Context:
+        """That of a child."""
+        stopped = self.stopped or "_while" in spec.preconditions
+        if spec.node is None:
+            return Context(stopped, self.beside)
+        if issubclass(spec.node, Timeout):
+            stopped = stopped or survey.walk.number(spec, "msec") != 0
+        if spec.node.by_turns:
+            return Context(stopped, self.beside)
+        if issubclass(spec.node, Parallel):
+            return Context(stopped or _may_end_early(spec, child, survey), beside=True)
+        if issubclass(spec.node, ReactiveSequence | ReactiveFallback):
+            stopped = stopped or child is not spec.children[0]
+            return Context(stopped, self.beside or len(spec.children) > 1)
+        # Switch and WhileDoElse leave a branch for another, and of a plug-in's node nothing is known.
+        return Context(stopped=True, beside=True)
+
+
+def _may_end_early(spec: NodeSpec, child: NodeSpec, survey: Survey) -> bool:
+    """Whether a Parallel may end by what its other children do."""
+    others = [survey.summary(part) for part in spec.children if part is not child]
+    wanted = survey.walk.number(spec, "success_count")
+    return any(other.fails for other in others) or wanted not in (-1, len(spec.children))
+
+
+def contexts(survey: Survey) -> Iterator[tuple[NodeSpec, Context]]:
+    """The nodes of the mission in each context in which they stand. Of a library none: who knows where its
+    trees will stand."""
+    seen: set[tuple[str, Context]] = set()
+    todo: list[tuple[TreeSpec, Context]] = []
+    if survey.main is not None:
+        todo.append((survey.mission.trees[MAIN], Context()))
+    while todo:
+        tree, context = todo.pop()
+        if (tree.name, context) in seen:
+            continue
+        seen.add((tree.name, context))
+        for spec, around in _inside(tree.root, context, survey):
+            yield spec, around
+            if spec.node is None:
+                todo.append((survey.mission.trees[spec.id], around.below(spec, spec, survey)))
+
+
+def _inside(root: NodeSpec, context: Context, survey: Survey) -> Iterator[tuple[NodeSpec, Context]]:
+    todo = [(root, context)]
+    while todo:
+        spec, around = todo.pop()
+        yield spec, around
+        todo += [(child, around.below(spec, child, survey)) for child in reversed(spec.children)]
 
 
 def endless(survey: Survey) -> Iterator[Fault]:

@@ -6,9 +6,7 @@ import posixpath
 from collections.abc import Iterator
 
 from ...files.yaml.document import Document, Fault
-from ...trees.mission import MAIN, TreeSpec
-from ...trees.mission_files import IN_LIBRARY
-from ...trees.subtree_calls import called_by
+from ...trees.mission import IN_LIBRARY, MAIN, TreeSpec, called_by
 from .mission_survey import Survey
 
 

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from ...files.yaml.document import Fault, nearest
 from ...trees.flow.key_reading import Read
-from .key_usage import Touch, Usage
-from .mission_survey import Survey
+from .mission_survey import Survey, Touch, Usage
 
 
 def read_before_written(survey: Survey) -> Iterator[Fault]:

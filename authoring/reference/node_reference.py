@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import chain, combinations
 from typing import Final
 
 from ...trees.declaration import Kind, NodeDeclaration
@@ -12,10 +13,48 @@ from ...trees.node import Node
 from ...trees.ports import PortDeclaration, Required
 from ...trees.skill import Skill
 from ...trees.slots import SlotDeclaration
+from ...trees.values.port_types import Given
 from ...world.causes import Cause
 from ...world.journal import Plain
-from .port_rules import one_needed_of
 from .port_wording import default_words, expression_words, flowing, hand_words, type_words
+
+_MOST = 10
+"""Optional keys of a node of which all combinations are tried."""
+
+
+@dataclass(frozen=True, slots=True)
+class OneNeeded:
+    """Without any of the keys the node is wrong, whatever else is given; `sentence` says so."""
+
+    keys: tuple[str, ...]
+    sentence: str
+
+
+def one_needed_of(node: type[Node]) -> OneNeeded | None:
+    """The keys of which the node needs one, asked of its own rule; None when it needs none so."""
+    declaration = node.declaration
+    every = (*declaration.ports, *declaration.slots)
+    required = [part.key for part in every if part.required]
+    optional = [part.key for part in every if not part.required]
+    sentence = _complaint(node, required)
+    if not sentence or len(optional) > _MOST:
+        return None
+    cures = tuple(key for key in optional if not _complaint(node, (*required, key)))
+    others = [key for key in optional if key not in cures]
+    if cures and all(_complaint(node, (*required, *some)) for some in _subsets(others)):
+        return OneNeeded(cures, sentence)
+    return None
+
+
+def _complaint(node: type[Node], keys: Collection[str]) -> str:
+    """What is wrong when just these keys are given, whatever their values; empty when nothing is."""
+    found = node.check_ports(Given(frozenset(keys)))
+    return next((wrong for wrong in found if isinstance(wrong, str)), "")
+
+
+def _subsets(keys: list[str]) -> Iterable[tuple[str, ...]]:
+    return chain.from_iterable(combinations(keys, size) for size in range(len(keys) + 1))
+
 
 TITLES: Final[Mapping[Kind, str]] = {
     "action": "Actions",

@@ -24,7 +24,7 @@ from .stage.rehearsal_world import TICK, RehearsalWorld
 from .stage.trace import Trace
 from .verdict.coverage import Reached, coverage
 from .verdict.rehearsal_result import CaseResult, Rehearsal
-from .verdict.trace_text import short_names
+from .verdict.rehearsal_text import short_names
 from .verdict.verdict import Outcome, differences
 
 MOST_TICKS = 10_000

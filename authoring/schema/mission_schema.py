@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from ...trees.loading.registry import Registry
 from ...trees.mission import MAIN
 from ...trees.ports import PortDeclaration
 from ...trees.values.port_types import NAMES_IN_FILES
-from ..reference.port_rules import one_needed_of
-from .cause_schema import causes_schema
-from .node_ids import Ids
+from ...world.causes import OUR_PREFIXES, Cause
+from ..reference.node_reference import one_needed_of
 from .node_schema import (
+    Ids,
     bare_docs,
     common_definitions,
     common_properties,
@@ -21,7 +21,40 @@ from .node_schema import (
     tree_schema,
 )
 from .port_schema import Known
-from .schema_parts import DRAFT, ID_PATTERN, Schema, header, if_bare, ref
+from .schema_parts import DRAFT, ID_PATTERN, Schema, escaped, header, if_bare, ref
+
+
+def causes_schema(causes: Iterable[Cause], patterns: Iterable[str], *, closed: bool) -> Schema:
+    """`patterns` are the causes' names, their families and `*`. `closed`: there are no other causes."""
+    known = {cause.name: cause for cause in causes}
+    properties: dict[str, Schema] = {}
+    for pattern in patterns:
+        cause = known.get(pattern)
+        properties[pattern] = _handler(cause_markdown(cause) if cause else _family(pattern, known))
+    found: Schema = {"type": "object", "minProperties": 1, "properties": properties}
+    if closed:
+        return found | {"additionalProperties": False}
+    own = "|".join(map(escaped, OUR_PREFIXES))
+    foreign = rf"^(?!(?:{own})\.)[a-z][A-Za-z0-9_]*(?:\.[a-z][A-Za-z0-9_]*)*(?:\.\*)?(?![\s\S])"
+    return found | {"patternProperties": {foreign: ref("child")}, "additionalProperties": False}
+
+
+def cause_markdown(cause: Cause) -> str:
+    """The cause in a sentence, and what to try first."""
+    return f"{cause.sentence} First remedy: {cause.remedy}."
+
+
+def _family(pattern: str, known: Iterable[str]) -> str:
+    if pattern == "*":
+        return "Every cause but `internal.error`, a fault of the program."
+    return "Any of " + ", ".join(f"`{name}`" for name in known if name.startswith(pattern[:-1])) + "."
+
+
+def _handler(markdown: str) -> Schema:
+    said: Schema = {"description": markdown.replace("`", ""), "markdownDescription": markdown}
+    # First of all, so that the cause is explained and not the node that handles it.
+    return {"allOf": [said, ref("child")]} | said
+
 
 _TYPES = (*NAMES_IN_FILES, *(f"list of {name}" for name in NAMES_IN_FILES))
 

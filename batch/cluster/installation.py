@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import Final
 
-from ...files.rooms import ROOT
+from ...files.shipped_files import ROOT
 from ...session.environment import hashes, sources, versions
 from ...trees.loading.registry import GROUP
 

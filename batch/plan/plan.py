@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from pydantic import TypeAdapter, ValidationError
+
+from ...errors import PicktreeError
+from ...files.atomic_write import whole
+from ...session.recipe import Recipe, installed_meshes, recipe_files
+from ...session.request import RunRequest, read_recipe
+from ...session.resume.recipe_archive import write_recipe
 from ...simulation.backends import Backend
 
 Keep: TypeAlias = Literal["all", "failures", "none"]
@@ -77,3 +86,90 @@ class Plan:
             words.append(faults.stem if faults else "no faults")
         words += [f"{name}={value}" for name, value in settings.items() if len(self.settings[name]) > 1]
         return ", ".join(words) or mission.stem
+
+
+RECIPES = "recipes"
+"""Folder of a batch with all that its jobs run, once for each variant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What one worker runs at a time."""
+
+    id: str
+    """Hash over the content of its files, its settings, its seed and how it is run."""
+    number: int
+    """Its place in the plan, from 0."""
+    variant: Variant
+    seed: int
+    recipe: str
+    """Hash over all of that but the seed, which names the file that holds it."""
+
+    def recipe_in(self, folder: Path) -> Path:
+        """What it runs, as the batch in `folder` keeps it."""
+        return folder / RECIPES / f"{self.recipe}.zip"
+
+
+def jobs_of(plan: Plan, folder: Path) -> tuple[Job, ...]:
+    """Every job of a checked plan, seeds together by variant. What they run is put into the batch's `folder`.
+
+    Raises FileError for a file that was edited since it was checked, PicktreeError when one cannot be
+    written.
+    """
+    jobs: list[Job] = []
+    for variant in plan.variants():
+        recipe = read_recipe(_request(plan, variant))
+        content = _content(variant, recipe)
+        for seed in plan.seeds:
+            jobs.append(Job(_id(content, seed), len(jobs), variant, seed, content[:16]))
+        write_recipe(recipe, jobs[-1].recipe_in(folder))
+    return tuple(jobs)
+
+
+def _id(content: str, seed: int) -> str:
+    return hashlib.sha256(f"{content} seed {seed}".encode()).hexdigest()[:16]
+
+
+def _content(variant: Variant, recipe: Recipe) -> str:
+    """A fingerprint of everything but the seed on which the outcome depends."""
+    said = {
+        "settings": dict(variant.settings),
+        "backend": recipe.backend,
+        "verify": recipe.verify,
+        "limit": recipe.limit,
+        "files": {file.name: hashlib.sha256(file.data).hexdigest() for file in recipe_files(recipe)},
+        "robot": {name: word.partition(" ")[0] for name, word in installed_meshes(recipe.robot).items()},
+    }
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+
+
+def _request(plan: Plan, variant: Variant) -> RunRequest:
+    return RunRequest(
+        mission=variant.mission,
+        scene=variant.scene,
+        parameters=variant.settings,
+        faults=variant.faults,
+        backend=plan.backend,
+        verify=plan.verify,
+        limit=plan.limits.simulated,
+    )
+
+
+NAME = "plan.json"
+_ADAPTER = TypeAdapter(Plan)
+
+
+def write_plan(plan: Plan, folder: Path) -> None:
+    """Raises PicktreeError when it cannot be written."""
+    with whole([folder / NAME], folder / NAME) as (beside,):
+        beside.write_bytes(_ADAPTER.dump_json(plan, indent=1))
+
+
+def read_plan(folder: Path) -> Plan:
+    """Raises PicktreeError when there is none."""
+    try:
+        return _ADAPTER.validate_json((folder / NAME).read_bytes())
+    except OSError:
+        raise PicktreeError(f"{folder}: no batch: there is no {NAME} in it") from None
+    except ValidationError as error:
+        raise PicktreeError(f"{folder / NAME}: no plan of a batch: {error.errors()[0]['msg']}") from None

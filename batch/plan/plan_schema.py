@@ -9,10 +9,39 @@ from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
 
 from ...errors import PicktreeError
 from ...files.models.validation import FileModel, Flag, Wrong, describe, quantity
-from .seeds import parse_seeds
 
 if TYPE_CHECKING:
     from ...authoring.schema.schema_parts import Schema
+
+
+MOST_SEEDS = 100_000
+LARGEST_SEED = 2**31 - 1
+_EXAMPLE = "write 0:100 (half open), 3,7 or both"
+
+
+def parse_seeds(text: str) -> tuple[int, ...]:
+    """In the order of the text, each once. Raises PicktreeError.
+
+    >>> parse_seeds("0:3,7")
+    (0, 1, 2, 7)
+    """
+    seeds: dict[int, None] = {}
+    for part in text.split(","):
+        first, colon, last = part.strip().partition(":")
+        try:
+            start = int(first)
+            stop = int(last) if colon else start + 1
+        except ValueError:
+            raise PicktreeError(f"seeds {text!r}: {part.strip()!r} is no seed; {_EXAMPLE}") from None
+        if start < 0 or stop - 1 > LARGEST_SEED:
+            raise PicktreeError(f"seeds {text!r}: a seed is 0 or more, and at most {LARGEST_SEED}")
+        if stop <= start:
+            raise PicktreeError(f"seeds {text!r}: {part.strip()!r} holds no seed: {_EXAMPLE}")
+        if len(seeds) + stop - start > MOST_SEEDS:
+            raise PicktreeError(f"seeds {text!r}: more than {MOST_SEEDS} seeds")
+        seeds.update(dict.fromkeys(range(start, stop)))
+    return tuple(seeds)
+
 
 _BYTES = {"MB": 10**6, "GB": 10**9, "MiB": 2**20, "GiB": 2**30}
 NO_FAULTS = "none"

@@ -14,7 +14,7 @@ from urllib.parse import quote
 from ...analysis.report.report import write_report as write_run_report
 from ...analysis.run import Run
 from ...errors import PicktreeError
-from ..plan.plan_record import read_plan
+from ..plan.plan import read_plan
 from ..results.store import NAME, Store
 from ..results.views import CELL
 from ..statistics.findings import Worst

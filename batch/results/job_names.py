@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...errors import PicktreeError
-from ...files.spelling import nearest
-from ..plan.job import Job
+from ...files.value_wording import nearest
+from ..plan.plan import Job
 from .store import NAME, Store
 
 _BY_SEED = re.compile(r"(?:(?P<label>.*),)?\s*seed=(?P<seed>\d+)")

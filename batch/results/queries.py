@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 from ...analysis.export.tables.columns import Cell
 from ...errors import PicktreeError
-from ...files.spelling import nearest
+from ...files.value_wording import nearest
 from .tables import TABLES, TableOf
 from .views import VIEWS
 

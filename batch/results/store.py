@@ -10,8 +10,7 @@ from dataclasses import astuple, fields
 from pathlib import Path
 
 from ...errors import PicktreeError
-from ..plan.job import Job
-from ..plan.plan import Variant
+from ..plan.plan import Job, Variant
 from .queries import Read, Table, answered, reading
 from .rows import (
     CrashRow,

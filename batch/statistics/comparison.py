@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from ...logs.schema.arithmetic_record import departure
-from .differences import Difference, paired_difference, unpaired_difference
+from .differences import Difference, Outcome, Recipe, paired_difference, read_recipe, unpaired_difference
 from .rates import (
     SIGNIFICANT,
     Interval,
@@ -20,7 +20,6 @@ from .rates import (
     paired,
     rate,
 )
-from .recipe_outcomes import Outcome, Recipe, read_recipe
 
 Side: TypeAlias = Literal["A", "B"]
 _ENOUGH = 0.5

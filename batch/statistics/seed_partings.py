@@ -10,9 +10,9 @@ from pathlib import Path
 
 from ...analysis.compare.alignment import Alignment, align
 from ...analysis.compare.divergence import Parting
+from ...analysis.compare.message_fields import value_text
 from ...analysis.compare.run_settings import value_changes
 from ...analysis.compare.text.divergence_text import HOW
-from ...analysis.compare.value_text import value_text
 from ...analysis.run import Run
 from ...errors import PicktreeError
 from ...logs.visits import HALTED, Visit
@@ -21,7 +21,7 @@ from ..workers.executor import Executor
 from ..workers.local_executor import LocalExecutor
 from ..workers.rerun_job import remake_into
 from .comparison import Changed, Comparison, Side
-from .recipe_outcomes import Recipe
+from .differences import Recipe
 
 
 def with_partings(

@@ -13,8 +13,7 @@ from typing import Any
 from ...errors import PicktreeError
 from ...logs.schema.arithmetic_record import PREFIXES, Arithmetic, departure
 from ...session.session import LOG
-from ..plan.job import Job
-from ..plan.plan_record import read_plan
+from ..plan.plan import Job, read_plan
 from ..results.job_names import find_job, split
 from ..results.rows import JobRows
 from ..results.store import NAME, Store

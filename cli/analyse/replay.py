@@ -16,7 +16,7 @@ def replay(
     """Step through a run: tree, belief, what changed. With keys at a terminal; else commands from stdin."""
     from ...analysis.replay.cursor import Cursor
     from ...analysis.run import Run
-    from ..terminal.prompt_input import complete_with, line_reader
+    from ..terminal.command_prompt import complete_with, line_reader
     from .replay_prompt import ReplayPrompt
 
     with Run(log) as run:

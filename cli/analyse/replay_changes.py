@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from ...analysis.compare.short_names import short_names
+from ...analysis.compare.message_fields import short_names
 from ...analysis.replay.cursor import Changes, Cursor
 from ...logs.run_log import At
 from ...logs.schema.records import Plan, Transition

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Literal, TextIO, TypeAlias
 
-from ...analysis.compare.short_names import short_names
+from ...analysis.compare.message_fields import short_names
 from ...analysis.replay.cursor import Cursor, Edge
 from ...analysis.replay.node_names import fitting
 from ...errors import PicktreeError

@@ -5,10 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
+from ...files.yaml.document import Document, Fault, FileError, open_document
+from ...robots.loading import check_robot
+from ...world.scene.loading.scene_loading import check_scene
+
 if TYPE_CHECKING:
     from ...files.diagnostics.file_checks import Check
-    from ...files.marks import Fault
-    from ...files.yaml.document import Document
+
+
+def check_cell(document: Document) -> tuple[Fault, ...]:
+    """Everything that can be said of a document of kind `scene`, and of the robot file that it names."""
+    scene = check_scene(document)
+    if scene.robot is None:
+        return scene.faults
+    try:
+        return (*scene.faults, *check_robot(open_document(scene.robot, "robot")).faults)
+    except FileError as error:
+        return (*scene.faults, *error.faults)
 
 
 def _mission(document: Document) -> Iterable[Fault]:
@@ -18,8 +31,6 @@ def _mission(document: Document) -> Iterable[Fault]:
 
 
 def _scene(document: Document) -> Iterable[Fault]:
-    from ...robots.cell import check_cell
-
     return check_cell(document)
 
 

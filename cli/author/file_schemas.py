@@ -6,10 +6,9 @@ from typing import Literal, TypeAlias
 
 from ...authoring.rehearsal.cases.cases_schema import CasesFile
 from ...authoring.schema.draft_07 import schema, schemas
-from ...authoring.schema.key_conditions import belonging, by_value
 from ...authoring.schema.patch_schema import patch, patched
 from ...authoring.schema.pydantic_schema import model_schema
-from ...authoring.schema.schema_parts import Schema
+from ...authoring.schema.schema_parts import Schema, belonging, by_value
 from ...robots.loading import robot_names
 from ...robots.robot_schema import RobotFile
 from ...simulation.fault_files.fault_schema import MAY, NEEDS, FaultsFile

@@ -4,12 +4,146 @@ from __future__ import annotations
 
 import os
 import shlex
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal, TypeAlias
 
 import typer
 
+from ...errors import PicktreeError
 from ..terminal.output import program
+
+StartKind: TypeAlias = Literal["mission", "scene", "plugin"]
+
+_TEMPLATES: Final = Path(__file__).parent / "templates"
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A file of a start: its name within the folder, what it is for, and of which kind of file it is the
+    schema."""
+
+    name: str
+    doc: str
+    schema: Literal["", "mission", "scene", "cases"] = ""
+
+    @property
+    def made(self) -> bool:
+        """Whether picktree makes it, so that nothing of the user's own is in it."""
+        return bool(self.schema)
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """The files of a start, in the order in which they are read, and the commands to type next.
+
+    In a command `{.}` stands for the folder, `{}` for the way into it, MISSION for a mission of the user's.
+    """
+
+    parts: tuple[Part, ...]
+    commands: tuple[str, ...]
+
+
+STARTS: Final[Mapping[StartKind, Start]] = {
+    "mission": Start(
+        (
+            Part("mission.yaml", "the trees of nodes"),
+            Part("cases/mission.yaml", "what must happen when skills fail"),
+            Part("schemas/mission.json", "for editors: completion, explanations, errors", "mission"),
+            Part("schemas/cases.json", "the same for the cases", "cases"),
+        ),
+        (
+            "check {.}",
+            "render {}mission.yaml",
+            "rehearse {}mission.yaml",
+            "run {}mission.yaml --backend kinematic",
+            "run {}mission.yaml",
+        ),
+    ),
+    "scene": Start(
+        (
+            Part("scene.yaml", "table, bins, camera, items, and where they belong"),
+            Part("schemas/scene.json", "for editors: completion, explanations, errors", "scene"),
+        ),
+        ("check {}scene.yaml", "run MISSION --scene {}scene.yaml --backend kinematic"),
+    ),
+    "plugin": Start(
+        (
+            Part("lift.py", "the skill: its ports, its causes, what it does"),
+            Part("lift.yaml", "a mission that uses it"),
+            Part("cases/lift.yaml", "what must happen when it fails"),
+            Part("schemas/lift.json", "for editors; it knows the skill", "mission"),
+            Part("schemas/cases.json", "the same for the cases", "cases"),
+        ),
+        (
+            "check {.}",
+            "nodes Lift --mission {}lift.yaml",
+            "rehearse {}lift.yaml",
+            "run {}lift.yaml --backend kinematic",
+        ),
+    ),
+}
+
+
+def write_start(kind: StartKind, folder: Path) -> tuple[Part, ...]:
+    """Write the files of a start into the folder, which is made where there is none; what was written.
+
+    Schemas that are there already stay as they are. Raises PicktreeError, and then nothing was written, when
+    another file is there already or one cannot be written.
+    """
+    for part in STARTS[kind].parts:
+        if not part.made and os.path.lexists(folder / part.name):
+            raise PicktreeError(f"{folder / part.name} is there already; nothing was written")
+    wanted = tuple(part for part in STARTS[kind].parts if not os.path.lexists(folder / part.name))
+    texts = {folder / part.name: _text(kind, part) for part in wanted}
+    undo: list[Callable[[], None]] = []
+    try:
+        for path, text in texts.items():
+            _make_folder(path.parent, undo)
+            with path.open("x", encoding="utf-8", newline="\n") as file:
+                undo.append(path.unlink)
+                file.write(text)
+    except OSError as error:
+        for step in reversed(undo):
+            step()
+        why = (error.strerror or str(error)).lower()
+        raise PicktreeError(f"{error.filename or folder} cannot be written: {why}") from None
+    return wanted
+
+
+def _make_folder(folder: Path, undo: list[Callable[[], None]]) -> None:
+    if folder.is_dir():
+        return
+    _make_folder(folder.parent, undo)
+    folder.mkdir()
+    undo.append(folder.rmdir)
+
+
+def _text(kind: StartKind, part: Part) -> str:
+    match part.schema:
+        case "":
+            return (_TEMPLATES / kind / part.name).read_text(encoding="utf-8")
+        case "mission":
+            return _mission_schema(kind)
+        case "scene" | "cases" as of:
+            from ...authoring.schema.schema_parts import to_text
+            from .file_schemas import file_schema
+
+            return to_text(file_schema(of))
+
+
+def _mission_schema(kind: StartKind) -> str:
+    """Of any mission with the nodes that are installed, and with those of the start's own plug-in."""
+    from ...authoring.schema.mission_context import any_mission
+    from ...authoring.schema.mission_schema import mission_schema
+    from ...authoring.schema.schema_parts import to_text
+    from ...trees.loading.registry import Registry
+
+    registry = Registry()
+    if kind == "plugin":
+        registry.add_plugin("lift.py", _TEMPLATES / kind)
+    return to_text(mission_schema(registry, any_mission()))
 
 
 def new(
@@ -17,8 +151,6 @@ def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where; made where there is none.")],
 ) -> None:
     """Write a commented start that passes all checks: a mission, a scene, or a skill of one's own."""
-    from .starter_files import STARTS, write_start
-
     written = write_start(kind, folder)
     widest = max(len(part.name) for part in written)
     print(f"written to {folder}:")

@@ -35,8 +35,8 @@ def nodes(
     import orjson
 
     from ...authoring.reference.markdown import markdown as reference_page
+    from ...authoring.reference.markdown import page, table
     from ...authoring.reference.node_reference import node_entry
-    from ...authoring.reference.text import page, table
     from ..terminal.node_registries import registry
     from ..terminal.output import show
 
@@ -59,7 +59,7 @@ def nodes(
 
 def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
     from ...errors import PicktreeError
-    from ...files.spelling import nearest
+    from ...files.value_wording import nearest
 
     for node in declared:
         if node.id == name:

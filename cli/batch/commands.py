@@ -105,7 +105,7 @@ def compare(
     explains."""
     from ...batch.statistics.comparison import compare_recipes
     from ...batch.statistics.comparison_text import json_text_of, text_of
-    from ...batch.statistics.recipe_outcomes import read_recipe
+    from ...batch.statistics.differences import read_recipe
     from ...batch.statistics.seed_partings import with_partings
     from ..analyse.resim import Progress
 

@@ -16,7 +16,7 @@ from .progress_text import Count
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ...batch.plan.job import Job
+    from ...batch.plan.plan import Job
     from ...batch.results.rows import JobRow
     from ...batch.statistics.summary import BatchSummary
     from ...batch.workers.batch import Ended

@@ -61,7 +61,7 @@ def calibrate(
     """
     answer = keep_stdout() if json else None
 
-    from ...commissioning.calibrate.calibration_scene import parse_place
+    from ...commissioning.calibrate.corrected_scene import parse_place
     from ...commissioning.calibrate.job import CalibrationAsked
     from ...commissioning.calibrate.job import calibrate as calibrated
 

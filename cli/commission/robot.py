@@ -39,7 +39,7 @@ def new(
 ) -> None:
     """Propose a robot file for a URDF: joints and limits, gripper and TCP, poses, self-collisions."""
     answer = keep_stdout() if json else None
-    from ...analysis.render.robot_picture import draw_robot
+    from ...analysis.render.snapshot import draw_robot
     from ...commissioning.robot_setup.proposal import Wish, propose
     from ...commissioning.robot_setup.summary import summary_of_new
     from ...errors import PicktreeError
@@ -77,7 +77,7 @@ def show(
     answer = keep_stdout() if json else None
     from dataclasses import replace
 
-    from ...analysis.render.robot_picture import draw_robot
+    from ...analysis.render.snapshot import draw_robot
     from ...commissioning.robot_setup.summary import summary_of
     from ...files.atomic_write import whole
     from ...robots.loading import load_robot

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TextIO
 
-from ..terminal.prompt_input import complete_with, line_reader
+from ..terminal.command_prompt import complete_with, line_reader
 from .debugger_prompt import DebugPrompt
 
 

@@ -108,8 +108,8 @@ def run(
     seconds = None if limit is None else parse_limit(limit)
 
     from ...logs.recording.rotation import Rotation
-    from ...session.live.real_time_pace import Paced
-    from ...session.operators import GivenAnswers
+    from ...session.live.live_view import Paced
+    from ...session.observer import GivenAnswers
     from ...session.recipe import LIMIT
     from ...session.session import RunRequest, Session
     from .operator_prompt import person

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TextIO, TypeVar
 
 from ...errors import PicktreeError
-from ...files.spelling import nearest
+from ...files.value_wording import nearest
 
 Out = TypeVar("Out", bound=TextIO)
 
@@ -126,3 +127,36 @@ class Prompt:
 
     def _say(self, text: str) -> None:
         print(text, file=self._out, flush=True)
+
+
+def line_reader(out: TextIO) -> Callable[[str], str]:
+    """Reads from stdin. What is piped in is shown behind the prompt, so that it reads as a conversation."""
+    if sys.stdin.isatty():
+        return input
+
+    def read(text: str) -> str:
+        line = sys.stdin.readline()
+        if not line:
+            raise EOFError
+        print(f"{text}{line.rstrip()}", file=out, flush=True)
+        return line
+
+    return read
+
+
+def complete_with(prompt: Prompt) -> None:
+    """Let Tab complete the lines that are typed for this prompt."""
+    try:
+        import readline
+    except ImportError:  # Python may be built without it
+        return
+    found: list[str] = []
+
+    def complete(word: str, state: int) -> str | None:
+        if state == 0:
+            found[:] = prompt.completions(readline.get_line_buffer()[: readline.get_endidx()])
+        return found[state] if state < len(found) else None
+
+    readline.set_completer_delims(" ")
+    readline.set_completer(complete)
+    readline.parse_and_bind("tab: complete")

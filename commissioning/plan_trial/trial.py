@@ -15,11 +15,54 @@ from ...cell.world import World
 from ...planning.failures.planning_failures import listed
 from ...planning.kinematics.levenberg_marquardt import is_hinge
 from ...planning.requests import BUDGET, Constraint, NamedGoal, Plan, Request, Upright
+from ...robots.loading import load_robot
+from ...session.assembly import assemble
+from ...simulation.backends import build_hardware
+from ...simulation.scoring.truth import TrueBody
+from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure
+from ...world.scene.loading.scene_loading import load_scene
 from . import trial_picture as picture
 from .target_syntax import Attempt, Wanted, start, wanted
 from .trial_result import Found, PlanAnswer, Refused
-from .trial_world import build
+
+SIGMA = 1e-4
+"""Of what is believed exactly: positions, m, and angles, rad."""
+
+
+def build(scene: str, robot: str | None, seed: int, *, verify: bool) -> World:
+    """The world of a shipped scene or a scene file, with what is spawned by that seed believed where it is.
+
+    `robot`: a shipped robot or a robot file instead of the scene's. Raises PicktreeError.
+    """
+    description = load_scene(scene, Path.cwd())
+    beside = Path.cwd() if robot else Path(description.source).parent
+    arm = load_robot(robot or description.robot, beside)
+    hardware = build_hardware("kinematic", description, arm, seed)
+    world = assemble(hardware, description, arm, seed, verify=verify)
+    for body in hardware.truth():
+        if body.present:
+            world.scene.put(_believed(world, body), "believed as it is")
+    world.scene.take_changes()
+    return world
+
+
+def _believed(world: World, body: TrueBody) -> BeliefObject:
+    """Named as perception names what it finds."""
+    return BeliefObject(
+        world.scene.new_id(f"{body.colour}_{body.kind}"),
+        "item",
+        body.kind,
+        body.form,
+        body.shape,
+        body.colour,
+        body.pose,
+        SIGMA,
+        SIGMA,
+        1.0,
+        world.clock.now,
+    )
+
 
 NODE = "plan"
 """Keys the planner's randomness."""

@@ -14,7 +14,7 @@ from ...world.shapes import Box
 from ...world.values import Array, Pose, Vector3
 from .joint_groups import Hand
 from .link_points import Solid
-from .unsuitable import Unsuitable
+from .urdf_source import Unsuitable
 
 STEPS = 9
 """Openings at which the fingers are looked at."""

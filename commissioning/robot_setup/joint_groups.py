@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...files.spelling import nearest
+from ...files.value_wording import nearest
 from ...robots.urdf_tree import MOVING, Skeleton, UrdfJoint
-from .unsuitable import Unsuitable
+from .urdf_source import Unsuitable
 
 FEWEST = 5
 """Joints that an arm needs to put its tool upright at any place and turn it: three, one and one."""

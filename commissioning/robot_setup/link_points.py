@@ -14,11 +14,10 @@ from scipy.spatial import ConvexHull
 
 from ...errors import PicktreeError
 from ...robots.mesh_files import mesh_file
-from ...robots.urdf_geometry import LinkMesh, LinkShape, link_geometry
-from ...robots.urdf_tree import parsed_urdf
+from ...robots.urdf_tree import LinkMesh, LinkShape, link_geometry, parsed_urdf
 from ...world.shapes import corners
 from ...world.values import Array
-from .unsuitable import Unsuitable
+from .urdf_source import Unsuitable
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...files.spelling import nearest
+from ...files.value_wording import nearest
 from ...robots.gripper_mounting import Mounting
 from ...robots.urdf_tree import MOVING, Skeleton
 from ...world.values import Array, Pose
 from .joint_groups import Arm, find_hand
 from .link_points import Solid
-from .unsuitable import Unsuitable
-from .urdf_source import Source
+from .urdf_source import Source, Unsuitable
 
 JOINT = "mount"
 """Name of the joint that holds the gripper."""

@@ -30,8 +30,7 @@ from .mounting import find_mounting
 from .named_poses import NamedPose, propose_poses
 from .robot_file_writer import written
 from .self_collision import SAMPLES, Question, SelfCollision, sample
-from .unsuitable import Unsuitable
-from .urdf_source import Source, find_source
+from .urdf_source import Source, Unsuitable, find_source
 
 ROTOR = 0.003
 """Moment of a linkage's links at least, kg·m²: what the motor's rotor adds through its gear."""

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from ...robots.gripper_mounting import LinkInertia
-from ...robots.rpy import rpy_of
+from ...robots.tool_frame import rpy_of
 from ...world.shapes import Box
 from ...world.values import Pose
 from .draft import Draft

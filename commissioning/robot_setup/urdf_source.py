@@ -8,11 +8,22 @@ from pathlib import Path
 
 from ...errors import PicktreeError
 from ...files.shipped_files import is_file
-from ...files.yaml.bounded_open import Unreadable, read_bytes
+from ...files.yaml.yaml_errors import Unreadable, read_bytes
 from ...robots.gripper_mounting import NamedUrdf
 from ...robots.mesh_files import package_folder
 from ...robots.urdf_tree import MAX_BYTES, Skeleton, UrdfError, read_skeleton
-from .unsuitable import Unsuitable
+
+
+class Unsuitable(PicktreeError):
+    """What was found, what is missing, and what would help: a sentence each, told together."""
+
+    def __init__(self, urdf: str, found: str, missing: str, helps: str) -> None:
+        self.found, self.missing, self.helps = found, missing, helps
+        super().__init__(
+            f"{urdf}: no robot file can be made of it\n  found    {found}\n"
+            f"  missing  {missing}\n  helps    {helps}"
+        )
+
 
 _TEMPLATE = re.compile(rb"<xacro:\w|\$\{|\$\((?:arg|find|optenv|env|eval) ")
 

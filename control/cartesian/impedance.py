@@ -12,7 +12,7 @@ from ...robots.model import RobotModel
 from ...world.values import Array, JointState
 from ..commands import Controller, JointCommand, TorqueCommand
 from ..joints.joint_controllers import Brake
-from ..wrist.tool_wrench import Feeling
+from ..wrist.wrist_wrench import Feeling
 from .anchor_courses import Course, Felt, Stay
 from .soft_limits import JointBounds
 from .stiffness import FIRM, SOFT, Stiffness

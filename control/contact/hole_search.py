@@ -17,8 +17,7 @@ import numpy as np
 
 from ...world.values import Array
 from ..cartesian.anchor_courses import Course, Felt
-from .search_patterns import Standing, grid, spiral
-from .small_rotations import axis_of, following, plane, skew, turned
+from .search_patterns import Standing, axis_of, following, grid, plane, skew, spiral, turned
 
 Part: TypeAlias = Generator[None, Felt, Felt]
 """A part of a course: sent what is felt in each control period, it ends with the last of it."""

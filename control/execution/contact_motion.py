@@ -20,7 +20,7 @@ from ..cartesian.stiffness import Stiffness
 from ..contact.guarded_move import GuardedCourse, GuardedResult
 from ..joints.joint_controllers import Hold
 from ..safety.motion_lease import Lease
-from ..wrist.tool_wrench import Feeling
+from ..wrist.wrist_wrench import Feeling
 from .control_loop import ControlLoop
 
 T = TypeVar("T")

@@ -19,10 +19,10 @@ from ...world.stopwatch import Stopwatch
 from ...world.values import GRAVITY, Array, JointState, Pose, Vector3, Wrench
 from ..cartesian.impedance import CartesianImpedance, Comply
 from ..commands import Controller, JointCommand
+from ..joints.external_torque import EXPLAINED, Efforts
 from ..joints.joint_controllers import Brake, Hold
 from ..safety.motion_lease import ForceGuard, Lease
 from ..safety.safety_monitor import MonitorState, SafetyMonitor
-from ..wrist.joint_efforts import EXPLAINED, Efforts
 from ..wrist.wrist_wrench import LARGEST_STEP, QUIET, Wrist
 
 REST_SPEED = 0.02

@@ -20,8 +20,7 @@ from ..cartesian.anchor_courses import Course
 from ..cartesian.stiffness import FIRM, Stiffness
 from ..contact.guarded_move import GuardedResult
 from ..joints.joint_controllers import Track, way_back
-from ..joints.soft_contact import Sensitivity, Softly
-from ..joints.soft_controller import SoftTrack
+from ..joints.soft_controller import Sensitivity, Softly, SoftTrack
 from ..safety.motion_lease import ForceGuard, Lease
 from .contact_motion import ZERO_TIME, Complied, Touching
 from .control_loop import ControlLoop

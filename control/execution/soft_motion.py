@@ -16,8 +16,7 @@ from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
 from ..joints.external_torque import at_rest
 from ..joints.joint_controllers import Hold
-from ..joints.soft_contact import Sensitivity, Softly
-from ..joints.soft_controller import GIVING_TIME, GivingWay, SoftTrack
+from ..joints.soft_controller import GIVING_TIME, GivingWay, Sensitivity, Softly, SoftTrack
 from ..safety.motion_lease import Lease
 from .control_loop import ControlLoop
 

@@ -4,17 +4,49 @@ gently."""
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from ...robots.model import RobotModel
+from ...world.causes import Failure
 from ...world.trajectory import Trajectory
 from ...world.values import Array, JointState, Vector3
 from ..commands import Controller, JointCommand, TorqueCommand
 from ..wrist.wrist_wrench import Wrist
 from .external_torque import TorqueObserver, at_rest
 from .joint_controllers import Brake, Track
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """What counts as a contact, beyond what is felt without one."""
+
+    torque: float
+    """External torques of all joints, Euclidean norm, Nm: felt wherever on the arm it acts."""
+    force: float
+    """At the wrist, N."""
+
+
+@dataclass(frozen=True, slots=True)
+class Softly:
+    """How a soft motion ended, at rest."""
+
+    completed: bool
+    progress: float
+    """Of the trajectory, s."""
+    touched: bool
+    """Something was in the way: the arm gave way to it, and stands."""
+    torque: float
+    """The greatest external torque that was met, Nm."""
+    force: float
+    """The greatest force at the wrist that was met, N."""
+    push: Vector3 = (0.0, 0.0, 0.0)
+    """How what was touched pushed at the hand, N in the world; nothing where it touched another part."""
+    noticed: Failure | None = None
+    """Why it was stopped, where `watch` said so."""
+
 
 FIRMNESS = 6.0
 """Stiffness of a joint over its torque limit, 1/rad."""

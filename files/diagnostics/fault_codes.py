@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from ...errors import PicktreeError
-from ..spelling import nearest
+from ..value_wording import nearest
 
 FOLDER = Path(__file__).parent / "pages"
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import yaml
 
 from ..marks import MAX_FAULTS, Fault, Mark
-from ..spelling import nearest
+from ..value_wording import nearest
 from ..yaml.reader import Places
 
 _COMMENT = re.compile(r"(?:^|(?<=[ \t]))#[ \t]*picktree[ \t]*:[ \t]*(?P<text>[^\r\n]*)", re.MULTILINE)

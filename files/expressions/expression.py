@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Never, TypeAlias, cast
 
-from ..spelling import nearest
+from ..value_wording import nearest
 from .parser import FUNCTIONS, parse
 from .syntax_tree import (
     Arithmetic,

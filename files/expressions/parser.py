@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Final, cast
 
 from ..quantities import units_like
-from ..spelling import nearest
+from ..value_wording import nearest
 from .syntax_tree import (
     Arithmetic,
     Attribute,

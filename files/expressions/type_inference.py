@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias, cast
 
-from ..spelling import nearest
+from ..value_wording import nearest
 from .expression import Expression
 from .syntax_tree import (
     Arithmetic,

@@ -16,8 +16,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, Strict, WithJso
 
 from ..marks import MAX_FAULTS, SPOILT, Severity, too_many
 from ..quantities import NotFinite, dimension, in_unit, parse_quantity
-from ..spelling import nearest
-from ..value_wording import describe, listed, meant_number
+from ..value_wording import describe, listed, meant_number, nearest
 from ..yaml.document import Document, Fault, FileError, Location
 from .partial_models import FileModel, Unread, partly
 from .validation_messages import Wrong, follows, misfit

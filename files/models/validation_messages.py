@@ -8,8 +8,7 @@ from typing import Any, Literal, cast, get_args, get_origin
 from pydantic import BaseModel
 
 from ..marks import Fault, Location
-from ..spelling import nearest
-from ..value_wording import describe, meant_flag, meant_number
+from ..value_wording import describe, meant_flag, meant_number, nearest
 from ..yaml.document import Document
 from .partial_models import bare
 

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import cast
 
 from ..marks import Fault, FileError, Location, Mark, Severity, where
-from ..spelling import nearest
-from ..value_wording import describe
-from .bounded_open import Unreadable, read_bytes
+from ..value_wording import describe, nearest
 from .reader import MAX_BYTES, Node, Value, mark_at, read
+from .yaml_errors import Unreadable, read_bytes
 
 __all__ = [
     "KINDS", "Document", "Fault", "FileError", "Location", "Mark",

@@ -7,8 +7,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from .cure_names import AGAIN, Names, Shaped
-from .episode import End, Episode, Planted
+from .episode import AGAIN, End, Episode, Names, Planted, Shaped
 
 
 class Node(Shaped, Protocol):

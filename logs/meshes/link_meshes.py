@@ -6,11 +6,21 @@ from functools import lru_cache
 from importlib.util import find_spec
 
 from ...errors import PicktreeError
-from ...robots.urdf_geometry import LinkMesh as MeshFile
-from ...robots.urdf_geometry import LinkShape, link_geometry
-from ..schema.records import LinkMesh
+from ...robots.urdf_tree import LinkMesh as MeshFile
+from ...robots.urdf_tree import LinkShape, link_geometry
+from ...world.shapes import Box, Shape
+from ...world.values import Pose
+from ..schema.records import Body, LinkMesh
 from .binary_gltf import write_glb
 from .triangle_meshes import Mesh, joined, load_mesh, shape_mesh
+
+
+def parts_of(body: Body) -> tuple[tuple[Shape, Pose], ...]:
+    """Convex shapes with their poses in the body's frame."""
+    if not body.blocks:
+        return ((body.shape, Pose()),)
+    return tuple((Box(block.size), Pose(block.at)) for block in body.blocks)
+
 
 MOST_FACES = 2000
 

@@ -15,7 +15,7 @@ from ...errors import PicktreeError
 from ...world.belief.planning_scene import BeliefChange, BeliefObject
 from ...world.journal import CandidatesRanked, Entry, Happened, ImageTaken, PlanMade
 from ...world.protocols import RgbdImage
-from ...world.scene.calibration_targets import sticker
+from ...world.scene.calibration_results import sticker
 from ...world.scene.description import Bin, Fixture
 from ...world.values import GripperState, JointState, Pose, Wrench
 from ..schema import topics

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from ...simulation.scoring.seats import Seat
+from ...simulation.scoring.truth import Seat
 from ...world.scene.holes import Hole
 from ...world.shapes import Shape
 from ...world.values import Pose, Vector3

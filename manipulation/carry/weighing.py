@@ -3,8 +3,7 @@
 The sensor at the wrist feels what is beyond it accelerate, too. Over some time, though, the force adds up to
 the change of momentum (the impulse theorem), and the velocities at both ends are known from the encoders:
 what is left is the weight of what hangs on the hand. Measured over lifts: 4 g off (root mean square), 10 g at
-worst; on the turns of a transfer, where the object swings about the hand, up to 200 g: those are left out.
-"""
+worst; on the turns of a transfer, where the object swings about the hand, up to 200 g: those are left out."""
 
 from __future__ import annotations
 
@@ -13,14 +12,126 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...control.wrist.slip_detection import FeltMass
+from ...control.wrist.payload_estimate import SPREAD, Payload
+from ...control.wrist.slip_detection import FeltMass, Moving, SlipDetector, carried, moving
 from ...world.causes import Failure, grasp
-from ...world.values import GRAVITY, Array
+from ...world.journal import Happened
+from ...world.scene.description import CatalogueEntry
+from ...world.values import GRAVITY, Array, Pose
+from ..grasp.grip_force import ACCELERATION, FIRMER, Pressure, needed
 from .hold_check import EMPTY_WIDTH, LEAST_LOAD, Hold
-from .slip_reaction import SlipWatch, firmer
 
 if TYPE_CHECKING:
     from ...cell.world import World
+
+
+class SlipWatch:
+    """Asked each tick while the arm carries something: does the hand still feel all of what it took up?
+
+    The wrist's payload says what that is (`Wrist.carry`); without one, nothing is watched. Where less is
+    felt, the fingers press more firmly, up to what the grip allows (`Grip.bound`).
+    """
+
+    def __init__(self, world: World, above: float = -1e9) -> None:
+        """`above`: height of the TCP above which the object no longer rests on anything, m."""
+        self._world = world
+        self._above = above
+        self._before: Moving | None = None
+        self._detector: SlipDetector | None = None
+        self.felt: FeltMass | None = None
+        """What hung on the hand in the last tick, as far as it is known."""
+
+    def watch(self) -> bool:
+        """Take this tick into account; True when the object is gone."""
+        world = self._world
+        payload = world.control.wrist.payload
+        self.felt = felt = None if payload is None else self._felt(np.array(payload.centre))
+        if payload is None or felt is None or world.control.tcp.position[2] < self._above:
+            return False
+        if self._detector is None or self._detector.payload is not payload:
+            self._detector = SlipDetector(payload)
+        detector = self._detector
+        detector.feel(felt)
+        if detector.slipping and firmer(world, felt.mass, payload):
+            detector.forget()
+            return False
+        return detector.gone
+
+    def _felt(self, centre: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> FeltMass | None:
+        world = self._world
+        q, v = world.control.state.position, world.control.state.velocity
+        now = moving(world.robot, q, v, world.control.wrist.over(world.tick, q)[:3], centre)
+        before, self._before = self._before, now
+        return None if before is None else carried(world.robot.hand_mass, before, now, world.tick)
+
+
+def firmer(world: World, felt: float, payload: Payload) -> bool:
+    """Of an object only `felt` kg hang on the hand: press more firmly, as far as the grip allows; False when
+    it does not.
+
+    What slides is pulled by 2 μ F, which tells the friction, and that the force that is needed.
+    """
+    before = world.grip.force
+    friction = max(felt, 0.0) * GRAVITY / (2.0 * before) if before > 0.0 else 0.0
+    world.grip.press(max(before * FIRMER, min(needed(payload.mass, friction), world.grip.bound)))
+    if world.grip.force <= before + 1e-9:
+        return False
+    world.journal.note(
+        Happened(
+            "slip",
+            f"it slips: the fingers press with {world.grip.force:.0f} N instead of {before:.0f} N "
+            f"({felt * 1000:.0f} g of {payload} are felt)",
+            data={"force": world.grip.force, "before": before, "felt": felt, "mass": payload.mass},
+        )
+    )
+    return True
+
+
+NEAR = (SPREAD / 3, SPREAD / 3, SPREAD / 3)
+"""Standard deviation of where its centre is believed, m."""
+VAGUE = 0.25
+"""Standard deviation of a mass in the catalogue, as a share of it."""
+WEIGHED = 0.005
+"""Of a mass that was weighed, kg."""
+FRAGILE = 20.0
+"""N"""
+LIGHT = 0.4
+"""What carrying so much does to the wrist on a fast transfer, the guard of a motion has room for, kg."""
+
+
+def take_up(world: World, press: Pressure, entry: CatalogueEntry | None, object_in_tcp: Pose) -> None:
+    """The fingers hold something: press for its believed weight, and know it as the wrist's payload."""
+    world.grip.bound = press.most
+    world.grip.press(press.grip)
+    if entry is not None:
+        centre = object_in_tcp.position
+        world.control.wrist.carry(Payload(entry.mass, VAGUE * entry.mass, centre, NEAR))
+
+
+def weighed(world: World, hold: Hold, press: Pressure | None = None) -> None:
+    """It is off the ground and was weighed: know that, and press for what it weighs."""
+    if hold.load is None:
+        return
+    mass = hold.load / GRAVITY
+    before = world.control.wrist.payload
+    centre = (0.0, 0.0, 0.0) if before is None else before.centre
+    world.control.wrist.carry(Payload(mass, WEIGHED, centre, NEAR))
+    firm = 0.0 if press is None else press.carrying(mass)
+    if firm > world.grip.force:
+        world.grip.press(firm)
+
+
+def is_fragile(world: World, kind: str) -> bool:
+    """Whether items of that kind are crushed by what a hand bumps them with."""
+    limits = [e.force_limit for e in world.description.catalogue if e.kind == kind]
+    return any(limit is not None and limit < FRAGILE for limit in limits)
+
+
+def burden(world: World) -> float:
+    """Force on the wrist that carrying adds on a fast transfer beyond what a guard leaves room for, N."""
+    payload = world.control.wrist.payload
+    return 0.0 if payload is None else max(0.0, payload.mass - LIGHT) * (GRAVITY + ACCELERATION)
+
 
 CLEAR = 0.02
 """Height above the grasp from which the object no longer rests on what it stood on, m."""

@@ -3,10 +3,14 @@
 Fingers of a parallel gripper move together. Where the hand is beside the middle of an object, one of them
 touches first. It pushes what is light along, which does no harm; what stands fast pushes back, which the
 wrist feels, and then the arm goes soft across the fingers until they are centred.
+
+Whether a grasp that came to nothing is worth a second one at once: the object is seen again, or was lost
+where it was gripped.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,13 +20,51 @@ import numpy as np
 from ...control.cartesian.anchor_courses import Course, Felt
 from ...control.cartesian.stiffness import Stiffness
 from ...control.wrist.contact_detection import ContactDetector
+from ...world.causes import Failure, grasp
 from ...world.journal import Happened
-from ...world.values import Array
+from ...world.values import Array, ObjectId, Vector3
 from .grip_force import Pressure
 
 if TYPE_CHECKING:
     from ...cell.world import World
     from ...control.execution.gripper_motion import Grip
+
+
+NEAR = 0.03
+"""From where it was gripped; an object that is lost no further away lies there, m."""
+
+
+def found_again(
+    world: World, object_id: ObjectId, node: str, failure: Failure, gripped: Vector3 | None
+) -> Generator[None, None, bool]:
+    """Look from where the arm is, which costs no motion, through a camera on the hand first. What the hand
+    hides from the others is there when it slipped out over the place `gripped`, where it was taken."""
+    yield from world.control.settle()
+    cameras = sorted(world.description.cameras, key=lambda camera: camera.on != "hand")
+    for camera in cameras:
+        summary = yield from world.eyes.look(camera.name)
+        if object_id in summary.seen:
+            _note(world, object_id, node, failure, f"seen by {camera.name}")
+            return True
+    believed = next((o for o in world.scene.objects if o.id == object_id), None)
+    if failure.cause is not grasp.SLIPPED or gripped is None or believed is None:
+        return False
+    if math.dist(believed.pose.position[:2], gripped[:2]) > NEAR:
+        return False
+    _note(world, object_id, node, failure, "it was lost where it was gripped")
+    return True
+
+
+def _note(world: World, object_id: ObjectId, node: str, failure: Failure, where: str) -> None:
+    world.journal.note(
+        Happened(
+            "regrasp",
+            f"{object_id} is grasped once more ({where}): {failure.message}",
+            node,
+            {"object": object_id, "where": where},
+        )
+    )
+
 
 ASIDE = 2.5
 """Force across the fingers that says that one of them touches alone, N."""

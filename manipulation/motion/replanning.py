@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 from ...planning.requests import Plan
 from ...world.causes import Cause, Failure, planning
 from ...world.journal import Happened
-from ..retreat.escape import escape
+from ..retreat.clearing import escape
 
 if TYPE_CHECKING:
     from ...cell.world import World

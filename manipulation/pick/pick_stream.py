@@ -25,10 +25,18 @@ from ..grasp.grasp_candidates import GraspCandidate
 from ..insert.insertion import low_for, ways_over
 from ..place.bin_spots import SUNK
 from ..place.release_poses import Level, Target, landings, levels, target_for
-from . import candidate_stages as stages
-from .candidate_trail import Refusal, Trail, planned, touching, unreached
-from .motion_effort import guessed, slewed, travel
-from .pick_candidates import PickAndPlace
+from . import pick_candidates as stages
+from .pick_candidates import (
+    PickAndPlace,
+    Refusal,
+    Trail,
+    guessed,
+    planned,
+    slewed,
+    touching,
+    travel,
+    unreached,
+)
 from .transfer_requests import approach
 
 if TYPE_CHECKING:

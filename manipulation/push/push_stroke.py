@@ -17,7 +17,7 @@ from ...world.scene.description import Fixture
 from ...world.shapes import Box, bottom, top
 from ...world.values import Array, ObjectId, Pose
 from ..motion.replanning import travel
-from .contact_faces import height, tool_outline
+from .push_arcs import height, tool_outline
 from .stroke_course import SLOW, PushCourse
 from .stroke_planning import Stroke
 

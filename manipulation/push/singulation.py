@@ -21,8 +21,7 @@ from ...world.scene.description import Fixture
 from ...world.shapes import Shape, bottom, extents, top
 from ...world.values import ObjectId
 from ..grasp.grasp_candidates import grasp_candidates
-from .contact_faces import Side, height, sides, tool_outline
-from .push_arcs import straight
+from .push_arcs import Side, height, sides, straight, tool_outline
 from .push_stroke import EDGE, placed, support_of, within
 from .quasi_static_pushing import Sliding
 from .stroke_planning import Stroke, slid

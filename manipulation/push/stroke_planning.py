@@ -12,8 +12,7 @@ from ...robots.description import GripperDescription
 from ...world.belief.planning_scene import BeliefObject
 from ...world.planar_geometry import Outline, Planar, outline, planar, wrapped
 from ...world.values import ObjectId, Pose
-from .contact_faces import Side, sides
-from .push_arcs import Arcs, arc_to, biarc, cut, straight
+from .push_arcs import Arcs, Side, arc_to, biarc, cut, sides, straight
 
 GAP = 0.008
 """Between the fingers and the object where a stroke begins, m; and so many standard deviations of where the

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
-from ...control.joints.soft_contact import Sensitivity, Softly
+from ...control.joints.soft_controller import Sensitivity, Softly
 from ...planning.requests import Contact, Scaling
-from ...planning.search.escape_directions import DIRECTIONS, Direction
+from ...planning.search.penetration_escape import DIRECTIONS, Direction
 from ...world.causes import Failure
 from ...world.journal import Happened
 from ...world.values import GRAVITY, Array, Vector3
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ...cell.world import World
     from ...planning.search.penetration_escape import WayOut
     from ...world.trajectory import Trajectory
+
 
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
@@ -276,3 +277,16 @@ def mass_in_hand(world: World) -> float:
 
 def _sizes(result: Softly) -> str:
     return f"{result.torque:.1f} Nm at the joints, {result.force:.0f} N at the wrist"
+
+
+def escape(world: World, scaling: Scaling, node: str) -> Generator[None, None, None]:
+    """Out of what the arm is believed to be in, slowly, the depths shrinking, and up from what is near.
+
+    Nothing happens where there is no way: whoever plans next is told why. `scaling` is no more than is done
+    anyway: ways out are slow.
+    """
+    del scaling
+    leaving = Leaving(world, node)
+    yield from leaving.relax()
+    if (yield from leaving.out()):
+        yield from leaving.up()

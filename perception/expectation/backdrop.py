@@ -13,8 +13,8 @@ from ...world.scene.holes import CERTAIN
 from ...world.shapes import Box, Shape, corners, top
 from ...world.values import Array, Pose
 from ..geometry.camera_geometry import Sight
-from ..geometry.seated_items import spread
-from ..segmentation import hues
+from ..geometry.resting_poses import spread
+from ..segmentation import blobs
 
 WALL = 0.012
 """What is nearer than this to a bin's wall cannot be told from it, m."""
@@ -92,7 +92,7 @@ class _Scene:
         window, depth = self._cast(shape, pose)
         nearer = depth < self.depth[window]
         self.depth[window][nearer] = depth[nearer]
-        self.label[window][nearer] = hues.label_of(colour)
+        self.label[window][nearer] = blobs.label_of(colour)
         self.owner[window][nearer] = owner
 
     def shield(self, shape: Shape, pose: Pose, margin: float, *, belt: bool = False) -> None:

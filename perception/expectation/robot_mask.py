@@ -14,7 +14,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from ...robots.urdf_geometry import LinkMesh, LinkShape
+from ...robots.urdf_tree import LinkMesh, LinkShape
 from ...world.raycasting import inside
 from ...world.shapes import Shape, corners
 from ...world.values import Array, Pose, Vector3

@@ -1,8 +1,7 @@
 """Following what is known: where a picture shows objects whose kind, and how they lie, is believed already.
 
 Nothing has to be recognised, so a fit begins where the outline of the right colour is, with the believed face
-down and the believed heading: it is sure from so near that half of an object's outline is its side face.
-"""
+down and the believed heading: it is sure from so near that half of an object's outline is its side face."""
 
 from __future__ import annotations
 
@@ -11,19 +10,62 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...world.belief.planning_scene import BeliefObject
 from ...world.values import Array, ObjectId, Pose
 from ..geometry.resting_poses import Rest
 from ..geometry.silhouette_fitting import Stand, polygon_area, silhouette
-from ..segmentation import hues
-from ..segmentation.blobs import Blob, Picture, connected, outlined
-from ..segmentation.depth_edges import parted
+from ..segmentation.blobs import Blob, Picture, Pixels, connected, label_of, outlined
 from .item_fitting import Fitter, Hypothesis
+
+STEP = 0.008
+"""Depth of neighbouring pixels that differs by more than this is of two bodies, m."""
+LEAST = 24
+"""Fewer pixels than this are no body's."""
+GROWTH = 6
+"""Pixels by which the parts take back what was cut away between them."""
+_SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
+
+
+def parted(depth: Array, rows: Pixels, columns: Pixels) -> list[tuple[Pixels, Pixels]]:
+    """Rows and columns of the parts of a patch; the patch itself where it has no step from side to side."""
+    y, x = int(rows.min()) - 1, int(columns.min()) - 1
+    size = (int(rows.max()) - y + 2, int(columns.max()) - x + 2)
+    inside = np.zeros(size, dtype=np.bool_)
+    inside[rows - y, columns - x] = True
+    near = np.zeros(size)
+    near[rows - y, columns - x] = depth[rows, columns]
+    known = inside & (near > 0)
+    stepped = np.zeros(size, dtype=np.bool_)
+    for side in _SIDES:
+        other, beside = np.roll(near, side, (0, 1)), np.roll(known, side, (0, 1))
+        stepped |= known & beside & (np.abs(near - other) > STEP)
+    cores = connected(known & ~stepped, LEAST)
+    if len(cores) < 2:
+        return [(rows, columns)]
+    owner = np.zeros(size, dtype=np.int32)
+    for number, (core_rows, core_columns) in enumerate(cores, start=1):
+        owner[core_rows, core_columns] = number
+    for _ in range(GROWTH):
+        owner = _grown(owner, near, inside)
+    parts = [np.nonzero(owner == number) for number in range(1, len(cores) + 1)]
+    return [(part_rows + y, part_columns + x) for part_rows, part_columns in parts]
+
+
+def _grown(owner: NDArray[np.int32], depth: Array, inside: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Each free pixel joins the part beside it whose depth is nearest to its own."""
+    grown, best = owner.copy(), np.full(owner.shape, np.inf)
+    for side in _SIDES:
+        part, other = np.roll(owner, side, (0, 1)), np.roll(depth, side, (0, 1))
+        off = np.where((depth > 0) & (other > 0), np.abs(depth - other), STEP)
+        joins = inside & (owner == 0) & (part > 0) & (off < best)
+        grown[joins], best[joins] = part[joins], off[joins]
+    return grown
+
 
 REACH = 0.045
 """An object is looked for so far from where it is believed, m."""
-LEAST = 24
 """Fewer pixels of its colour than this say nothing."""
 ROUGH = 0.0012
 """What is added to the noise of a depth, m: from near it shows that round things are not quite round."""
@@ -66,7 +108,7 @@ class Sighting:
 def followed(picture: Picture, fitter: Fitter, objects: Sequence[BeliefObject]) -> tuple[Sighting, ...]:
     """For each object all patches that it may be. Patches of its colour within reach that it does not fit are
     told, too: with an infinite misfit."""
-    labels = {hues.label_of(o.colour) for o in objects} - {0}
+    labels = {label_of(o.colour) for o in objects} - {0}
     usable = ~picture.blocked
     patches = [
         picture.claim(*part, label)
@@ -81,7 +123,7 @@ def followed(picture: Picture, fitter: Fitter, objects: Sequence[BeliefObject]) 
         if rest is None:
             continue
         for number, blob in blobs.items():
-            if blob.patch.label == hues.label_of(one.colour) and _within(picture, blob, one):
+            if blob.patch.label == label_of(one.colour) and _within(picture, blob, one):
                 found.append(_sighted(picture, fitter, blob, one, rest, number))
     return tuple(found)
 

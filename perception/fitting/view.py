@@ -16,7 +16,7 @@ from ...world.values import Array, ObjectId, Pose
 from ..expectation.robot_mask import fill
 from ..geometry.camera_geometry import Sight
 from ..geometry.resting_poses import body_points
-from ..segmentation import hues
+from ..segmentation import blobs
 
 BEHIND = 0.010
 """Depth beyond a body's believed surface by more than this shows that the body is not there, m."""
@@ -138,7 +138,7 @@ class View:
         )
         depth, label = self.depth[rows, columns], self.label[rows, columns]
         known = np.isfinite(surface) & ~self.blocked[rows, columns] & (depth > 0)
-        own = hues.label_of(colour)
+        own = blobs.label_of(colour)
         there = label == own if own else np.abs(depth - surface) <= BEHIND
         visible = known & (there | (depth > surface - BEHIND))
         return Look(total, int(visible.sum()), int((visible & ~there).sum()))

@@ -2,16 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import colorsys
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...world.colours import ITEM_COLOURS
+from ...world.protocols import Intrinsics, RgbdImage
 from ...world.values import Array
 from ..geometry.camera_geometry import Sight
 from ..geometry.silhouette_fitting import Outline, support
+
+SATURATED = 128
+"""Of 255: items are more saturated than this, fixtures and robot less."""
+BRIGHT = 24
+"""Of 255: below it a hue means nothing."""
+
+NAMES: tuple[str, ...] = ("", *ITEM_COLOURS)
+"""Name of each label; label 0 is no colour."""
+
+
+def _table() -> NDArray[np.uint8]:
+    known = np.array([colorsys.rgb_to_hsv(*rgb)[0] for rgb in ITEM_COLOURS.values()])
+    hues = np.arange(256)[:, None] / 255.0
+    apart = np.abs((hues - known + 0.5) % 1.0 - 0.5)
+    return (apart.argmin(axis=1) + 1).astype(np.uint8)
+
+
+_LABEL_OF_HUE = _table()
+
+
+def labels(colour: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Index into NAMES for each pixel (h, w) of an RGB picture (h, w, 3)."""
+    hsv = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2HSV_FULL), dtype=np.uint8)
+    coloured = (hsv[:, :, 1] > SATURATED) & (hsv[:, :, 2] > BRIGHT)
+    return np.where(coloured, _LABEL_OF_HUE[hsv[:, :, 0]], 0).astype(np.uint8)
+
+
+def label_of(name: str) -> int:
+    """Label of a named colour; 0 for one that perception does not tell (grey, unknown)."""
+    return NAMES.index(name) if name in ITEM_COLOURS else 0
+
 
 WHOLE = 0.12
 """A blob counts as whole while no more than this share of its border may be hidden."""
@@ -185,3 +219,33 @@ def _towards(outline: Outline, middle: Array) -> Array:
     away = outline.points[~outline.real].mean(axis=0) - middle
     length = float(np.hypot(away[0], away[1]))
     return away / length if length > 1e-6 else np.zeros(2)
+
+
+PITCH = 0.002
+"""Distance of two pixels on what is seen that recognising was made for, m: finer outlines cost more, and show
+what models lack."""
+
+
+def coarsened(image: RgbdImage) -> RgbdImage:
+    """Every so many rows and columns of a picture that was taken from near; the picture itself from afar."""
+    known = image.depth[image.depth > 0]
+    if not len(known):
+        return image
+    every = max(1, round(PITCH * image.intrinsics.fx / float(np.median(known))))
+    if every == 1:
+        return image
+    colour, depth = image.colour[::every, ::every].copy(), image.depth[::every, ::every].copy()
+    i = image.intrinsics
+    h, w = depth.shape
+    scaled = Intrinsics(w, h, i.fx / every, i.fy / every, i.cx / every, i.cy / every)
+    return replace(image, colour=colour, depth=depth, intrinsics=scaled)
+
+
+def cut_off(rows: Pixels, columns: Pixels, height: int, width: int) -> bool:
+    """Whether these pixels go up to the border of a picture of that size, and may go on beyond."""
+    return bool(
+        (rows == 0).any()
+        or (columns == 0).any()
+        or (rows == height - 1).any()
+        or (columns == width - 1).any()
+    )

@@ -11,14 +11,13 @@ import numpy as np
 import pinocchio as pin
 
 from ...robots.model import TCP_FRAME, RobotModel
-from ...robots.urdf_geometry import resolved_urdf
+from ...robots.urdf_tree import resolved_urdf
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.scene.description import Bin, Fixture
 from ...world.values import Array, Bounds, Vector3
 from ..requests import Contact
 from .clearances import GRIPPER, Margins, Part
-from .coal_shapes import CoalShapes, hull
-from .collision_bodies import Body, loose_bodies, still_bodies
+from .collision_bodies import Body, CoalShapes, hull, loose_bodies, still_bodies
 from .robot_geometry import FAINT, Built, Checker, Content, Piece, Robot
 
 INSIDE = 0.002

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, corners
 from ...world.values import Array, Pose, Vector3
-from .coal_shapes import CoalShapes
+from .collision_bodies import CoalShapes
 
 # Without its signed distance: where bodies touch, the search for the depth throws where no Python can catch
 # it, and the process is gone (flexible-collision-library/fcl, issue 529).

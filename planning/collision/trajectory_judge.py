@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from ...robots.model import TCP_FRAME, RobotModel, pose_of
-from ...robots.urdf_geometry import LinkMesh, LinkShape, link_geometry
+from ...robots.urdf_tree import LinkMesh, LinkShape, link_geometry
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3

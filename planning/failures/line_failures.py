@@ -10,7 +10,7 @@ from ...robots.model import RobotModel
 from ...world.values import Array, Pose
 from ..kinematics.cartesian_lines import LineFound, between
 from ..kinematics.inverse_kinematics import InverseKinematics
-from .number_wording import amount, missing
+from .planning_failures import amount, missing
 
 AT_LIMIT = 0.002
 """A joint this near to where planning ends stands there, rad."""

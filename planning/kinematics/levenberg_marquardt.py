@@ -1,8 +1,7 @@
 """One descent of inverse kinematics: Levenberg-Marquardt with joint limits as an active set.
 
 Damping after Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method",
-IEEE Transactions on Robotics 27 (2011).
-"""
+IEEE Transactions on Robotics 27 (2011)."""
 
 from __future__ import annotations
 
@@ -15,6 +14,23 @@ from scipy.linalg.lapack import dposv
 
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
+
+NEAR_LIMIT = 0.5
+"""Distance to a joint's limit below which a configuration becomes uncomfortable, rad."""
+NEAR_SINGULAR = 0.12
+"""The same for the smallest singular value of the Jacobian (m and rad mixed, as it comes)."""
+WEIGHT = 2.0
+"""What standing at one limit, or in a singularity, is worth as a detour, rad."""
+
+
+def discomfort(model: RobotModel, q: Array) -> float:
+    """0 for a comfortable configuration (n,), growing towards limits and singularities; in rad of detour."""
+    room = np.minimum(q - model.lower, model.upper - q)
+    limits = np.clip(1.0 - room / NEAR_LIMIT, 0.0, 1.0)
+    least = float(np.linalg.svd(model.jacobian(q), compute_uv=False)[-1])
+    singular = max(0.0, 1.0 - least / NEAR_SINGULAR)
+    return WEIGHT * (float(limits @ limits) + singular * singular)
+
 
 POSITION = 1e-5
 """Accuracy, m."""

@@ -16,7 +16,7 @@ from ...world.values import Array
 from ..collision.collision_checker import Collision
 from ..collision.edges import RESOLUTION, edge_free
 from ..collision.start_tolerance import Way
-from ..kinematics.posture import discomfort
+from ..kinematics.levenberg_marquardt import discomfort
 from ..path_constraints import RESERVE, PathConstraints
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners, time_smooth

@@ -15,7 +15,7 @@ from ..collision.edges import Strides
 from ..collision.start_tolerance import Way
 from ..collision.trajectory_check import first_hit
 from ..collision.trajectory_check import stays_free as stays_free
-from ..kinematics.posture import discomfort
+from ..kinematics.levenberg_marquardt import discomfort
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners
 from .rrt_connect import EdgeFree, Rooted, connect, shortened

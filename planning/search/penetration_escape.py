@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from scipy.optimize import nnls
@@ -11,7 +12,12 @@ from scipy.optimize import nnls
 from ...robots.model import RobotModel
 from ...world.values import Array
 from ..collision.collision_checker import Collision, Separation
-from .escape_directions import Direction
+
+Direction: TypeAlias = Literal["out", "back", "up", "inwards", "left", "right", "outwards", "down"]
+"""`out`: where the depths shrink fastest; `back`: against the tool; `inwards`, `outwards`: towards the axis
+of the base and away from it; `left`, `right`: about that axis."""
+DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
+
 
 STEP = 0.005
 """Way of whatever moves most in a step, m."""

@@ -19,8 +19,8 @@ from ..path_constraints import PathConstraints
 from ..requests import Line, Offset, Plan, Request
 from ..search.joint_planner import RADII
 from ..timing.path_curves import Curve, bridge, cornered, distinct, joined, splined
-from ..timing.path_limits import Stretch
 from ..timing.time_parameterization import Timed, standing, time_curve
+from ..timing.toppra_profile import Stretch
 from .solver import Solver
 
 ROUNDED = 0.02

@@ -27,9 +27,8 @@ from ..failures import planning_failures as failing
 from ..requests import BUDGET, Contact, Goal, Line, Offset, Plan, Request, Scaling
 from ..search.goal_configurations import SOLUTIONS
 from ..search.penetration_escape import Outward
-from .lookahead_planning import Ahead, Prepared, still_free
+from .lookahead_planning import Ahead, MadePlans, Prepared, still_free
 from .motion_chain import ROUNDED, Chain, parts
-from .plan_provenance import MadePlans
 from .plan_quality import Measuring, Quality, least_singular, length, together
 from .planner_overrides import Manner
 from .planning_costs import Meter, Spent

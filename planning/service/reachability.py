@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...world.values import Array
-from ..kinematics.posture import discomfort
+from ..kinematics.levenberg_marquardt import discomfort
 from ..requests import Contact, PoseGoal, Request
 from .solver import Solver
 

@@ -15,8 +15,8 @@ from ..collision.start_tolerance import Way
 from ..collision.trajectory_check import first_hit, steps
 from ..failures import planning_failures as failing
 from ..requests import JointGoal, Request
+from .lookahead_planning import Made
 from .motion_chain import between
-from .plan_provenance import Made
 from .plan_service import PlanService
 
 TOLERANCE = 0.02

@@ -18,8 +18,7 @@ from ...world.trajectory import Trajectory
 from ...world.values import Array
 from ..requests import Scaling
 from .path_curves import Curve, cornered, distinct, splined
-from .path_limits import Limits, Stretch, least_ratio
-from .toppra_profile import TimeLaw, fastest
+from .toppra_profile import Limits, Stretch, TimeLaw, fastest, least_ratio
 
 PERIOD = 0.01
 """Between two samples of a trajectory, at most, s."""

@@ -16,8 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
 from ...simulation.backends import Backend
-from ..recipe import LIMIT, Recipe
-from ..recipe_files import fingerprints, recipe_files
+from ..recipe import LIMIT, Recipe, fingerprints, recipe_files
 from .unpacking import Unpacking
 
 CARD = "recipe.json"

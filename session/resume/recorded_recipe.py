@@ -16,7 +16,7 @@ from ...simulation.backends import Backend
 from ...trees.mission import Mission
 from ..checkpoints import RunState
 from ..mission_edits import News
-from ..operators import Operator, RecordedAnswers
+from ..observer import Operator, RecordedAnswers
 from ..recipe import LIMIT, Recipe, Start
 from ..session_recording import START
 from .older_checkpoints import completed

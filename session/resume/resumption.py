@@ -2,25 +2,171 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
-from typing import Final
+from typing import Any, Final, cast
+
+from pydantic import TypeAdapter, ValidationError
 
 from ...errors import PicktreeError
-from ...logs.recording.recorder import Listener
+from ...logs.recording.digest import Digest
+from ...logs.recording.recorder import Listener, RecordingState
 from ...logs.recording.rotation import NEVER, Rotation
+from ...logs.recording.true_state import WHOLE_EVERY, folded, read_state
 from ...logs.run_record import RunRecord
+from ...logs.schema import topics
 from ...logs.schema.arithmetic_record import departure
+from ...logs.schema.records import Continues
+from ...simulation.backends import build_hardware
+from ...simulation.faults.injector import FaultState, Injector
+from ...simulation.standing_state import standing
+from ...trees.running.builder import build
 from ...trees.running.debugger import Debugger
+from ...world.journal import Happened, Plain
 from ..arithmetic_probe import arithmetic
-from ..observer import Watcher
-from ..operators import GivenAnswers, Operator
-from ..recipe import Recipe
+from ..assembly import assemble
+from ..checkpoints import RunState, take
+from ..observer import GivenAnswers, Operator, Watcher
+from ..recipe import Recipe, Start
+from ..run_tally import Tally, TallyState
 from ..session import Session
+from ..session_recording import START
+from .older_checkpoints import simulated_messages
 from .recorded_recipe import Recorded
-from .resume_from_last_state import as_it_stands
+
+_FAULTS = TypeAdapter(tuple[FaultState, ...])
+_NEVER = -1.0
+
+
+def as_it_stands(recorded: Recorded) -> tuple[Recipe, str, float]:
+    """The recipe of a run that goes on as things stood last; what it knows, as a sentence; and up to when it
+    knows what happened, simulated s, -1 when it knows nothing.
+
+    Raises PicktreeError for a log that does not tell how things stood.
+    """
+    run = recorded.run
+    last = _last_state(run)
+    time = last.time
+    found = recorded.last_checkpoint(time)
+    if found is not None:
+        name, known = found
+        recipe, knows = recorded.from_checkpoint(name, known), known.time
+        told = f"what it knows is of {name.removesuffix('.json')}, {known.time:.2f} s"
+    else:
+        recipe = recorded.recipe()
+        if recipe.start is not None:
+            name, known = START, recipe.start.state
+            knows, told = known.time, f"what it knows is of the run's own start, {known.time:.2f} s"
+        else:
+            name, known, knows, told = (
+                "",
+                _beginning(recipe),
+                _NEVER,
+                "there is no checkpoint: it knows nothing",
+            )
+    stood = standing(recipe.backend, last.simulation, len(recipe.robot.joints))
+    state = replace(
+        known,
+        time=time,
+        simulation=stood.plain,
+        faults=last.faults,
+        control=_control(known.control, stood.position, last.bias),
+        thinking_owed=0.0,
+        way=None,
+        tally=_tally(run, known, knows, time),
+        recording=_recording(run, known, knows, time),
+    )
+    assert state.recording is not None
+    continues = Continues(
+        str(run.path.absolute()), name, time, known.items_done, state.recording.digest, as_it_stands=True
+    )
+    told = f"going on with {run.path} as things stood at {time:.2f} s, at rest; {told}: it looks first"
+    return replace(recipe, start=Start(state, continues)), told, knows
+
+
+@dataclass(frozen=True, slots=True)
+class _Last:
+    """What the log tells last of how things stood."""
+
+    time: float
+    """Simulated s."""
+    simulation: dict[str, Any]
+    faults: tuple[FaultState, ...]
+    """How far they had come."""
+    bias: tuple[float, ...]
+    """Of the wrist's sensor, (6,); empty when it was not learnt yet."""
+
+
+def _last_state(run: RunRecord) -> _Last:
+    topic, end = topics.STATE.name, run.end
+    for start in (end - 2 * WHOLE_EVERY, None):
+        messages = list(run.log.messages([topic], start))
+        if not messages:
+            continue
+        try:
+            told = [read_state(message.data) for message in messages]
+            whole = max((n for n, state in enumerate(told) if state.whole), default=None)
+            if whole is None:
+                continue
+            state = folded(told[whole:])
+            assert state is not None
+            faults = _FAULTS.validate_python(state.pop("faults", ()))
+            bias = tuple(float(value) for value in state.pop("wrist_bias", ()))
+        except (ValueError, KeyError, ValidationError) as error:
+            raise PicktreeError(f"{run.path}: {topic}: unreadable state: {error}") from None
+        return _Last(messages[-1].time / 1e9, state, faults, bias)
+    raise PicktreeError(
+        f"{run.path}: the log does not tell how things stood in the end, as those of older versions do not; "
+        "without --as-it-stands the run goes on from its last checkpoint"
+    )
+
+
+def _control(
+    known: Mapping[str, Any], position: tuple[float, ...], bias: tuple[float, ...]
+) -> dict[str, Any]:
+    """The control loop, holding the arm there; the bias stays with the sensor."""
+    now = {"hold": list(position), "readings": [], "stamps": [], "standing": 0}
+    return {**known, **now, **({"bias": list(bias)} if bias else {})}
+
+
+def _beginning(recipe: Recipe) -> RunState:
+    """All that the robot knows when nothing has happened yet."""
+    hardware = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed)
+    world = assemble(hardware, recipe.scene, recipe.robot, recipe.seed, verify=recipe.verify)
+    tree = build(recipe.mission, world, recipe.parameters)
+    empty = RecordingState(_NEVER, _NEVER, (), (), Digest().hex)
+    return take(world, tree, hardware, Injector(recipe.faults, hardware), Tally(), empty)
+
+
+def _tally(run: RunRecord, known: RunState, since: float, until: float) -> TallyState:
+    """What the run amounted to by then: all of it did happen, whatever the robot has forgotten. What it
+    believes to be done is for it to find out, and the troubles that it was in are those of the checkpoint."""
+    before = known.tally if known.tally is not None else Tally().state()
+    tally = Tally.resumed(before)
+    tally.follow(run.tree_at(since).nodes)
+    events: dict[float, list[Happened]] = {}
+    for at in run.events:
+        if since < at.time <= until + 1e-9:
+            event = at.record
+            data = cast("Mapping[str, Plain]", event.data)
+            events.setdefault(at.time, []).append(Happened(event.kind, event.message, event.node, data))
+    for at in run.log.ticks(since + 1e-6 if since >= 0.0 else None, until):
+        leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
+        tick = at.record
+        tally.take(at.time, events.get(at.time, ()), tick.nodes, leaves, tick.transitions)
+    return replace(tally.state(), done=before.done, episodes=before.episodes)
+
+
+def _recording(run: RunRecord, known: RunState, since: float, until: float) -> RecordingState:
+    before = known.recording
+    digest = Digest(bytes.fromhex(before.digest)) if before is not None else Digest()
+    for message in simulated_messages(run.log, since if since >= 0.0 else None, until):
+        digest.add(message.topic, message.time, message.data)
+    return RecordingState(_NEVER, _NEVER, (), before.cameras if before is not None else (), digest.hex)
+
 
 _FINISHED: Final = {
     "success": "the goal is reached",

@@ -21,14 +21,13 @@ from ...files.yaml.document import FileError, read_document
 from ...robots.description import RobotDescription
 from ...robots.loading import parse_robot, robot_names
 from ...robots.mesh_files import mesh_file
-from ...simulation.fault_files.fault_description import FaultFile
+from ...simulation.fault_files.fault_entries import FaultFile
 from ...simulation.fault_files.fault_loading import parse_faults
 from ...trees.loading.loader import parse_mission
-from ...trees.mission import Mission
-from ...trees.mission_files import RecordedFiles
+from ...trees.mission import Mission, RecordedFiles
 from ...world.scene.description import SceneDescription
 from ...world.scene.loading.scene_loading import parse_scene
-from ..recipe_files import ROBOT_MESHES, plain_reference
+from ..recipe import ROBOT_MESHES, plain_reference
 
 
 class Names(Protocol):

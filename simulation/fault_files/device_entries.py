@@ -6,7 +6,59 @@ from dataclasses import dataclass
 from typing import ClassVar, TypeAlias
 
 from ...world.values import Pose, Vector3
-from .occasions import When
+
+
+@dataclass(frozen=True, slots=True)
+class AtTime:
+    """At this simulated time, s; with `every` again each time so many seconds have passed."""
+
+    time: float
+    every: float | None = None
+    probability: float = 1.0
+    """That it happens at all, at each of its occasions; drawn from a stream of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class AtNode:
+    """`delay` s after the node that fits `pattern` has started for the `start`-th time (from 1); with `each`
+    at every start from that one on."""
+
+    pattern: str
+    start: int = 1
+    delay: float = 0.0
+    each: bool = False
+    probability: float = 1.0
+    """That it happens at all, at each of its occasions; drawn from a stream of its own."""
+
+
+When: TypeAlias = AtTime | AtNode
+
+
+@dataclass(frozen=True, slots=True)
+class Hang:
+    """The skill that runs yields for ever: it is never done, until it is halted."""
+
+    name: ClassVar[str] = "hang"
+    when: When
+
+
+@dataclass(frozen=True, slots=True)
+class Raise:
+    """The code of the skill that runs raises an exception."""
+
+    name: ClassVar[str] = "raise"
+    when: When
+
+
+@dataclass(frozen=True, slots=True)
+class Kill:
+    """The process is killed (SIGKILL)."""
+
+    name: ClassVar[str] = "kill"
+    when: When
+
+
+ProgramFault: TypeAlias = Hang | Raise | Kill
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,27 +3,78 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
 
 from ...world.scene.loading.scene_entries import unknown
 from ...world.values import Pose
 from .device_entries import (
+    Ailing,
+    AtNode,
+    AtTime,
     CameraDrop,
     CameraMislabel,
     CameraNoise,
     CameraShift,
     GripperJam,
     GripperWeak,
+    Hang,
     JointWeak,
+    Kill,
     NoPlan,
+    ProgramFault,
+    Raise,
     Stall,
+    When,
     WrenchBias,
     WrenchDead,
-)  # fmt: skip
-from .fault_description import FaultSpec
+)
 from .fault_schema import FaultEntryFile, TargetFile
-from .item_entries import Appear, Bump, Friction, Heavier, Larger, Obstacle, Remove, Slip, Target
-from .occasions import AtNode, AtTime, When
-from .program_entries import Hang, Kill, Raise
+from .item_entries import Appear, Bump, Friction, Heavier, ItemFault, Larger, Obstacle, Remove, Slip, Target
+
+__all__ = [
+    "Appear",
+    "AtNode",
+    "AtTime",
+    "Bump",
+    "Expect",
+    "FaultFile",
+    "FaultSpec",
+    "Friction",
+    "Heavier",
+    "Larger",
+    "Obstacle",
+    "Remove",
+    "Slip",
+    "Target",
+    "When",
+]
+
+
+FaultSpec: TypeAlias = ItemFault | Slip | Appear | Obstacle | Ailing | ProgramFault
+"""One injected fault. Its `name` is the word of fault files and records; a renamed class keeps it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expect:
+    """What whoever judges a run with these faults takes as right. Neither robot nor simulation reads it."""
+
+    causes: tuple[str, ...] = ()
+    """Causes, or patterns of causes, that name what went wrong; none: it should do no harm."""
+    lost: int = 0
+    """Items that can physically not be sorted any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class FaultFile:
+    """A fault file, read: its faults in the order of the file."""
+
+    faults: tuple[FaultSpec, ...]
+    source: str = ""
+    text: str = ""
+    """The file as it was read, for the log."""
+    expect: Expect | None = None
+
 
 _NONE = (0.0, 0.0, 0.0)
 

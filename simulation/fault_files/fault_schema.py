@@ -22,7 +22,7 @@ from ...files.models.validation import (
     describe,
     quantity,
 )  # fmt: skip
-from ...files.spelling import nearest
+from ...files.value_wording import nearest
 from ...world.colours import ITEM_COLOURS
 from ...world.scene.description import Form
 from ...world.scene.scene_schema import UnknownFile

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal, TypeAlias
 
 from ...world.scene.description import Fixture, Form
 from ...world.values import Vector3
-from .occasions import When
+from .device_entries import When
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,13 +18,16 @@ from ..fault_files.device_entries import (
     CameraShift,
     GripperJam,
     GripperWeak,
+    Hang,
     JointWeak,
+    Kill,
     NoPlan,
+    Raise,
     Stall,
     WrenchBias,
     WrenchDead,
 )  # fmt: skip
-from ..fault_files.fault_description import FaultFile, FaultSpec
+from ..fault_files.fault_entries import FaultFile, FaultSpec
 from ..fault_files.item_entries import (
     Appear,
     Bump,
@@ -36,11 +39,9 @@ from ..fault_files.item_entries import (
     Remove,
     Slip,
 )
-from ..fault_files.program_entries import Hang, Kill, Raise
 from .fault_interface import Faulty
 from .fault_sentences import begins, details, ends
-from .fault_states import FaultState, Occasions
-from .fault_targets import carry_out, choose, told_of
+from .fault_states import FaultState, Occasions, carry_out, choose, told_of
 
 __all__ = ["FaultState", "Faulty", "Injector", "Program", "new_states"]
 

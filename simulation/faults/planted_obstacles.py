@@ -9,7 +9,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from ...planning.collision.coal_shapes import CoalShapes
+from ...planning.collision.collision_bodies import CoalShapes
 from ...planning.collision.collision_checker import robot_geometry
 from ...robots.model import RobotModel
 from ...world.scene.description import Fixture

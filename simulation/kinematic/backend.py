@@ -14,8 +14,7 @@ from ...errors import PicktreeError
 from ...robots.description import RobotDescription
 from ...robots.model import RobotModel, pose_of
 from ...world.journal import Happened
-from ...world.no_feed import NoFeed
-from ...world.protocols import Camera, Feed, SensorStamps
+from ...world.protocols import Camera, Feed, NoFeed, SensorStamps
 from ...world.random_streams import Streams
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape, bottom, scaled
@@ -29,19 +28,15 @@ from ..faults.device_faults import Ailments, jammed
 from ..faults.planted_obstacles import ROOM, Obstacles, Room
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
-from ..scoring.seats import Boards
-from ..scoring.truth import TrueBody, TrueObstacle
-from ..spawning.arrivals import TIGHT, arriving, grown, walls
+from ..scoring.truth import Boards, TrueBody, TrueObstacle
 from ..spawning.inventory import Inventory
-from ..spawning.spawn import SpawnedItem, spawn_items
+from ..spawning.spawn import TIGHT, SpawnedItem, arriving, grown, spawn_items, walls
 from .belts import KinematicBelts
 from .bodies import Bodies, Body, Prism
 from .camera import KinematicCamera, Posture, Stage
 from .cell_access import KinematicCell, body_of, true_body
-from .gripper import KinematicGripper
-from .pushing import KinematicPushing
-from .support_contact import Feet
-from .weak_joints import WeakJoints
+from .gripper import KinematicGripper, WeakJoints
+from .pushing import Feet, KinematicPushing
 
 STIFFNESS = 2.0e4
 """Of a contact with what is below, N/m."""

@@ -13,12 +13,10 @@ from ...world.random_streams import Streams
 from ...world.scene.description import CameraDescription, Fixture, SceneDescription
 from ...world.shapes import Shape
 from ...world.values import Array, ObjectId, Pose
-from ..common.colour_shift import shown
-from ..common.sensor_noise import noisy_colour, noisy_depth
+from ..common.sensor_noise import noisy_colour, noisy_depth, shown
 from ..faults.device_faults import Ailments
 from ..physics.bodies import add_item, add_obstacle
-from ..physics.engine.client import Client
-from ..physics.engine.pybullet_import import pb
+from ..physics.engine.pybullet_import import Client, pb
 from ..physics.rgbd_camera import Picture, Scenery, View, in_front, intrinsics
 from ..physics.robot.robot_body import RobotBody
 from ..spawning.spawn import SpawnedItem

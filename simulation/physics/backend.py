@@ -13,8 +13,7 @@ from ...errors import PicktreeError
 from ...robots.description import RobotDescription
 from ...robots.model import RobotModel
 from ...world.journal import Happened
-from ...world.no_feed import NoFeed
-from ...world.protocols import Camera, Clock, Feed, SensorStamps
+from ...world.protocols import Camera, Clock, Feed, NoFeed, SensorStamps
 from ...world.random_streams import Streams
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape
@@ -27,17 +26,13 @@ from ..faults.device_faults import Ailments, jammed
 from ..faults.planted_obstacles import ROOM, Obstacles, Room
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
-from ..scoring.seats import Boards
-from ..scoring.truth import TrueBody, TrueObstacle
-from ..spawning.arrivals import TIGHT, arriving, grown, walls
-from ..spawning.spawn import spawn_items
+from ..scoring.truth import Boards, TrueBody, TrueObstacle
+from ..spawning.spawn import TIGHT, arriving, grown, spawn_items, walls
 from .belts import Belts
 from .bodies import add_fixed, add_obstacle
 from .cell_access import PhysicsCell
 from .crushing import Crushing
-from .engine.client import Client
-from .engine.pybullet_import import pb
-from .engine.step_size import EVERYDAY, RESOLUTION, SOLVER_ITERATIONS, checked, tune
+from .engine.pybullet_import import EVERYDAY, RESOLUTION, SOLVER_ITERATIONS, Client, checked, pb, tune
 from .items import PhysicsItems
 from .penetration import Penetrations
 from .rgbd_camera import PhysicsCamera, Scenery

@@ -13,12 +13,10 @@ from ...world.protocols import Clock, Intrinsics, NoImage, RgbdImage
 from ...world.random_streams import Streams
 from ...world.scene.description import CameraDescription, SceneDescription
 from ...world.values import Pose
-from ..common.colour_shift import shown
-from ..common.sensor_noise import noisy_colour, noisy_depth
+from ..common.sensor_noise import noisy_colour, noisy_depth, shown
 from ..faults.device_faults import Ailments
 from .bodies import add_scenery
-from .engine.client import Client
-from .engine.pybullet_import import pb
+from .engine.pybullet_import import Client, pb
 
 LIGHT = (0.3, 0.2, 1.0)
 """Direction towards the light, in the world."""

@@ -14,8 +14,7 @@ from ...world.scene.destinations import destination_rule, is_at
 from ...world.scene.feed import Delivery
 from ...world.shapes import bottom
 from ...world.values import ObjectId
-from .seats import Seat
-from .truth import TrueBody
+from .truth import Seat, TrueBody
 
 Verdict: TypeAlias = Literal["sorted", "misplaced", "left"]
 

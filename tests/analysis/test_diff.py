@@ -11,8 +11,7 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.compare.diff import RunDiff, diff
 from picktree.analysis.compare.run_settings import FileChange
-from picktree.analysis.compare.text.diff_json import to_json_text
-from picktree.analysis.compare.text.diff_text import to_text
+from picktree.analysis.compare.text.diff_text import to_json_text, to_text
 from picktree.logs.run_result import ItemCount, PickCount, RunResult, WallSeconds
 from picktree.logs.schema.records import Transition, Write
 from picktree.world.journal import Happened

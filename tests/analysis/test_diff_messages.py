@@ -8,7 +8,7 @@ from types import ModuleType
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.compare.first_difference import Difference, first_difference
+from picktree.analysis.compare.divergence import Difference, first_difference
 from picktree.analysis.compare.message_fields import FieldDifference, first_apart, first_field
 from picktree.logs.recording import foxglove_messages as messages
 from picktree.logs.recording.foxglove_messages import encode_image, encode_scene

@@ -12,9 +12,8 @@ from picktree.analysis.explain.investigation.episodes_of_log import episodes_of
 from picktree.analysis.explain.text.rendering import to_json_text, to_text
 from picktree.analysis.run import Run
 from picktree.logs.episodes.episode_counts import CureCount, PlantedCount, added_planted, by_cause
-from picktree.logs.episodes.episode_tally import EpisodesState
 from picktree.session.resume.older_checkpoints import tally_of
-from picktree.session.run_tally import Tally, TallyState
+from picktree.session.run_tally import EpisodesState, Tally, TallyState
 
 from ..logs.scripted_log import begins, ends, record, tree
 from ..logs.test_episodes import tries

@@ -9,10 +9,10 @@ from picktree.analysis import Run
 from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.failure_stories import failures_of
 from picktree.analysis.explain.investigation.explanation import FailureStory
-from picktree.analysis.explain.investigation.visit_tree import Family
+from picktree.analysis.explain.investigation.failure_course import Family
 from picktree.logs.run_log import At
 from picktree.logs.schema.records import NodeStatus, Tick
-from picktree.logs.visits_format_1 import derived_visits, with_transitions
+from picktree.logs.visits import derived_visits, with_transitions
 
 
 def told(story: FailureStory) -> tuple[object, ...]:

@@ -10,7 +10,7 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.explain.failure_stories import failures_of
 from picktree.analysis.explain.investigation.explanation import FailureStory
-from picktree.analysis.explain.investigation.visit_tree import Family
+from picktree.analysis.explain.investigation.failure_course import Family
 from picktree.logs.schema.records import Transition, Write
 from picktree.world.journal import CandidatesRanked, CandidateTried, Happened, PlanMade
 from picktree.world.values import ObjectId, Pose

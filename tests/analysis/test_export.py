@@ -14,11 +14,10 @@ from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
 from picktree.analysis import Run
-from picktree.analysis.export.exporting import export
+from picktree.analysis.export.exporting import TABLES, export
 from picktree.analysis.export.tables.columns import Says, Table, columns
 from picktree.analysis.export.tables.csv_file import read_csv, write_csv
 from picktree.analysis.export.tables.parquet_file import read_parquet, write_parquet
-from picktree.analysis.export.tables.tables import TABLES
 from picktree.errors import PicktreeError
 from picktree.logs.optional_libraries import adding
 

@@ -14,10 +14,9 @@ from google.protobuf.json_format import MessageToDict
 
 from picktree.analysis import Run
 from picktree.analysis.export.layout.lanes import LEAVES, lanes
-from picktree.analysis.export.layout.layout import Layout, layout, paths_of
+from picktree.analysis.export.layout.layout import Layout, camera_state, layout, paths_of
 from picktree.analysis.export.layout.layout_format import Split
-from picktree.analysis.export.layout.message_path import literal, parse, values
-from picktree.analysis.export.layout.view_3d import camera_state
+from picktree.analysis.export.layout.panels import literal, parse, values
 from picktree.logs.run_log import RunLog
 from picktree.logs.schema import topics
 

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.report.page import DRAWING
 from picktree.analysis.report.panels.header import pack_run
-from picktree.analysis.report.report import report, write_report
+from picktree.analysis.report.report import DRAWING, report, write_report
 from picktree.analysis.run import Run
 from picktree.cli.app import answer
 

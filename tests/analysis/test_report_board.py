@@ -15,8 +15,7 @@ from picktree.analysis.report.page_data.body_frames import Frames, Sampled
 from picktree.analysis.report.page_data.body_motion import Motion, deviations, motion_of
 from picktree.analysis.report.page_data.packing import Section
 from picktree.analysis.report.panels.board import pack_board, sightings, unknown_bodies, yaw_and_tilt
-from picktree.analysis.report.panels.events import happenings, plan_words
-from picktree.analysis.report.panels.failures import pack_failures, plain
+from picktree.analysis.report.panels.events import happenings, pack_failures, plain, plan_words
 from picktree.logs.schema.records import Body, Plan, Write
 from picktree.world.shapes import Box
 from picktree.world.values import Pose

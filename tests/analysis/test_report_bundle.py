@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
-from picktree.analysis.report.page import PAGE
+from picktree.analysis.report.report import PAGE
 
 from ..needs import needs, packages
 

@@ -10,14 +10,20 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.report.page_data.node_order import RunNode, nodes_of
 from picktree.analysis.report.page_data.packing import Section
-from picktree.analysis.report.page_data.tick_table import ABSENT, STATUSES, TICKED, tick_table
+from picktree.analysis.report.page_data.tick_table import (
+    ABSENT,
+    STATUSES,
+    TICKED,
+    RunNode,
+    nodes_of,
+    tick_table,
+)
 from picktree.analysis.report.panels.lanes import OUTCOMES, item_spans, pack_lanes
 from picktree.analysis.report.panels.tree import pack_tree
 from picktree.errors import PicktreeError
 from picktree.logs.schema.records import Tree, TreeNode, Write
-from picktree.session.file_watch import Edits
+from picktree.session.mission_edits import Edits
 from picktree.session.session import RunRequest, Session
 from picktree.trees.loading.loader import parse_mission
 

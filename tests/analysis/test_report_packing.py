@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.report.page import PAGE
 from picktree.analysis.report.page_data.packing import GAP, Packable, Section, pack, quantised
+from picktree.analysis.report.report import PAGE
 
 from ..needs import NODE
 

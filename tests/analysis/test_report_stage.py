@@ -13,8 +13,7 @@ from picktree.analysis.report.page_data.body_motion import motion_of
 from picktree.analysis.report.page_data.packing import Quantised
 from picktree.analysis.report.page_data.poses import between, composed, continuous, filled, inverse, row
 from picktree.analysis.report.page_data.truth_matching import matched, track
-from picktree.analysis.report.panels.models import MOST_FACES, packed_link
-from picktree.analysis.report.panels.stage import pack_stage
+from picktree.analysis.report.panels.stage import MOST_FACES, pack_stage, packed_link
 from picktree.analysis.run import Run
 from picktree.logs.meshes.binary_gltf import write_glb
 from picktree.logs.meshes.triangle_meshes import joined, shape_mesh

@@ -11,9 +11,8 @@ import pytest
 
 from picktree.analysis.resim.changes import Changes
 from picktree.analysis.resim.difference_reasons import notes, reasons
-from picktree.analysis.resim.resim import resimulate
+from picktree.analysis.resim.resim import Answer, Order, carry_out, resimulate
 from picktree.analysis.resim.resim_comparison import Difference
-from picktree.analysis.resim.resim_process import Answer, Order, carry_out
 from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog

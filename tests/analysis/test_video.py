@@ -10,8 +10,7 @@ import pytest
 
 from picktree.analysis.render.frames import moments
 from picktree.analysis.render.scene_view import Show
-from picktree.analysis.render.video.film import FilmRequest, film
-from picktree.analysis.render.video.frame_workers import Painters, Setup
+from picktree.analysis.render.video.film import FilmRequest, Painters, Setup, film
 from picktree.analysis.render.viewpoint import View
 from picktree.errors import PicktreeError
 from picktree.logs.optional_libraries import adding

@@ -7,7 +7,7 @@ from textwrap import dedent
 
 from picktree.authoring.checking.check import MissionCheck, check_mission
 from picktree.files.yaml.document import parse_document
-from picktree.trees.mission_files import LIBRARY
+from picktree.trees.mission import LIBRARY
 
 
 def check(text: str, folder: Path = Path()) -> MissionCheck:

@@ -18,11 +18,9 @@ import pytest
 from picktree.authoring.drawing.chart import Chart
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
 from picktree.authoring.drawing.formats.svg import svg
-from picktree.authoring.drawing.layout.cards import Card
-from picktree.authoring.drawing.layout.columns import GAP, page
-from picktree.authoring.drawing.layout.frames import Frame, expanded, frame_of
+from picktree.authoring.drawing.layout.cards import Card, width, wrapped
+from picktree.authoring.drawing.layout.frames import GAP, Frame, expanded, frame_of, page
 from picktree.authoring.drawing.layout.graphviz_layout import BESIDE, BETWEEN, Box, Spot, arrange
-from picktree.authoring.drawing.layout.text_metrics import width, wrapped
 from picktree.trees.status import NodeStatus
 
 from ..trees.scripted import mission

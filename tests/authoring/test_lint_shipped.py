@@ -10,7 +10,7 @@ from picktree.authoring.lint import lint
 from picktree.cli.author.file_kinds import CHECKS
 from picktree.files.diagnostics.file_checks import check_files
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.mission_files import LIBRARY
+from picktree.trees.mission import LIBRARY
 
 from ..effort import counted
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.authoring.rehearsal.cases.case import Turn
-from picktree.authoring.rehearsal.stage.events import LeafRun
-from picktree.authoring.rehearsal.verdict.start_order import compare_order
+from picktree.authoring.rehearsal.stage.trace import LeafRun
+from picktree.authoring.rehearsal.verdict.verdict import compare_order
 
 RUNS = [
     LeafRun(1, "Main/Look", 1, "SUCCESS"),

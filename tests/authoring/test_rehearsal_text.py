@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from picktree.authoring.rehearsal.verdict.rehearsal_text import to_text
-from picktree.authoring.rehearsal.verdict.trace_text import short_names, show
+from picktree.authoring.rehearsal.verdict.rehearsal_text import short_names, show, to_text
 
 from ..trees.rehearsing import play
 

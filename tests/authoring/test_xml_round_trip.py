@@ -12,7 +12,7 @@ from picktree.authoring.xml.importing.mission_import import xml_to_mission
 from picktree.files.yaml.document import open_document, read_document
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import Registry
-from picktree.trees.mission_files import LIBRARY
+from picktree.trees.mission import LIBRARY
 
 from ..trees.scripted import FILE
 from .btcpp_rules import complaints

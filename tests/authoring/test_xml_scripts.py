@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.authoring.xml.export.expression_text import expression_text
-from picktree.authoring.xml.export.script_export import Unsayable, assignments_script, script
+from picktree.authoring.xml.export.script_export import Unsayable, assignments_script, expression_text, script
 from picktree.authoring.xml.importing.script_import import ScriptError, read_condition, read_statements
 from picktree.files.expressions.expression import Expression
 from picktree.files.expressions.syntax_tree import (
@@ -30,7 +29,7 @@ from picktree.files.expressions.syntax_tree import (
     Sign,
     Symbol,
 )
-from picktree.trees.loading.assignments import parse_assignments
+from picktree.trees.loading.port_wires import parse_assignments
 
 RELATIONS: tuple[Relation, ...] = ("==", "!=", "<", "<=", ">", ">=")
 AMONG: tuple[Relation, ...] = ("in", "not in")

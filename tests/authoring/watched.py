@@ -18,9 +18,8 @@ from picktree.trees.flow.key_bits import Layout
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.mission import Mission, NodeSpec
 from picktree.trees.node import Node
-from picktree.trees.running.builder import build
+from picktree.trees.running.builder import SubTree, build
 from picktree.trees.running.runner import Tree
-from picktree.trees.running.subtree import SubTree
 from picktree.trees.status import NodeStatus
 from picktree.trees.values.references import Reference
 from picktree.world.journal import Happened

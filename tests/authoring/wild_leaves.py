@@ -7,9 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, cast
 
-from picktree.recovery.recover import Recover
-from picktree.recovery.recovery_node import RecoveryNode
-from picktree.trees.condition import ConditionNode
+from picktree.recovery.recover import Recover, RecoveryNode
+from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.loading.registry import Registry
 from picktree.trees.node import Control, Node
 from picktree.trees.ports import In, Out, port

@@ -8,7 +8,7 @@ from typing import TypeAlias, cast
 from hypothesis import strategies as st
 
 from picktree import recovery
-from picktree.authoring.xml.export.expression_text import expression_text
+from picktree.authoring.xml.export.script_export import expression_text
 from picktree.authoring.xml.format.literal_text import is_pointer
 from picktree.files.expressions.expression import Expression
 from picktree.trees.loading.loader import parse_mission

@@ -13,7 +13,7 @@ import pytest
 from picktree.batch.results.rows import JobRow, JobRows
 from picktree.batch.statistics.comparison import Comparison, compare, compare_recipes
 from picktree.batch.statistics.comparison_text import json_text_of, text_of
-from picktree.batch.statistics.recipe_outcomes import Outcome, Recipe, read_recipe
+from picktree.batch.statistics.differences import Outcome, Recipe, read_recipe
 from picktree.errors import PicktreeError
 from picktree.logs.schema.arithmetic_record import Arithmetic
 

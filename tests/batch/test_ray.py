@@ -222,7 +222,11 @@ def test_a_node_with_another_picktree_is_refused(
 
 def test_the_sources_of_a_worker_are_those_of_its_runs_and_of_batches() -> None:
     found = set(installed().sources)
-    assert {"batch/workers/worker.py", "batch/cluster/node_worker.py", "analysis/resim/resim.py"} <= found
+    assert {
+        "batch/workers/local_executor.py",
+        "batch/cluster/node_worker.py",
+        "analysis/resim/resim.py",
+    } <= found
     assert {"analysis/explain/explain.py", "skills/grasp.py", "control/execution/control_loop.py"} <= found
     assert [
         path for path in found if path.startswith(("cli/", "batch/report/", "analysis/render/video/"))

@@ -8,9 +8,7 @@ from typing import Any
 
 import pytest
 
-from picktree.batch.plan.job import Job
-from picktree.batch.plan.plan import Plan
-from picktree.batch.plan.plan_record import write_plan
+from picktree.batch.plan.plan import Job, Plan, write_plan
 from picktree.batch.report.report import write_report
 from picktree.batch.results.rows import EpisodeRow, FailureRow, JobRows, PickRow, PlantedRow, TimingRow
 from picktree.batch.results.store import NAME, Store

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan.job import Job
-from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan import Job, Plan
 from picktree.batch.results.rows import FailureRow, ItemRow, JobRow, JobRows, TimingRow
 from picktree.batch.results.store import NAME, Store
 from picktree.batch.statistics.summary import summarise

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from picktree.batch.plan.job import Job
+from picktree.batch.plan.plan import Job
 from picktree.batch.results.rows import JobRow
 from picktree.batch.workers.batch import Ended
 

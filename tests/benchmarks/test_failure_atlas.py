@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from types import ModuleType
 
-from picktree.simulation.fault_files.fault_description import Expect
+from picktree.simulation.fault_files.fault_entries import Expect
 
 Program = Callable[[str], ModuleType]
 

@@ -9,11 +9,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from picktree.batch.plan.job import Job
-from picktree.batch.plan.plan import Variant
+from picktree.batch.plan.plan import Job, Variant
 from picktree.batch.results.rows import JobRow, JobRows
 from picktree.batch.results.store import NAME, Store
-from picktree.simulation.fault_files.fault_description import Expect
+from picktree.simulation.fault_files.fault_entries import Expect
 
 Program = Callable[[str], ModuleType]
 

@@ -10,14 +10,12 @@ import pytest
 
 from picktree.calibration.estimate import Estimate, estimate
 from picktree.calibration.hand_eye import camera_in_tcp, spread
-from picktree.calibration.observations import Evidence, Shot, Touch
-from picktree.calibration.target_detection import area_and_centroid, pixels_of
-from picktree.calibration.tiles import TileSeen
-from picktree.calibration.touches import contacts
-from picktree.calibration.views import viewpoints
+from picktree.calibration.observations import Evidence, Shot, Touch, viewpoints
+from picktree.calibration.target_detection import TileSeen, area_and_centroid, pixels_of
+from picktree.calibration.targets import contacts
 from picktree.errors import PicktreeError
 from picktree.world.protocols import Intrinsics
-from picktree.world.scene.calibration_targets import tiles_on
+from picktree.world.scene.calibration_results import tiles_on
 from picktree.world.values import Array, Pose
 
 SIZE = (0.18, 0.16, 0.05)

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from picktree.batch.plan.job import Job
-from picktree.batch.plan.plan import Variant
+from picktree.batch.plan.plan import Job, Variant
 from picktree.batch.results.rows import JobRow
 from picktree.batch.workers.batch import Ended
 from picktree.cli.batch.progress import Lines, LiveTable

@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from picktree.cli.app import answer
-from picktree.cli.author.starter_files import STARTS, StartKind, write_start
+from picktree.cli.author.new import STARTS, StartKind, write_start
 from picktree.errors import PicktreeError
 
 KINDS: tuple[StartKind, ...] = ("mission", "scene", "plugin")

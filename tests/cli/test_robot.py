@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.analysis.resim import resim
-from picktree.analysis.resim import resim_process as child
+from picktree.analysis.resim import resim as child
 from picktree.cli.app import answer
 from picktree.cli.author.file_kinds import CHECKS
 from picktree.commissioning.robot_setup.proposal import Wish, propose

@@ -6,7 +6,7 @@ import numpy as np
 
 from picktree.control.execution.soft_motion import slowed
 from picktree.control.joints.external_torque import TorqueObserver
-from picktree.control.joints.soft_contact import Sensitivity
+from picktree.control.joints.soft_controller import Sensitivity
 from picktree.world.values import JointState
 
 from ..planning.motion_cell import down

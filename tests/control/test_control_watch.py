@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from picktree.control.joints.external_torque import Efforts
 from picktree.control.joints.joint_controllers import Track
 from picktree.control.safety.safety_monitor import SafetyMonitor, most_load
-from picktree.control.wrist.joint_efforts import Efforts
 from picktree.control.wrist.payload_estimate import Payload
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel

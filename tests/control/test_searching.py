@@ -11,8 +11,7 @@ import pytest
 
 from picktree.control.cartesian.anchor_courses import Felt
 from picktree.control.contact.hole_search import LIFTED, Inserting, Mouth, Peg, Search, Touch
-from picktree.control.contact.search_patterns import Standing, grid, spiral
-from picktree.control.contact.small_rotations import turned
+from picktree.control.contact.search_patterns import Standing, grid, spiral, turned
 
 PERIOD = 1 / 240
 LINEAR = 600.0

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from pydantic import TypeAdapter
 
-from picktree.logs.meshes.body_parts import parts_of
+from picktree.logs.meshes.link_meshes import parts_of
 from picktree.logs.recording.foxglove_messages import encode_scene, read_scene
 from picktree.logs.recording.journal_records import believed, real
 from picktree.logs.schema.json_records import decode, encode
 from picktree.logs.schema.records import Body, Scene
-from picktree.perception.voxels.box_merging import merged
+from picktree.perception.voxels.obstacle_volumes import merged
 from picktree.perception.voxels.voxel_grid import body_of, cells_of, within
 from picktree.simulation.scoring.truth import TrueObstacle
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene, SceneSnapshot

@@ -10,9 +10,18 @@ import pytest
 
 from picktree.cell.world import World
 from picktree.manipulation.grasp.grasp_candidates import GraspCandidate, grasp_candidates
-from picktree.manipulation.pick.candidate_rejections import fates, told
-from picktree.manipulation.pick.candidate_stages import APPROACH, GRASP, HAND, PLACE, PRE_GRASP, RANKED, ROOM
-from picktree.manipulation.pick.pick_candidates import PickAndPlace
+from picktree.manipulation.pick.pick_candidates import (
+    APPROACH,
+    GRASP,
+    HAND,
+    PLACE,
+    PRE_GRASP,
+    RANKED,
+    ROOM,
+    PickAndPlace,
+    fates,
+    told,
+)
 from picktree.manipulation.pick.pick_stream import PickStream
 from picktree.robots.loading import load_robot
 from picktree.session.assembly import assemble

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.manipulation.push.contact_faces import sides, tool_outline
-from picktree.manipulation.push.push_arcs import arc_to, biarc, cut, straight
+from picktree.manipulation.push.push_arcs import arc_to, biarc, cut, sides, straight, tool_outline
 from picktree.manipulation.push.quasi_static_pushing import Sliding
 from picktree.robots.loading import load_robot
 from picktree.world.belief.planning_scene import BeliefObject

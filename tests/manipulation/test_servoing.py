@@ -9,10 +9,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from picktree.manipulation.grasp.patch_matching import matched
-from picktree.perception.fitting.known_object_fitting import Sighting
+from picktree.manipulation.pick.visual_servoing import matched
+from picktree.perception.fitting.known_object_fitting import Sighting, parted
 from picktree.perception.segmentation.blobs import Pixels
-from picktree.perception.segmentation.depth_edges import parted
 from picktree.trees.status import NodeStatus
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.scene.description import SceneDescription

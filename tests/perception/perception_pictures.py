@@ -11,7 +11,7 @@ import numpy as np
 
 from picktree.perception.fitting.view import View
 from picktree.perception.pipeline import Perception
-from picktree.robots.urdf_geometry import LinkMesh, LinkShape
+from picktree.robots.urdf_tree import LinkMesh, LinkShape
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.colours import COLOURS
 from picktree.world.protocols import Intrinsics, RgbdImage

@@ -14,7 +14,7 @@ from picktree.perception.expectation.hand_camera_pose import registered
 from picktree.perception.expectation.robot_mask import RobotMask
 from picktree.perception.geometry.camera_geometry import Sight
 from picktree.perception.pipeline import Perception
-from picktree.perception.segmentation.close_views import coarsened
+from picktree.perception.segmentation.blobs import coarsened
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.simulation.common.sensor_noise import FLOOR, noisy_depth
 from picktree.simulation.kinematic.backend import KinematicHardware

@@ -13,7 +13,7 @@ from picktree.perception.expectation.backdrop import Backdrop, levelled
 from picktree.perception.geometry.camera_geometry import Sight
 from picktree.perception.geometry.resting_poses import rests
 from picktree.perception.geometry.silhouette_fitting import Outline, Stand, fit_outline, silhouette, support
-from picktree.perception.segmentation import hues
+from picktree.perception.segmentation import blobs
 from picktree.world.colours import ITEM_COLOURS
 from picktree.world.protocols import Intrinsics
 from picktree.world.raycasting import cast
@@ -81,13 +81,13 @@ def test_every_named_colour_is_told_in_light_and_shade() -> None:
     for name, rgb in ITEM_COLOURS.items():
         for light in (1.0, 0.7, 0.45):
             pixel = np.round(np.array([[rgb]]) * 255 * light).astype(np.uint8)
-            assert hues.NAMES[int(hues.labels(pixel)[0, 0])] == name
+            assert blobs.NAMES[int(blobs.labels(pixel)[0, 0])] == name
 
 
 def test_greys_have_no_colour() -> None:
     greys = np.array([[[v, v, v] for v in (0, 20, 90, 200, 255)]], dtype=np.uint8)
-    assert (hues.labels(greys) == 0).all()
-    assert hues.label_of("grey") == hues.label_of("unknown") == 0
+    assert (blobs.labels(greys) == 0).all()
+    assert blobs.label_of("grey") == blobs.label_of("unknown") == 0
 
 
 @pytest.mark.parametrize(

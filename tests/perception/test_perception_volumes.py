@@ -9,7 +9,7 @@ import numpy as np
 
 from picktree.perception.data_association import update_belief
 from picktree.perception.pipeline import Perception
-from picktree.perception.voxels.box_merging import merged
+from picktree.perception.voxels.obstacle_volumes import merged
 from picktree.perception.voxels.voxel_grid import CELL, body_of, cells_of, centres, keys, within
 from picktree.planning.collision.collision_bodies import loose_bodies
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene

@@ -9,7 +9,7 @@ from pathlib import Path
 import trimesh
 
 from picktree.perception.expectation.robot_mask import RobotMask
-from picktree.robots.urdf_geometry import LinkMesh, LinkShape
+from picktree.robots.urdf_tree import LinkMesh, LinkShape
 from picktree.world.values import Array, Pose
 
 

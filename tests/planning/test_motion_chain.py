@@ -18,7 +18,7 @@ from picktree.planning.requests import (
     Scaling,
 )
 from picktree.planning.service.motion_chain import parts
-from picktree.planning.timing.path_limits import RISE
+from picktree.planning.timing.toppra_profile import RISE
 from picktree.world.causes import Failure, planning
 from picktree.world.journal import PlanMade
 from picktree.world.shapes import Box

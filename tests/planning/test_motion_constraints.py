@@ -23,7 +23,7 @@ from picktree.planning.requests import (
     Upright,
     Within,
 )
-from picktree.planning.search.goal_regions import poses
+from picktree.planning.search.goal_configurations import poses
 from picktree.planning.service.solver import Solver
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure

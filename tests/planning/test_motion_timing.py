@@ -10,9 +10,8 @@ from scipy.interpolate import CubicSpline
 
 from picktree.planning.requests import Scaling
 from picktree.planning.timing.path_curves import Curve, bridge, cornered, joined, splined
-from picktree.planning.timing.path_limits import RISE, TORQUE, Stretch
 from picktree.planning.timing.time_parameterization import time_corners, time_curve, time_smooth
-from picktree.planning.timing.toppra_profile import TimeLaw
+from picktree.planning.timing.toppra_profile import RISE, TORQUE, Stretch, TimeLaw
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array
 

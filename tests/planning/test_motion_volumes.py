@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from picktree.perception.voxels.box_merging import merged
+from picktree.perception.voxels.obstacle_volumes import merged
 from picktree.perception.voxels.voxel_grid import Keys, body_of, within
 from picktree.planning.collision.collision_checker import Collision
 from picktree.planning.collision.trajectory_judge import judge

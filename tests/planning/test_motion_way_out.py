@@ -7,8 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from picktree.planning.collision.collision_checker import Collision
-from picktree.planning.search.escape_directions import DIRECTIONS
-from picktree.planning.search.penetration_escape import Inequalities, Outward, least_distance
+from picktree.planning.search.penetration_escape import DIRECTIONS, Inequalities, Outward, least_distance
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from picktree.simulation.fault_files.device_entries import CameraDrop
-from picktree.simulation.fault_files.occasions import AtTime
+from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.scene.loading.scene_loading import load_scene
 

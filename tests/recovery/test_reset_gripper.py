@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.simulation.fault_files.device_entries import GripperJam
-from picktree.simulation.fault_files.occasions import AtTime
+from picktree.simulation.fault_files.device_entries import AtTime, GripperJam
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.shapes import Box
 

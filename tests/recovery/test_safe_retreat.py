@@ -137,7 +137,7 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(monkeypatch: py
     from dataclasses import replace
 
     from picktree.control.execution.motions import Motions
-    from picktree.control.joints.soft_contact import Softly
+    from picktree.control.joints.soft_controller import Softly
 
     made = cell()
     assert do(made, "GoTo: {pose: rest}") == ("SUCCESS", "")

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.recovery.belief_restart import Stock, take_stock
-from picktree.simulation.fault_files.device_entries import CameraDrop, GripperJam
-from picktree.simulation.fault_files.occasions import AtTime
+from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop, GripperJam
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.journal import Happened
 from picktree.world.values import ObjectId, Pose

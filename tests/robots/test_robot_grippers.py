@@ -15,12 +15,12 @@ import trimesh
 
 from picktree.files.yaml.document import FileError
 from picktree.robots.description import RobotDescription
-from picktree.robots.fingers import LinkedFingers, SliderPair, fingers_of
+from picktree.robots.finger_linkage import LinkedFingers, SliderPair, fingers_of
 from picktree.robots.loading import load_robot, parse_robot
 from picktree.robots.model import RobotModel
-from picktree.robots.urdf_geometry import link_geometry
+from picktree.robots.urdf_tree import link_geometry
 from picktree.simulation.checkpoints.physics_state import GripperCommand
-from picktree.simulation.physics.engine.client import Client
+from picktree.simulation.physics.engine.pybullet_import import Client
 from picktree.simulation.physics.robot.robot_body import RobotBody
 from picktree.world.shapes import corners
 from picktree.world.values import Array

@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.resim.changes import Changes
-from picktree.analysis.resim.resim_process import Order, carry_out
+from picktree.analysis.resim.resim import Order, carry_out
 from picktree.analysis.run import Run
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState
-from picktree.session.resume.digest_messages import simulated_messages
+from picktree.session.resume.older_checkpoints import simulated_messages
 from picktree.session.resume.recorded_recipe import Recorded
 from picktree.session.session import RunRequest, Session
 from picktree.trees.running.runner import NodeInfo, TickReport
-from picktree.world.belief.feed_notices import NoticedState
+from picktree.world.belief.facts import NoticedState
 
 SCENE = """\
 picktree: 1

@@ -7,7 +7,7 @@ from pathlib import Path
 from picktree.logs.run_log import RunLog
 from picktree.session.session import RunRequest, Session
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.mission_files import RecordedFiles
+from picktree.trees.mission import RecordedFiles
 
 MISSION = """
 picktree: 1

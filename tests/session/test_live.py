@@ -20,8 +20,7 @@ from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.logs.schema import topics
-from picktree.session.live.live_view import LiveView
-from picktree.session.live.real_time_pace import Paced
+from picktree.session.live.live_view import LiveView, Paced
 from picktree.session.session import RunRequest, Session
 from picktree.world.belief.planning_scene import PlanningScene
 

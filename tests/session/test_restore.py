@@ -14,8 +14,7 @@ from picktree.errors import PicktreeError
 from picktree.logs.mcap.reader import RawMessage
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState, take
-from picktree.session.resume.digest_messages import simulated_messages
-from picktree.session.resume.older_checkpoints import completed
+from picktree.session.resume.older_checkpoints import completed, simulated_messages
 from picktree.session.resume.recorded_recipe import Recorded
 from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend

@@ -17,7 +17,7 @@ from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.session.assembly import TICK
-from picktree.session.operators import GivenAnswers
+from picktree.session.observer import GivenAnswers
 from picktree.session.resume.recorded_recipe import Recorded
 from picktree.session.resume.resumption import ResumeRequest, Resumption
 from picktree.session.session import RunRequest, Session

@@ -9,7 +9,7 @@ import pytest
 
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.session.file_watch import FileEdits
+from picktree.session.mission_edits import FileEdits
 from picktree.session.session import RunRequest, Session
 from picktree.trees.running.runner import NodeInfo, TickReport
 

@@ -15,10 +15,9 @@ from picktree.simulation.checkpoints.physics_state import Checkpoint
 from picktree.simulation.common.uncertain_fixtures import displaced
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.physics.bodies import add_fixed, add_item
-from picktree.simulation.physics.engine.client import Client
-from picktree.simulation.physics.engine.pybullet_import import pb
+from picktree.simulation.physics.engine.pybullet_import import Client, pb
 from picktree.simulation.physics.penetration import Penetrations
-from picktree.simulation.scoring.seats import Boards, Seat
+from picktree.simulation.scoring.truth import Boards, Seat
 from picktree.simulation.spawning.spawn import SpawnedItem
 from picktree.world.scene.fixture_surfaces import surface
 from picktree.world.scene.hole_geometry import bored, outline

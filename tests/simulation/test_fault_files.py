@@ -15,13 +15,16 @@ from picktree.simulation.fault_files.device_entries import (
     CameraShift,
     GripperJam,
     GripperWeak,
+    Hang,
     JointWeak,
+    Kill,
     NoPlan,
+    Raise,
     Stall,
     WrenchBias,
     WrenchDead,
 )  # fmt: skip
-from picktree.simulation.fault_files.fault_description import (
+from picktree.simulation.fault_files.fault_entries import (  # fmt: skip
     Appear,
     AtNode,
     AtTime,
@@ -33,10 +36,9 @@ from picktree.simulation.fault_files.fault_description import (
     Remove,
     Slip,
     Target,
-)  # fmt: skip
+)
 from picktree.simulation.fault_files.fault_loading import load_faults, parse_faults
 from picktree.simulation.fault_files.fault_schema import MAY, NEEDS
-from picktree.simulation.fault_files.program_entries import Hang, Kill, Raise
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Pose
 

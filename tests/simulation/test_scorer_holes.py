@@ -8,8 +8,7 @@ from dataclasses import replace
 import pytest
 
 from picktree.simulation.scoring.scorer import score
-from picktree.simulation.scoring.seats import Boards
-from picktree.simulation.scoring.truth import TrueBody
+from picktree.simulation.scoring.truth import Boards, TrueBody
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import ObjectId, Pose
 

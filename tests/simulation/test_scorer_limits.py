@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from picktree.simulation.scoring.scorer import score
-from picktree.simulation.scoring.seats import Boards, Seat
+from picktree.simulation.scoring.truth import Boards, Seat
 from picktree.world.shapes import Box, Shape, Sphere, bottom
 from picktree.world.values import Pose, Vector3
 

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from picktree.calibration import target_detection as markers
-from picktree.calibration import touches
+from picktree.calibration import targets
 from picktree.calibration.observations import Shot
-from picktree.calibration.tiles import TileSeen
-from picktree.calibration.touches import Contact
-from picktree.simulation.fault_files.device_entries import CameraDrop
-from picktree.simulation.fault_files.occasions import AtTime
+from picktree.calibration.target_detection import TileSeen
+from picktree.calibration.targets import Contact
+from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.loading.scene_loading import load_scene
@@ -135,7 +134,7 @@ def wanted(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """So many touches, of the top; those beside it are nothing that a cell without physics feels."""
 
     def tops(target: Pose, size: Vector3, at_tips: Array, turned: float) -> tuple[Contact, ...]:
-        found = [c for c in touches.contacts(target, size, at_tips, turned) if c.name.startswith("top")]
+        found = [c for c in targets.contacts(target, size, at_tips, turned) if c.name.startswith("top")]
         return tuple((*found, *found)[:count])
 
     monkeypatch.setattr("picktree.skills.touch_target.contacts", tops)

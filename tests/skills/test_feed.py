@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.manipulation.place.exchanged_bins import fill_of
+from picktree.manipulation.place.dropped_objects import fill_of
 from picktree.perception.fitting.view import BinView
 from picktree.world.scene.feed import Belt
 from picktree.world.values import ObjectId, Pose

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from picktree.control.execution.motions import Motions
-from picktree.manipulation.pick.candidate_stages import TRANSFER
+from picktree.manipulation.pick.pick_candidates import TRANSFER
 from picktree.manipulation.pick.transfer_requests import onward
 from picktree.perception.fitting.view import BinView
 from picktree.planning.requests import Offset, Request

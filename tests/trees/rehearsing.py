@@ -14,8 +14,8 @@ from picktree.authoring.rehearsal.rehearse import rehearse
 from picktree.authoring.rehearsal.verdict.rehearsal_result import CaseResult, Rehearsal
 from picktree.cell.world import World
 from picktree.files.yaml.document import Document, parse_document
-from picktree.trees.condition import ConditionNode
 from picktree.trees.controls.decorator import Decorator
+from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.declaration import Hand
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import Registry

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from picktree.files.expressions.expression import ExpressionError
-from picktree.trees.loading.assignments import MAX_ASSIGNMENTS, parse_assignments
+from picktree.trees.loading.port_wires import MAX_ASSIGNMENTS, parse_assignments
 from picktree.trees.status import NodeStatus
 
 from .scripted import Run, letters, start

@@ -10,8 +10,7 @@ import pytest
 from picktree.files.yaml.document import FileError, load_document
 from picktree.trees.loading.include import MAX_FILES
 from picktree.trees.loading.loader import examine, load_mission, parse_mission, read_mission
-from picktree.trees.mission import Mission
-from picktree.trees.mission_files import RecordedFiles
+from picktree.trees.mission import Mission, RecordedFiles
 
 from .scripted import registry
 

@@ -13,7 +13,7 @@ from picktree.files.yaml.document import parse_document
 from picktree.trees.declaration import COMMON_KEYS
 from picktree.trees.loading.include import MAX_FILES
 from picktree.trees.loading.loader import load_mission
-from picktree.trees.mission_files import library_names
+from picktree.trees.mission import library_names
 from picktree.trees.values.fault_collector import MAX_NODES
 from picktree.trees.values.references import ATTRIBUTES
 from picktree.world.belief.facts import FACTS

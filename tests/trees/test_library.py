@@ -10,7 +10,7 @@ from picktree.authoring.checking.check import check_mission
 from picktree.files.yaml.document import load_document, parse_document
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import Registry
-from picktree.trees.mission_files import LIBRARY, library_names, path_of
+from picktree.trees.mission import LIBRARY, library_names, path_of
 
 
 @pytest.mark.parametrize("name", library_names())

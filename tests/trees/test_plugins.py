@@ -14,7 +14,7 @@ import pytest
 from picktree.authoring.checking.check import check_mission
 from picktree.errors import PicktreeError
 from picktree.files.yaml.document import FileError, load_document, parse_document
-from picktree.session.mission_files import mission_files, plugin_versions
+from picktree.session.recipe import mission_files, plugin_versions
 from picktree.trees.loading.loader import load_mission, parse_mission
 from picktree.trees.loading.registry import Registry
 from picktree.world.causes import cause_named

@@ -8,7 +8,7 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.files.yaml.document import FileError
-from picktree.trees.condition import ConditionNode
+from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.declaration import declare
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import Registry

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from picktree.trees.plugins.plugin import load_plugin
-from picktree.trees.values.tracebacks import portable_trace
+from picktree.trees.values.failure_reports import portable_trace
 
 PLUGIN = """\
 from picktree.trees.node import Node

@@ -8,7 +8,7 @@ import pytest
 
 from picktree.cell.world import World
 from picktree.files.yaml.document import FileError
-from picktree.trees.condition import ConditionNode
+from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.loading.registry import Registry
 from picktree.trees.ports import In, Out, port

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..flow import NOTHING, Ends, Failures, Flow, State, States, tidy
-from ..flow.fallback_flow import try_next
+from ..flow.outcomes import try_next
 from ..node import Control
 from ..slots import children
 from ..status import NodeStatus

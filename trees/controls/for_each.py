@@ -10,7 +10,7 @@ from ..node import Node
 from ..ports import In, Out, port
 from ..status import NodeStatus
 from ..values.failure_reports import cannot_be_hidden
-from ..values.port_values import Given, Misfit
+from ..values.port_types import Given, Misfit
 from .decorator import Decorator
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from ..ports import In, port
 from ..slots import children
 from ..status import NodeStatus
 from ..values.failure_reports import with_attached
-from ..values.port_values import Given, Misfit
+from ..values.port_types import Given, Misfit
 
 if TYPE_CHECKING:
     from ..flow.flow_walk import Walk

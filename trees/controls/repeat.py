@@ -8,7 +8,7 @@ from ...files.expressions.expression import Expression
 from ..flow import Ends, Flow, State, States, tidy
 from ..ports import In, port
 from ..status import NodeStatus
-from ..values.port_values import Given
+from ..values.port_types import Given
 from .decorator import Decorator
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from ..flow import UNREPORTED, Ends, Flow, Reasons, State, States, joined, tidy
 from ..ports import In, port
 from ..status import NodeStatus
 from ..values.failure_reports import with_attached
-from ..values.port_values import Given, Misfit
+from ..values.port_types import Given, Misfit
 from .decorator import Decorator
 
 if TYPE_CHECKING:

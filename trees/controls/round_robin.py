@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from ...world.causes import tree
 from ..flow import NO_REPORT, Ends, Failures, Flow, State, States
-from ..flow.fallback_flow import try_next
+from ..flow.outcomes import try_next
 from ..node import Control
 from ..ports import In, port
 from ..slots import children

@@ -10,8 +10,7 @@ from ..node import Control, Node
 from ..ports import In, port
 from ..slots import optional_child, table
 from ..status import NodeStatus
-from ..values.port_types import show
-from ..values.port_values import Given, Misfit
+from ..values.port_types import Given, Misfit, show
 from ..values.references import Reference
 
 if TYPE_CHECKING:

@@ -15,11 +15,9 @@ from ..declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration
 from ..mission import NodeSpec
 from ..node import Node
 from ..ports import PortDeclaration
-from ..values.expression_pointer import Pointer
 from ..values.fault_collector import Faults
-from ..values.port_types import show
-from ..values.port_values import Given
-from ..values.references import Binding, Constant
+from ..values.port_types import Given, show
+from ..values.references import Binding, Constant, Pointer
 from .children import NAME, Children, Filled, Names, labels_of
 from .port_wires import Wires
 from .registry import Registry

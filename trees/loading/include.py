@@ -7,7 +7,7 @@ from typing import Final
 
 from ...errors import PicktreeError
 from ...files.yaml.document import Document, FileError, Location, Value, where
-from ..mission_files import IN_LIBRARY, MissionFiles
+from ..mission import IN_LIBRARY, MissionFiles
 from ..values.fault_collector import Faults
 
 MAX_FILES: Final = 50

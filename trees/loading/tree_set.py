@@ -8,9 +8,9 @@ from ...files.yaml.document import Document, Location, Value, where
 from ..declaration import IDENTIFIER
 from ..mission import MAIN, NodeSpec, TreeSpec
 from ..ports import PortDeclaration
-from ..values.expression_pointer import Pointer
 from ..values.fault_collector import Faults
 from ..values.port_types import show
+from ..values.references import Pointer
 from .children import Names
 from .grammar import Grammar
 from .registry import Registry

@@ -10,10 +10,41 @@ from ..blackboard import Namespace
 from ..mission import Mission, NodeSpec, TreeSpec
 from ..node import Node
 from ..runtime import Runtime, TreeWorld, Wiring
+from ..slots import child
+from ..status import NodeStatus
 from ..values.references import Binding, Constant, Reference
 from .run_settings import Overrides, read_settings
 from .runner import Tree
-from .subtree import SubTree
+
+
+class SubTree(Node):
+    """Ticks its one child in a namespace of its own.
+
+    A port that is wired to a key of the caller *is* that key; literals and defaults are written when the
+    sub-tree starts. `inside` is what the nodes of the sub-tree see.
+    """
+
+    node_id = "SubTree"
+    kind = "subtree"
+    body = child("the root of the sub-tree")
+
+    def __init__(self, wiring: Wiring, runtime: Runtime, inside: Namespace) -> None:
+        super().__init__(wiring, runtime)
+        self.inside = inside
+
+    def on_start(self) -> None:
+        self.on_rewired(frozenset(self.wiring.ports))
+
+    def on_rewired(self, ports: frozenset[str]) -> None:
+        for key, wired in self.wiring.ports.items():
+            if key in ports and isinstance(wired, Constant):
+                self.inside.write(key, wired.value, self.path)
+
+    def on_tick(self) -> NodeStatus:
+        state = self.body.step()
+        if state is NodeStatus.FAILURE:
+            return self.fail_with(self.body.failure)
+        return state
 
 
 def build(mission: Mission, world: TreeWorld, parameters: Mapping[str, Plain] | None = None) -> Tree:

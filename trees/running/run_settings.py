@@ -8,13 +8,12 @@ from typing import TypeAlias
 
 from ...errors import PicktreeError
 from ...files.node_patterns import node_matches
-from ...files.spelling import nearest
+from ...files.value_wording import nearest
 from ...files.yaml.reader import resolve
 from ...world.journal import Plain
 from ..mission import Mission, NodeSpec
 from ..ports import PortDeclaration
-from ..values.port_types import convert
-from ..values.port_values import Given, Misfit
+from ..values.port_types import Given, Misfit, convert
 from ..values.references import Binding, Constant
 
 Overrides: TypeAlias = Mapping[str, Mapping[str, Constant]]

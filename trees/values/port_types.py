@@ -2,18 +2,76 @@
 
 from __future__ import annotations
 
+import math
 import types
 import typing
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias, cast
 
 from ...files.expressions.expression import Expression
 from ...files.quantities import parse_quantity
-from ...files.spelling import nearest
+from ...files.value_wording import nearest
 from ...world.journal import Plain
 from ...world.values import ObjectId
-from .plain_values import plain_copy
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """The keys that stand under a node, and what is known of them."""
+
+    keys: frozenset[str]
+    constants: Mapping[str, object] = field(default_factory=dict[str, object])
+    """The values of inputs that stand there as literals, converted; what comes over a key is not known."""
+    labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    """By slot, one entry a child: its name in a table, else empty."""
+
+    def any_of(self, *keys: str) -> bool:
+        """Whether at least one of these keys is given."""
+        return not self.keys.isdisjoint(keys)
+
+    def number(self, key: str) -> float | None:
+        """The number that stands there as a literal; None when there is none."""
+        value = self.constants.get(key)
+        return value if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """What is wrong with the value of one key; `key` may be `slot/label`."""
+
+    key: str
+    message: str
+    hint: str = ""
+
+
+_LARGEST = 2**63 - 1
+"""A log holds 64 bits."""
+
+
+def plain_copy(value: object) -> Plain:
+    """A deep copy that shares nothing. Raises TypeError for what is not plain, ValueError for NaN."""
+    match value:
+        case None | bool():
+            return value
+        case int():
+            if not -_LARGEST <= value <= _LARGEST:
+                raise ValueError("the number is too large")
+            return int(value)
+        case str():
+            return str(value)
+        case float():
+            if not math.isfinite(value):
+                raise ValueError(f"{value} is not a finite number")
+            return float(value)
+        case list() | tuple():
+            return [plain_copy(item) for item in cast("list[object]", value)]
+        case dict():
+            entries = cast("dict[object, object]", value)
+            return {str(key): plain_copy(item) for key, item in entries.items()}
+        case _:
+            raise TypeError(f"a {type(value).__name__} is not a plain value")
+
 
 Name: TypeAlias = Literal["string", "int", "float", "bool", "object", "expression", "any"]
 

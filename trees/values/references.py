@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
+from ...files.expressions.expression import ExpressionError
 from ...files.expressions.type_inference import BOOL, FLOAT, INT, OBJECT, PLACE, TEXT, ValueType
-from ...files.spelling import nearest
+from ...files.value_wording import nearest
+from ...files.yaml.document import Document, Mark
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.causes import Failure, tree
 from ...world.colours import ITEM_COLOURS
@@ -17,6 +19,37 @@ from ...world.journal import Plain
 from ...world.scene.description import Form
 from ...world.values import ObjectId
 from .port_types import show
+
+_LINE = re.compile(r"\r?\n")
+
+
+class Pointer:
+    """Knows the lines of the files of one mission."""
+
+    def __init__(self, documents: Iterable[Document]) -> None:
+        self._texts = {str(document.path): document.text for document in documents}
+        self._lines: dict[str, list[str]] = {}
+
+    def told(self, start: Mark, text: str, error: ExpressionError, before: int = 0) -> tuple[Mark, str]:
+        """Where and what is wrong with an expression that stands `before` characters after `start`.
+
+        Where the file has it otherwise than it reads (escapes, lines) the sentence names the character.
+        """
+        line = self._line(start)
+        quote = line[:1] if line[:1] in ("'", '"') else ""
+        skipped = len(quote) + before
+        if text and line[skipped:].startswith(text) and "\n" not in text:
+            column = start.column + skipped + error.offset
+            return Mark(start.file, start.line, column), str(error)
+        return start, error.told(text)
+
+    def _line(self, start: Mark) -> str:
+        """The rest of the line from there."""
+        if start.file not in self._lines:
+            self._lines[start.file] = _LINE.split(self._texts.get(start.file, ""))
+        lines = self._lines[start.file]
+        return lines[start.line - 1][start.column - 1 :] if start.line <= len(lines) else ""
+
 
 _REFERENCE = re.compile(r"\{([A-Za-z_]\w{0,59})((?:\.[A-Za-z_]\w{0,59}){0,9})\}", re.ASCII)
 _BRACES = re.compile(r"\{.*\}", re.DOTALL)

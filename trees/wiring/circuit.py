@@ -8,9 +8,8 @@ from typing import Final
 
 from ...files.expressions.type_inference import ValueType
 from ...files.yaml.document import Mark
-from ..mission import MAIN, NodeSpec, TreeSpec
+from ..mission import MAIN, NodeSpec, TreeSpec, bottom_up
 from ..ports import PortDeclaration
-from ..subtree_calls import bottom_up
 from ..values.references import Constant, Reference
 from .key_writers import Keys, Placed
 from .type_fit import DEFAULT, misfit

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.type_inference import UnknownName, check_types
 from ...files.yaml.document import Fault
-from ..values.expression_pointer import Pointer
-from ..values.references import ATTRIBUTE_TYPES, Constant
+from ..values.references import ATTRIBUTE_TYPES, Constant, Pointer
 from .circuit import Circuit
 from .key_writers import Placed
 

@@ -7,8 +7,7 @@ from typing import Literal, TypeAlias
 
 from ..shapes import Box, Shape
 from ..values import Bounds, ObjectId, Pose, Vector3
-from .calibration_results import Calibration
-from .calibration_targets import Tile
+from .calibration_results import Calibration, Tile
 from .feed import Belt, Delivery, Exchange
 from .holes import CERTAIN, Hole, Uncertainty
 

@@ -25,8 +25,7 @@ from ...files.models.validation import (
     Wrong,
     quantity,
 )
-from ...files.spelling import nearest
-from ...files.value_wording import describe
+from ...files.value_wording import describe, nearest
 from ..colours import COLOURS, ITEM_COLOURS, PLAIN_COLOURS
 from .description import Form, Limits, SensorNoise, Thinking
 

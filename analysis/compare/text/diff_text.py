@@ -2,18 +2,92 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
 
 from ....logs.schema.records import TreeNode
+from ....logs.visits import Visit
 from ....session.environment import SOURCES
 from ..diff import RunDiff
-from ..item_outcomes import ItemChange, ItemEnd
-from ..run_outcome import KILLED, RunOutcome
-from ..run_settings import FileChange
-from ..short_names import short_names
+from ..divergence import Parting
+from ..message_fields import short_names, value_text
+from ..run_outcome import KILLED, ItemChange, ItemEnd, RunOutcome
+from ..run_settings import FileChange, value_changes
 from ..time_spent import Spent, TimeChange
-from ..value_text import value_text
 from .divergence_text import first_value_lines, parting_lines
+
+
+def to_json_text(diff: RunDiff) -> str:
+    """One object, with a line's end."""
+    return json.dumps(to_json(diff), ensure_ascii=False, indent=2, allow_nan=False, default=str) + "\n"
+
+
+def to_json(diff: RunDiff) -> dict[str, Any]:
+    nodes, items = diff.alignment.nodes, diff.alignment.items
+    return {
+        "verdict": diff.verdict,
+        "a": _outcome_json(diff.a),
+        "b": _outcome_json(diff.b),
+        "settings": [asdict(change) for change in diff.set_up.settings],
+        "files": [asdict(change) for change in diff.set_up.files],
+        "arithmetic": diff.set_up.arithmetic,
+        "nodes": {
+            "only_a": [node.path for node in nodes.only_a],
+            "only_b": [node.path for node in nodes.only_b],
+            "moved": [{"a": pair.a.path, "b": pair.b.path} for pair in nodes.moved],
+            "retyped": [{"path": p.a.path, "a": p.a.id, "b": p.b.id} for p in nodes.retyped],
+            "ports": [asdict(change) for change in nodes.rewired],
+        },
+        "first_value": None if diff.first is None else asdict(diff.first),
+        "derived": diff.alignment.derived,
+        "parting": None if diff.alignment.parting is None else _parting(diff.alignment.parting),
+        "time": {
+            "by_type": [_time(change) for change in diff.time.by_type],
+            "by_node": [_time(change) for change in diff.time.by_node],
+        },
+        "causes": [asdict(change) for change in diff.causes],
+        "ways": [asdict(change) for change in diff.ways],
+        "items": [{**asdict(change), "differs": change.differs} for change in diff.items],
+        "item_pairs": [asdict(pair) for pair in items.pairs],
+    }
+
+
+def _outcome_json(outcome: RunOutcome) -> dict[str, Any]:
+    return {**asdict(outcome), "log": str(outcome.log.absolute())}
+
+
+def _parting(parting: Parting) -> dict[str, Any]:
+    evidence = value_changes(parting.a.evidence if parting.a else {}, parting.b.evidence if parting.b else {})
+    return {
+        "time": parting.time,
+        "how": parting.how,
+        "also": list(parting.also),
+        "a": _visit(parting.a),
+        "b": _visit(parting.b),
+        "evidence": [asdict(change) for change in evidence],
+        "next_a": _visit(parting.next_a),
+        "next_b": _visit(parting.next_b),
+    }
+
+
+def _visit(visit: Visit | None) -> dict[str, Any] | None:
+    return None if visit is None else asdict(visit)
+
+
+def _time(change: TimeChange) -> dict[str, Any]:
+    return {
+        "name": change.name,
+        "a": _spent_json(change.a),
+        "b": _spent_json(change.b),
+        "change": change.change,
+    }
+
+
+def _spent_json(spent: Spent) -> dict[str, Any]:
+    return asdict(spent)
+
 
 MOST = 8
 """Rows of a table; what follows is counted only."""

@@ -6,11 +6,9 @@ from collections.abc import Iterator, Mapping
 
 from ....logs.schema.records import Values
 from ....logs.visits import HALTED, Visit
-from ..divergence import How, Parting
-from ..first_difference import Difference
-from ..message_fields import first_apart
+from ..divergence import Difference, How, Parting
+from ..message_fields import first_apart, value_text
 from ..run_settings import value_changes
-from ..value_text import value_text
 
 HOW: Mapping[How, str] = {
     "type": "is of another type",

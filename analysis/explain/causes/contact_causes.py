@@ -9,8 +9,7 @@ import numpy as np
 from ....world.shapes import extents
 from ....world.values import Vector3
 from ..investigation.case import Case, Finding
-from ..investigation.evidence import number, numbers, word
-from ..investigation.explanation import FailureStory
+from ..investigation.explanation import FailureStory, number, numbers, word
 from ..investigation.number_wording import distance, force, place, seconds
 from .item_whereabouts import EMPTY, way_since
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from ..investigation.body_tracks import apart
 from ..investigation.case import Case, Finding
-from ..investigation.evidence import number
-from ..investigation.explanation import FailureStory
+from ..investigation.explanation import FailureStory, number
 from ..investigation.number_wording import between, distance, force, place, seconds
-from .grip_history import grip_within
+from .slip_causes import grip_within
 
 MOVED = 0.015
 """A true item that is this far from where it was when last seen has moved, m."""

@@ -6,8 +6,7 @@ from statistics import median
 
 from ....logs.visits import HALTED, Visit
 from ..investigation.case import Case, Finding
-from ..investigation.evidence import number, word
-from ..investigation.explanation import FailureStory, Outcome
+from ..investigation.explanation import FailureStory, Outcome, number, word
 from ..investigation.failure_course import time_lost
 from ..investigation.number_wording import counted, listed, seconds
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+import re
+import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....errors import PicktreeError
 from ....logs.run_log import At
 from ....logs.schema.records import Body, Event
 from ....logs.visits import Visit
@@ -17,16 +21,38 @@ from ....simulation.scoring.scorer import REST_SPEED, ItemScore, score
 from ....simulation.scoring.truth import TrueBody
 from ....world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescription
 from ....world.scene.destinations import destination_rule
+from ....world.scene.loading.scene_loading import parse_scene
 from ....world.values import ObjectId, Vector3
 from .body_tracks import Tracks, paired
 from .explanation import FailureStory
+from .failure_course import Family
 from .reachability import arm_of
-from .recorded_scene import entry_of, scene_of
-from .visit_tree import Family
 
 if TYPE_CHECKING:
     from ....logs.run_record import RunRecord
     from ....planning.kinematics.inverse_kinematics import InverseKinematics
+
+
+def scene_of(run: RunRecord) -> SceneDescription | None:
+    """None when the log holds no scene file, or one that needs files which it does not hold."""
+    kept = run.log.attachments
+    if "scene.yaml" not in kept:
+        return None
+    text = run.log.attachment("scene.yaml").decode("utf-8", "replace")
+    with tempfile.TemporaryDirectory() as folder:
+        for name in (name for name in kept if name.startswith("mesh/")):
+            mesh = Path(name).name
+            text = re.sub(rf"[^\s,{{}}'\"]*{re.escape(mesh)}", mesh, text)
+            (Path(folder) / mesh).write_bytes(run.log.attachment(name))
+        try:
+            return parse_scene(text, Path(folder) / "scene.yaml")
+        except (PicktreeError, OSError):
+            return None
+
+
+def entry_of(scene: SceneDescription | None, kind: str) -> CatalogueEntry | None:
+    """What the catalogue says of a kind."""
+    return None if scene is None else next((e for e in scene.catalogue if e.kind == kind), None)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,7 @@ from ....logs.episodes.episode_counts import CauseCount, CureCount, by_cause, co
 from ....logs.episodes.episode_tracker import Following
 from ....logs.run_log import At
 from ....logs.schema.records import Event
-from ....logs.visits import under_way
-from ....logs.visits_format_1 import with_transitions
+from ....logs.visits import under_way, with_transitions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, cast
 
 from ....logs.schema.records import Values
 from .episodes_of_log import Episodes
@@ -207,3 +207,26 @@ class Explanation:
     look_at: tuple[LookAt, ...]
     recovery: Episodes
     """Which causes were seen, what was tried against each and what came of it; see `episodes.episode`."""
+
+
+def number(failure: FailureStory, name: str) -> float | None:
+    value = failure.evidence.get(name)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def word(failure: FailureStory, name: str) -> str:
+    value = failure.evidence.get(name)
+    return value if isinstance(value, str) else ""
+
+
+def numbers(failure: FailureStory, name: str) -> tuple[float, ...]:
+    return tuple(float(v) for v in _items(failure, name) if isinstance(v, int | float))
+
+
+def words(failure: FailureStory, name: str) -> tuple[str, ...]:
+    return tuple(v for v in _items(failure, name) if isinstance(v, str))
+
+
+def _items(failure: FailureStory, name: str) -> list[object]:
+    value = failure.evidence.get(name)
+    return cast("list[object]", value) if isinstance(value, list) else []

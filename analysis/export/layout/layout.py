@@ -4,14 +4,117 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
+from ....logs.recording.foxglove_messages import WORLD
+from ....logs.run_log import RunLog
+from ....logs.schema import topics
+from ....logs.schema.records import Scene, Transform
+from ....world.shapes import corners
+from ....world.values import Array
 from ...run import Run
 from . import panels
-from .layout_format import LayoutFile, Panel, Split, TabEntry
-from .view_3d import three_dee
+from .layout_format import CameraState, Entities, Frustum, Grid, LayoutFile, Panel, Split, TabEntry, ThreeDee
+
+_AZIMUTH, _ELEVATION = -30.0, 25.0
+"""Of the camera as seen from the scene, degrees; the azimuth is about z, from +x."""
+_FOV = 45.0
+_AIR = 1.15
+"""The scene's sphere fills the picture but for this."""
+_TRUTH = "#ff00ff59"
+"""Of what truly is, over what is believed."""
+_EMPTY = np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])
+
+
+def three_dee(log: RunLog, title: str, *, truth: bool) -> ThreeDee:
+    """With the belief; and the truth over it, tinted, when `truth`. The panels' cameras move together."""
+    frames = log.transforms_at(log.end)
+    transforms = frames.record if frames is not None else ()
+    shown: dict[str, Entities | Frustum] = {
+        topics.ROBOT.name: {"visible": True},
+        topics.OBJECTS.name: {"visible": True},
+        topics.TRUTH.name: {"visible": truth, "color": _TRUTH, "showOutlines": True},
+    }
+    for camera in log.cameras:
+        shown[topics.calibration_topic(camera).name] = {
+            "visible": True,
+            "color": "#7c6bff",
+            "distance": 0.12,
+        }
+    scene = log.belief_at(log.end)
+    size, centre = _extent(_points(scene.record if scene is not None else None, transforms))
+    grid: Grid = {
+        "layerId": "foxglove.Grid",
+        "instanceId": "grid",
+        "label": "Grid",
+        "visible": True,
+        "frameLocked": True,
+        "frameId": WORLD,
+        "size": max(2.0, 2.0 * math.ceil(size)),
+        "divisions": 20,
+        "lineWidth": 1.0,
+        "color": "#248eff55",
+        "position": [0.0, 0.0, 0.0],
+        "rotation": [0.0, 0.0, 0.0],
+    }
+    return {
+        "cameraState": camera_state(centre, size / 2),
+        "followMode": "follow-none",
+        "followTf": WORLD,
+        "scene": {"syncCamera": True, "transforms": {"axisScale": 0.1, "showLabel": False}},
+        "transforms": {f"frame:{name}": {"visible": False} for name in _frames(log)},
+        "topics": shown,
+        "layers": {"grid": grid},
+        "foxglovePanelTitle": title,
+    }
+
+
+def camera_state(centre: Array, radius: float) -> CameraState:
+    """That sees a sphere about `centre` (m, in the world) as large as it can be.
+
+    The panel puts its camera at `centre` + `distance` · (−sin φ sin θ, −sin φ cos θ, cos φ).
+    """
+    return {
+        "distance": round(_AIR * radius / math.sin(math.radians(_FOV / 2)), 3),
+        "perspective": True,
+        "phi": 90.0 - _ELEVATION,
+        "target": [0.0, 0.0, 0.0],
+        "targetOffset": [round(float(c), 3) for c in centre],
+        "targetOrientation": [0.0, 0.0, 0.0, 1.0],
+        "thetaOffset": -(_AZIMUTH + 90.0),
+        "fovy": _FOV,
+        "near": 0.01,
+        "far": 5000.0,
+    }
+
+
+def _extent(points: Array) -> tuple[float, Array]:
+    """Diagonal (m) and centre of the box about all points (n, 3)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    return float(np.linalg.norm(high - low)), (low + high) / 2
+
+
+def _points(scene: Scene | None, transforms: Sequence[Transform]) -> Array:
+    """Corners of what is believed to stand and lie, and the origins of all links, in the world (n, 3), m.
+
+    The table that everything stands on counts by what stands on it: it reaches far beyond.
+    """
+    found: list[Array] = [np.array(t.pose.position)[None] for t in transforms]
+    if scene is not None:
+        placed = [(body.shape, body.pose) for body in scene.bodies]
+        placed += [(part.shape, part.pose) for part in scene.fixed if "/" in part.id]
+        found += [pose.apply(corners(shape)) for shape, pose in placed]
+    return np.concatenate(found) if found else _EMPTY
+
+
+def _frames(log: RunLog) -> tuple[str, ...]:
+    """All that ever were, in the order in which they appeared: their axes would hide the scene."""
+    return (WORLD, *dict.fromkeys(t.child for at in log.transforms() for t in at.record))
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,15 +2,129 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
+from numpy.typing import NDArray
 
 from ...run import Run
 from ..layout.lanes import lanes
-from .course import lane_entity, write_course
-from .sheet import TIMELINE, Sheet
-from .stage import camera_entity, write_stage
+from ..tables.table_rows import about
+from .stage import TIMELINE, Sheet, camera_entity, write_stage
+
+_IDLE = "IDLE"
+_STATES: Mapping[str, int] = {
+    "RUNNING": 0x3D8BFDFF,
+    "SUCCESS": 0x2E9E5BFF,
+    "FAILURE": 0xD8433BFF,
+    "HALTED": 0xC98A1AFF,
+    "SKIPPED": 0x8A8F98FF,
+    _IDLE: 0x00000000,
+}
+_LOOK = rr.StateConfiguration(
+    values=list(_STATES),
+    colors=np.array(list(_STATES.values()), dtype=np.uint32),
+    visible=[state != _IDLE for state in _STATES],
+)
+_AXES = ("x", "y", "z")
+_COLOURS = (0xE0443EFF, 0x2E9E5BFF, 0x3D8BFDFF, 0xC98A1AFF, 0x8E5BD0FF, 0x17A2A8FF, 0xC2528BFF, 0x6B7A8FFF)
+"""Of the series of a plot, in their order: x red, y green, z blue."""
+
+
+def write_course(sheet: Sheet, run: Run) -> None:
+    _lanes(sheet, run)
+    _signals(sheet, run)
+    sheet.always("/about", rr.TextDocument(_about(run), media_type="text/markdown"))
+    for at in run.lines:
+        text = f"{at.record.message}  [{at.record.name}]" if at.record.name else at.record.message
+        sheet.at(at.time, "/log", rr.TextLog(text, level=_LEVELS.get(at.record.level, at.record.level)))
+    for at in run.events:
+        text = f"{at.record.kind}: {at.record.message}"
+        sheet.at(at.time, f"/events/{at.record.kind}", rr.TextLog(text, level="INFO"))
+
+
+def _about(run: Run) -> str:
+    """What the run was, and what came of it, as a table."""
+    words = [(row.key, row.value.replace("|", "\\|").replace("\n", " ")) for row in about(run)]
+    return "\n".join(["| | |", "|---|---|", *(f"| {key} | {value} |" for key, value in words)])
+
+
+_LEVELS = {"WARNING": "WARN", "FATAL": "CRITICAL"}
+"""As Rerun calls them, where it does otherwise."""
+
+
+def lane_entity(path: str) -> str:
+    return "/tree/" + "/".join(rr.escape_entity_path_part(part) for part in path.split("/") if part)
+
+
+def _lanes(sheet: Sheet, run: Run) -> None:
+    """A node's visits, each in the colour of how it ended; nothing between them."""
+    lanes: dict[str, list[tuple[float, str]]] = {}
+    for path, time, state in _changes(run):
+        lane = lanes.setdefault(path, [])
+        if lane and time <= lane[-1][0]:  # began anew at once
+            lane.pop()
+        lane.append((time, state))
+    for path, lane in lanes.items():
+        entity = lane_entity(path)
+        sheet.always(entity, _LOOK)
+        states = [state for _, state in lane]
+        sheet.column(entity, [time for time, _ in lane], rr.StateChange.columns(state=states))
+
+
+def _changes(run: Run) -> Iterator[tuple[str, float, str]]:
+    """(path, time, state) by time for each node. From the statuses alone where the log has no transitions."""
+    if run.log.format > 1:
+        for visit in run.visits:
+            yield visit.path, visit.start, visit.outcome
+            yield visit.path, max(visit.end, visit.start + run.info.tick), _IDLE
+        return
+    before: dict[str, str] = {}
+    for tick in run.ticks:
+        for node in tick.record.nodes:
+            if node.status != before.get(node.path, "IDLE"):
+                yield node.path, tick.time, node.status
+            before[node.path] = node.status
+
+
+def _signals(sheet: Sheet, run: Run) -> None:
+    joints, wrenches, controls = run.joints, run.wrenches, run.controls
+    arm = _arm(run)
+    for name, values in (
+        ("position", joints.positions), ("velocity", joints.velocities), ("effort", joints.efforts)
+    ):  # fmt: skip
+        _series(sheet, f"/joints/{name}", joints.times, values[:, :arm], joints.names[:arm])
+    if len(joints.names) > arm:
+        opening = joints.positions[:, arm:].sum(axis=1, keepdims=True)
+        _series(sheet, "/gripper/opening", joints.times, opening, ("opening (m)",))
+        force = joints.efforts[:, arm : arm + 1]
+        _series(sheet, "/gripper/force", joints.times, force, ("force per finger (N)",))
+    _series(sheet, "/wrench/force", wrenches.times, wrenches.forces, _AXES)
+    _series(sheet, "/wrench/torque", wrenches.times, wrenches.torques, _AXES)
+    _series(
+        sheet, "/control/error", controls.times, controls.errors, joints.names[: controls.errors.shape[1]]
+    )
+
+
+def _arm(run: Run) -> int:
+    """How many of the joints are the arm's: a waypoint of a plan has as many values; else all are."""
+    return next((len(at.record.path[0]) for at in run.plans if at.record.path), len(run.joints.names))
+
+
+def _series(
+    sheet: Sheet, entity: str, times: NDArray[np.float64], values: NDArray[np.float64], names: Sequence[str]
+) -> None:
+    """Values (n, series) at times (n,)."""
+    if not values.size:
+        return
+    colours = np.array([_COLOURS[k % len(_COLOURS)] for k in range(len(names))], dtype=np.uint32)
+    sheet.always(entity, rr.SeriesLines(names=list(names), colors=colours))
+    columns = rr.Scalars.columns(scalars=values.reshape(-1)).partition([values.shape[1]] * len(values))
+    sheet.column(entity, times.tolist(), columns)
+
 
 _EVENTS = ["$origin/**", "- /events/belief/**", "- /events/image/**"]
 """Without those of which each image brings many; they are in the recording."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from ....logs.meshes.binary_gltf import upright
 from ....logs.meshes.triangle_meshes import part_mesh, shape_mesh
@@ -18,7 +20,40 @@ from ....world.colours import COLOURS
 from ....world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ....world.values import Pose
 from ...run import Run
-from .sheet import Sheet
+
+TIMELINE = "sim_time"
+"""Simulated seconds."""
+
+
+class Sheet:
+    """Everything goes straight to the file. Raises OSError when the disk refuses to open it."""
+
+    def __init__(self, path: Path, name: str, blueprint: rrb.Blueprint) -> None:
+        path.open("wb").close()  # the library's own error says nothing of the reason
+        self._recording = rr.RecordingStream("picktree", recording_id=name, send_properties=False)
+        self._recording.set_log_time_enabled(False)
+        self._recording.set_log_tick_enabled(False)
+        self._recording.save(path, default_blueprint=blueprint)
+        self._recording.send_recording_name(name)
+
+    def always(self, entity: str, *what: rr.AsComponents) -> None:
+        for one in what:
+            self._recording.log(entity, one, static=True)
+
+    def at(self, time: float, entity: str, what: rr.AsComponents) -> None:
+        self._recording.set_time(TIMELINE, duration=time)
+        self._recording.log(entity, what)
+
+    def column(self, entity: str, times: Sequence[float], columns: Iterable[rr.ComponentColumn]) -> None:
+        if times:
+            self._recording.send_columns(
+                entity, indexes=[rr.TimeColumn(TIMELINE, duration=times)], columns=columns
+            )
+
+    def close(self) -> None:
+        self._recording.flush()
+        self._recording.disconnect()
+
 
 _Z_UP_FROM_Y_UP = rr.Quaternion(xyzw=(math.sin(math.pi / 4), 0.0, 0.0, math.cos(math.pi / 4)))
 """glTF has Y up, the links' frames have Z up."""

@@ -2,8 +2,7 @@
 
     uint32 length of the JSON · JSON · arrays, each at the place that the JSON says
 
-An array is `{"~": kind, "at": offset, "shape": [...]}` in the JSON; `src/unpacking.js` reads it back.
-"""
+An array is `{"~": kind, "at": offset, "shape": [...]}` in the JSON; `src/unpacking.js` reads it back."""
 
 from __future__ import annotations
 
@@ -17,6 +16,25 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 import orjson
 from numpy.typing import NDArray
+
+
+class Words:
+    """Numbers texts in the order in which they come; the empty text is 0."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[str, int] = {"": 0}
+
+    def number(self, text: str) -> int:
+        return self._numbers.setdefault(text, len(self._numbers))
+
+    def numbers(self, texts: Sequence[str]) -> NDArray[np.uint32]:
+        return np.array([self.number(text) for text in texts], dtype=np.uint32)
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """By their numbers."""
+        return tuple(self._numbers)
+
 
 AnyArray: TypeAlias = NDArray[Any]
 

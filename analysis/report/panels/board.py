@@ -15,8 +15,7 @@ from ....logs.schema.records import Body
 from ....world.values import Pose
 from ...run import Run
 from ..page_data.body_motion import Deviation, Motion, deviations, motion_of
-from ..page_data.packing import Packable, Section, quantised
-from ..page_data.string_table import Words
+from ..page_data.packing import Packable, Section, Words, quantised
 from ..page_data.tick_table import TickTable, tick_table
 
 _STILL: Final = 2e-4

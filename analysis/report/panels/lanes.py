@@ -11,8 +11,7 @@ import orjson
 
 from ....logs.visits import HALTED, Visit
 from ...run import Run
-from ..page_data.packing import Packable, Section
-from ..page_data.string_table import Words
+from ..page_data.packing import Packable, Section, Words
 from ..page_data.tick_table import ABSENT, STATUSES, TICKED, TickTable, tick_table
 
 OUTCOMES: Final = ("RUNNING", "SUCCESS", "FAILURE", "SKIPPED", HALTED)

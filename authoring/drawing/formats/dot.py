@@ -6,10 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from ....trees.declaration import Kind
-from ..chart import BranchRole, Chart, ChartNode, ChartPort, ChartTree
-from ..symbols import CHARACTERS
-from .markup import escape
-from .palette import LIGHT
+from ..chart import CHARACTERS, BranchRole, Chart, ChartNode, ChartPort, ChartTree
+from .shapes import LIGHT, escape
 
 _SHAPES: Final[Mapping[Kind, str]] = {
     "action": 'shape=box, style="rounded,filled"',

@@ -7,13 +7,21 @@ from typing import Final, TypeAlias
 
 import orjson
 
-from ..chart import Branch, Chart, ChartNode, ChartPort, ChartTree, Rule
+from ..chart import MEANINGS, Branch, Chart, ChartNode, ChartPort, ChartTree, Rule
 from ..layout.cards import card, header, pill
-from ..symbols import MEANINGS
-from .icons import ALL, definitions, use
-from .markup import escape
-from .palette import PAGE, page_style, style
-from .shapes import card_svg, classes, header_texts, pill_svg
+from .shapes import (
+    ALL,
+    PAGE,
+    card_svg,
+    classes,
+    definitions,
+    escape,
+    header_texts,
+    page_style,
+    pill_svg,
+    style,
+    use,
+)
 from .text import text
 
 Json: TypeAlias = "dict[str, Json] | list[Json] | str | int | bool | None"

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape as _escape
+from pathlib import Path
+from string import Template
+from typing import Final, Literal, TypeAlias
 
-from ..chart import ChartNode, Symbol
+from ..chart import MEANINGS, ChartNode, Symbol
 from ..layout.cards import (
     HEAD_LINE,
     ICON_ROOM,
@@ -20,9 +24,107 @@ from ..layout.cards import (
     Pill,
 )
 from ..layout.frames import Edge
-from ..symbols import MEANINGS
-from .icons import use
-from .markup import escape
+
+_UNFIT = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def escape(text: str) -> str:
+    """For element content and attributes; what no XML file may hold becomes a replacement character.
+
+    >>> escape('a < "b"')
+    'a &lt; &quot;b&quot;'
+    """
+    return _escape(_UNFIT.sub("\ufffd", text))
+
+
+Icon: TypeAlias = Symbol | Literal["out"]
+
+_RING = "M7 1.8a5.2 5.2 0 1 1 0 10.4a5.2 5.2 0 1 1 0-10.4z"
+_STROKES: Final[Mapping[Icon, str]] = {
+    "action": "M4 2.8l7 4.2l-7 4.2z",
+    "branch": "M1.5 7h3.2l3.6-4h4.2M4.7 7l3.6 4h4.2",
+    "clock": f"{_RING}M7 4.2v2.8l2 1.4",
+    "condition": f"{_RING}M4.7 7.1l1.6 1.7l3.1-3.6",
+    "control": "M3 3h8v8h-8z",
+    "decorator": "M7 1.8l5.2 5.2l-5.2 5.2l-5.2-5.2z",
+    "fallback": "M4.4 4.9a2.6 2.6 0 1 1 3.9 2.2c-.9.6-1.3 1-1.3 2M7 11.6v.6",
+    "force": "M7 2.2v6.4M7 11.2v.6",
+    "loop": "M11.8 7a4.8 4.8 0 1 1-1.6-3.6M10.6 1v2.8h-2.8",
+    "not": "M2.5 5h9v4.5",
+    "out": "M1.5 7h10M8.2 3.8l3.3 3.2l-3.3 3.2",
+    "parallel": "M1.5 4.2h9.5M8.8 2l2.4 2.2l-2.4 2.2M1.5 9.8h9.5M8.8 7.6l2.4 2.2l-2.4 2.2",
+    "recover": f"{_RING}M7 4.2v5.6M4.2 7h5.6",
+    "sequence": "M1.5 7h10.5M8.6 3.6l3.6 3.4l-3.6 3.4",
+    "subtree": "M5.2 1.5h3.6v3h-3.6zM1.2 9.5h3.6v3h-3.6zM9.2 9.5h3.6v3h-3.6zM7 4.5v2.4M3 9.5v-2.6h8v2.6",
+}
+
+
+def definitions(icons: Iterable[Icon]) -> str:
+    """The symbols for `use`, in one order whatever the order of the icons."""
+    return "".join(
+        f'<symbol id="i-{icon}" viewBox="0 0 14 14"><path d="{_STROKES[icon]}"/></symbol>'
+        for icon in sorted(set(icons))
+    )
+
+
+def use(icon: Icon, x: float, y: float) -> str:
+    return f'<use href="#i-{icon}" class="icon" x="{x:g}" y="{y:g}" width="14" height="14"/>'
+
+
+ALL: Final[tuple[Icon, ...]] = tuple(_STROKES)
+
+
+PAGE: Final = Path(__file__).parent / "page"
+
+LIGHT: Final[Mapping[str, str]] = {
+    "paper": "#f6f7f9", "sheet": "#ffffff", "bar": "#eef1f5", "rim": "#c5ccd6", "ink": "#1d2433",
+    "muted": "#5f6b7c", "edge": "#8f9bad",
+    "action": "#ffffff", "action_rim": "#7a8699",
+    "condition": "#e7f0fd", "condition_rim": "#5388d6",
+    "control": "#e9edf3", "control_rim": "#66748a",
+    "decorator": "#f2ecfc", "decorator_rim": "#9474d4",
+    "subtree": "#e3f3ea", "subtree_rim": "#3f9467",
+    "cure": "#fff0df", "cure_rim": "#d27a1e", "cure_ink": "#8a4a05",
+    "choice": "#e7f0fd", "choice_rim": "#5388d6", "choice_ink": "#1f4f94",
+    "reference": "#0a5cbf", "output": "#8226b0", "rule": "#8a5a00", "stop": "#d92d20",
+    "success": "#12915a", "success_fill": "#d9f4e5", "failure": "#d92d20", "failure_fill": "#fde3e1",
+    "running": "#1668e3", "running_fill": "#dbe9ff", "skipped": "#8f9bad", "found": "#ffd54a",
+}  # fmt: skip
+DARK: Final[Mapping[str, str]] = {
+    "paper": "#13161b", "sheet": "#1a1e25", "bar": "#222833", "rim": "#3b4454", "ink": "#e5e9f0",
+    "muted": "#9aa6b6", "edge": "#66738a",
+    "action": "#20262f", "action_rim": "#78859a",
+    "condition": "#1c2a40", "condition_rim": "#5c90dc",
+    "control": "#2a313d", "control_rim": "#8592a8",
+    "decorator": "#2a2438", "decorator_rim": "#a58ae0",
+    "subtree": "#1b3027", "subtree_rim": "#52ab7d",
+    "cure": "#3a2a17", "cure_rim": "#e0913e", "cure_ink": "#f5bd80",
+    "choice": "#1c2a40", "choice_rim": "#5c90dc", "choice_ink": "#a9c8f5",
+    "reference": "#79b4ff", "output": "#d39af5", "rule": "#e3b35a", "stop": "#ff6b5e",
+    "success": "#3ecf8e", "success_fill": "#143626", "failure": "#ff6b5e", "failure_fill": "#421d1b",
+    "running": "#62a0ff", "running_fill": "#172f55", "skipped": "#66738a", "found": "#b98a00",
+}  # fmt: skip
+
+
+def style() -> str:
+    """The rules for nodes, edges and frames. No variables: not all viewers of SVG know those."""
+    template = Template((PAGE / "drawing.css").read_text(encoding="utf-8"))
+    return _themed(template)
+
+
+def page_style() -> str:
+    """The rules for the page around a drawing."""
+    return _themed(Template((PAGE / "page.css").read_text(encoding="utf-8")))
+
+
+def _themed(template: Template) -> str:
+    dark = template.substitute(DARK)
+    coloured = "\n".join(
+        line for line, plain in zip(dark.splitlines(), template.template.splitlines(), strict=True)
+        if "$" in plain
+    )  # fmt: skip
+    return f"{template.substitute(LIGHT)}@media (prefers-color-scheme: dark) {{\n{coloured}\n}}\n"
+
 
 _ROUND: Final = {"condition": 13, "subtree": 3, "control": 3, "decorator": 8, "action": 5}
 

@@ -6,16 +6,21 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from ....trees.status import NodeStatus
-from ..chart import Chart, Symbol
-from ..layout.cards import TITLE, Card
-from ..layout.columns import page
-from ..layout.frames import Frame, Tile, expanded, frame_of
-from ..layout.text_metrics import width
-from ..symbols import MEANINGS
-from .icons import definitions, use
-from .markup import escape
-from .palette import style
-from .shapes import card_svg, classes, edge_svg, header_svg, pill_svg, tooltip
+from ..chart import MEANINGS, Chart, Symbol
+from ..layout.cards import TITLE, Card, width
+from ..layout.frames import Frame, Tile, expanded, frame_of, page
+from .shapes import (
+    card_svg,
+    classes,
+    definitions,
+    edge_svg,
+    escape,
+    header_svg,
+    pill_svg,
+    style,
+    tooltip,
+    use,
+)
 
 MARGIN: Final = 24
 _TOP: Final = 62

@@ -6,8 +6,7 @@ import unicodedata
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from ..chart import Branch, Chart, ChartNode, ChartPort, ChartTree
-from ..symbols import CHARACTERS
+from ..chart import CHARACTERS, Branch, Chart, ChartNode, ChartPort, ChartTree
 
 WIDTH: Final = 100
 """Columns, unless a terminal says otherwise."""

@@ -2,11 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, PlainValidator, Strict
 
-from ....files.models.validation import Duration, FileModel, Name, Share, quantity
+from ....files.models.validation import Duration, FileModel, Name, Share, Unread, quantity
+
+T = TypeVar("T")
+
+
+def or_else(read: Callable[[], T], default: T) -> T:
+    """A part of a model, or the default where it could not be read; the fault is reported already."""
+    try:
+        return read()
+    except Unread:
+        return default
+
+
+def entries(mapping: Mapping[str, T]) -> dict[str, T]:
+    """The entries of a mapping that could be read."""
+    found: dict[str, T] = {}
+    for key in mapping:
+        with suppress(Unread):
+            found[key] = mapping[key]
+    return found
+
+
+def those_read(found: Iterable[T | None]) -> Iterator[T]:
+    return (one for one in found if one is not None)
+
 
 Ticks = Annotated[int, Strict(), Field(ge=0, le=100_000)]
 Count = Annotated[int, Strict(), Field(ge=1, le=100_000)]

@@ -14,7 +14,7 @@ from ....world.causes import Cause, all_causes, matches
 from ....world.colours import ITEM_COLOURS
 from ....world.scene.description import Form, SceneDescription
 from ..stage.node_roles import Role, roles_of
-from ..stage.rehearsal_belief import HAND, TABLE, UNKNOWN
+from ..stage.rehearsal_world import HAND, TABLE, UNKNOWN
 
 
 class Known:

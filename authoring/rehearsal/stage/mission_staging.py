@@ -4,18 +4,35 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TypeAlias
 
-from ....files.expressions.expression import Expression
+from ....files.expressions.expression import Attributes, Expression
 from ....trees.mission import Assignment, Mission, NodeSpec, TreeSpec
 from ....trees.node import Node
 from ....trees.values.references import Binding, Constant
 from ....world.scene.description import SceneDescription
 from ....world.scene.loading.scene_loading import load_scene
 from .node_roles import Roles, is_played, roles_of
-from .recorded_expressions import WatchedExpression
 from .stand_ins import stand_in, witnessed
+
+
+@dataclass(frozen=True, slots=True)
+class WatchedExpression(Expression):
+    """An expression as any other; `seen` are the answers that it gave, as true or false."""
+
+    seen: set[bool] = field(default_factory=set[bool], compare=False)
+
+    @classmethod
+    def of(cls, expression: Expression) -> WatchedExpression:
+        return cls(**{part.name: getattr(expression, part.name) for part in fields(expression)})
+
+    def evaluate(self, names: Mapping[str, object], attributes: Attributes | None = None) -> object:
+        # Not super(): a dataclass with slots is made anew, and the cell of super() keeps the former.
+        value = Expression.evaluate(self, names, attributes)
+        self.seen.add(bool(value))
+        return value
+
 
 _Watched: TypeAlias = defaultdict[str, dict[str, WatchedExpression]]
 

@@ -1,17 +1,239 @@
-"""The world of a rehearsal: a clock that ticks move on, a belief, a journal; no robot stands behind it."""
+"""The world of a rehearsal: a clock that ticks move on, a belief, a journal; no robot stands behind it.
+
+What is believed in a rehearsal: objects, hand and facts, and how they follow from what leaves answer.
+
+Nothing is measured here. A leaf that succeeds leaves in the hand what it declares (`hand_after`), a dropped
+object lies on the table again, a look is a success of a leaf that uses the camera; all else the case says.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NoReturn
+from dataclasses import replace
+from typing import Any, NoReturn
 
+from ....trees.declaration import Hand, NodeDeclaration, Resource
 from ....world.belief.attempts import Attempts
-from ....world.belief.planning_scene import PlanningScene
+from ....world.belief.facts import TAKEN_AWAY, facts, to_do
+from ....world.belief.hole_matching import fitting_hole, named_holes
+from ....world.belief.planning_scene import BeliefObject, PlanningScene
+from ....world.causes import Cause, Failure, matches, safety, world
+from ....world.causes import grasp as grasp_causes
 from ....world.journal import Entry, Happened, Journal
-from ....world.scene.description import SceneDescription
+from ....world.scene.description import CatalogueEntry, SceneDescription
+from ....world.scene.destinations import destination_rule
+from ....world.shapes import Box
+from ....world.values import ObjectId, Pose
+from ..cases.case import EMPTY_HAND, Effects, Objects
+from ..cases.cases_schema import ObjectFile
 from .answer_choice import Prompter
-from .rehearsal_belief import Belief
 from .trace import Trace
+
+TABLE = "table"
+HAND = "hand"
+UNKNOWN = "unknown"
+_SHAPE = Box((0.04, 0.04, 0.04))
+"""Of an object whose kind no catalogue has; nobody computes with it."""
+
+
+class Contradiction(Exception):
+    """A case lets a leaf do what cannot be: it ends the case, and is never a failure of the mission."""
+
+
+class Belief:
+    """The planning scene of a rehearsal with the facts that follow from it, and those that a case sets."""
+
+    def __init__(self, scene: SceneDescription | None) -> None:
+        self._exhausted = scene is None or not scene.deliveries
+        self._done = 0
+        self._rule = destination_rule(scene.destinations if scene else ())
+        self._catalogue = {entry.kind: entry for entry in scene.catalogue} if scene else {}
+        self._known_bins = scene is not None
+        self._destinations: dict[str, ObjectId | None] = {}
+        self._set: dict[str, bool | int | float | str] = {}
+        self._looked = False
+        self._stopped = False
+        self.scene = PlanningScene(
+            scene.fixtures if scene else (), scene.bins if scene else (), self._destination
+        )
+
+    def facts(self, now: float) -> Mapping[str, bool | int | float | str]:
+        found = facts(
+            self.scene,
+            looked=self._looked,
+            stopped=self._stopped,
+            exhausted=self._exhausted,
+            done=self._done,
+            now=now,
+        )
+        return {**found, **self._set}
+
+    def to_do(self) -> list[str]:
+        """Ids of the items to be handled: what the hand holds first."""
+        return [o.id for o in sorted(to_do(self.scene), key=lambda o: not o.attached)]
+
+    # What a case says.
+
+    def apply(self, effects: Effects) -> None:
+        """Raises Contradiction when the hand is to hold what is not there."""
+        self.change(effects.objects)
+        self.pin(effects.facts)
+        if effects.hand == EMPTY_HAND:
+            self.let_go()
+        elif effects.hand is not None:
+            if self.scene.find(effects.hand) is None:
+                raise Contradiction(f"the hand is to hold {effects.hand!r}, which is not in the belief")
+            self.let_go()
+            self.scene.attach(effects.hand, Pose())
+
+    def pin(self, given: Mapping[str, object]) -> None:
+        """Facts with a value of the case's own; None gives one back."""
+        for name, value in given.items():
+            if isinstance(value, bool | int | float | str):
+                self._set[name] = value
+            else:
+                self._set.pop(name, None)
+
+    def change(self, objects: Objects) -> None:
+        for name, entry in objects.items():
+            if entry is None:
+                self.scene.remove(name, "as the case says")
+            else:
+                self._put(ObjectId(name), entry)
+
+    def let_go(self, place: str = TABLE) -> None:
+        held = self.scene.held
+        if held is not None:
+            self.scene.detach(held.id, held.pose, place)
+
+    # What follows from a leaf's answer.
+
+    def succeeded(
+        self, leaf: NodeDeclaration, hand: Hand, inputs: Mapping[str, Any], *, of_itself: bool
+    ) -> None:
+        """A leaf succeeded, after which `hand` is said of the hand; `of_itself`: no case told it to.
+
+        Raises Failure when it must have failed instead, Contradiction when it cannot have succeeded.
+        """
+        if Resource.ARM in leaf.uses and self._set.get("stopped", self._stopped):
+            self._move(leaf, of_itself=of_itself)
+        if Resource.CAMERA in leaf.uses:
+            self._looked = True
+        if hand == "full":
+            self._fill(leaf, inputs, of_itself=of_itself)
+        elif hand == "empty":
+            self._empty(leaf, inputs)
+
+    def failed(self, cause: Cause) -> None:
+        """What the cause says of the world by itself."""
+        if cause in (grasp_causes.MISSED, grasp_causes.SLIPPED):
+            self.let_go()
+        if cause is safety.NO_RETREAT:
+            # Whoever says so has acknowledged the stop; the arm stays where it is.
+            self._stopped = False
+        elif matches("safety.*", cause):
+            self._stopped = True
+
+    def _move(self, leaf: NodeDeclaration, *, of_itself: bool) -> None:
+        """A stop is latched: it refuses every motion but that of a leaf that brings the arm to safety."""
+        if leaf.hand_after == "kept":
+            self._stopped = False
+            self._set.pop("stopped", None)
+        elif of_itself:
+            raise Failure(safety.STOP, "a safety stop is not acknowledged")
+        else:
+            raise Contradiction(f"{leaf.id} moves the arm, which a safety stop holds")
+
+    def _fill(self, leaf: NodeDeclaration, inputs: Mapping[str, Any], *, of_itself: bool) -> None:
+        wanted = _object_of(leaf, inputs)
+        if wanted is None:
+            return
+        if self.scene.find(wanted) is None:
+            if of_itself:
+                self.scene.get(wanted)  # raises Failure(world.unknown_object)
+            raise Contradiction(f"{leaf.id} takes {wanted!r}, which is not in the belief")
+        held = self.scene.held
+        if held is not None and held.id != wanted:
+            raise Contradiction(f"{leaf.id} takes {wanted!r} while the hand holds {held.id!r}")
+        if held is None:
+            self.scene.attach(wanted, Pose())
+
+    def _empty(self, leaf: NodeDeclaration, inputs: Mapping[str, Any]) -> None:
+        wanted, held = _object_of(leaf, inputs), self.scene.held
+        place = next(
+            (str(inputs[p.key]) for p in leaf.inputs if p.names == "bin" and inputs.get(p.key)), TABLE
+        )
+        if place != TABLE:
+            self._refuse_unknown(place)
+        elif held is not None and any(p.names == "hole" for p in leaf.inputs):
+            place = self._seat(leaf, inputs, held)
+        if wanted is not None and (held is None or held.id != wanted):
+            holds = f"holds {held.id!r}" if held else "is empty"
+            raise Contradiction(f"{leaf.id} lets go of {wanted!r} while the hand {holds}")
+        self._done += wanted is not None
+        self.let_go(place)
+
+    def _seat(self, leaf: NodeDeclaration, inputs: Mapping[str, Any], held: BeliefObject) -> str:
+        """The hole into which what is held goes; its destination where no free hole for it is known."""
+        named = next((inputs[p.key] for p in leaf.inputs if p.names == "hole" and inputs.get(p.key)), None)
+        into = str(named or self.scene.destination(held.id) or TABLE)
+        if self._known_bins and named and named_holes(self.scene.fixtures.values(), into) is None:
+            raise Failure(world.UNKNOWN_OBJECT, f"the scene has no hole {into!r}")
+        hole = fitting_hole(self.scene, held.id, into)
+        return into if hole is None else str(hole.id)
+
+    def take_away(self, bin_id: str) -> None:
+        """An empty bin stands in the place of that one. Raises Failure when there is none of that name."""
+        self._refuse_unknown(bin_id)
+        for belief in self.scene.objects:
+            if belief.place == bin_id:
+                self.scene.remove(belief.id, TAKEN_AWAY)
+
+    def _refuse_unknown(self, bin_id: str) -> None:
+        if self._known_bins and bin_id not in self.scene.bins:
+            raise Failure(world.UNKNOWN_OBJECT, f"there is no bin {bin_id!r}", known=list(self.scene.bins))
+
+    # Objects.
+
+    def _destination(self, belief: BeliefObject) -> ObjectId | None:
+        return self._destinations[belief.id] if belief.id in self._destinations else self._rule(belief)
+
+    def _put(self, identity: ObjectId, entry: ObjectFile) -> None:
+        known = self.scene.find(identity)
+        belief = known or BeliefObject(
+            identity, "item", UNKNOWN, UNKNOWN, _SHAPE, UNKNOWN, Pose(), 0.0, 0.0, 1.0, 0.0
+        )
+        if entry.kind is not None:
+            belief = _of_kind(belief, entry.kind, self._catalogue.get(entry.kind))
+        changes: dict[str, Any] = {
+            name: value
+            for name in ("form", "colour", "role", "confidence", "last_seen", "sigma_position", "sigma_angle")
+            if (value := getattr(entry, name)) is not None
+        }
+        belief = replace(belief, **changes)
+        if "destination" in entry.model_fields_set:
+            self._destinations[identity] = ObjectId(entry.destination) if entry.destination else None
+        if entry.place == HAND and not belief.attached:
+            self.let_go()
+            belief = replace(belief, object_in_tcp=Pose(), place=HAND)
+        elif entry.place is not None and entry.place != HAND:
+            belief = replace(belief, object_in_tcp=None, place=entry.place)
+        self.scene.put(belief, "as the case says")
+
+
+def _of_kind(belief: BeliefObject, kind: str, known: CatalogueEntry | None) -> BeliefObject:
+    if known is None:
+        return replace(belief, kind=kind)
+    return replace(belief, kind=kind, form=known.form, shape=known.shape)
+
+
+def _object_of(leaf: NodeDeclaration, inputs: Mapping[str, Any]) -> str | None:
+    """What the leaf takes or lets go: its first input that is an object, and no place of the scene."""
+    for port in leaf.inputs:
+        if port.type.name == "object" and not port.type.many and port.names is None:
+            return str(inputs[port.key]) if inputs.get(port.key) else None
+    return None
+
 
 TICK = 0.05
 """Simulated seconds between two ticks, as in a run."""

@@ -14,8 +14,7 @@ from ....trees.values.references import Constant
 from ....world.causes import Failure, cause_named
 from ..cases.case import Answer
 from .node_roles import follows_from_belief
-from .rehearsal_belief import Contradiction
-from .rehearsal_world import RehearsalWorld
+from .rehearsal_world import Contradiction, RehearsalWorld
 
 
 class StandIn(Node, abstract=True):

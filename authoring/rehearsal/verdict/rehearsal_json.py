@@ -6,7 +6,7 @@ import json
 
 from ....files.yaml.document import Mark
 from ....world.journal import Plain
-from ..stage.events import Ended, Event, Failed, Handled, LeafRun, Noted, Settled, Started, Wrote
+from ..stage.trace import Ended, Event, Failed, Handled, LeafRun, Noted, Settled, Started, Wrote
 from .coverage import Coverage
 from .rehearsal_result import CaseResult, Rehearsal
 

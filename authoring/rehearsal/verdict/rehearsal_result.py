@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ....files.yaml.document import Fault, Mark
-from ..stage.events import Event, Handled, LeafRun
+from ..stage.trace import Event, Handled, LeafRun
 from .coverage import Coverage
 from .verdict import Difference
 

@@ -16,12 +16,10 @@ from ....trees.values.port_types import PortType
 from ....trees.values.references import Binding, Constant, Reference
 from ..format import btcpp_vocabulary as names
 from ..format import tree_nodes_model as models
-from ..format.comments import Comments
-from ..format.element import Element
+from ..format.btcpp_vocabulary import Row, indexes_text, table_text
+from ..format.element import Comments, Element
 from ..format.literal_text import is_pointer, value_text
-from ..format.slot_tables import Row, indexes_text, table_text
-from .expression_text import expression_text
-from .script_export import Unsayable, assignments_script, constant_script, script
+from .script_export import Unsayable, assignments_script, constant_script, expression_text, script
 from .xml_writer import to_text, unfit
 
 

@@ -2,12 +2,116 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
 from ....files.marks import Mark
+from ....files.yaml.reader import Node, Value
 from .btcpp_vocabulary import ELEMENTS
+
+_COMMENT = re.compile(r"\s*#+\s?(.*?)\s*")
+_UNFIT = re.compile(r"[^\t -~\u00a0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
+
+
+class Comments:
+    """The comments of one text; each is given once."""
+
+    def __init__(self, text: str) -> None:
+        self._lines = text.split("\n")
+        self._given: set[int] = set()
+
+    def at_the_top(self) -> tuple[str, ...]:
+        """Those that begin the file."""
+        found: list[str] = []
+        for index, line in enumerate(self._lines):
+            match = _COMMENT.fullmatch(line)
+            if match is None:
+                break
+            self._given.add(index)
+            found.append(match[1])
+        return tuple(filter(None, found))
+
+    def above(self, line: int) -> tuple[str, ...]:
+        """Those directly above a line, which counts from 1."""
+        found: list[str] = []
+        for index in range(line - 2, -1, -1):
+            match = _COMMENT.fullmatch(self._lines[index]) if index < len(self._lines) else None
+            if match is None or index in self._given:
+                break
+            self._given.add(index)
+            found.append(match[1])
+        return tuple(filter(None, reversed(found)))
+
+
+def one_line(comment: str) -> str:
+    """The comment as one line that any file can hold."""
+    return _UNFIT.sub("", " ".join(comment.split()))
+
+
+Scalar = str | int | float | bool | None
+
+
+@dataclass(slots=True)
+class Entry:
+    """A key and its value."""
+
+    key: str
+    mark: Mark
+    value: Marked
+
+
+@dataclass(slots=True)
+class Marked:
+    """A scalar, or with `entries` a mapping, or with `items` a list; `comments` stand above it."""
+
+    mark: Mark
+    scalar: Scalar = None
+    items: list[Marked] | None = None
+    entries: list[Entry] | None = None
+    comments: tuple[str, ...] = field(default=())
+
+    @classmethod
+    def mapping(cls, mark: Mark) -> Marked:
+        return cls(mark, entries=[])
+
+    def put(self, key: str, value: Marked | Scalar, mark: Mark | None = None) -> None:
+        """Add to a mapping; a bare scalar gets the place of its key."""
+        assert self.entries is not None
+        at = mark or (value.mark if isinstance(value, Marked) else self.mark)
+        given = value if isinstance(value, Marked) else Marked(at, value)
+        self.entries.append(Entry(key, at, given))
+
+    def get(self, key: str) -> Marked | None:
+        return next((entry.value for entry in self.entries or () if entry.key == key), None)
+
+    def node(self) -> Node:
+        """As the reader of YAML would have it."""
+        if self.items is not None:
+            items = [item.node() for item in self.items]
+            return Node([item.value for item in items], self.mark, items=items)
+        if self.entries is not None:
+            entries = {entry.key: entry.value.node() for entry in self.entries}
+            value: Value = {key: node.value for key, node in entries.items()}
+            return Node(value, self.mark, entries=entries, keys={e.key: e.mark for e in self.entries})
+        return Node(_plain(self.scalar), self.mark)
+
+
+def from_value(value: Value, mark: Mark) -> Marked:
+    """A plain value, all of it at one place."""
+    match value:
+        case list():
+            return Marked(mark, items=[from_value(item, mark) for item in value])
+        case dict():
+            return Marked(mark, entries=[Entry(str(k), mark, from_value(v, mark)) for k, v in value.items()])
+        case _:
+            return Marked(mark, value)
+
+
+def _plain(value: Scalar) -> Value:
+    return value
+
 
 NOWHERE: Final = Mark("", 1, 1)
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from ....files.spelling import nearest
+from ....files.value_wording import nearest
 from ....trees.declaration import NodeDeclaration
 from ....trees.loading.registry import Registry
 from ....trees.slots import SlotDeclaration
 from ..format import btcpp_vocabulary as names
-from ..format.element import Element
-from ..format.marked_values import Marked
-from ..format.slot_tables import Row, read_indexes, read_table
-from .attributes import COMMON, Attributes
-from .node_draft import Draft
+from ..format.btcpp_vocabulary import Row, read_indexes, read_table
+from ..format.element import Element, Marked
+from .attributes import COMMON, Attributes, Draft
 from .port_import import TreePort
 from .translations import Translations
 

@@ -13,9 +13,8 @@ from ....trees.values.port_types import PortType
 from ....trees.values.references import Reference
 from ..format import btcpp_vocabulary as names
 from ..format import tree_nodes_model as models
-from ..format.element import Element
+from ..format.element import Element, Marked, from_value
 from ..format.literal_text import is_pointer, read_value, type_name
-from ..format.marked_values import Marked, from_value
 from .script_import import ScriptError, read_expression, read_statements
 from .source import Source
 

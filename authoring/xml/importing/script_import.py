@@ -20,7 +20,7 @@ from ....files.expressions.syntax_tree import (
     Relation,
     Sign,
 )
-from ..export.expression_text import expression_text
+from ..export.script_export import expression_text
 
 MAX_LENGTH: Final = 4000
 MAX_DEPTH: Final = 40

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ....files.marks import Fault, FileError, Mark
 from ....files.shipped_files import is_file
-from ....files.spelling import nearest
+from ....files.value_wording import nearest
 from ....files.yaml.document import read_text
 from ....trees.mission import MAIN
 from ..format import btcpp_vocabulary as names

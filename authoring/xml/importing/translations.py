@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from ....files.expressions.syntax_tree import Not
 from ....trees.values.port_types import PortType
-from ..export.expression_text import expression_text
+from ..export.script_export import expression_text
 from ..format import btcpp_vocabulary as names
-from ..format.element import Element
-from ..format.marked_values import Marked
-from .attributes import COMMON
-from .node_draft import Draft
+from ..format.element import Element, Marked
+from .attributes import COMMON, Draft
 from .script_import import ScriptError, read_expression, read_statements
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ from typing import Final, NoReturn
 from xml.parsers import expat
 
 from ....files.marks import Fault, FileError, Mark
-from ..format.comments import one_line
-from ..format.element import Element
+from ..format.element import Element, one_line
 
 MAX_CHARACTERS: Final = 4_000_000
 MAX_DEPTH: Final = 100

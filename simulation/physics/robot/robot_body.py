@@ -10,13 +10,11 @@ from tempfile import TemporaryDirectory
 
 from ....errors import PicktreeError
 from ....robots.description import RobotDescription
-from ....robots.fingers import fingers_of
+from ....robots.finger_linkage import fingers_of
 from ....world.values import Array, Pose
 from ...checkpoints.physics_state import ArmCommand, GripperCommand, RobotReading
-from ..engine.client import Client
-from ..engine.pybullet_import import pb
-from .gear_compensation import GearReaction
-from .linkage_motors import LinkageMotors
+from ..engine.pybullet_import import Client, pb
+from .linkage_motors import GearReaction, LinkageMotors
 from .robot_urdf import patched_urdf
 
 POSITION_GAIN = 0.3

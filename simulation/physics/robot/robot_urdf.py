@@ -9,8 +9,7 @@ from pathlib import Path
 from ....errors import PicktreeError
 from ....robots.description import GripperDescription, RobotDescription
 from ....robots.mesh_files import mesh_file
-from ....robots.rpy import rpy_of
-from ....robots.tool_frame import mount_tool
+from ....robots.tool_frame import mount_tool, rpy_of
 from ....world.colours import COLOURS
 from ....world.shapes import Box
 from ....world.values import Pose, Vector3

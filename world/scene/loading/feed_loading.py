@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from ....files.models.validation import Checker
-from ....files.spelling import nearest
-from ....files.value_wording import describe
+from ....files.value_wording import describe, nearest
 from ....files.yaml.document import Location
 from ...shapes import Box, Cylinder, Shape, Sphere, extents
 from ...values import Bounds, ObjectId, Pose

@@ -9,14 +9,15 @@ from pathlib import Path
 import yaml
 
 from ....errors import PicktreeError
-from ....files.expressions.expression import Expression
-from ....files.expressions.type_inference import INT
+from ....files.expressions.expression import Expression, ExpressionError
+from ....files.expressions.type_inference import INT, ValueType, check_types
 from ....files.models.validation import Checker
 from ....files.shipped_files import find_file, shipped_names
 from ....files.yaml.document import (
     Document,
     Fault,
     FileError,
+    Location,
     nearest,
     open_document,
     overlaid,
@@ -52,9 +53,25 @@ from ..scene_schema import (
 )
 from .feed_loading import belt, check_belts, check_feed, delivery
 from .hole_loading import check_fits, holes
-from .scene_conditions import condition
 from .scene_entries import body, camera, check_body, check_camera, check_unknown, kind, unknown
 from .spawn_areas import check_spawn
+
+
+def condition(
+    check: Checker, loc: Location, text: str, names: Mapping[str, ValueType], *, code: str
+) -> Expression | None:
+    """The expression; None when it cannot be read or cannot be answered, with the fault at its character."""
+    try:
+        expression = Expression.parse(text)
+        kind = check_types(expression, names, {})
+        if kind.kind not in ("bool", "any"):
+            raise ExpressionError(f"true or false is wanted, not {kind.words()}")
+    except ExpressionError as error:
+        message, _, hint = str(error).partition("; ")
+        check.fault(loc, message, hint, code=code, character=error.offset)
+        return None
+    return expression
+
 
 SHIPPED = Path(__file__).parents[2] / "scenes"
 ROBOTS = Path(__file__).parents[2] / "robots"

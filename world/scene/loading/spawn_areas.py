@@ -9,8 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from ....files.models.validation import Checker
-from ....files.spelling import nearest
-from ....files.value_wording import describe
+from ....files.value_wording import describe, nearest
 from ....files.yaml.document import Location
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
 from ...values import Bounds
