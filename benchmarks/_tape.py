@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from picktree.errors import PicktreeError
-from picktree.logs.mcap import sealed_file as ended_file
+from picktree.logs.mcap import sealed_file
 from picktree.logs.mcap.chunks import DAMAGE
 from picktree.logs.mcap.sealed_file import RawFile
 from picktree.logs.mcap.writer import McapFile
@@ -127,7 +127,7 @@ class _Taped:
 def taped() -> Generator[Tape]:
     """The steps of the one log that is recorded in here, in one file."""
     tape = Tape()
-    opened, handed, published = ended_file.open_raw, McapFile.message, ended_file.EndedFile.publish
+    opened, handed, published = sealed_file.open_raw, McapFile.message, sealed_file.EndedFile.publish
     link = b""
 
     def open_taped(path: Path) -> RawFile:
@@ -140,15 +140,15 @@ def taped() -> Generator[Tape]:
         tape.handed.append(Handed(tape.length, log_time, link))
         handed(self, channel, log_time, data)
 
-    def publish(self: ended_file.EndedFile) -> None:
+    def publish(self: sealed_file.EndedFile) -> None:
         tape.published = tape.published or tape.length
         published(self)
 
-    ended_file.open_raw, McapFile.message, ended_file.EndedFile.publish = open_taped, hand, publish
+    sealed_file.open_raw, McapFile.message, sealed_file.EndedFile.publish = open_taped, hand, publish
     try:
         yield tape
     finally:
-        ended_file.open_raw, McapFile.message, ended_file.EndedFile.publish = opened, handed, published
+        sealed_file.open_raw, McapFile.message, sealed_file.EndedFile.publish = opened, handed, published
 
 
 def hash_link(link: bytes, time: int, data: bytes) -> bytes:

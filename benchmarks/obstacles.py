@@ -158,19 +158,19 @@ def _watched() -> Generator[Callable[[Session], dict[str, Any]]]:
 @contextmanager
 def _without_volumes() -> Generator[None]:
     """The belief holds nothing but items meanwhile."""
-    from picktree.perception import data_association as association
+    from picktree.perception import data_association
     from picktree.world.values import ObjectId
 
-    kept = association.update_volumes
+    kept = data_association.update_volumes
 
     def nothing(*_: object) -> list[ObjectId]:
         return []
 
-    association.update_volumes = nothing
+    data_association.update_volumes = nothing
     try:
         yield
     finally:
-        association.update_volumes = kept
+        data_association.update_volumes = kept
 
 
 def _drawn(

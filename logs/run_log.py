@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import PicktreeError
 from ..world.protocols import Intrinsics
 from .mcap.reader import RawMessage
-from .recording import foxglove_messages as messages
+from .recording import foxglove_messages
 from .recording.digest import Digest
 from .recording.images import decode_colour, decode_depth
 from .recording.rotated_log import JoinedReading
@@ -216,7 +216,7 @@ class RunLog:
     def robot_model(self) -> tuple[LinkMesh, ...]:
         """Empty when the log holds none."""
         found = self.last(topics.ROBOT.name, self.end)
-        return () if found is None else self._read(found, messages.read_robot)
+        return () if found is None else self._read(found, foxglove_messages.read_robot)
 
     def ticks(self, start: float | None = None, end: float | None = None) -> Iterator[At[Tick]]:
         return self._records(topics.TICK.name, lambda data: decode(Tick, data), start, end)
@@ -235,12 +235,12 @@ class RunLog:
         return self._records(topics.TIMING.name, lambda data: decode(Timing, data), start, end)
 
     def joints(self, start: float | None = None, end: float | None = None) -> Iterator[At[Joints]]:
-        return self._records(topics.JOINTS.name, messages.read_joints, start, end)
+        return self._records(topics.JOINTS.name, foxglove_messages.read_joints, start, end)
 
     def transforms(
         self, start: float | None = None, end: float | None = None
     ) -> Iterator[At[tuple[Transform, ...]]]:
-        return self._records(topics.TF.name, messages.read_transforms, start, end)
+        return self._records(topics.TF.name, foxglove_messages.read_transforms, start, end)
 
     def wrenches(self, start: float | None = None, end: float | None = None) -> Iterator[At[WrenchReading]]:
         return self._records(topics.WRENCH.name, lambda data: decode(WrenchReading, data), start, end)
@@ -250,10 +250,10 @@ class RunLog:
         return self._records(topics.CONTROL.name, lambda data: decode(Control, data), start, end)
 
     def beliefs(self, start: float | None = None, end: float | None = None) -> Iterator[At[Scene]]:
-        return self._records(topics.OBJECTS.name, messages.read_scene, start, end)
+        return self._records(topics.OBJECTS.name, foxglove_messages.read_scene, start, end)
 
     def truths(self, start: float | None = None, end: float | None = None) -> Iterator[At[Scene]]:
-        return self._records(topics.TRUTH.name, messages.read_scene, start, end)
+        return self._records(topics.TRUTH.name, foxglove_messages.read_scene, start, end)
 
     def plans(self, start: float | None = None, end: float | None = None) -> Iterator[At[Plan]]:
         return self._records(topics.PLAN.name, lambda data: decode(Plan, data), start, end)
@@ -265,7 +265,7 @@ class RunLog:
         return self._records(topics.EVENTS.name, lambda data: decode(Event, data), start, end)
 
     def lines(self, start: float | None = None, end: float | None = None) -> Iterator[At[LogLine]]:
-        return self._records(topics.LOG.name, messages.read_log, start, end)
+        return self._records(topics.LOG.name, foxglove_messages.read_log, start, end)
 
     def shots(self, camera: str, start: float | None = None, end: float | None = None) -> Iterator[At[Shot]]:
         names = [
@@ -280,9 +280,11 @@ class RunLog:
         for message in self.messages(names, start, end):
             parts[message.topic] = message
             if message.topic == names[2] and len(parts) == 3:
-                intrinsics = self._read(parts[names[0]], messages.read_calibration)
-                colour = self._read(parts[names[1]], lambda data: decode_colour(messages.read_image(data)))
-                depth = self._read(message, lambda data: decode_depth(messages.read_image(data)))
+                intrinsics = self._read(parts[names[0]], foxglove_messages.read_calibration)
+                colour = self._read(
+                    parts[names[1]], lambda data: decode_colour(foxglove_messages.read_image(data))
+                )
+                depth = self._read(message, lambda data: decode_depth(foxglove_messages.read_image(data)))
                 yield At(message.time / 1e9, Shot(camera, colour, depth, intrinsics))
 
     def messages(
@@ -302,13 +304,13 @@ class RunLog:
         return self._last(topics.TICK.name, lambda data: decode(Tick, data), at)
 
     def transforms_at(self, at: float) -> At[tuple[Transform, ...]] | None:
-        return self._last(topics.TF.name, messages.read_transforms, at)
+        return self._last(topics.TF.name, foxglove_messages.read_transforms, at)
 
     def belief_at(self, at: float) -> At[Scene] | None:
-        return self._last(topics.OBJECTS.name, messages.read_scene, at)
+        return self._last(topics.OBJECTS.name, foxglove_messages.read_scene, at)
 
     def truth_at(self, at: float) -> At[Scene] | None:
-        return self._last(topics.TRUTH.name, messages.read_scene, at)
+        return self._last(topics.TRUTH.name, foxglove_messages.read_scene, at)
 
     def digest(self) -> str:
         """Computed again from everything simulated in the log; equal to the recorded one when it is whole."""

@@ -19,7 +19,7 @@ from ..trees.mission import Mission
 from ..trees.running.runner import NodeInfo, TickReport
 from ..world.journal import Entry, Happened
 from ..world.values import Array, Pose
-from . import environment as circumstances
+from . import environment
 from .arithmetic_probe import arithmetic
 from .checkpoints import RunState
 from .recipe import fingerprints, mission_files, plugin_versions, recipe_files
@@ -70,12 +70,12 @@ class Scribe:
                 "thinking.collision_check": repr(recipe.scene.thinking.collision_check),
                 "thinking.image": repr(recipe.scene.thinking.image),
             },
-            versions=circumstances.versions() | plugin_versions(recipe.mission),
-            revision=circumstances.revision(),
+            versions=environment.versions() | plugin_versions(recipe.mission),
+            revision=environment.revision(),
             verify=recipe.verify,
             limit=recipe.limit,
             own_scene=recipe.own_scene,
-            machine=circumstances.machine(),
+            machine=environment.machine(),
             arithmetic=arithmetic(),
             files=fingerprints(recipe, files),
             continues=start.continues if start else None,
@@ -108,7 +108,7 @@ class Scribe:
         recipe, structure, start = session.recipe, self._structure, session.recipe.start
         for file in self._files:
             recorder.attach(file.name, file.content, file.media_type)
-        recorder.attach(circumstances.SOURCES, circumstances.sources_to_text(circumstances.sources()))
+        recorder.attach(environment.SOURCES, environment.sources_to_text(environment.sources()))
         recorder.fixed(recipe.scene.fixtures, recipe.scene.bins, session.hardware.true_fixtures())
         if start is None:
             recorder.tree(_tree(structure))

@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from picktree.__main__ import main
-from picktree.batch.workers import local_executor as local
+from picktree.batch.workers import local_executor
 from picktree.batch.workers.job_output import flush
 from picktree.batch.workers.local_executor import load, serve
 from picktree.batch.workers.processes import die_with_parent
@@ -222,7 +222,7 @@ def _be(
         if folder is not None:
             os.chdir(folder)
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        local._started = forked_worker  # pyright: ignore[reportPrivateUsage]
+        local_executor._started = forked_worker  # pyright: ignore[reportPrivateUsage]
         installed = Path(sys.executable).with_name("picktree")
         os.environ["PATH"] = f"{installed.parent}{os.pathsep}{os.environ['PATH']}"
         sys.argv = [str(installed), *words]
@@ -236,14 +236,14 @@ def _be(
         os._exit(code)
 
 
-def forked_worker() -> local._Worker:  # pyright: ignore[reportPrivateUsage]
+def forked_worker() -> local_executor._Worker:  # pyright: ignore[reportPrivateUsage]
     """Start a worker of a batch as a fork, instead of as a new interpreter that imports everything."""
     fork = multiprocessing.get_context("fork")
     ours, theirs = fork.Pipe()
     process = fork.Process(target=_serve, args=(ours, theirs))
     process.start()
     theirs.close()
-    return local._Worker(process, ours)  # pyright: ignore[reportPrivateUsage]
+    return local_executor._Worker(process, ours)  # pyright: ignore[reportPrivateUsage]
 
 
 def _serve(ours: Connection, theirs: Connection) -> None:

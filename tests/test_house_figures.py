@@ -10,7 +10,7 @@ from textwrap import dedent
 
 import pytest
 
-from .house import __main__ as command
+from .house import __main__
 from .house.docstrings import docstrings, sentences
 from .house.figures import (
     ROOT,
@@ -441,7 +441,7 @@ def test_table_of_two_states() -> None:
 
 def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> None:
     monkeypatch.setattr(sys, "argv", ["tests.house", *words])
-    command.main()
+    __main__.main()
 
 
 def test_command_lists_what_is_under_a_path(

@@ -11,29 +11,45 @@ from ...files.atomic_write import whole
 from ...logs.optional_libraries import extra
 from ...world.journal import Plain
 from ..run import Run
-from .tables import row_types as rows
-from .tables import table_rows as from_run
+from .tables import row_types, table_rows
 from .tables.columns import Table
 
 TABLES: tuple[Table[Any], ...] = (
     Table(
-        "run", "a word of the run: what it was started with, and what came of it", rows.RunRow, from_run.about
+        "run",
+        "a word of the run: what it was started with, and what came of it",
+        row_types.RunRow,
+        table_rows.about,
     ),
-    Table("ticks", "a tick of the tree", rows.TickRow, from_run.ticks),
-    Table("visits", "an activation of a node, from its beginning to its end", rows.VisitRow, from_run.visits),
-    Table("failures", "a failure with a cause, and what became of it", rows.FailureRow, from_run.failures),
-    Table("items", "an item, as the robot believed", rows.ItemRow, from_run.items),
-    Table("picks", "a closing of the fingers on an object", rows.PickRow, from_run.picks),
-    Table("plans", "a request to the planner, and its answer", rows.PlanRow, from_run.plans),
-    Table("candidates", "a candidate of a choice that was tried", rows.CandidateRow, from_run.candidates),
-    Table("events", "something worth a line", rows.EventRow, from_run.events),
+    Table("ticks", "a tick of the tree", row_types.TickRow, table_rows.ticks),
     Table(
-        "objects", "an object, each second and whenever the belief changed", rows.ObjectRow, from_run.objects
+        "visits",
+        "an activation of a node, from its beginning to its end",
+        row_types.VisitRow,
+        table_rows.visits,
     ),
-    Table("joints", "a joint at a tick", rows.JointRow, from_run.joints),
-    Table("wrenches", "the wrist at a tick", rows.WrenchRow, from_run.wrenches),
-    Table("controls", "a joint of the arm at a tick, as commanded", rows.ControlRow, from_run.controls),
-    Table("timings", "a tick by the wall clock", rows.TimingRow, from_run.timings),
+    Table(
+        "failures", "a failure with a cause, and what became of it", row_types.FailureRow, table_rows.failures
+    ),
+    Table("items", "an item, as the robot believed", row_types.ItemRow, table_rows.items),
+    Table("picks", "a closing of the fingers on an object", row_types.PickRow, table_rows.picks),
+    Table("plans", "a request to the planner, and its answer", row_types.PlanRow, table_rows.plans),
+    Table(
+        "candidates", "a candidate of a choice that was tried", row_types.CandidateRow, table_rows.candidates
+    ),
+    Table("events", "something worth a line", row_types.EventRow, table_rows.events),
+    Table(
+        "objects",
+        "an object, each second and whenever the belief changed",
+        row_types.ObjectRow,
+        table_rows.objects,
+    ),
+    Table("joints", "a joint at a tick", row_types.JointRow, table_rows.joints),
+    Table("wrenches", "the wrist at a tick", row_types.WrenchRow, table_rows.wrenches),
+    Table(
+        "controls", "a joint of the arm at a tick, as commanded", row_types.ControlRow, table_rows.controls
+    ),
+    Table("timings", "a tick by the wall clock", row_types.TimingRow, table_rows.timings),
 )
 """In the order in which a reader wants them."""
 

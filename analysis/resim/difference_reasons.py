@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ...errors import PicktreeError
 from ...logs.schema.arithmetic_record import Arithmetic, departure
-from ...session import environment as circumstances
+from ...session import environment
 from ...session.recipe import ROBOT_MESHES
 from ...world.scene.loading.scene_loading import load_scene
 from ..run import Run
@@ -41,10 +41,10 @@ def reasons(run: Run, now: Arithmetic) -> tuple[Reason, ...]:
         *_altered(run),
         *_sources(run),
         *([Reason(departed, "", "")] if departed else []),
-        *_compared(run.info.versions, circumstances.versions(run.info.versions)),
+        *_compared(run.info.versions, environment.versions(run.info.versions)),
         *_modules(run),
         *_meshes(run),
-        *(() if recorded else _compared(run.info.machine, circumstances.machine())),
+        *(() if recorded else _compared(run.info.machine, environment.machine())),
     )
 
 
@@ -79,17 +79,17 @@ def _altered(run: Run) -> Iterator[Reason]:
 
 def _sources(run: Run) -> Iterator[Reason]:
     """picktree's own; without them in the log, its revision."""
-    now = circumstances.sources()
+    now = environment.sources()
     try:
-        before = circumstances.sources_from_text(run.log.attachment(circumstances.SOURCES).decode())
+        before = environment.sources_from_text(run.log.attachment(environment.SOURCES).decode())
     except PicktreeError:
-        if run.info.revision != circumstances.revision():
-            yield Reason("revision of picktree", run.info.revision, circumstances.revision())
+        if run.info.revision != environment.revision():
+            yield Reason("revision of picktree", run.info.revision, environment.revision())
         return
-    changes = circumstances.source_changes(before, now)
+    changes = environment.source_changes(before, now)
     yield from (Reason(change, "", "") for change in changes)
-    if changes and run.info.revision != circumstances.revision():
-        yield Reason("revision of picktree", run.info.revision, circumstances.revision())
+    if changes and run.info.revision != environment.revision():
+        yield Reason("revision of picktree", run.info.revision, environment.revision())
 
 
 def _modules(run: Run) -> Iterator[Reason]:

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias, cast
 import orjson
 
 from ...logs.mcap.reader import RawMessage
-from ...logs.recording import foxglove_messages as messages
+from ...logs.recording import foxglove_messages
 from ...logs.recording.digest import Digest
 from ...logs.schema import topics
 from ...session.resume.older_checkpoints import simulated_messages
@@ -34,7 +34,7 @@ def disagreement(
     if not older:
         return first_field(schema, recorded, now) or FieldDifference("", "", None, None)
     if topic in _SCENES:
-        if messages.read_scene(recorded) == messages.read_scene(now):
+        if foxglove_messages.read_scene(recorded) == foxglove_messages.read_scene(now):
             return None
     elif schema.startswith("picktree."):
         now = orjson.dumps(_reduced(orjson.loads(recorded), orjson.loads(now)))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...logs.episodes import episode_counts as counting
+from ...logs.episodes import episode_counts
 from ...logs.episodes.episode_counts import ENDS, CureCount, PlantedCount
 from ..results.rows import Phase
 from .rates import Rate, rate
@@ -96,7 +96,7 @@ class Breakdown:
     forms: tuple[Share, ...]
     colours: tuple[Share, ...]
     places: tuple[Place, ...]
-    cures: tuple[counting.CauseCount, ...] = ()
+    cures: tuple[episode_counts.CauseCount, ...] = ()
     """What was seen, tried and cured, what cost the most time first; see `logs.episodes.episode`."""
     planted: tuple[PlantedCount, ...] = ()
     """Planted faults with what failed first after them."""
@@ -224,7 +224,7 @@ def _cures(together: Breakdown) -> Iterator[str]:
         yield f"{title:<8}{sum(p.count for p in same)} {fault}, first seen as: {', '.join(parts)}"
 
 
-def _by(found: counting.CauseCount) -> str:
+def _by(found: episode_counts.CauseCount) -> str:
     """`RetreatAndLook 9 of 10, trying again 2 of 2`: of those for which it was tried last."""
     tried = [f"{c.cure} {c.cured} of {c.seen}" for c in found.by_cure if c.cure]
     if found.total.unhandled:

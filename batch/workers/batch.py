@@ -18,7 +18,7 @@ from ...session.session import LOG
 from ..plan.plan import Job, Plan, jobs_of, read_plan, write_plan
 from ..results.rows import CrashRow, JobRow, JobRows
 from ..results.store import NAME, Store
-from . import job_output as output
+from . import job_output
 from .executor import Event, Executor, Failed, Finished, Order, Stopped
 
 _JOBS = "jobs"
@@ -50,7 +50,7 @@ def lost(order: Order, reason: str, batch: Path, *, kept: bool) -> CrashRow:
     folder = ""
     if kept:
         folder = run_folder(order, batch)
-        if not folder and (order.folder / output.NAME).exists():
+        if not folder and (order.folder / job_output.NAME).exists():
             folder = str(order.folder.relative_to(batch))
     return CrashRow(order.attempt, reason, _last_tick(order), folder)
 

@@ -30,7 +30,7 @@ import numpy as np
 from ...errors import PicktreeError
 from ...session.resume.recipe_archive import RecipeFile
 from ...session.session import Session
-from . import job_output as output
+from . import job_output
 from .executor import Event, Failed, Finished, Order, Stopped
 from .processes import die_with_parent, end_children, how_it_ended, resident
 from .result_rows import harvest
@@ -57,7 +57,7 @@ def carry_out(order: Order) -> Event:
     except BaseException as error:  # noqa: BLE001 - one job's fault must not cost another
         traceback.print_exc(file=sys.stderr)
         said = _one_line(str(error))
-        place = output.place_of(error)
+        place = job_output.place_of(error)
         return Failed(order, f"{type(error).__name__}{f': {said}' if said else ''}, at {place}")
     return Finished(order)
 
@@ -94,7 +94,7 @@ class Contained:
         self._order = order
         self._began = time.monotonic()
         self._heard, tell = Pipe(duplex=False)
-        output.flush()
+        job_output.flush()
         parent = os.getpid()
         self._pid = os.fork()
         if self._pid == 0:
@@ -108,7 +108,7 @@ class Contained:
         while not reason and not self._over(_LOOK):
             reason = self._over_its_limits()
         if reason:
-            self._kill(output.ASKING)
+            self._kill(job_output.ASKING)
             if not self._over(_LAST_WORDS):
                 self._kill(signal.SIGKILL)
         how = self._how()
@@ -116,7 +116,7 @@ class Contained:
         said = self._said()
         if said is not None:
             return said
-        place = output.last_place(self._order.folder)
+        place = job_output.last_place(self._order.folder)
         return Failed(self._order, f"{reason or how}, at {place}" if place else reason or how)
 
     def end(self) -> None:
@@ -126,8 +126,8 @@ class Contained:
         folder = self._order.folder
         shutil.rmtree(folder / _TEMPORARY, ignore_errors=True)
         with suppress(OSError):
-            if not (folder / output.NAME).stat().st_size:
-                (folder / output.NAME).unlink()
+            if not (folder / job_output.NAME).stat().st_size:
+                (folder / job_output.NAME).unlink()
         os.close(self._descriptor)
         self._heard.close()
 
@@ -153,7 +153,7 @@ class Contained:
     def _clear(self) -> None:
         left = end_children(self._pid)
         if left:
-            output.add(self._order.folder, f"{left} processes that the job left behind were ended")
+            job_output.add(self._order.folder, f"{left} processes that the job left behind were ended")
 
     def _over(self, seconds: float) -> bool:
         waiting = select.poll()
@@ -180,7 +180,7 @@ def _live(order: Order, tell: Connection, parent: int) -> NoReturn:
             event = carry_out(order)
         except OSError as error:
             event = Failed(order, f"{order.folder}: nothing can be written there: {error.strerror}")
-        output.flush()
+        job_output.flush()
         tell.send(event)
         code = 0
     finally:
@@ -199,7 +199,7 @@ def _settle_in(order: Order, parent: int) -> None:
     temporary = order.folder / _TEMPORARY
     temporary.mkdir(parents=True, exist_ok=True)
     os.environ["TMPDIR"], tempfile.tempdir = str(temporary), None
-    output.print_into(order.folder)
+    job_output.print_into(order.folder)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     largest = 2 * order.disk  # of a file elsewhere, which nobody watches
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))

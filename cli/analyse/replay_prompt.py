@@ -13,8 +13,7 @@ from ...analysis.replay.node_names import fitting
 from ...errors import PicktreeError
 from ..terminal.command_prompt import Command, Prompt
 from ..terminal.progress import tree_rows
-from . import replay_changes as changes
-from . import replay_views as views
+from . import replay_changes, replay_views
 
 ROWS = 18
 """Of the tree that are shown after a movement."""
@@ -74,10 +73,10 @@ class ReplayPrompt(Prompt):
     def show_here(self, rows: int = ROWS, news: int = NEWS) -> None:
         """The cursor's place, the nodes that run, and what changed."""
         cursor = self.cursor
-        self._say(views.place(cursor))
-        shown = tree_rows(cursor.tree.nodes, views.statuses(cursor), rows, views.moved(cursor))
+        self._say(replay_views.place(cursor))
+        shown = tree_rows(cursor.tree.nodes, replay_views.statuses(cursor), rows, replay_views.moved(cursor))
         self._show(f"  {row.plain}" for row in shown)
-        self._show(changes.change_lines(cursor, cursor.changes(self.since), news))
+        self._show(replay_changes.change_lines(cursor, cursor.changes(self.since), news))
 
     def arguments(self, command: str) -> Iterable[str]:
         match command:
@@ -187,37 +186,37 @@ class ReplayPrompt(Prompt):
 
     def _show_all(self, _: str) -> bool:
         self.show_here()
-        return self._show(views.belief_lines(self.cursor, ""))
+        return self._show(replay_views.belief_lines(self.cursor, ""))
 
     def _show_tree(self, path: str) -> bool:
-        return self._show(views.tree_lines(self.cursor, path))
+        return self._show(replay_views.tree_lines(self.cursor, path))
 
     def _show_where(self, _: str) -> bool:
-        return self._show(views.where_lines(self.cursor))
+        return self._show(replay_views.where_lines(self.cursor))
 
     def _show_node(self, path: str) -> bool:
-        return self._show(views.node_lines(self.cursor, path))
+        return self._show(replay_views.node_lines(self.cursor, path))
 
     def _show_changes(self, _: str) -> bool:
-        return self._show(changes.change_lines(self.cursor, self.cursor.changes(self.since)))
+        return self._show(replay_changes.change_lines(self.cursor, self.cursor.changes(self.since)))
 
     def _show_failures(self, _: str) -> bool:
-        return self._show(changes.failure_list(self.cursor))
+        return self._show(replay_changes.failure_list(self.cursor))
 
     def _show_evidence(self, _: str) -> bool:
-        return self._show(changes.evidence_lines(self.cursor))
+        return self._show(replay_changes.evidence_lines(self.cursor))
 
     def _show_blackboard(self, key: str) -> bool:
-        return self._show(views.blackboard_lines(self.cursor, key))
+        return self._show(replay_views.blackboard_lines(self.cursor, key))
 
     def _show_belief(self, identity: str) -> bool:
-        return self._show(views.belief_lines(self.cursor, identity))
+        return self._show(replay_views.belief_lines(self.cursor, identity))
 
     def _show_joints(self, _: str) -> bool:
-        return self._show(views.joint_lines(self.cursor))
+        return self._show(replay_views.joint_lines(self.cursor))
 
     def _show_wrench(self, _: str) -> bool:
-        self._say(views.wrench_line(self.cursor))
+        self._say(replay_views.wrench_line(self.cursor))
         return False
 
 

@@ -15,8 +15,7 @@ from rich.console import Console
 from rich.text import Text
 
 from ..terminal.progress import tree_rows
-from . import replay_changes as changes
-from . import replay_views as views
+from . import replay_changes, replay_views
 from .replay_prompt import ReplayPrompt
 
 KEYS: Mapping[str, str] = {
@@ -110,12 +109,12 @@ class Screen:
         cursor, console = self._prompt.cursor, self._console
         width, height = console.size
         most = max(height // _FIRST, 4)
-        rows = tree_rows(cursor.tree.nodes, views.statuses(cursor), most, views.moved(cursor))
+        rows = tree_rows(cursor.tree.nodes, replay_views.statuses(cursor), most, replay_views.moved(cursor))
         room = max(height - len(rows) - 4, 4)
         lines = [Text(line, style="red" if "✗" in line else "") for line in self._below(room)]
         console.file.write("\x1b[H\x1b[2J")
         for line in (
-            Text(views.place(cursor), style="bold"),
+            Text(replay_views.place(cursor), style="bold"),
             *rows,
             Text(),
             *lines,
@@ -131,8 +130,8 @@ class Screen:
             return page
         cursor = self._prompt.cursor
         news = max(room * 2 // _SECOND, 3)
-        lines = [*changes.change_lines(cursor, cursor.changes(self._prompt.since), news), ""]
-        return [*lines, *[*views.belief_lines(cursor, "")][: max(room - len(lines), 0)]]
+        lines = [*replay_changes.change_lines(cursor, cursor.changes(self._prompt.since), news), ""]
+        return [*lines, *[*replay_views.belief_lines(cursor, "")][: max(room - len(lines), 0)]]
 
     def _hint(self) -> str:
         if not self._from:

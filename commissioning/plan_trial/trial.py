@@ -22,7 +22,7 @@ from ...simulation.scoring.truth import TrueBody
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure
 from ...world.scene.loading.scene_loading import load_scene
-from . import trial_picture as picture
+from . import trial_picture
 from .target_syntax import Attempt, Wanted, start, wanted
 from .trial_result import Found, PlanAnswer, Refused
 
@@ -130,7 +130,7 @@ def plan_in_scene(asked: PlanAsked) -> PlanAnswer:
         answer = replace(answer, refused=refused)
     if asked.picture is not None:
         view = asked.view or View()
-        picture.draw(world, q, tried.outcome, answer.asked, asked.picture, view, asked.size)
+        trial_picture.draw(world, q, tried.outcome, answer.asked, asked.picture, view, asked.size)
         answer = replace(answer, picture=str(asked.picture))
     return answer
 

@@ -38,8 +38,7 @@ from ..schema.records import (
     WrenchReading,
 )
 from ..schema.topics import Topic
-from . import foxglove_messages as messages
-from . import journal_records as conversions
+from . import foxglove_messages, journal_records
 from .digest import Digest
 from .images import encode_colour, encode_depth
 from .interrupts import Interrupts
@@ -108,9 +107,9 @@ class Recorder:
         self._listener = listener
         self._preamble = False
         self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
-        self._transforms = messages.Transforms()
-        self._beliefs = messages.Scenes(locked=True)
-        self._truths = messages.Scenes(locked=False)
+        self._transforms = foxglove_messages.Transforms()
+        self._beliefs = foxglove_messages.Scenes(locked=True)
+        self._truths = foxglove_messages.Scenes(locked=False)
         self._states = StateWriter()
         self._part = 0
         """The file of the log that has the last state."""
@@ -226,7 +225,7 @@ class Recorder:
 
     def robot_model(self, meshes: Iterable[LinkMesh], now: float = 0.0) -> None:
         """What the links look like, from `robot_meshes.link_meshes`."""
-        self._write(topics.ROBOT, now, messages.encode_robot(_ns(now), meshes))
+        self._write(topics.ROBOT, now, foxglove_messages.encode_robot(_ns(now), meshes))
         self.checkpoint()
 
     def fixed(
@@ -278,7 +277,7 @@ class Recorder:
                 effort.append(gripper.force)
             names = (*names, *fingers)
         joints = Joints(tuple(names), tuple(position), tuple(velocity), tuple(effort))
-        self._write(topics.JOINTS, now, messages.encode_joints(_ns(now), joints))
+        self._write(topics.JOINTS, now, foxglove_messages.encode_joints(_ns(now), joints))
 
     def transforms(
         self,
@@ -312,10 +311,10 @@ class Recorder:
         changed = False
         for change in changes:
             changed = True
-            self._event(now, conversions.changed(change))
+            self._event(now, journal_records.changed(change))
         if changed or now - self._believed >= EVERY - 1e-6:
             self._believed = now
-            scene = Scene(tuple(conversions.believed(o) for o in objects), self._fixed)
+            scene = Scene(tuple(journal_records.believed(o) for o in objects), self._fixed)
             self._write(topics.OBJECTS, now, self._beliefs.encode(_ns(now), scene))
 
     def truth_due(self, now: float) -> bool:
@@ -326,7 +325,7 @@ class Recorder:
         """The simulator's truth, for the analyst only."""
         self._true = now
         scene = Scene(
-            tuple(map(conversions.real, bodies)),
+            tuple(map(journal_records.real, bodies)),
             self._standing,
         )
         self._write(topics.TRUTH, now, self._truths.encode(_ns(now), scene))
@@ -346,9 +345,9 @@ class Recorder:
         """Whatever the journal holds."""
         match entry:
             case PlanMade():
-                self._write(topics.PLAN, now, encode(conversions.planned(entry)))
+                self._write(topics.PLAN, now, encode(journal_records.planned(entry)))
             case CandidatesRanked():
-                self._write(topics.CANDIDATES, now, encode(conversions.ranked(entry)))
+                self._write(topics.CANDIDATES, now, encode(journal_records.ranked(entry)))
             case ImageTaken(image, findings):
                 self.image(now, image)
                 self._event(now, Event("image", f"image from {image.camera}", "", {"findings": findings}))
@@ -361,16 +360,16 @@ class Recorder:
         """Colour, depth and calibration of a camera shot."""
         camera, frame, at = image.camera, _camera_frame(image.camera), _ns(now)
         self._cameras[frame] = image.camera_in_world
-        calibration = messages.encode_calibration(at, frame, image.intrinsics)
-        colour = messages.encode_image(at, frame, "jpeg", encode_colour(image.colour))
-        depth = messages.encode_image(at, frame, "png", encode_depth(image.depth))
+        calibration = foxglove_messages.encode_calibration(at, frame, image.intrinsics)
+        colour = foxglove_messages.encode_image(at, frame, "jpeg", encode_colour(image.colour))
+        depth = foxglove_messages.encode_image(at, frame, "png", encode_depth(image.depth))
         self._write(topics.calibration_topic(camera), now, calibration)
         self._write(topics.colour_topic(camera), now, colour)
         self._write(topics.depth_topic(camera), now, depth)
 
     def log(self, now: float, level: str, message: str, name: str = "") -> None:
         """A line for people; `level` is DEBUG, INFO, WARNING, ERROR or FATAL."""
-        self._write(topics.LOG, now, messages.encode_log(_ns(now), LogLine(level, message, name)))
+        self._write(topics.LOG, now, foxglove_messages.encode_log(_ns(now), LogLine(level, message, name)))
 
     def _event(self, now: float, event: Event) -> None:
         self._write(topics.EVENTS, now, encode(event))

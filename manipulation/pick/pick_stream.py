@@ -25,7 +25,7 @@ from ..grasp.grasp_candidates import GraspCandidate
 from ..insert.insertion import low_for, ways_over
 from ..place.bin_spots import SUNK
 from ..place.release_poses import Level, Target, landings, levels, target_for
-from . import pick_candidates as stages
+from . import pick_candidates
 from .pick_candidates import (
     PickAndPlace,
     Refusal,
@@ -153,7 +153,7 @@ class PickStream:
                 continue
             found = yield from self._approach(branch, speed)
             if found is not None:
-                self.trail.accept(found.grasp, found.cost, branch.place, stages.APPROACH)
+                self.trail.accept(found.grasp, found.cost, branch.place, pick_candidates.APPROACH)
                 self._note()
                 return found
         yield from self._world.plan.charge()
@@ -164,7 +164,7 @@ class PickStream:
         """The transfer of a candidate that was given out cannot be planned; `find` goes on with the next."""
         self.refused = failure
         place = "" if pick.landing is None else pick.landing.name
-        self.trail.refuse(pick.grasp, pick.cost, planned(stages.TRANSFER, failure), place)
+        self.trail.refuse(pick.grasp, pick.cost, planned(pick_candidates.TRANSFER, failure), place)
 
     def _push(self, branch: _Branch) -> None:
         heapq.heappush(self._heap, (branch.bound, next(self._number), branch))
@@ -183,12 +183,12 @@ class PickStream:
             grasp.tcp_in_world, grasp.opening, ignore=(self._belief.id,), margin=grasp.margin
         )
         if contacts:
-            self._refuse(branch, touching(stages.HAND, "the hand", contacts[0]))
+            self._refuse(branch, touching(pick_candidates.HAND, "the hand", contacts[0]))
             return
-        self.trail.passed(grasp, stages.HAND)
+        self.trail.passed(grasp, pick_candidates.HAND)
         if self._target is not None and not self._target.cells:
             full = self._target.bin.id
-            self._refuse(branch, Refusal(stages.ROOM, f"{full} is full", full))
+            self._refuse(branch, Refusal(pick_candidates.ROOM, f"{full} is full", full))
             return
         yield replace(branch, passed=1, test=self._grasp_reached)
 
@@ -197,14 +197,14 @@ class PickStream:
         tcp = grasp.tcp_in_world
         over = self._reach(tcp.shifted((0.0, 0.0, self._world.handling.approach)), self._start, grasp)
         if over.q is None:
-            self._refuse(branch, unreached(stages.PRE_GRASP, "the pre-grasp", over))
+            self._refuse(branch, unreached(pick_candidates.PRE_GRASP, "the pre-grasp", over))
             return
-        self.trail.passed(grasp, stages.PRE_GRASP)
+        self.trail.passed(grasp, pick_candidates.PRE_GRASP)
         at = self._reach(tcp, over.q, grasp)
         if at.q is None:
-            self._refuse(branch, unreached(stages.GRASP, "the grasp", at))
+            self._refuse(branch, unreached(pick_candidates.GRASP, "the grasp", at))
             return
-        self.trail.passed(grasp, stages.GRASP)
+        self.trail.passed(grasp, pick_candidates.GRASP)
         known = branch.known + travel(self._world.robot, self._start, over.q)
         held = replace(branch, known=known, guess=0.0, over=over.q, at=at.q, passed=3, test=None)
         if self._target is None:
@@ -252,9 +252,9 @@ class PickStream:
         if contacts:
             places.taken[level.name] += 1
             subject = f"over {landing.into} {self._belief.id}"
-            self._refuse(branch, touching(stages.ROOM, subject, contacts[0]))
+            self._refuse(branch, touching(pick_candidates.ROOM, subject, contacts[0]))
             return
-        self.trail.passed(branch.grasp, stages.ROOM)
+        self.trail.passed(branch.grasp, pick_candidates.ROOM)
         yield replace(branch, passed=4, test=self._place_reached)
 
     def _place_reached(self, branch: _Branch) -> Iterator[_Branch]:
@@ -274,9 +274,9 @@ class PickStream:
         if found.q is None:
             places.unreached[level.name] += 1
             self._barren += places.asked == PLACES
-            self._refuse(branch, unreached(stages.PLACE, f"the place over {landing.into}", found))
+            self._refuse(branch, unreached(pick_candidates.PLACE, f"the place over {landing.into}", found))
             return
-        self.trail.passed(grasp, stages.PLACE)
+        self.trail.passed(grasp, pick_candidates.PLACE)
         known = branch.known + travel(self._world.robot, at, found.q)
         yield replace(branch, known=known, guess=0.0, above=found.q, passed=5, test=None)
 
@@ -295,13 +295,13 @@ class PickStream:
                 )
             )
             if found.q is not None:
-                self.trail.passed(branch.grasp, stages.PLACE)
+                self.trail.passed(branch.grasp, pick_candidates.PLACE)
                 return True
         if found is None:
             subject = f"so held {self._belief.id} does not stand over {hole.id}"
-            self._refuse(branch, Refusal(stages.PLACE, subject, hole.id))
+            self._refuse(branch, Refusal(pick_candidates.PLACE, subject, hole.id))
         else:
-            self._refuse(branch, unreached(stages.PLACE, f"the place over {hole.id}", found))
+            self._refuse(branch, unreached(pick_candidates.PLACE, f"the place over {hole.id}", found))
         return False
 
     def _leads_nowhere(self, grasp: GraspCandidate) -> bool:
@@ -326,10 +326,10 @@ class PickStream:
             if failure.cause is planning.START_IN_COLLISION:
                 raise
             self.refused = failure
-            self._refuse(branch, planned(stages.APPROACH, failure))
+            self._refuse(branch, planned(pick_candidates.APPROACH, failure))
             self._drop(grasp)
             return None
-        self.trail.passed(grasp, stages.APPROACH)
+        self.trail.passed(grasp, pick_candidates.APPROACH)
         return PickAndPlace(
             self._belief.id,
             grasp,

@@ -14,7 +14,7 @@ from ...robots.model import RobotModel
 from ...world.causes import Failure
 from ...world.values import Array, Pose
 from ..collision.start_tolerance import Way
-from ..failures import planning_failures as failing
+from ..failures import planning_failures
 from ..failures.goal_rejections import Inspection
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..kinematics.levenberg_marquardt import discomfort
@@ -183,24 +183,26 @@ class Goals:
         if not rejected:
             solves = self._ik.solves - before
             nearest = self._ik.nearest(possible[0][1], self._start)
-            raise failing.out_of_reach(self._model, wanted, solves, nearest)
+            raise planning_failures.out_of_reach(self._model, wanted, solves, nearest)
         each = [self._inspection.rejection(target.q) for target in rejected]
-        raise failing.goal_rejected(each, len(wanted))
+        raise planning_failures.goal_rejected(each, len(wanted))
 
     def _impossible(self, wanted: tuple[Pose, ...]) -> Failure:
         """All poses are excluded before the arm is thought of: by the workspace, or by a constraint."""
         off = [outside for pose in wanted if (outside := self._inspection.outside(pose.position)) is not None]
         if len(off) == len(wanted):
-            return failing.outside_workspace("at the goal", min(off, key=lambda one: one.by), len(wanted))
+            return planning_failures.outside_workspace(
+                "at the goal", min(off, key=lambda one: one.by), len(wanted)
+            )
         each = [broken for pose in wanted if (broken := self._constraints.broken_by(pose))]
-        return failing.breaks("at the goal", min(each, key=lambda broken: broken[0].by))
+        return planning_failures.breaks("at the goal", min(each, key=lambda broken: broken[0].by))
 
     def _joints(self, goal: NamedGoal | JointGoal) -> Array:
         q = self._model.named(goal.name) if isinstance(goal, NamedGoal) else np.array(goal.position)
         if bool(np.any(q < self._model.lower) or np.any(q > self._model.upper)):
-            raise failing.outside_limits(self._model, q)
+            raise planning_failures.outside_limits(self._model, q)
         if broken := self._constraints.broken(q):
-            raise failing.breaks("at the goal", broken)
+            raise planning_failures.breaks("at the goal", broken)
         if not self._way.free(q):
-            raise failing.goal_rejected([self._inspection.rejection(q)], 1)
+            raise planning_failures.goal_rejected([self._inspection.rejection(q)], 1)
         return q

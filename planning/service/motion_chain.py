@@ -14,7 +14,7 @@ from ...world.trajectory import Trajectory
 from ...world.values import Array
 from ..collision.start_tolerance import Way
 from ..collision.trajectory_check import stays_free
-from ..failures import planning_failures as failing
+from ..failures import planning_failures
 from ..path_constraints import PathConstraints
 from ..requests import Line, Offset, Plan, Request
 from ..search.joint_planner import RADII
@@ -213,7 +213,7 @@ def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
 
 
 def _of_leg(failure: Failure, index: int, leg: Request, count: int) -> Failure:
-    where = f"motion {index + 1} of {count} ({failing.described(leg.target)})"
+    where = f"motion {index + 1} of {count} ({planning_failures.described(leg.target)})"
     return Failure(failure.cause, f"{where}: {failure.message}", **{**failure.evidence, "leg": index})
 
 

@@ -23,7 +23,7 @@ from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
 from ..collision.scene_queries import SceneQueries
 from ..collision.trajectory_judge import Judge
-from ..failures import planning_failures as failing
+from ..failures import planning_failures
 from ..requests import BUDGET, Contact, Goal, Line, Offset, Plan, Request, Scaling
 from ..search.goal_configurations import SOLUTIONS
 from ..search.penetration_escape import Outward
@@ -126,7 +126,7 @@ class PlanService:
         if isinstance(answer, Plan):
             self.made.note(answer)
             self.verify(request, answer.trajectory)
-        self._note(failing.asked(request), self.solver.start(request), spent, answer)
+        self._note(planning_failures.asked(request), self.solver.start(request), spent, answer)
         yield from self.charge()
         if isinstance(answer, Failure):
             raise answer
@@ -187,7 +187,7 @@ class PlanService:
             self.made.note(answer)
             for leg, part in zip(legs, parts(answer), strict=True):
                 self.verify(leg, part)
-        asked = ", then ".join(failing.asked(leg) for leg in legs)
+        asked = ", then ".join(planning_failures.asked(leg) for leg in legs)
         self._note(asked, self.solver.start(legs[0]), spent, answer)
         yield from self.charge()
         if isinstance(answer, Failure):
@@ -314,9 +314,9 @@ class PlanService:
             solver = self.solver
             contacts = self._judge.judge(trajectory, solver.scene(request), solver.width(request))
         if contacts:
-            name = failing.described(request.target)
+            name = planning_failures.described(request.target)
             self._disagreements.append(Disagreement(name, contacts))
-            _log.error("%s: judged to collide: %s", name, "; ".join(failing.listed(contacts)))
+            _log.error("%s: judged to collide: %s", name, "; ".join(planning_failures.listed(contacts)))
 
     def _note(self, asked: str, start: Array, spent: Spent, answer: Plan | Failure) -> None:
         noted = PlanMade(

@@ -15,7 +15,7 @@ from ...world.values import Array, Bounds, Pose
 from ..collision.clearances import Margins
 from ..collision.collision_checker import Collision
 from ..collision.start_tolerance import Way
-from ..failures import planning_failures as failing
+from ..failures import planning_failures
 from ..failures.goal_rejections import Inspection
 from ..failures.line_failures import ending
 from ..failures.obstructions import Obstructions
@@ -95,10 +95,10 @@ class Solver:
         start = self.start(request)
         way = Way(self.collision, start)
         if way.stuck:
-            raise failing.stuck(start, way.stuck, believed=request.start is None)
+            raise planning_failures.stuck(start, way.stuck, believed=request.start is None)
         constraints = PathConstraints(self.model, request.constraints)
         if broken := constraints.broken(start):
-            raise failing.breaks("where the motion starts", broken)
+            raise planning_failures.breaks("where the motion starts", broken)
         return _Begun(request, start, way, constraints, self.collision.checks)
 
     def _plan(self, begun: _Begun, goal: Goal, seed: int) -> Plan:
@@ -148,7 +148,7 @@ class Solver:
         if enclosed is None:
             enclosed = looked.enclosure("start", begun.start)
         between = looked.between(begun.start, ends)
-        return failing.not_found(spent, begun.request.budget, ends, way.excused, between, enclosed)
+        return planning_failures.not_found(spent, begun.request.budget, ends, way.excused, between, enclosed)
 
     def _line(self, begun: _Begun, line: Line | Offset) -> Plan:
         start, way = begun.start, begun.way
@@ -161,10 +161,10 @@ class Solver:
         trajectory = time_smooth(self.model, found.path, begun.request.scaling)
         if trajectory is None or not stays_free(way, trajectory):
             graze = () if trajectory is None else self._first_contacts(way, trajectory)
-            raise failing.line_grazes(found.fraction, graze)
+            raise planning_failures.line_grazes(found.fraction, graze)
         for k, q in enumerate(trajectory.position):
             if broken := begun.constraints.broken(q):
-                raise failing.line_breaks(broken, k / (len(trajectory.position) - 1))
+                raise planning_failures.line_breaks(broken, k / (len(trajectory.position) - 1))
         checks = self.collision.checks - begun.checks
         return Plan(trajectory, found.path, "line", checks, fraction=found.fraction)
 
@@ -173,12 +173,14 @@ class Solver:
         length = begin.distance(target)
         if found.blocked is None:
             why = ending(self.model, self.ik, found, target)
-            stop = failing.Stop(last.position, (), why.joint, why.singular)
-            return failing.line_ended(found, least, length, why.why, stop)
+            stop = planning_failures.Stop(last.position, (), why.joint, why.singular)
+            return planning_failures.line_ended(found, least, length, why.why, stop)
         inspection = Inspection(self.model, self.collision, PathConstraints(self.model, ()), self._workspace)
         rejected = inspection.rejection(found.blocked)
-        stop = failing.Stop(last.position, rejected.contacts)
-        return failing.line_ended(found, least, length, failing.how_rejected(rejected, "would be"), stop)
+        stop = planning_failures.Stop(last.position, rejected.contacts)
+        return planning_failures.line_ended(
+            found, least, length, planning_failures.how_rejected(rejected, "would be"), stop
+        )
 
     def _first_contacts(self, way: Way, trajectory: Trajectory) -> tuple[Contact, ...]:
         """What the first sample of a trajectory that is too close to something touches."""

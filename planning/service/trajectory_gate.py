@@ -13,7 +13,7 @@ from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds
 from ..collision.start_tolerance import Way
 from ..collision.trajectory_check import first_hit, steps
-from ..failures import planning_failures as failing
+from ..failures import planning_failures
 from ..requests import JointGoal, Request
 from .lookahead_planning import Made
 from .motion_chain import between
@@ -177,11 +177,11 @@ class Gate:
         hit = next((q for q in path if not way.free(q) and not way.nearly_free(q)), found)
         at = begin + _time_of(part, hit)
         contacts = collision.contacts(hit)
-        touched = "; ".join(failing.listed(contacts)) or "the edge of the workspace"
+        touched = "; ".join(planning_failures.listed(contacts)) or "the edge of the workspace"
         raise Failure(
             planning.BLOCKED,
             f"the way is not free: {touched} {_when(at, trajectory)}",
-            contacts=failing.listed(contacts),
+            contacts=planning_failures.listed(contacts),
             time=at,
             fraction=_share(at, trajectory),
             configuration=[round(float(c), 4) for c in hit],

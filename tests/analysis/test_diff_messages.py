@@ -10,7 +10,7 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.compare.divergence import Difference, first_difference
 from picktree.analysis.compare.message_fields import FieldDifference, first_apart, first_field
-from picktree.logs.recording import foxglove_messages as messages
+from picktree.logs.recording import foxglove_messages
 from picktree.logs.recording.foxglove_messages import encode_image, encode_scene
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.schema.records import Body, Joints, Scene, Tick
@@ -49,7 +49,7 @@ def test_a_field_of_a_json_topic_is_named(tmp_path: Path) -> None:
 
 def test_a_field_of_a_protobuf_topic_is_named() -> None:
     a, b = (
-        messages.encode_joints(50_000_000, Joints(("j1", "j2"), (0.5, x), (0.0, 0.0), (0.0, 0.0)))
+        foxglove_messages.encode_joints(50_000_000, Joints(("j1", "j2"), (0.5, x), (0.0, 0.0), (0.0, 0.0)))
         for x in (1.0, 1.5)
     )
     assert first_field("foxglove.JointStates", a, b) == FieldDifference("joints[1].position", "j2", 1.0, 1.5)

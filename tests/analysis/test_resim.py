@@ -18,7 +18,7 @@ from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.logs.schema.arithmetic_record import Arithmetic
-from picktree.session import environment as circumstances
+from picktree.session import environment
 from picktree.session.session import RunRequest, Session
 from picktree.trees.running.runner import NodeInfo, TickReport
 
@@ -218,14 +218,14 @@ def test_what_is_not_as_it_was_is_a_reason(greeting: RunResult, monkeypatch: pyt
     with Run(greeting.log) as run:
         now = run.info.arithmetic
         assert reasons(run, now) == ()
-        sources = {**circumstances.sources(), "control/execution/control_loop.py": "0" * 12}
-        monkeypatch.setattr(circumstances, "sources", lambda: sources)
+        sources = {**environment.sources(), "control/execution/control_loop.py": "0" * 12}
+        monkeypatch.setattr(environment, "sources", lambda: sources)
         versions = {**run.info.versions, "pybullet": "9"}
 
         def versions_now(libraries: Iterable[str]) -> dict[str, str]:
             return {library: versions[library] for library in libraries}
 
-        monkeypatch.setattr(circumstances, "versions", versions_now)
+        monkeypatch.setattr(environment, "versions", versions_now)
         elsewhere = replace(now, versions={**now.versions, "glibc": "2.41"})
         told = [str(reason) for reason in reasons(run, elsewhere)]
     glibc = now.versions["glibc"]
@@ -243,7 +243,7 @@ def test_sources_that_moved_are_counted_and_not_listed() -> None:
     edited = {path: f"{digest}+" for path, digest in moved.items()}
 
     def said(now: Mapping[str, str]) -> tuple[str, ...]:
-        return circumstances.source_changes(then, now)
+        return environment.source_changes(then, now)
 
     assert said(then) == ()
     assert said(stayed | moved) == ("the sources have moved since (10 files have other places)",)
@@ -262,9 +262,9 @@ def test_sources_that_moved_are_counted_and_not_listed() -> None:
 
 
 def test_the_sources_of_a_run_are_those_of_all_rooms_but_tools() -> None:
-    left_out = circumstances._NO_PART_OF_A_RUN
+    left_out = environment._NO_PART_OF_A_RUN
     assert [name for name in left_out if not (ROOT / name).exists()] == []
-    found = circumstances.sources()
+    found = environment.sources()
     assert [path for path in found if path.startswith(left_out)] == []
     modules_there = {str(path.relative_to(ROOT)) for path in modules()}
     assert {path for path in found if path.endswith(".py")} == {
@@ -276,7 +276,7 @@ def test_the_sources_of_a_run_are_those_of_all_rooms_but_tools() -> None:
 def test_an_older_log_has_no_arithmetic_and_names_the_machine(
     greeting: RunResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(circumstances, "machine", lambda: {"processor": "abacus"})
+    monkeypatch.setattr(environment, "machine", lambda: {"processor": "abacus"})
     with Run(greeting.log) as run:
         now = run.info.arithmetic
         run.info = replace(run.info, arithmetic=Arithmetic(), machine={"processor": "slide rule"})

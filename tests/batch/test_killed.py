@@ -13,7 +13,7 @@ import pytest
 
 from picktree.batch.plan.plan import Plan
 from picktree.batch.results.store import Store
-from picktree.batch.workers import local_executor as local
+from picktree.batch.workers import local_executor
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.local_executor import LocalExecutor
 
@@ -42,7 +42,7 @@ def run_and_be_killed(folder: Path, plan: Plan, moment: str) -> None:
         Store.record = die  # pyright: ignore[reportAttributeAccessIssue]
     else:
         Store._insert = die_within_the_second_commit  # pyright: ignore[reportPrivateUsage]
-    local._started = forked_worker  # pyright: ignore[reportPrivateUsage]
+    local_executor._started = forked_worker  # pyright: ignore[reportPrivateUsage]
     with Batch.create(folder, plan) as batch, LocalExecutor(1) as executor:
         batch.run(executor, Remembering())
 

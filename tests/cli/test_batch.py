@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.workers import local_executor as local
+from picktree.batch.workers import local_executor
 from picktree.cli.app import answer
 
 from ..commands import forked_worker
@@ -16,7 +16,7 @@ ONE_PICK = Path(__file__).parents[2] / "examples/one_pick.yaml"
 def test_a_batch_is_run_asked_and_gone_on_with(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local, "_started", forked_worker)
+    monkeypatch.setattr(local_executor, "_started", forked_worker)
     folder = str(tmp_path / "night")
     options = ["--mission", str(ONE_PICK), "--seeds", "0:2", "--backend", "kinematic", "--workers", "1"]
     assert answer(["batch", "run", *options, "--out", folder]) == 0

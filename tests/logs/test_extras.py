@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.logs import optional_libraries as extras
+from picktree.logs import optional_libraries
 from picktree.logs.optional_libraries import adding
 
 ROOT = Path(__file__).parents[2]
@@ -34,7 +34,9 @@ def test_from_elsewhere(python: Path, tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_of_an_installed_package(python: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(extras, "__file__", str(tmp_path / "picktree" / "logs" / "optional_libraries.py"))
+    monkeypatch.setattr(
+        optional_libraries, "__file__", str(tmp_path / "picktree" / "logs" / "optional_libraries.py")
+    )
     assert adding("ray") == f"{python} {PIP} 'picktree[ray]'"
 
 

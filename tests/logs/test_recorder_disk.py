@@ -13,7 +13,7 @@ import pytest
 from mcap.reader import make_reader
 
 from picktree.errors import PicktreeError
-from picktree.logs.mcap import sealed_file as ended_file
+from picktree.logs.mcap import sealed_file
 from picktree.logs.mcap.sealed_file import RawFile
 from picktree.logs.mcap.writer import McapFile
 from picktree.logs.recording.recorder import Recorder
@@ -52,10 +52,10 @@ class Full:
 
 @pytest.fixture
 def small_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    real = ended_file.open_raw
+    real = sealed_file.open_raw
 
     def with_room(room: int) -> None:
-        monkeypatch.setattr(ended_file, "open_raw", lambda path: Full(real(path), room))  # pyright: ignore
+        monkeypatch.setattr(sealed_file, "open_raw", lambda path: Full(real(path), room))  # pyright: ignore
 
     return with_room
 

@@ -259,16 +259,16 @@ def test_a_limit_that_a_file_cannot_keep_is_refused(sample: ModuleType, tmp_path
 def test_a_disk_that_is_full_at_a_rotation_leaves_the_files_before(
     sample: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from picktree.logs.mcap import sealed_file as ended_file
+    from picktree.logs.mcap import sealed_file
 
-    real: Callable[[Path], ended_file.RawFile] = ended_file.open_raw
+    real: Callable[[Path], sealed_file.RawFile] = sealed_file.open_raw
 
-    def second_refused(path: Path) -> ended_file.RawFile:
+    def second_refused(path: Path) -> sealed_file.RawFile:
         if "0002" in path.name:
             raise OSError(28, "No space left on device")
         return real(path)
 
-    monkeypatch.setattr(ended_file, "open_raw", second_refused)
+    monkeypatch.setattr(sealed_file, "open_raw", second_refused)
     with pytest.raises(
         PicktreeError, match=r"log-0002.mcap: the log cannot be written: No space left on device"
     ):

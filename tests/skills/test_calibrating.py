@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.calibration import target_detection as markers
-from picktree.calibration import targets
+from picktree.calibration import target_detection, targets
 from picktree.calibration.observations import Shot
 from picktree.calibration.target_detection import TileSeen
 from picktree.calibration.targets import Contact
@@ -45,8 +44,8 @@ class Eyes:
     """`find_tiles` as it is, but for the pictures that are to show nothing; counts the pictures."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *empty: int) -> None:
-        self.pictures, self._empty, self._find = 0, empty, markers.find_tiles
-        monkeypatch.setattr(markers, "find_tiles", self)
+        self.pictures, self._empty, self._find = 0, empty, target_detection.find_tiles
+        monkeypatch.setattr(target_detection, "find_tiles", self)
 
     def __call__(self, image: RgbdImage, tiles: object) -> tuple[TileSeen, ...]:
         self.pictures += 1

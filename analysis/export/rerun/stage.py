@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 
 from ....logs.meshes.binary_gltf import upright
 from ....logs.meshes.triangle_meshes import part_mesh, shape_mesh
-from ....logs.recording import foxglove_messages as messages
+from ....logs.recording import foxglove_messages
 from ....logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ....logs.schema import topics
 from ....logs.schema.records import Block, Body, Part, Scene, Transform
@@ -178,7 +178,7 @@ def _camera(sheet: Sheet, run: Run, camera: str) -> None:
     """Colour and depth as they stand in the log, on the plane of a pinhole camera."""
     entity = camera_entity(camera)
     for message in run.log.messages([topics.calibration_topic(camera).name]):
-        i = messages.read_calibration(message.data)
+        i = foxglove_messages.read_calibration(message.data)
         pinhole = rr.Pinhole(
             focal_length=(i.fx, i.fy),
             principal_point=(i.cx, i.cy),
@@ -188,10 +188,12 @@ def _camera(sheet: Sheet, run: Run, camera: str) -> None:
         )
         sheet.at(message.time / 1e9, entity, pinhole)
     for message in run.log.messages([topics.colour_topic(camera).name]):
-        image = rr.EncodedImage(contents=messages.read_image(message.data), media_type="image/jpeg")
+        image = rr.EncodedImage(contents=foxglove_messages.read_image(message.data), media_type="image/jpeg")
         sheet.at(message.time / 1e9, f"{entity}/colour", image)
     for message in run.log.messages([topics.depth_topic(camera).name]):
-        depth = rr.EncodedDepthImage(messages.read_image(message.data), media_type="image/png", meter=1000.0)
+        depth = rr.EncodedDepthImage(
+            foxglove_messages.read_image(message.data), media_type="image/png", meter=1000.0
+        )
         sheet.at(message.time / 1e9, f"{entity}/depth", depth)
 
 

@@ -11,15 +11,15 @@ import orjson
 from ....logs.schema.records import Body
 from ...explain.investigation.explanation import ItemStory
 from ...run import Run
-from . import row_types as rows
+from . import row_types
 
 
-def ticks(run: Run) -> Iterator[rows.TickRow]:
+def ticks(run: Run) -> Iterator[row_types.TickRow]:
     for tick in run.ticks:
         record = tick.record
         tip = next((n for n in record.nodes if n.path == record.tip), None)
         began = sum(1 for t in record.transitions if t.status == "RUNNING")
-        yield rows.TickRow(
+        yield row_types.TickRow(
             tick=tick.number,
             time=tick.time,
             root_status=record.root_status,
@@ -33,9 +33,9 @@ def ticks(run: Run) -> Iterator[rows.TickRow]:
         )
 
 
-def visits(run: Run) -> Iterator[rows.VisitRow]:
+def visits(run: Run) -> Iterator[row_types.VisitRow]:
     for v in run.visits:
-        yield rows.VisitRow(
+        yield row_types.VisitRow(
             visit=v.number,
             path=v.path,
             id=v.id,
@@ -56,10 +56,10 @@ def visits(run: Run) -> Iterator[rows.VisitRow]:
         )
 
 
-def plans(run: Run) -> Iterator[rows.PlanRow]:
+def plans(run: Run) -> Iterator[row_types.PlanRow]:
     for at in run.plans:
         plan = at.record
-        yield rows.PlanRow(
+        yield row_types.PlanRow(
             time=at.time,
             request=plan.request,
             planner=plan.planner,
@@ -75,21 +75,21 @@ def plans(run: Run) -> Iterator[rows.PlanRow]:
         )
 
 
-def candidates(run: Run) -> Iterator[rows.CandidateRow]:
+def candidates(run: Run) -> Iterator[row_types.CandidateRow]:
     for at in run.candidates:
         for c in at.record.tried:
-            yield rows.CandidateRow(
+            yield row_types.CandidateRow(
                 at.time, at.record.purpose, at.record.object, c.name, c.verdict, c.score,
                 c.place, c.stage, c.by, c.gap, c.count,
                 *c.position, *c.orientation,
             )  # fmt: skip
 
 
-def picks(run: Run) -> Iterator[rows.PickRow]:
+def picks(run: Run) -> Iterator[row_types.PickRow]:
     events = (at.record.data for at in run.events if at.record.kind == "pick")
     for pick, data in zip(run.picks, events, strict=True):
         first = data.get("first_try")
-        yield rows.PickRow(
+        yield row_types.PickRow(
             time=pick.time,
             object=pick.object,
             held=pick.held,
@@ -102,9 +102,9 @@ def picks(run: Run) -> Iterator[rows.PickRow]:
         )
 
 
-def failures(run: Run) -> Iterator[rows.FailureRow]:
+def failures(run: Run) -> Iterator[row_types.FailureRow]:
     for f in run.failures:
-        yield rows.FailureRow(
+        yield row_types.FailureRow(
             failure=f.number,
             time=f.time,
             tick=f.tick,
@@ -125,13 +125,13 @@ def failures(run: Run) -> Iterator[rows.FailureRow]:
         )
 
 
-def items(run: Run) -> Iterator[rows.ItemRow]:
+def items(run: Run) -> Iterator[row_types.ItemRow]:
     done = {
         str(at.record.data.get("object", "")): at.time for at in run.events if at.record.kind == "item_done"
     }
     for story in run.explanation.items:
         picked = [pick for pick in run.picks if pick.object == story.id]
-        yield rows.ItemRow(
+        yield row_types.ItemRow(
             item=story.id,
             kind=story.kind,
             colour=story.colour,
@@ -144,75 +144,75 @@ def items(run: Run) -> Iterator[rows.ItemRow]:
         )
 
 
-def events(run: Run) -> Iterator[rows.EventRow]:
+def events(run: Run) -> Iterator[row_types.EventRow]:
     for at in run.events:
         event = at.record
-        yield rows.EventRow(at.time, event.kind, event.message, event.node, _json(event.data))
+        yield row_types.EventRow(at.time, event.kind, event.message, event.node, _json(event.data))
 
 
-def objects(run: Run) -> Iterator[rows.ObjectRow]:
+def objects(run: Run) -> Iterator[row_types.ObjectRow]:
     for at in run.log.beliefs():
         yield from (_object(at.time, "belief", body) for body in at.record.bodies)
     for at in run.log.truths():
         yield from (_object(at.time, "truth", body) for body in at.record.bodies)
 
 
-def joints(run: Run) -> Iterator[rows.JointRow]:
+def joints(run: Run) -> Iterator[row_types.JointRow]:
     for at in run.log.joints():
         read = at.record
         for name, position, velocity, effort in zip(
             read.names, read.position, read.velocity, read.effort, strict=True
         ):
-            yield rows.JointRow(at.time, name, position, velocity, effort)
+            yield row_types.JointRow(at.time, name, position, velocity, effort)
 
 
-def wrenches(run: Run) -> Iterator[rows.WrenchRow]:
+def wrenches(run: Run) -> Iterator[row_types.WrenchRow]:
     for at in run.log.wrenches():
         force, torque = at.record.force, at.record.torque
-        yield rows.WrenchRow(at.time, force.x, force.y, force.z, torque.x, torque.y, torque.z)
+        yield row_types.WrenchRow(at.time, force.x, force.y, force.z, torque.x, torque.y, torque.z)
 
 
-def controls(run: Run) -> Iterator[rows.ControlRow]:
+def controls(run: Run) -> Iterator[row_types.ControlRow]:
     for at in run.log.controls():
         told = at.record
         for k, joint in enumerate(run.joints.names[: run.controls.references.shape[1]]):
             reference = told.reference[k] if told.reference else None
-            yield rows.ControlRow(
+            yield row_types.ControlRow(
                 at.time, told.controller, joint, reference, told.error[k] if told.error else None
             )
 
 
-def timings(run: Run) -> Iterator[rows.TimingRow]:
+def timings(run: Run) -> Iterator[row_types.TimingRow]:
     for at in run.log.timings():
         t = at.record
-        yield rows.TimingRow(
+        yield row_types.TimingRow(
             at.time, t.total, t.physics, t.control, t.planning, t.perception, t.rendering, t.recording
         )
 
 
-def about(run: Run) -> Iterator[rows.RunRow]:
+def about(run: Run) -> Iterator[row_types.RunRow]:
     """What the run was started with, and what came of it."""
     told = asdict(run.info)
     groups = {"parameter": "parameters", "physics": "physics", "version": "versions"}
     for key, value in told.items():
         if key not in groups.values():
-            yield rows.RunRow(key, str(value))
+            yield row_types.RunRow(key, str(value))
     for prefix, group in groups.items():
         for key, value in told[group].items():
-            yield rows.RunRow(f"{prefix}.{key}", str(value))
-    yield rows.RunRow("format", str(run.log.format))
-    yield rows.RunRow("end", repr(run.end))
-    yield rows.RunRow("recovered", run.recovered)
-    yield rows.RunRow("status", "killed" if run.result is None else run.result.status)
+            yield row_types.RunRow(f"{prefix}.{key}", str(value))
+    yield row_types.RunRow("format", str(run.log.format))
+    yield row_types.RunRow("end", repr(run.end))
+    yield row_types.RunRow("recovered", run.recovered)
+    yield row_types.RunRow("status", "killed" if run.result is None else run.result.status)
     if run.result is not None:
-        yield rows.RunRow("message", run.result.message)
-        yield rows.RunRow("items.total", str(run.result.items.total))
-        yield rows.RunRow("items.sorted", str(run.result.items.sorted))
-        yield rows.RunRow("digest", run.result.digest)
+        yield row_types.RunRow("message", run.result.message)
+        yield row_types.RunRow("items.total", str(run.result.items.total))
+        yield row_types.RunRow("items.sorted", str(run.result.items.sorted))
+        yield row_types.RunRow("digest", run.result.digest)
 
 
-def _object(time: float, source: str, body: Body) -> rows.ObjectRow:
-    return rows.ObjectRow(
+def _object(time: float, source: str, body: Body) -> row_types.ObjectRow:
+    return row_types.ObjectRow(
         time, source, body.id, body.kind, body.colour, body.place, body.attached, body.confidence,
         *body.pose.position, *body.pose.orientation,
     )  # fmt: skip

@@ -241,7 +241,7 @@ def _choices(run: Run) -> Packable:
 
 def _cameras(run: Run, frames: Frames) -> Packable:
     """Optical frames: z looks out of the camera, y down the image."""
-    from ....logs.recording import foxglove_messages as messages
+    from ....logs.recording import foxglove_messages
     from ....logs.schema import topics
 
     found: list[Packable] = []
@@ -250,7 +250,7 @@ def _cameras(run: Run, frames: Frames) -> Packable:
         frame = f"camera/{camera}"
         if raw is None or frame not in frames.tracks:
             continue
-        seen = messages.read_calibration(raw.data)
+        seen = foxglove_messages.read_calibration(raw.data)
         found.append(
             {
                 "name": camera,

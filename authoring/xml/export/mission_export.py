@@ -14,8 +14,7 @@ from ....trees.node import Node
 from ....trees.ports import PortDeclaration
 from ....trees.values.port_types import PortType
 from ....trees.values.references import Binding, Constant, Reference
-from ..format import btcpp_vocabulary as names
-from ..format import tree_nodes_model as models
+from ..format import btcpp_vocabulary, tree_nodes_model
 from ..format.btcpp_vocabulary import Row, indexes_text, table_text
 from ..format.element import Comments, Element
 from ..format.literal_text import is_pointer, value_text
@@ -50,7 +49,7 @@ class Exporter:
         comments = self._comments.at_the_top()
         trees = tuple(self.tree(tree) for tree in self._mission.trees.values())
         parts = (*trees, Element("TreeNodesModel", {}, (*self._tree_models(), *self._node_models())))
-        attributes = {"BTCPP_format": names.FORMAT}
+        attributes = {"BTCPP_format": btcpp_vocabulary.FORMAT}
         if MAIN in self._mission.trees:
             attributes["main_tree_to_execute"] = MAIN
         root = Element("root", attributes, parts, comments=comments)
@@ -58,7 +57,7 @@ class Exporter:
         return root
 
     def tree(self, tree: TreeSpec) -> Element:
-        if names.taken(tree.name):
+        if btcpp_vocabulary.taken(tree.name):
             self._fault(tree.mark, f"trees.{tree.name}", f"{tree.name!r} is a name of BehaviorTree.CPP's own",
                         "give the tree another name", code="P920")  # fmt: skip
         for port in tree.ports:
@@ -72,10 +71,10 @@ class Exporter:
 
     def _tree_models(self) -> Iterable[Element]:
         for index, tree in enumerate(self._mission.trees.values()):
-            fields = models.head(self._mission) if index == 0 else []
+            fields = tree_nodes_model.head(self._mission) if index == 0 else []
             if self.included(tree):
-                fields.append({models.INCLUDED: "true"})
-            yield models.tree_model(tree, fields)
+                fields.append({tree_nodes_model.INCLUDED: "true"})
+            yield tree_nodes_model.tree_model(tree, fields)
 
     def included(self, tree: TreeSpec) -> bool:
         """Whether the tree stands in another file."""
@@ -95,7 +94,7 @@ class Exporter:
         comments = self._above(spec.mark)
         element = self._of_class(spec, spec.node, trail) if spec.node else self._call(spec, trail)
         if spec.breakpoint is not None:
-            element = _with(element, {names.BREAKPOINT: spec.breakpoint})
+            element = _with(element, {btcpp_vocabulary.BREAKPOINT: spec.breakpoint})
         return replace(self._conditioned(spec, element), comments=comments)
 
     def _of_class(self, spec: NodeSpec, node: type[Node], trail: str) -> Element:
@@ -107,17 +106,20 @@ class Exporter:
             case "Switch":
                 return self._switch(spec, trail)
             case "Repeat" if "while" in spec.ports:
-                self._use(names.REPEAT_WHILE, lambda: models.repeat_while_model(node.declaration))
-                return self._plain(spec, node, names.REPEAT_WHILE, trail)
-            case identity if identity in names.SAME:
+                self._use(
+                    btcpp_vocabulary.REPEAT_WHILE,
+                    lambda: tree_nodes_model.repeat_while_model(node.declaration),
+                )
+                return self._plain(spec, node, btcpp_vocabulary.REPEAT_WHILE, trail)
+            case identity if identity in btcpp_vocabulary.SAME:
                 return self._plain(spec, node, identity, trail)
             case identity:
-                if names.taken(identity):
+                if btcpp_vocabulary.taken(identity):
                     message = f"{identity!r} is a name of BehaviorTree.CPP's own"
                     self._fault(spec.mark, trail, message, "give the node another ID", code="P920")
                 for port in node.declaration.ports:
                     self._check_port(port, spec.mark, trail)
-                self._use(identity, lambda: models.node_model(node.declaration))
+                self._use(identity, lambda: tree_nodes_model.node_model(node.declaration))
                 return self._plain(spec, node, identity, trail)
 
     def _plain(self, spec: NodeSpec, node: type[Node], identity: str, trail: str) -> Element:
@@ -154,7 +156,7 @@ class Exporter:
         name = spec.name.partition("#")[0]
         if name == spec.id:
             return {}
-        return {names.OWN_NAME: name} if name == identity else {"name": name}
+        return {btcpp_vocabulary.OWN_NAME: name} if name == identity else {"name": name}
 
     def _condition(self, spec: NodeSpec) -> Element:
         bound = cast("Constant", spec.ports["if"])
@@ -164,8 +166,10 @@ class Exporter:
                 "ScriptCondition", {**self._named(spec, "ScriptCondition"), "code": script(expression)}
             )
         except Unsayable:
-            self._use(names.CHECK, models.check_model)
-            return Element(names.CHECK, {**self._named(spec, names.CHECK), "if": expression.text})
+            self._use(btcpp_vocabulary.CHECK, tree_nodes_model.check_model)
+            return Element(
+                btcpp_vocabulary.CHECK, {**self._named(spec, btcpp_vocabulary.CHECK), "if": expression.text}
+            )
 
     def _set_blackboard(self, spec: NodeSpec, trail: str) -> Element:
         """A number or truth value keeps its type in a Script; SetBlackboard writes texts and copies."""
@@ -185,8 +189,8 @@ class Exporter:
     def _switch(self, spec: NodeSpec, trail: str) -> Element:
         cases = spec.slots["cases"]
         identity = f"Switch{len(cases)}"
-        if identity not in names.BUILT_IN:
-            self._use(identity, lambda: models.switch_model(len(cases)))
+        if identity not in btcpp_vocabulary.BUILT_IN:
+            self._use(identity, lambda: tree_nodes_model.switch_model(len(cases)))
         attributes = self._named(spec, identity)
         port = cast("type[Node]", spec.node).declaration.port("variable")
         assert port is not None
@@ -198,7 +202,7 @@ class Exporter:
         if default:
             last = self.node(default[0][1], trail)
         else:
-            last = Element("AlwaysFailure", {names.NO_CASE: "true"})
+            last = Element("AlwaysFailure", {btcpp_vocabulary.NO_CASE: "true"})
         return Element(identity, attributes, (*(self.node(child, trail) for _, child in cases), last))
 
     def _above(self, mark: Mark) -> tuple[str, ...]:
@@ -224,7 +228,7 @@ class Exporter:
                 attributes[port.key] = ""
                 left_out.append(port.key)
         if left_out:
-            attributes[names.LEFT_OUT] = " ".join(left_out)
+            attributes[btcpp_vocabulary.LEFT_OUT] = " ".join(left_out)
         return Element("SubTree", attributes)
 
     def _instance(self, spec: NodeSpec) -> dict[str, str]:
@@ -237,7 +241,7 @@ class Exporter:
             number += 1
             instance = f"{name} ({number})"
         self._called.add(instance)
-        return {"name": instance} | ({names.OWN_NAME: name} if instance != name else {})
+        return {"name": instance} | ({btcpp_vocabulary.OWN_NAME: name} if instance != name else {})
 
     # Conditions.
 
@@ -250,18 +254,24 @@ class Exporter:
             said |= {key: assignments_script(given) for key, given in spec.postconditions.items()}
             return _with(element, said)
         except Unsayable:
-            self._use(names.GUARDED, models.guarded_model)
-            ours = {names.GUARDS[key]: expression.text for key, expression in spec.preconditions.items()}
-            ours |= {names.GUARDS[key]: _assignments(given) for key, given in spec.postconditions.items()}
-            return Element(names.GUARDED, ours, (element,))
+            self._use(btcpp_vocabulary.GUARDED, tree_nodes_model.guarded_model)
+            ours = {
+                btcpp_vocabulary.GUARDS[key]: expression.text
+                for key, expression in spec.preconditions.items()
+            }
+            ours |= {
+                btcpp_vocabulary.GUARDS[key]: _assignments(given)
+                for key, given in spec.postconditions.items()
+            }
+            return Element(btcpp_vocabulary.GUARDED, ours, (element,))
 
     # Faults.
 
     def _check_type(self, bound: Reference, port: PortDeclaration, spec: NodeSpec, trail: str) -> None:
         """BehaviorTree.CPP holds a key to the type of the first port of its own that it is wired to."""
-        if spec.id not in (*names.SAME, "Switch") or port.key not in names.PORT_TYPES:
+        if spec.id not in (*btcpp_vocabulary.SAME, "Switch") or port.key not in btcpp_vocabulary.PORT_TYPES:
             return
-        kind = names.PORT_TYPES[port.key]
+        kind = btcpp_vocabulary.PORT_TYPES[port.key]
         first = self._types.setdefault(str(bound), kind)
         if first not in (kind, "std::string"):
             message = f"port {port.key!r}: {bound} is {first} at another node, and {kind} here"

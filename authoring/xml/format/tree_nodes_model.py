@@ -10,7 +10,7 @@ from ....trees.declaration import NodeDeclaration
 from ....trees.mission import Mission, TreeSpec
 from ....trees.ports import PortDeclaration
 from ....trees.values.port_types import PortType
-from . import btcpp_vocabulary as names
+from . import btcpp_vocabulary
 from .element import Element
 from .literal_text import JSON, default_text, type_text, value_text
 
@@ -39,20 +39,20 @@ def node_model(declaration: NodeDeclaration) -> Element:
 
 def check_model() -> Element:
     text = "an expression of picktree, which scripts cannot say"
-    return Element("Condition", {"ID": names.CHECK}, (_port("input_port", "if", _TEXT, "", text),))
+    return Element("Condition", {"ID": btcpp_vocabulary.CHECK}, (_port("input_port", "if", _TEXT, "", text),))
 
 
 def guarded_model() -> Element:
     ports = [
         _port("input_port", port, _TEXT, "", f"{condition} of the child, in the words of picktree")
-        for condition, port in names.GUARDS.items()
+        for condition, port in btcpp_vocabulary.GUARDS.items()
     ]
-    return Element("Decorator", {"ID": names.GUARDED}, tuple(ports))
+    return Element("Decorator", {"ID": btcpp_vocabulary.GUARDED}, tuple(ports))
 
 
 def repeat_while_model(declaration: NodeDeclaration) -> Element:
     ports = tuple(_node_port(port) for port in declaration.ports)
-    return Element("Decorator", {"ID": names.REPEAT_WHILE}, ports)
+    return Element("Decorator", {"ID": btcpp_vocabulary.REPEAT_WHILE}, ports)
 
 
 def switch_model(cases: int) -> Element:

@@ -11,7 +11,7 @@ from ....files.value_wording import nearest
 from ....trees.declaration import POSTCONDITIONS, PRECONDITIONS
 from ....trees.values.port_types import PortType
 from ..export.script_export import expression_text
-from ..format import btcpp_vocabulary as names
+from ..format import btcpp_vocabulary
 from ..format.element import Element, Marked, Scalar, from_value
 from ..format.literal_text import is_pointer, read_value
 from .script_import import ScriptError, read_expression, read_statements
@@ -66,7 +66,14 @@ class Draft:
         return whole
 
 
-COMMON = ("name", names.OWN_NAME, names.BREAKPOINT, *PRECONDITIONS, *POSTCONDITIONS, *names.IGNORED)
+COMMON = (
+    "name",
+    btcpp_vocabulary.OWN_NAME,
+    btcpp_vocabulary.BREAKPOINT,
+    *PRECONDITIONS,
+    *POSTCONDITIONS,
+    *btcpp_vocabulary.IGNORED,
+)
 """Attributes that may stand at every node."""
 
 
@@ -127,12 +134,12 @@ class Attributes:
 
     def common(self, element: Element, draft: Draft, trail: str) -> None:
         draft.comments = (*element.comments, *draft.comments)
-        name = element.get(names.OWN_NAME) or element.get("name")
+        name = element.get(btcpp_vocabulary.OWN_NAME) or element.get("name")
         entries = draft.body.entries
         assert entries is not None
         own, draft.body.entries = entries, []
         default = (draft.id, "" if element.name == "SubTree" else element.identity)
-        if (name and name not in default) or names.OWN_NAME in element.attributes:
+        if (name and name not in default) or btcpp_vocabulary.OWN_NAME in element.attributes:
             draft.put("name", name, element.place("name"))
         for key in PRECONDITIONS:
             if key in element.attributes:
@@ -140,8 +147,12 @@ class Attributes:
         for key in POSTCONDITIONS:
             if key in element.attributes:
                 draft.put(key, self.assignments(element, key, trail), element.place(key))
-        if names.BREAKPOINT in element.attributes:
-            draft.put("breakpoint", element.get(names.BREAKPOINT), element.place(names.BREAKPOINT))
+        if btcpp_vocabulary.BREAKPOINT in element.attributes:
+            draft.put(
+                "breakpoint",
+                element.get(btcpp_vocabulary.BREAKPOINT),
+                element.place(btcpp_vocabulary.BREAKPOINT),
+            )
         draft.body.entries += own
 
     def condition(self, element: Element, attribute: str, trail: str) -> str | bool:

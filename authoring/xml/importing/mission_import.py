@@ -18,7 +18,7 @@ from ....trees.loading.loader import examine
 from ....trees.loading.registry import Registry
 from ....trees.mission import MAIN, Mission
 from ..export.mission_export import Exporter
-from ..format import btcpp_vocabulary as names
+from ..format import btcpp_vocabulary
 from ..format.element import Element, Entry, Marked, Scalar
 from .attributes import Draft
 from .node_import import NodeReader
@@ -291,6 +291,6 @@ def _bare(element: Element) -> Element:
     kept = {
         key: value
         for key, value in element.attributes.items()
-        if key not in names.IGNORED and not (key == "name" and value == element.name)
+        if key not in btcpp_vocabulary.IGNORED and not (key == "name" and value == element.name)
     }
     return dataclasses.replace(element, attributes=kept, children=tuple(map(_bare, element.children)))

@@ -8,7 +8,7 @@ from ....files.value_wording import nearest
 from ....trees.declaration import NodeDeclaration
 from ....trees.loading.registry import Registry
 from ....trees.slots import SlotDeclaration
-from ..format import btcpp_vocabulary as names
+from ..format import btcpp_vocabulary
 from ..format.btcpp_vocabulary import Row, read_indexes, read_table
 from ..format.element import Element, Marked
 from .attributes import COMMON, Attributes, Draft
@@ -40,7 +40,7 @@ class NodeReader(Attributes):
         if element.text:
             message = f"the text {element.text[:30]!r} has no meaning here"
             self.fault(element.mark, trail, message, "a comment stands in <!-- -->", code="P905")
-        if element.name not in names.ELEMENTS and "ID" in element.attributes:
+        if element.name not in btcpp_vocabulary.ELEMENTS and "ID" in element.attributes:
             message = f"<{element.name}> has no attribute 'ID'"
             hint = "the ID is the element's name, or stands in <Action>, <Condition>, <Control>, <Decorator>"
             self.fault(element.place("ID"), trail, message, hint, code="P908")
@@ -60,7 +60,7 @@ class NodeReader(Attributes):
         if element.name == "SubTree":
             return self._subtree(element, identity, trail)
         node = self._registry.find(identity)
-        if identity == names.REPEAT_WHILE:
+        if identity == btcpp_vocabulary.REPEAT_WHILE:
             node = self._registry.find("Repeat")
         translation = self._translations.of(identity)
         # Nobody else's node of that name: those names are refused for nodes of ours.
@@ -75,14 +75,14 @@ class NodeReader(Attributes):
 
     def _unknown(self, element: Element, identity: str, trail: str) -> None:
         mark = element.place("ID")
-        if identity in names.FOREIGN:
+        if identity in btcpp_vocabulary.FOREIGN:
             message = f"{identity!r} has no counterpart"
-            self.fault(mark, trail, message, names.FOREIGN[identity], code="P907")
+            self.fault(mark, trail, message, btcpp_vocabulary.FOREIGN[identity], code="P907")
         elif identity in self._trees:
             hint = f'a sub-tree is called by <SubTree ID="{identity}"/>'
             self.fault(mark, trail, f"unknown node {identity!r}", hint, code="P906")
         else:
-            known = (*self._registry.ids(), *names.TRANSLATED)
+            known = (*self._registry.ids(), *btcpp_vocabulary.TRANSLATED)
             hint = nearest(identity, known)
             self.fault(mark, trail, f"unknown node {identity!r}", hint, code="P906")
 
@@ -178,12 +178,12 @@ class NodeReader(Attributes):
             self.fault(element.place("ID"), trail, f"there is no tree {identity!r}", hint, code="P913")
             return Draft.of("AlwaysSuccess", element.mark)
         ports = {port.key: port for port in self._trees[identity]}
-        left_out = element.get(names.LEFT_OUT).split()
+        left_out = element.get(btcpp_vocabulary.LEFT_OUT).split()
         draft = Draft.of(self._called(identity), element.mark)
         for key in element.attributes:
             if key in ports and key not in left_out:
                 self.port(draft, key, ports[key].kind, element, key, trail)
-            elif key not in (*COMMON, *ports, "ID", "_autoremap", names.LEFT_OUT):
+            elif key not in (*COMMON, *ports, "ID", "_autoremap", btcpp_vocabulary.LEFT_OUT):
                 self.no_port(element, key, f"the tree {identity!r}", (*ports, "name"), trail)
         remapping = element.get("_autoremap") in ("true", "1")
         for key, port in ports.items():

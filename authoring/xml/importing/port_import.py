@@ -11,8 +11,7 @@ from ....files.marks import Fault, Mark
 from ....trees.loading.registry import Registry
 from ....trees.values.port_types import PortType
 from ....trees.values.references import Reference
-from ..format import btcpp_vocabulary as names
-from ..format import tree_nodes_model as models
+from ..format import btcpp_vocabulary, tree_nodes_model
 from ..format.element import Element, Marked, from_value
 from ..format.literal_text import is_pointer, read_value, type_name
 from .script_import import ScriptError, read_expression, read_statements
@@ -108,7 +107,7 @@ class PortsOfTrees:
                 remapped = text.strip(" ")
             elif direction == "in":
                 default = self._value(tree, element, "default", PortType.parse(kind))
-        choices = self._value(tree, element, models.CHOICES, PortType("any"))
+        choices = self._value(tree, element, tree_nodes_model.CHOICES, PortType("any"))
         doc = element.get("description") or " ".join(element.text.split())
         return TreePort(
             key,
@@ -118,7 +117,7 @@ class PortsOfTrees:
             default,
             remapped,
             doc,
-            element.get(models.UNIT),
+            element.get(tree_nodes_model.UNIT),
             choices,
         )
 
@@ -162,7 +161,7 @@ class PortsOfTrees:
     def _uses(self, element: Element, found: _Used) -> None:
         node = self._registry.find(element.identity) if element.name != "SubTree" else None
         for key, text in element.attributes.items():
-            condition = key in (*_CONDITIONS, "code", "if") and element.identity != names.CHECK
+            condition = key in (*_CONDITIONS, "code", "if") and element.identity != btcpp_vocabulary.CHECK
             if condition or key in _ASSIGNMENTS:
                 found.script(text)
             elif element.identity == "SetBlackboard" and key == "output_key":

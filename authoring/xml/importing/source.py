@@ -12,7 +12,7 @@ from ....files.shipped_files import is_file
 from ....files.value_wording import nearest
 from ....files.yaml.document import read_text
 from ....trees.mission import MAIN
-from ..format import btcpp_vocabulary as names
+from ..format import btcpp_vocabulary
 from ..format.element import Element
 from ..format.tree_nodes_model import INCLUDED
 from .xml_reader import read_xml
@@ -75,10 +75,12 @@ class _Reader:
     def _file(self, root: Element, path: Path, trail: tuple[str, ...]) -> None:
         if root.name != "root":
             message = f"the first element is <root>, not <{root.name}>"
-            self._fault(root.mark, "", message, f'as <root BTCPP_format="{names.FORMAT}">', code="P904")
+            self._fault(
+                root.mark, "", message, f'as <root BTCPP_format="{btcpp_vocabulary.FORMAT}">', code="P904"
+            )
             return
         version = root.attributes.get("BTCPP_format")
-        if version != names.FORMAT:
+        if version != btcpp_vocabulary.FORMAT:
             message = 'BTCPP_format="4" is missing' if version is None else f"format {version!r} is not read"
             hint = "this reads the files of BehaviorTree.CPP 4 and Groot2; convert older ones there"
             self._fault(root.place("BTCPP_format"), "root", message, hint, code="P904")
@@ -122,7 +124,7 @@ class _Reader:
 
     def _attributes(self, element: Element, known: Iterable[str], trail: str) -> None:
         for name in element.attributes:
-            if name not in known and name not in names.IGNORED:
+            if name not in known and name not in btcpp_vocabulary.IGNORED:
                 message = f"<{element.name}> has no attribute {name!r}"
                 self._fault(element.place(name), trail, message, nearest(name, known), code="P908")
 
@@ -134,9 +136,9 @@ class _Reader:
     def _models(self, element: Element, *, first: bool) -> None:
         for model in element.children:
             identity = model.get("ID")
-            if model.name not in names.ELEMENTS:
+            if model.name not in btcpp_vocabulary.ELEMENTS:
                 message = f"<{model.name}> has no meaning under <TreeNodesModel>"
-                hint = nearest(model.name, names.ELEMENTS)
+                hint = nearest(model.name, btcpp_vocabulary.ELEMENTS)
                 self._fault(model.mark, "TreeNodesModel", message, hint, code="P905")
             elif not identity:
                 message = f"<{model.name}> needs the attribute 'ID'"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from ....files.expressions.syntax_tree import Not
 from ....trees.values.port_types import PortType
 from ..export.script_export import expression_text
-from ..format import btcpp_vocabulary as names
+from ..format import btcpp_vocabulary
 from ..format.element import Element, Marked
 from .attributes import COMMON, Draft
 from .script_import import ScriptError, read_expression, read_statements
@@ -36,14 +36,14 @@ class Translations:
             "SetBlackboard": self._set_blackboard,
             "Sleep": self._sleep,
             "Precondition": self._precondition,
-            names.CHECK: self._check,
-            names.GUARDED: self._guarded,
+            btcpp_vocabulary.CHECK: self._check,
+            btcpp_vocabulary.GUARDED: self._guarded,
             **dict.fromkeys(_LOOPS, self._loop),
         }
 
     def of(self, identity: str) -> Translation | None:
         """How an element of that ID is read; None when it is a node like others."""
-        if names.SWITCH.fullmatch(identity):
+        if btcpp_vocabulary.SWITCH.fullmatch(identity):
             return self._switch
         return self._ways.get(identity)
 
@@ -129,7 +129,7 @@ class Translations:
 
     def _apart(self, element: Element, child: Draft) -> Draft:
         """The child in place of a decorator that vanishes; what stands at the decorator needs a node."""
-        own = [key for key in element.attributes if key in COMMON and key not in names.IGNORED]
+        own = [key for key in element.attributes if key in COMMON and key not in btcpp_vocabulary.IGNORED]
         if not own:
             return child
         outer = Draft.of("Sequence", element.mark)
@@ -170,7 +170,10 @@ class Translations:
                 )
             table.put(label, self._reader.slot_value(child, label, trail), child.mark)
         draft.put("cases", table)
-        if len(element.children) > count and names.NO_CASE not in element.children[count].attributes:
+        if (
+            len(element.children) > count
+            and btcpp_vocabulary.NO_CASE not in element.children[count].attributes
+        ):
             draft.put("default", self._reader.slot_value(element.children[count], "default", trail))
         return draft
 
@@ -184,12 +187,12 @@ class Translations:
         return draft
 
     def _guarded(self, element: Element, trail: str) -> Draft:
-        self._reader.only(element, tuple(names.GUARDS.values()), trail)
+        self._reader.only(element, tuple(btcpp_vocabulary.GUARDS.values()), trail)
         child = self._child(element, trail)
         if child is None:
             return Draft.of("AlwaysSuccess", element.mark)
-        given = {key: port for key, port in names.GUARDS.items() if port in element.attributes}
-        if any(child.body.get(key) for key in names.GUARDS):
+        given = {key: port for key, port in btcpp_vocabulary.GUARDS.items() if port in element.attributes}
+        if any(child.body.get(key) for key in btcpp_vocabulary.GUARDS):
             outer = Draft.of("Sequence", element.mark)
             outer.put("do", Marked(element.mark, items=[child.written()]))
             child = outer
