@@ -21,8 +21,8 @@ MODULES: Final[Mapping[str, str]] = {
     "batch.batch": "batch.workers.batch",
     "batch.cluster.executor": "batch.cluster.ray_executor",
     "logs.comparing.alignment": "analysis.compare.alignment",
-    "logs.comparing.first_difference": "analysis.compare.first_difference",
-    "logs.operators": "session.operators",
+    "logs.comparing.first_difference": "analysis.compare.divergence",
+    "logs.operators": "session.observer",
     "logs.resimulation.changes": "analysis.resim.changes",
     "logs.resimulation.resim": "analysis.resim.resim",
     "logs.resimulation.whatif": "analysis.resim.whatif",
@@ -48,7 +48,7 @@ MODULES: Final[Mapping[str, str]] = {
 """New name of a module by its old one."""
 NAMES: Final[Mapping[str, str]] = {
     "logs.Run": "analysis.Run",
-    "logs.operators.GivenAnswers": "session.operators.PresetAnswers",
+    "logs.operators.GivenAnswers": "session.observer.PresetAnswers",
     "logs.resimulation.changes.Changes": "analysis.resim.changes.RunChanges",
     "trees.debugger.Stop": "trees.running.debugger.DebuggerStop",
     "world.control.courses.Course": "control.cartesian.anchor_courses.CompliantMotion",

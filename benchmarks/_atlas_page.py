@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from _fault_measures import Measure
 from _fault_table import sortable
-from picktree.simulation.fault_files.fault_entries import Expect
+from picktree.simulation.fault_files.fault_entries import FaultExpectation
 
 if TYPE_CHECKING:
     from picktree.analysis.explain.investigation.explanation import FailureStory
@@ -44,13 +44,13 @@ class Entry:
     badness: Badness
 
 
-def worst(measures: Sequence[Measure], expects: Mapping[str, Expect], most: int) -> list[Entry]:
+def worst(measures: Sequence[Measure], expects: Mapping[str, FaultExpectation], most: int) -> list[Entry]:
     """The worst runs with recovery and a fault that took effect: first by items lost, then by time lost, then
     by force; at most two of a fault."""
     calm = {one.seed: one.seconds for one in measures if one.recovery and one.fault == "none" and one.seconds}
     usual = sum(calm.values()) / len(calm) if calm else 0.0
     entries = [
-        Entry(one, _badness(one, expects.get(one.fault, Expect()), calm.get(one.seed, usual)))
+        Entry(one, _badness(one, expects.get(one.fault, FaultExpectation()), calm.get(one.seed, usual)))
         for one in measures
         if one.recovery and one.fault != "none" and one.took_effect
     ]
@@ -64,7 +64,7 @@ def worst(measures: Sequence[Measure], expects: Mapping[str, Expect], most: int)
     return chosen
 
 
-def _badness(one: Measure, expect: Expect, usual: float) -> Badness:
+def _badness(one: Measure, expect: FaultExpectation, usual: float) -> Badness:
     lost = 0 if one.total is None else max(0, sortable(one, expect) - (one.sorted or 0))
     if one.total is None:
         lost = 99  # nothing came of it at all
@@ -124,7 +124,7 @@ def heading(number: int, entry: Entry) -> str:
     return f"## {number}. {one.fault.replace('_', ' ').capitalize()}, seed {one.seed}"
 
 
-def outcome(entry: Entry, expect: Expect) -> str:
+def outcome(entry: Entry, expect: FaultExpectation) -> str:
     one, bad = entry.measure, entry.badness
     if one.total is None:
         return f"No result: {one.message}"
@@ -150,7 +150,7 @@ def command(entry: Entry, mission: str, scene: str, faults: str) -> str:
 def section(
     number: int,
     entry: Entry,
-    expect: Expect,
+    expect: FaultExpectation,
     run: Run | None,
     picture: Path | None,
     shown: str,

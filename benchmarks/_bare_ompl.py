@@ -5,7 +5,7 @@ Nothing of picktree's planner is used: a callable that asks pinocchio, OMPL's mo
 
 from __future__ import annotations
 
-from picktree.planning.collision.collision_bodies import CoalShapes, loose_bodies, still_bodies
+from picktree.planning.collision.collision_bodies import CoalShapes, fixed_bodies, movable_bodies
 from picktree.planning.collision.collision_checker import robot_geometry
 from picktree.robots.model import RobotModel, se3
 from picktree.world.belief.planning_scene import PlanningScene
@@ -44,7 +44,7 @@ class BarePlanner:
         robot = [(o, model.full.frames[o.parentFrame].name) for o in robot_geometry(model)]
         for o, _ in robot:
             self._geometry.addGeometryObject(o)
-        bodies = (*still_bodies(scene), *loose_bodies(scene.objects))
+        bodies = (*fixed_bodies(scene), *movable_bodies(scene.objects))
         for k, body in enumerate(bodies):
             shape = shapes.of(body.shape)
             self._geometry.addGeometryObject(pin.GeometryObject(f"body {k}", 0, 0, se3(body.pose), shape))

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from picktree.planning.collision.clearances import Margins
-from picktree.planning.collision.collision_checker import Collision
+from picktree.planning.collision.clearances import CollisionMargins
+from picktree.planning.collision.collision_checker import CollisionChecker
 from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.scene.description import Fixture
@@ -104,7 +104,7 @@ def beyond_limits(problem: Problem, model: RobotModel) -> str:
 
 def admitted(problem: Problem, model: RobotModel) -> float:
     """The largest margin up to WANTED that the goal keeps, m; negative: how deep it penetrates."""
-    collision = Collision(model, Margins(WANTED, WANTED, WANTED, WANTED))
+    collision = CollisionChecker(model, CollisionMargins(WANTED, WANTED, WANTED, WANTED))
     collision.update(problem.world.supposing(allowed=problem.allowed), problem.width)
     least = [contact.distance for contact in collision.contacts(problem.goal)]
     # Two ways to measure differ in the last digits: half a grain is left between them.

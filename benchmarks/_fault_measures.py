@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from picktree.analysis.run import Run
     from picktree.robots.model import RobotModel
-    from picktree.world.scene.description import Limits
+    from picktree.world.scene.description import SafetyLimits
 
 Numbers: TypeAlias = "np.ndarray[Any, np.dtype[np.float64]]"
 TICK = 0.05
@@ -143,7 +143,7 @@ class Cell:
     """The robot and the limits that the runs had."""
 
     model: RobotModel
-    limits: Limits
+    limits: SafetyLimits
 
     @classmethod
     def of(cls, scene: str) -> Cell:
@@ -190,7 +190,9 @@ def struck_at(run: Run) -> float | None:
     return None
 
 
-def exceeded(model: RobotModel, limits: Limits, positions: Numbers, velocities: Numbers) -> Iterable[Beyond]:
+def exceeded(
+    model: RobotModel, limits: SafetyLimits, positions: Numbers, velocities: Numbers
+) -> Iterable[Beyond]:
     """Of the monitor's limits on places, those that were exceeded, and what braking allows for.
 
     positions, velocities: (ticks, joints), rad, rad/s. A joint that crosses a limit at speed v stands after

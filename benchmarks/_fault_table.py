@@ -9,7 +9,7 @@ from typing import Any
 
 from _fault_measures import Measure
 from picktree.batch.statistics.rates import Rate, rate
-from picktree.simulation.fault_files.fault_entries import Expect
+from picktree.simulation.fault_files.fault_entries import FaultExpectation
 from picktree.world.causes import cause_named, matches
 
 COLUMNS: Mapping[str, str] = {
@@ -78,12 +78,12 @@ class Line:
         return {**asdict(self), "intervals": intervals}
 
 
-def is_right(cause: str, expect: Expect) -> bool:
+def is_right(cause: str, expect: FaultExpectation) -> bool:
     """Whether a cause is among those that count as the right ones."""
     return any(matches(pattern, cause_named(cause)) for pattern in expect.causes)
 
 
-def sortable(measure: Measure, expect: Expect) -> int:
+def sortable(measure: Measure, expect: FaultExpectation) -> int:
     """Items of a run that can physically be sorted."""
     if measure.total is None:
         raise ValueError(f"{measure.job}: how many items it had is not known")
@@ -91,7 +91,12 @@ def sortable(measure: Measure, expect: Expect) -> int:
 
 
 def line(
-    fault: str, recovery: bool, measures: Iterable[Measure], expect: Expect, items: int, limit: float
+    fault: str,
+    recovery: bool,
+    measures: Iterable[Measure],
+    expect: FaultExpectation,
+    items: int,
+    limit: float,
 ) -> Line:
     """Of the runs of one fault. `items`: what a run without a result would have had; `limit`: of force, N."""
     runs = [_counted(measure, items) for measure in measures]
@@ -160,7 +165,7 @@ def _counted(measure: Measure, items: int) -> Measure:
     return measure if measure.total is not None else replace(measure, total=items, sorted=0, misplaced=0)
 
 
-def _sorted(measure: Measure, expect: Expect) -> int:
+def _sorted(measure: Measure, expect: FaultExpectation) -> int:
     return min(measure.sorted or 0, sortable(measure, expect))
 
 

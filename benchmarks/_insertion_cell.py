@@ -105,7 +105,7 @@ class _Cell:
 
     def __init__(self, setting: Setting, seed: int) -> None:
         from picktree.robots.loading import load_robot
-        from picktree.session.assembly import assemble
+        from picktree.session.assembly import assemble_world
         from picktree.simulation.physics.backend import PhysicsHardware
         from picktree.world.scene.loading.scene_loading import parse_scene
 
@@ -113,7 +113,7 @@ class _Cell:
         robot = load_robot(self.scene.robot)
         self.hardware = PhysicsHardware(self.scene, robot, seed)
         self.hardware.penetrations.every = 1
-        self.world = assemble(self.hardware, self.scene, robot, seed)
+        self.world = assemble_world(self.hardware, self.scene, robot, seed)
         self.told: Row = {"failures": [], "grasps": 0}
 
     def feel(self) -> None:
@@ -135,7 +135,7 @@ class _Cell:
 
     def _lower(self) -> Generator[None, None, None]:
         from picktree.manipulation.insert.insertion import fit, poses_over
-        from picktree.planning.requests import Offset, PoseGoal
+        from picktree.planning.requests import OffsetGoal, PoseGoal
         from picktree.world.belief.hole_matching import find_hole, fitting_hole
 
         world = self.world
@@ -148,7 +148,7 @@ class _Cell:
         way = yield from world.plan.to(PoseGoal(poses_over(plan, above)), node="straight")
         yield from world.move.along(way.trajectory, node="straight")
         with world.scene.allow((held.id, "board"), ("gripper", "board"), ("arm", "board")):
-            down = Offset((0.0, 0.0, -above - DEPTH), least_fraction=0.5)
+            down = OffsetGoal((0.0, 0.0, -above - DEPTH), least_fraction=0.5)
             line = yield from world.plan.line(down, scaling=world.handling.slowly, node="straight")
             yield from world.move.along(line.trajectory, node="straight")
 
@@ -173,11 +173,11 @@ class _Cell:
 
     def _mission(self, text: str) -> None:
         from picktree.trees.loading.loader import parse_mission
-        from picktree.trees.loading.registry import Registry
+        from picktree.trees.loading.registry import NodeRegistry
         from picktree.trees.running.builder import build
         from picktree.trees.status import NodeStatus
 
-        self.tree = tree = build(parse_mission(text, Path("insertion.yaml"), Registry()), self.world)
+        self.tree = tree = build(parse_mission(text, Path("insertion.yaml"), NodeRegistry()), self.world)
         while self.world.clock.now < LIMIT:
             tree.tick()
             self._note()
@@ -187,10 +187,10 @@ class _Cell:
         self.told["failures"].append("hung")
 
     def _note(self) -> None:
-        from picktree.world.journal import Happened
+        from picktree.world.journal import JournalEvent
 
         for event in self.world.journal.take():
-            if not isinstance(event, Happened):
+            if not isinstance(event, JournalEvent):
                 continue
             data = dict(event.data or {})
             if event.kind == "pick":

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from _motion_robots import random_scene, shipped
 from _motion_tables import Column, Part, Table, cpu, median, share
-from picktree.planning.collision.collision_checker import Collision
-from picktree.planning.collision.trajectory_judge import Judge, Tightest
+from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.collision.trajectory_judge import TightestPair, TrajectoryVerifier
 from picktree.robots.model import RobotModel
 from picktree.world.values import Array
 
@@ -54,7 +54,7 @@ class _Tally:
 class _Bare:
     """pinocchio's own calls on the same geometry, pairs and margins, the configurations ready."""
 
-    def __init__(self, model: RobotModel, collision: Collision) -> None:
+    def __init__(self, model: RobotModel, collision: CollisionChecker) -> None:
         built = collision._now  # pyright: ignore[reportPrivateUsage]
         self._model, self._data = model.full, model.full.createData()
         self._geometry = built.geometry
@@ -81,10 +81,12 @@ class _Bare:
         return pin.computeCollisions(self._model, self._data, self._geometry, self._plain, q, True)
 
 
-def _scene(model: RobotModel, judge: Judge, rng: np.random.Generator, count: int, tally: _Tally) -> None:
+def _scene(
+    model: RobotModel, judge: TrajectoryVerifier, rng: np.random.Generator, count: int, tally: _Tally
+) -> None:
     scene = random_scene(rng)
     width = float(rng.uniform(0.0, model.description.gripper.max_width))
-    collision = Collision(model)
+    collision = CollisionChecker(model)
     collision.update(scene, width)
     bare = _Bare(model, collision)
     configurations: Array = rng.uniform(model.lower, model.upper, (count, model.n))
@@ -103,7 +105,7 @@ def _scene(model: RobotModel, judge: Judge, rng: np.random.Generator, count: int
     timed("tree", bare.tree, whole)
     timed("naive", bare.naive, whole)
     tally.ratios.append(spent["ours"] / spent["same"])
-    found: list[Tightest | None] = []
+    found: list[TightestPair | None] = []
     judging = cpu(lambda: found.extend(judge.tightest(configurations, scene, width, reach=REACH)))
     tally.times.setdefault("fcl", []).append(judging * 1e6 / count)
     tally.configurations += count
@@ -122,7 +124,9 @@ def _scene(model: RobotModel, judge: Judge, rng: np.random.Generator, count: int
         tally.edges.append(REACH if tightest is None else tightest.distance - tightest.margin)
 
 
-def _edges(collision: Collision, configurations: Array, free: Sequence[bool], count: int) -> list[Array]:
+def _edges(
+    collision: CollisionChecker, configurations: Array, free: Sequence[bool], count: int
+) -> list[Array]:
     """Configurations where the checker's answer changes, between one that is free and one that is not."""
     inside = [q for q, answer in zip(configurations, free, strict=True) if answer]
     outside = [q for q, answer in zip(configurations, free, strict=True) if not answer]
@@ -139,7 +143,7 @@ def _edges(collision: Collision, configurations: Array, free: Sequence[bool], co
 def measure(runs: int, seed: int) -> list[Table]:
     tallies: dict[str, _Tally] = {}
     for name, model in shipped().items():
-        rng, judge = np.random.default_rng([seed, 1]), Judge(model)
+        rng, judge = np.random.default_rng([seed, 1]), TrajectoryVerifier(model)
         tally = tallies[name] = _Tally()
         while tally.configurations < runs:
             _scene(model, judge, rng, min(BLOCK, runs - tally.configurations), tally)

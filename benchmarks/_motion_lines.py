@@ -8,9 +8,9 @@ from collections import Counter
 
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
-from picktree.planning.collision.collision_checker import Collision
-from picktree.planning.collision.start_tolerance import Way
-from picktree.planning.kinematics.cartesian_lines import straight, straight_from_any
+from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.collision.start_tolerance import StartTolerance
+from picktree.planning.kinematics.cartesian_lines import plan_line, plan_line_from_any
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import PlanningScene
@@ -43,7 +43,7 @@ def _bare(model: RobotModel, path: Array) -> float:
     return cpu(all_of_them)
 
 
-class _Nothing(Way):
+class _Nothing(StartTolerance):
     """Nothing is in the way: what is measured is the line alone."""
 
     def free(self, q: Array) -> bool:
@@ -53,7 +53,7 @@ class _Nothing(Way):
 def _row(name: str, model: RobotModel, runs: int, seed: int) -> tuple[str | float | None, ...]:
     rng = np.random.default_rng([seed, 3])
     ik, home = InverseKinematics(model), model.named("home")
-    collision = Collision(model)
+    collision = CollisionChecker(model)
     collision.update(PlanningScene([], []), 0.0)
     way = _Nothing(collision, home)
     ended: Counter[str] = Counter()
@@ -71,16 +71,16 @@ def _row(name: str, model: RobotModel, runs: int, seed: int) -> tuple[str | floa
             continue
         lines += 1
         begun = time.process_time()
-        line = straight(model, ik, way, starts[0], end)
+        line = plan_line(model, ik, way, starts[0], end)
         spent = time.process_time() - begun
         ended[line.ended_by] += 1
-        best = straight_from_any(model, ik, lambda _: way, starts, end)
+        best = plan_line_from_any(model, ik, lambda _: way, starts, end)
         any_posture += best is not None and not best.found.ended_by
         if line.ended_by:
             continue
         times.append(spent * 1e3)
         ratios.append(spent / max(_bare(model, line.path), 1e-9))
-        again = straight(model, ik, way, line.path[-1], begin)
+        again = plan_line(model, ik, way, line.path[-1], begin)
         back += not again.ended_by
         drift.append(float(np.abs(again.path[-1] - starts[0]).max()))
     return (

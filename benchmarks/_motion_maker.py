@@ -7,7 +7,7 @@ from collections import Counter
 from _bench_maker import ARCHIVE, SCENES, WANTED, admitted, archive, beyond_limits, problems
 from _motion_tables import Column, Part, Table, Value, median, p95, share
 from motion_bench_maker import Answer, answer
-from picktree.planning.collision.trajectory_judge import Judge
+from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 
@@ -51,7 +51,7 @@ def measure(runs: int, seed: int) -> list[Table]:
     if path is None or not path.exists():
         return [Table(title, (Column("scene"),), [], (f"No {ARCHIVE} in ../shared/data: nothing to do.",))]
     model = RobotModel(load_robot("panda"))
-    judge, left_out = Judge(model), list[str]()
+    judge, left_out = TrajectoryVerifier(model), list[str]()
     of: dict[str, list[Answer]] = {scene: [] for scene in SCENES}
     for problem in problems(path, list(SCENES), runs, model):
         margin = admitted(problem, model)

@@ -14,9 +14,9 @@ from _motion_tables import Column, Part, Table, Value, median, p95, share
 from picktree.cell.world import World
 from picktree.commissioning.plan_trial.trial import build
 from picktree.manipulation.grasp.grasp_candidates import grasp_candidates
-from picktree.manipulation.place.bin_spots import heap, release_poses, spots
-from picktree.planning.collision.trajectory_judge import Judge
-from picktree.planning.requests import Holding, Line, Offset, Plan, PoseGoal, Request
+from picktree.manipulation.place.bin_spots import free_cells, heap_heights, release_poses
+from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
+from picktree.planning.requests import HeldObject, LineGoal, MotionPlan, OffsetGoal, PoseGoal, Request
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure
 from picktree.world.scene.description import SceneDescription
@@ -81,22 +81,22 @@ def _requests(world: World, item: BeliefObject, at: Array) -> Generator[tuple[st
     over = PoseGoal((grasp.tcp_in_world.shifted((0.0, 0.0, ABOVE)),))
     at = yield KINDS[0], Request(over, at, width=grasp.opening)
     allowed = (("gripper", str(item.id)),)
-    at = yield KINDS[1], Request(Line(grasp.tcp_in_world), at, width=grasp.opening, allowed=allowed)
-    holding = Holding(item.id, grasp.tcp_in_world.inverse() @ item.pose)
+    at = yield KINDS[1], Request(LineGoal(grasp.tcp_in_world), at, width=grasp.opening, allowed=allowed)
+    holding = HeldObject(item.id, grasp.tcp_in_world.inverse() @ item.pose)
     width = grasp.expected_width
-    lift = Offset((0.0, 0.0, ABOVE), least_fraction=0.3)
+    lift = OffsetGoal((0.0, 0.0, ABOVE), least_fraction=0.3)
     neighbours = world.queries.hand_contacts(grasp.tcp_in_world, width, (item.id,), 0.01)
     near = tuple(("gripper", contact.b) for contact in neighbours)
     at = yield KINDS[2], Request(lift, at, width=width, holding=holding, allowed=near)
     to = world.scene.destination(item.id)
     bin_ = None if to is None else world.scene.bins.get(to)
     if bin_ is not None:
-        spot = spots(bin_, heap(bin_, (), None), item.shape, item.pose.rotation())[0]
+        spot = free_cells(bin_, heap_heights(bin_, (), None), item.shape, item.pose.rotation())[0]
         poses = release_poses(bin_, spot, item.shape, holding.object_in_tcp)
         yield KINDS[3], Request(PoseGoal(poses), at, width=width, holding=holding)
 
 
-def _bare(world: World, plan: Plan, width: float) -> float | None:
+def _bare(world: World, plan: MotionPlan, width: float) -> float | None:
     """CPU milliseconds of the bare solve from the plan's start to its end; None when there was none."""
     planner = BarePlanner(world.robot, world.scene, width, (), CLEAR)
     begun = time.process_time()
@@ -104,7 +104,9 @@ def _bare(world: World, plan: Plan, width: float) -> float | None:
     return None if path is None else (time.process_time() - begun) * 1e3
 
 
-def _pick(world: World, item: BeliefObject, at: Array, judge: Judge, tallies: dict[str, _Tally]) -> Array:
+def _pick(
+    world: World, item: BeliefObject, at: Array, judge: TrajectoryVerifier, tallies: dict[str, _Tally]
+) -> Array:
     """Ask for one item's plans; where the arm is left (n,)."""
     solver = world.plan.solver
     requests = _requests(world, item, at)
@@ -165,7 +167,7 @@ def measure(runs: int, seed: int) -> list[Table]:
                     left_out.append(f"{scene} (the same plans as {twin.name})")
                     break
                 known.append(world.description)
-            judge, at = Judge(world.robot), world.robot.named("home")
+            judge, at = TrajectoryVerifier(world.robot), world.robot.named("home")
             for item in [o for o in world.scene.objects if o.role == "item"]:
                 asked = sum(tally.asked for tally in tallies.values())
                 at = _pick(world, item, at, judge, tallies)

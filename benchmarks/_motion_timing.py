@@ -13,12 +13,12 @@ from typing import TypeVar
 from _motion_robots import shipped
 from _motion_tables import Column, Part, Table, cpu, median, p95, share
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
-from picktree.planning.requests import Offset, Plan, PoseGoal, Request, Scaling
-from picktree.planning.service.motion_chain import Chain
-from picktree.planning.service.solver import Solver
-from picktree.planning.timing.path_curves import Curve, cornered, splined
+from picktree.planning.requests import MotionPlan, OffsetGoal, PoseGoal, Request, Scaling
+from picktree.planning.service.motion_chain import MotionChain
+from picktree.planning.service.solver import RequestSolver
+from picktree.planning.timing.path_curves import JointCurve, rounded_polyline, spline_through
 from picktree.planning.timing.time_parameterization import time_curve
-from picktree.planning.timing.toppra_profile import TORQUE, Limits, Stretch
+from picktree.planning.timing.toppra_profile import TORQUE, PathLimits, ScaledStretch
 from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure
@@ -47,7 +47,7 @@ SLACK = 0.01
 class _Path(AbstractGeometricPath):
     """A curve as TOPP-RA wants to see it."""
 
-    def __init__(self, curve: Curve) -> None:
+    def __init__(self, curve: JointCurve) -> None:
         self._curve = curve
 
     def __call__(self, path_positions: Array | float, order: int = 0) -> Array:
@@ -66,7 +66,7 @@ class _Path(AbstractGeometricPath):
         return None
 
 
-def _bare(model: RobotModel, curve: Curve) -> Trajectory | None:
+def _bare(model: RobotModel, curve: JointCurve) -> Trajectory | None:
     """TOPP-RA with 100 grid points, sampled."""
     v, a = model.velocity_limit, model.acceleration_limit
     limits: list[Constraint] = [
@@ -119,7 +119,7 @@ def _inside(model: RobotModel, rng: np.random.Generator, count: int) -> Array:
     return home + 0.6 * (rng.uniform(model.planned_lower, model.planned_upper, (count, model.n)) - home)
 
 
-def _line(model: RobotModel, ik: InverseKinematics, rng: np.random.Generator) -> Curve:
+def _line(model: RobotModel, ik: InverseKinematics, rng: np.random.Generator) -> JointCurve:
     while True:
         q = [model.named("home") + rng.uniform(-0.3, 0.3, model.n)]
         begin, direction = model.tcp(q[0]), rng.normal(size=3)
@@ -131,7 +131,7 @@ def _line(model: RobotModel, ik: InverseKinematics, rng: np.random.Generator) ->
                 break
             q.append(found)
         else:
-            return splined(np.array(q))
+            return spline_through(np.array(q))
 
 
 def _row(name: str, kind: str, model: RobotModel, runs: int, seed: int) -> tuple[str | float | None, ...]:
@@ -145,15 +145,15 @@ def _row(name: str, kind: str, model: RobotModel, runs: int, seed: int) -> tuple
             curve = _line(model, ik, rng)
         else:
             count = 2 if kind == "direct" else int(rng.integers(3, 6))
-            curve = cornered(_inside(model, rng, count), 0.1)
-        stretches = (Stretch(curve.length, Scaling()),)
+            curve = rounded_polyline(_inside(model, rng, count), 0.1)
+        stretches = (ScaledStretch(curve.length, Scaling()),)
         cost, timed_curve = _cpu(lambda c=curve, of=stretches: time_curve(model, c, of))
         bare_cost, reference = _cpu(lambda c=curve: _bare(model, c))
         if timed_curve is None:
             continue
         t = timed_curve.trajectory
         timed += 1
-        limit = Limits(model, stretches).jerk
+        limit = PathLimits(model, stretches).jerk
         kept += _keeps(model, t, limit)
         greatest, mean = _jerks(model, t, limit)
         most.append(greatest)
@@ -182,7 +182,7 @@ def _chains(model: RobotModel, name: str, runs: int, seed: int) -> tuple[str | f
     """Over a point, down, up, over another point, down, in free space: one motion against five."""
     rng = np.random.default_rng([seed, 8])
     home = model.named("home")
-    solver = Solver(model, PlanningScene([], []), configuration=lambda: home, width=lambda: 0.0)
+    solver = RequestSolver(model, PlanningScene([], []), configuration=lambda: home, width=lambda: 0.0)
     gained, slowest, costs = list[float](), list[float](), list[float]()
     tried = found = 0
     while tried < runs:
@@ -194,10 +194,10 @@ def _chains(model: RobotModel, name: str, runs: int, seed: int) -> tuple[str | f
         slow = Scaling(0.4, 0.4)
         legs = [
             Request(_at(over[0])),
-            Request(Offset((0.0, 0.0, -0.1)), scaling=slow),
-            Request(Offset((0.06, 0.0, 0.08)), scaling=slow),
+            Request(OffsetGoal((0.0, 0.0, -0.1)), scaling=slow),
+            Request(OffsetGoal((0.06, 0.0, 0.08)), scaling=slow),
             Request(_at(over[1])),
-            Request(Offset((0.0, 0.0, -0.08)), scaling=slow),
+            Request(OffsetGoal((0.0, 0.0, -0.08)), scaling=slow),
         ]
         tried += 1
         cost, plan = _cpu(lambda legs=legs, tried=tried: _chain(solver, legs, seed + tried))
@@ -219,9 +219,9 @@ def _chains(model: RobotModel, name: str, runs: int, seed: int) -> tuple[str | f
     )
 
 
-def _chain(solver: Solver, legs: list[Request], seed: int) -> Plan | None:
+def _chain(solver: RequestSolver, legs: list[Request], seed: int) -> MotionPlan | None:
     try:
-        return Chain(solver).solve(legs, [seed] * len(legs))
+        return MotionChain(solver).solve(legs, [seed] * len(legs))
     except Failure:
         return None
 

@@ -47,12 +47,12 @@ def within_reach(scene: SceneDescription, items: list[TrueBody]) -> dict[str, Wi
     """For each item by id."""
     from picktree.planning.requests import PoseGoal, Request
     from picktree.robots.loading import load_robot
-    from picktree.session.assembly import assemble
+    from picktree.session.assembly import assemble_world
     from picktree.simulation.backends import build_hardware
 
     robot = load_robot(scene.robot)
     empty = replace(scene, spawn=())
-    world = assemble(build_hardware("kinematic", empty, robot, 0), empty, robot, 0)
+    world = assemble_world(build_hardware("kinematic", empty, robot, 0), empty, robot, 0)
     home = world.robot.named("home")
     found: dict[str, Within] = {}
     for item in items:

@@ -127,7 +127,7 @@ class _Taped:
 def taped() -> Generator[Tape]:
     """The steps of the one log that is recorded in here, in one file."""
     tape = Tape()
-    opened, handed, published = sealed_file.open_raw, McapFile.message, sealed_file.EndedFile.publish
+    opened, handed, published = sealed_file.open_raw, McapFile.message, sealed_file.TrailerFile.publish
     link = b""
 
     def open_taped(path: Path) -> RawFile:
@@ -140,15 +140,15 @@ def taped() -> Generator[Tape]:
         tape.handed.append(Handed(tape.length, log_time, link))
         handed(self, channel, log_time, data)
 
-    def publish(self: sealed_file.EndedFile) -> None:
+    def publish(self: sealed_file.TrailerFile) -> None:
         tape.published = tape.published or tape.length
         published(self)
 
-    sealed_file.open_raw, McapFile.message, sealed_file.EndedFile.publish = open_taped, hand, publish
+    sealed_file.open_raw, McapFile.message, sealed_file.TrailerFile.publish = open_taped, hand, publish
     try:
         yield tape
     finally:
-        sealed_file.open_raw, McapFile.message, sealed_file.EndedFile.publish = opened, handed, published
+        sealed_file.open_raw, McapFile.message, sealed_file.TrailerFile.publish = opened, handed, published
 
 
 def hash_link(link: bytes, time: int, data: bytes) -> bytes:

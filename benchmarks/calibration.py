@@ -57,7 +57,7 @@ def one(job: Job) -> Row:
 
 
 def _run(job: Job, setting: str) -> Row:
-    from picktree.commissioning.calibrate.job import CalibrationAsked, calibrate
+    from picktree.commissioning.calibrate.job import CalibrationRequest, calibrate
     from picktree.world.scene.loading.scene_loading import load_scene
 
     base, cameras = SETTINGS[setting]
@@ -65,7 +65,7 @@ def _run(job: Job, setting: str) -> Row:
     file.write_text(_scene(job.seed, base, cameras))
     started = time.process_time()
     written = Path(job.out) / f"{base}-{job.seed}-found.yaml"
-    asked = CalibrationAsked(
+    asked = CalibrationRequest(
         str(file), robot=job.robot, seed=job.seed, output=written, replace=True, out=Path(job.out)
     )
     answer = calibrate(asked)

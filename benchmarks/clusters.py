@@ -24,9 +24,9 @@ from pathlib import Path
 
 from _campaign import ROOT
 from picktree.batch.cluster.ray_executor import RayExecutor
-from picktree.batch.plan.plan import Job, Plan
+from picktree.batch.plan.plan import BatchPlan, Job
 from picktree.batch.results.rows import JobRow
-from picktree.batch.workers.batch import Batch, Ended
+from picktree.batch.workers.batch import Batch, RecordedJob
 from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.batch.workers.processes import children
@@ -53,7 +53,7 @@ class Killer:
     def tried_again(self, job: Job, reason: str) -> None:
         self.again.append(f"seed {job.seed}: {reason}")
 
-    def ended(self, ended: Ended) -> None:
+    def ended(self, ended: RecordedJob) -> None:
         self.done += 1
 
     def waiting(self) -> None:
@@ -82,7 +82,7 @@ def main() -> int:
     print(f"about {cost / 60:.1f} CPU minutes on {chosen.workers} workers", flush=True)
     shutil.rmtree(chosen.out, ignore_errors=True)
     seeds = tuple(range(chosen.runs))
-    plan = Plan("clusters", (chosen.mission,), seeds, (chosen.scene,), backend=chosen.backend)
+    plan = BatchPlan("clusters", (chosen.mission,), seeds, (chosen.scene,), backend=chosen.backend)
     rng = random.Random(chosen.seed)
     moments = sorted(rng.randrange(max(1, chosen.runs - chosen.workers)) for _ in range(chosen.kills))
     killer = Killer(moments, rng)
@@ -98,7 +98,7 @@ def main() -> int:
     return 1 if wrong else 0
 
 
-def carry_out(plan: Plan, folder: Path, executor: Executor, killer: Killer) -> None:
+def carry_out(plan: BatchPlan, folder: Path, executor: Executor, killer: Killer) -> None:
     began = time.monotonic()
     with Batch.create(folder, plan) as batch:
         if not batch.run(executor, killer):

@@ -20,9 +20,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from picktree.batch.statistics.rates import rate
-from picktree.planning.collision.trajectory_judge import Judge
-from picktree.planning.requests import PoseGoal, Request, Upright
-from picktree.planning.service.solver import Solver
+from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
+from picktree.planning.requests import PoseGoal, Request, UprightConstraint
+from picktree.planning.service.solver import RequestSolver
 from picktree.world.causes import Failure
 from picktree.world.values import Array, Pose, Vector3
 
@@ -44,11 +44,11 @@ def main() -> None:
     print(f"about {given.runs * (0.5 if shelf else 0.05):.0f} s CPU", flush=True)
     scene = shelf_scene() if shelf else table_scene()
     axis: Vector3 = (-1.0, 0.0, 0.0) if shelf else (0.0, 0.0, -1.0)
-    solver = Solver(MODEL, scene, configuration=lambda: HOME, width=lambda: WIDTH)
+    solver = RequestSolver(MODEL, scene, configuration=lambda: HOME, width=lambda: WIDTH)
     solver.look()
     rng = np.random.default_rng(given.seed)
-    upright = (Upright(radians(given.tilt), axis),)
-    judge = Judge(MODEL)
+    upright = (UprightConstraint(radians(given.tilt), axis),)
+    judge = TrajectoryVerifier(MODEL)
     outcomes: Counter[str] = Counter()
     seconds: list[float] = []
     checks: list[int] = []
@@ -87,7 +87,7 @@ def pose(rng: np.random.Generator, shelf: bool) -> Pose:
     return Pose.from_rpy((x, y, z), (0.0, pi / 2, 0.0)) @ Pose.from_rpy((0.0, 0.0, 0.0), (turn, 0.0, 0.0))
 
 
-def free_at(solver: Solver, tcp: Pose, rng: np.random.Generator) -> Array | None:
+def free_at(solver: RequestSolver, tcp: Pose, rng: np.random.Generator) -> Array | None:
     """A free configuration for a pose, or None."""
     solver.look()
     return next((q for q in solver.ik.solutions(tcp, rng, HOME) if solver.collision.free(q)), None)

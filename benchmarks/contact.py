@@ -21,8 +21,8 @@ from types import ModuleType
 from typing import TypeVar
 
 from picktree.cell.world import World
-from picktree.control.cartesian.anchor_courses import Course, Felt
-from picktree.control.cartesian.stiffness import Stiffness
+from picktree.control.cartesian.anchor_courses import CompliantMotion, ContactState
+from picktree.control.cartesian.stiffness import CartesianStiffness
 
 import numpy as np
 import pinocchio as pin
@@ -34,7 +34,7 @@ SLIDING = 2.0
 RADIUS, TURNS = 0.004, 1.0
 PRESS = 8.0
 """N"""
-SPRING = Stiffness(linear=(600.0, 600.0, 0.0), angular=15.0)
+SPRING = CartesianStiffness(linear=(600.0, 600.0, 0.0), angular=15.0)
 COST = 12.0
 """CPU seconds of one run of one rate at 500 Hz."""
 PICK = """\
@@ -47,10 +47,10 @@ Sequence:
 """
 
 
-class Slide(Course):
+class Slide(CompliantMotion):
     """Press down and go round in a small circle."""
 
-    def step(self, felt: Felt) -> None:
+    def step(self, felt: ContactState) -> None:
         angle = 2.0 * math.pi * TURNS * felt.elapsed / SLIDING
         away = np.array([math.cos(angle) - 1.0, math.sin(angle), 0.0])
         self.position = self.origin + RADIUS * away

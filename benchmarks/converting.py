@@ -23,7 +23,7 @@ from _campaign import ROOT, Row, campaign
 from _file_mutants import mutant
 from picktree.authoring.xml.converting import convert_text
 from picktree.files.marks import FileError
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 
 CHUNK = 250
 """Mutants of one job."""
@@ -55,7 +55,7 @@ class Job:
 @cache
 def corpus() -> tuple[str, ...]:
     """All examples and the library, as XML."""
-    registry = Registry()
+    registry = NodeRegistry()
     missions = (
         (file, file.read_text(encoding="utf-8"))
         for folder in (FOLDER, ROOT / "trees" / "library")
@@ -68,7 +68,7 @@ def one(job: Job) -> Row:
     rng = random.Random(job.seed)
     counts: Counter[str] = Counter()
     worst, problems = 0.0, list[str]()
-    registry = Registry()
+    registry = NodeRegistry()
     corpus()
     for number in range(CHUNK):
         text = _mutant(rng)
@@ -137,7 +137,7 @@ def _lines(text: str, rng: random.Random) -> str:
     return "\n".join(lines)
 
 
-def _outcome(text: str, registry: Registry) -> tuple[str, str]:
+def _outcome(text: str, registry: NodeRegistry) -> tuple[str, str]:
     """What became of one file, and what is wrong with that, if anything."""
     try:
         mission = convert_text(text, FOLDER / "mutant.xml", registry)

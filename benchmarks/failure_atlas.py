@@ -20,7 +20,7 @@ from picktree.analysis.render.snapshot import snapshot
 from picktree.analysis.run import Run
 from picktree.batch.results.store import NAME
 from picktree.errors import PicktreeError
-from picktree.simulation.fault_files.fault_entries import Expect
+from picktree.simulation.fault_files.fault_entries import FaultExpectation
 from picktree.simulation.fault_files.fault_loading import load_faults
 
 SIZE = (640, 400)
@@ -80,16 +80,16 @@ def atlas(folder: Path, page: Path, pictures: Path, most: int) -> int:
     return len(chosen)
 
 
-def expectations(rows: list[Row]) -> dict[str, Expect]:
+def expectations(rows: list[Row]) -> dict[str, FaultExpectation]:
     """By fault."""
     files = {row.fault: row.faults for row in rows if row.faults}
-    return {fault: load_faults(path).expect or Expect() for fault, path in files.items()}
+    return {fault: load_faults(path).expect or FaultExpectation() for fault, path in files.items()}
 
 
 def _told(
     number: int,
     entry: Entry,
-    expects: Mapping[str, Expect],
+    expects: Mapping[str, FaultExpectation],
     row: Row,
     folder: Path,
     page: Path,

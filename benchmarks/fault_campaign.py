@@ -30,7 +30,7 @@ from _fault_measures import Cell, Measure, Measured, measured
 from _fault_page import targets, to_page
 from _fault_table import Line, line, to_text, total
 from picktree.analysis.run import Run
-from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan import BatchPlan
 from picktree.batch.plan.plan_loading import load_plan
 from picktree.batch.results.store import NAME, Store
 from picktree.batch.workers.batch import Batch
@@ -38,7 +38,7 @@ from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.cli.batch.progress import progress
 from picktree.errors import PicktreeError
 from picktree.logs.run_result import RunResult
-from picktree.simulation.fault_files.fault_entries import Expect
+from picktree.simulation.fault_files.fault_entries import FaultExpectation
 from picktree.simulation.fault_files.fault_loading import load_faults
 
 PLAN = ROOT / "benchmarks" / "campaign" / "plan.yaml"
@@ -170,7 +170,7 @@ def run(given: argparse.Namespace, folder: Path) -> None:
             kill(row, folder)
 
 
-def asked(given: argparse.Namespace) -> Plan:
+def asked(given: argparse.Namespace) -> BatchPlan:
     """The plan, as far as it is wanted."""
     plan = load_plan(given.plan)
     faults = tuple(path for path in plan.faults if _wanted(path, given.only, given.without))
@@ -193,7 +193,7 @@ def _wanted(path: Path | None, only: Sequence[str], without: Sequence[str]) -> b
     )
 
 
-def _extent(plan: Plan) -> tuple[object, ...]:
+def _extent(plan: BatchPlan) -> tuple[object, ...]:
     faults = [path.stem if path else "none" for path in plan.faults]
     seeds = f"{plan.seeds[0]}:{plan.seeds[-1] + 1}"
     missions = tuple(path.stem for path in plan.missions)
@@ -329,7 +329,7 @@ def table(rows: Sequence[Row], measures: Sequence[Measure]) -> list[Line]:
     files = {row.fault: row.faults for row in rows}
     lines: list[Line] = []
     for fault, path in files.items():
-        expect = (load_faults(path).expect if path else None) or Expect()
+        expect = (load_faults(path).expect if path else None) or FaultExpectation()
         for recovery in (True, False):
             own = [one for one in measures if one.fault == fault and one.recovery == recovery]
             if own:

@@ -27,9 +27,9 @@ from _campaign import ROOT, Row, campaign
 from _file_mutants import mutant
 from picktree.authoring.rehearsal.checking.case_checks import load_cases
 from picktree.authoring.rehearsal.rehearse import rehearse_case
-from picktree.authoring.rehearsal.stage.mission_staging import scene_of, stage_mission
-from picktree.authoring.rehearsal.stage.node_roles import is_played
-from picktree.authoring.rehearsal.verdict.coverage import Reached
+from picktree.authoring.rehearsal.stage.mission_staging import scene_of, stub_mission
+from picktree.authoring.rehearsal.stage.node_roles import is_stubbed
+from picktree.authoring.rehearsal.verdict.coverage import CoverageRecord
 from picktree.cli.author.file_kinds import CHECKS
 from picktree.errors import PicktreeError
 from picktree.files.diagnostics.file_checks import check_files
@@ -151,8 +151,8 @@ def _first_tick(mission: Mission) -> str:
         )
         path.write_text(f"picktree: 1\nkind: cases\ncases:\n  first: {case}\n")
         cases = load_cases(path)
-    staging = stage_mission(mission, scene_of(mission))
-    result = rehearse_case(staging, cases.cases[0], cases.document, Reached())
+    staging = stub_mission(mission, scene_of(mission))
+    result = rehearse_case(staging, cases.cases[0], cases.document, CoverageRecord())
     if result.cause in ("internal.error", "tree.missing_input", "tree.no_case"):
         return f"ok, and then at the first tick: {result.cause}: {result.message}"
     return ""
@@ -168,7 +168,7 @@ def _outputs(mission: Mission) -> dict[str, Row]:
             }
         }
         for node in played
-        if is_played(node) and node.declaration.outputs and node.declaration.id != "Observe"
+        if is_stubbed(node) and node.declaration.outputs and node.declaration.id != "Observe"
     }
 
 

@@ -62,13 +62,13 @@ def _cell() -> ModuleType:
 def one(job: Job) -> Row:
     """One seed's run with its halts, each with what came of it, or the error that it died of."""
     from picktree.trees.loading.loader import load_mission
-    from picktree.trees.loading.registry import Registry
+    from picktree.trees.loading.registry import NodeRegistry
     from picktree.world.scene.loading.scene_loading import load_scene
 
     import numpy as np
 
     cell = _cell()
-    mission = load_mission(Path(job.mission), Registry())
+    mission = load_mission(Path(job.mission), NodeRegistry())
     scene = load_scene(job.scene or mission.scene or "sort_small", Path(job.mission).parent)
     last = LAST_TICK if job.scene == "sort_small" else 3 * LAST_TICK
     draw = np.random.default_rng([job.seed, 1])

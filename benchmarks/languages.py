@@ -13,7 +13,7 @@ from pathlib import Path
 
 from picktree.authoring.checking.check import check_mission
 from picktree.files.yaml.document import parse_document
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 
 HEAD = "picktree: 1\nkind: mission\nname: large\nscene: three_bins\ntrees:\n"
 MAIN = """\
@@ -67,7 +67,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=9)
     options = parser.parse_args()
     began = time.perf_counter()
-    registry = Registry()
+    registry = NodeRegistry()
     registry.ids()
     print(f"{'nodes of all skills imported':<36} {time.perf_counter() - began:7.3f} s")
     text = text_of(options.nodes)

@@ -22,10 +22,10 @@ from pathlib import Path
 from _bare_ompl import BarePlanner
 from _bench_maker import ARCHIVE, SCENES, WANTED, Problem, admitted, archive, beyond_limits, problems
 from _campaign import wilson
-from picktree.planning.collision.clearances import Margins
-from picktree.planning.collision.trajectory_judge import Judge
+from picktree.planning.collision.clearances import CollisionMargins
+from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
 from picktree.planning.requests import JointGoal, Request
-from picktree.planning.service.solver import Solver
+from picktree.planning.service.solver import RequestSolver
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.world.causes import Failure
@@ -63,9 +63,11 @@ class Answer:
     """Of the bare OMPL path, rad; nan where it found none."""
 
 
-def answer(problem: Problem, margin: float, seed: int, model: RobotModel, judge: Judge, bare: bool) -> Answer:
-    margins = Margins(margin, margin, margin, margin)
-    solver = Solver(
+def answer(
+    problem: Problem, margin: float, seed: int, model: RobotModel, judge: TrajectoryVerifier, bare: bool
+) -> Answer:
+    margins = CollisionMargins(margin, margin, margin, margin)
+    solver = RequestSolver(
         model,
         problem.world,
         configuration=lambda: problem.start,
@@ -165,7 +167,7 @@ def main() -> int:
     tasks = problems(path, given.scene or list(SCENES), given.runs, model)
     minutes = len(tasks) * given.seeds * (COST_ALONE if given.no_bare else COST) / 60
     print(f"{len(tasks)} problems × {given.seeds} seeds: about {minutes:.1f} CPU minutes", flush=True)
-    judge, answers = Judge(model), list[Answer]()
+    judge, answers = TrajectoryVerifier(model), list[Answer]()
     narrow, out = Counter[str](), list[str]()
     for problem in tasks:
         margin = admitted(problem, model)

@@ -16,16 +16,16 @@ import time
 from dataclasses import dataclass, replace
 
 from _campaign import rate
-from picktree.perception.fitting.hole_mouths import find_mouth
+from picktree.perception.fitting.hole_mouths import detect_hole
 from picktree.simulation.common.sensor_noise import noisy_colour, noisy_depth
-from picktree.simulation.common.uncertain_fixtures import displaced
+from picktree.simulation.common.uncertain_fixtures import displace_fixtures
 from picktree.simulation.physics.bodies import add_scenery
 from picktree.simulation.physics.engine.pybullet_import import Client
-from picktree.simulation.physics.rgbd_camera import View, intrinsics
+from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import CameraDescription, SceneDescription
 from picktree.world.scene.holes import Hole
-from picktree.world.scene.loading.scene_entries import looking
+from picktree.world.scene.loading.scene_entries import look_at_frame
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Pose
 
@@ -58,9 +58,9 @@ def picture(camera: CameraDescription, client: int, believed: Pose, rng: np.rand
     )
     roll = rng.uniform(-3, 3)
     towards = (x + rng.uniform(-0.02, 0.02), y + rng.uniform(-0.02, 0.02), z)
-    optical = looking(at, towards, (math.cos(roll), math.sin(roll), 0.1))
+    optical = look_at_frame(at, towards, (math.cos(roll), math.sin(roll), 0.1))
     assert optical is not None
-    seen = View(camera).render(client, optical)
+    seen = CameraRenderer(camera).render(client, optical)
     depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))
     colour = noisy_colour(seen.colour, rng)
     return RgbdImage("wrist", colour, noisy_depth(depth, camera, rng), 0.0, intrinsics(camera), optical)
@@ -69,7 +69,7 @@ def picture(camera: CameraDescription, client: int, believed: Pose, rng: np.rand
 def looked(scene: SceneDescription, seed: int) -> list[tuple[Hole, Miss | None]]:
     """Every hole of the board once; None where it was not found."""
     rng = np.random.default_rng([seed, 11])
-    really = displaced(scene, seed)
+    really = displace_fixtures(scene, seed)
     client = Client()
     add_scenery(really, client.id)
     camera = replace(scene.cameras[0], near=0.05)
@@ -77,7 +77,7 @@ def looked(scene: SceneDescription, seed: int) -> list[tuple[Hole, Miss | None]]
     found: list[tuple[Hole, Miss | None]] = []
     for hole in board.holes:
         believed = board.pose @ hole.pose
-        seen = find_mouth(picture(camera, client.id, believed, rng), hole, believed, OFF)
+        seen = detect_hole(picture(camera, client.id, believed, rng), hole, believed, OFF)
         if seen is None:
             found.append((hole, None))
             continue

@@ -180,7 +180,7 @@ def _drawn(
     from picktree.robots.loading import load_robot
     from picktree.robots.model import RobotModel
     from picktree.simulation.common.footprints import distance, footprint
-    from picktree.simulation.faults.planted_obstacles import Room
+    from picktree.simulation.faults.planted_obstacles import FreeSpaceCheck
     from picktree.simulation.scoring.truth import TrueBody
     from picktree.world.scene.destinations import destination_rule
 
@@ -189,7 +189,7 @@ def _drawn(
     start, end = np.array(item.pose.position[:2]), np.array(goal.pose.position[:2])
     across = math.atan2(float(end[1] - start[1]), float(end[0] - start[0])) + math.pi / 2
     model = RobotModel(load_robot(scene.robot))
-    room = Room(model)
+    room = FreeSpaceCheck(model)
     around = [footprint(i.entry.shape, i.pose.orientation).at(i.pose.position[:2]) for i in items]
     bins = [footprint(s, p.orientation).at(p.position[:2]) for b in scene.bins for s, p in b.parts()]
     for _ in range(500):
@@ -206,7 +206,7 @@ def _drawn(
 
 
 def _thing(rng: np.random.Generator, x: float, y: float, across: float) -> tuple[dict[str, Any], Fixture]:
-    from picktree.world.scene.loading.scene_entries import unknown
+    from picktree.world.scene.loading.scene_entries import hidden_body
     from picktree.world.scene.scene_schema import UnknownFile
 
     def drawn(low: float, high: float) -> float:
@@ -228,7 +228,7 @@ def _thing(rng: np.random.Generator, x: float, y: float, across: float) -> tuple
         middle = high / 2 if kind == "wall" else drawn(HANGS + high / 2, 0.35)
         entry = {"box": [long, thick, high], "at": [x, y, middle], "yaw": yaw}
     entry["colour"] = colour
-    return entry, unknown("thing", UnknownFile.model_validate(entry))
+    return entry, hidden_body("thing", UnknownFile.model_validate(entry))
 
 
 def report(rows: list[Row]) -> str:

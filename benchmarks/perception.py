@@ -13,7 +13,7 @@ import time
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 
-from picktree.perception.fitting.view import Detection, View
+from picktree.perception.fitting.view import Detection, PerceivedView
 from picktree.perception.pipeline import Perception
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
@@ -76,7 +76,7 @@ def _symmetries(size: tuple[float, float, float]) -> list[Array]:
 
 
 def judge(
-    truth: tuple[TrueBody, ...], view: View, tallies: dict[str, Tally], verbose: str
+    truth: tuple[TrueBody, ...], view: PerceivedView, tallies: dict[str, Tally], verbose: str
 ) -> tuple[int, int]:
     """Note each item's errors; the number of detections that are no item, and of boxes."""
     left = list(view.detections)

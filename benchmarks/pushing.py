@@ -62,18 +62,18 @@ def one(job: Job) -> Row:
 
 def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
     from picktree.robots.loading import load_robot
-    from picktree.session.assembly import TICK, assemble
+    from picktree.session.assembly import TICK, assemble_world
     from picktree.simulation.backends import build_hardware
     from picktree.trees.loading.loader import parse_mission
-    from picktree.trees.loading.registry import Registry
+    from picktree.trees.loading.registry import NodeRegistry
     from picktree.trees.running.builder import build
     from picktree.trees.status import NodeStatus
-    from picktree.world.planar_geometry import outline, planar, wrapped
+    from picktree.world.planar_geometry import outline, planar, wrap_angle
 
     scene = _scene(kind, job.noise)
     robot = load_robot(scene.robot)
     hardware = build_hardware("physics", scene, robot, job.seed)
-    world = assemble(hardware, scene, robot, job.seed)
+    world = assemble_world(hardware, scene, robot, job.seed)
     begun = hardware.truth()[0]
     x, y, yaw = _goal(begun, job.seed)
     shape = outline(begun.shape, begun.pose)
@@ -81,7 +81,7 @@ def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
 
     def run(body: str) -> str:
         text = f"picktree: 1\nkind: mission\ntrees:\n  Main:\n    {body}\n"
-        tree = build(parse_mission(text, Path("pushing.yaml"), Registry()), world)
+        tree = build(parse_mission(text, Path("pushing.yaml"), NodeRegistry()), world)
         until = world.clock.now + LIMIT
         while True:
             tree.tick()
@@ -100,7 +100,7 @@ def _push(job: Job, kind: str, extra: str) -> dict[str, Any]:
     at = planar(ended.shape, ended.pose)
     return {
         "off": math.hypot(at.x - x, at.y - y),
-        "turned": 0.0 if shape.round else abs(wrapped(yaw - at.yaw, shape.turn)),
+        "turned": 0.0 if shape.round else abs(wrap_angle(yaw - at.yaw, shape.turn)),
         "seconds": world.clock.now - before,
         "failure": failure,
     }

@@ -20,13 +20,13 @@ from picktree.logs.recording.rotation import Rotation
 from picktree.logs.run_log import RunLog
 from picktree.logs.schema.records import (
     Control,
-    NodeStatus,
+    NodeStatusRecord,
     NodeTime,
     RunInfo,
     Tick,
     Timing,
-    Transition,
-    Write,
+    TransitionRecord,
+    WriteRecord,
 )
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
@@ -169,7 +169,7 @@ def _object(k: int, rng: np.random.Generator) -> BeliefObject:
 def _tick(k: int) -> Tick:
     running = k // 40 % NODES
     nodes = tuple(
-        NodeStatus(
+        NodeStatusRecord(
             f"/Main/ForEach/SortOne/Recover/Sequence/Node_{n}",
             "Grasp",
             "RUNNING" if n == running else "SUCCESS" if n < running else "IDLE",
@@ -181,8 +181,8 @@ def _tick(k: int) -> Tick:
     path, item = nodes[running].path, f"red_block_{k // 40}"
     if k % 40:
         return Tick("RUNNING", path, nodes)
-    begun = Transition(path, "RUNNING", {"object": item}, item)
-    return Tick("RUNNING", path, nodes, (Write("/item", item, nodes[0].path),), (begun,))
+    begun = TransitionRecord(path, "RUNNING", {"object": item}, item)
+    return Tick("RUNNING", path, nodes, (WriteRecord("/item", item, nodes[0].path),), (begun,))
 
 
 def _timing(rng: np.random.Generator) -> Timing:

@@ -19,11 +19,11 @@ import os
 from pathlib import Path
 
 from _campaign import ROOT, rate
-from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan import BatchPlan
 from picktree.batch.results.store import NAME
-from picktree.batch.statistics.comparison import Comparison, compare_recipes
+from picktree.batch.statistics.comparison import RecipeComparison, compare_recipes
 from picktree.batch.statistics.comparison_text import text_of
-from picktree.batch.statistics.differences import Outcome, Recipe, read_recipe
+from picktree.batch.statistics.differences import JobOutcome, RecipeOutcomes, read_recipe
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.local_executor import LocalExecutor
 from picktree.cli.batch.progress import progress
@@ -97,7 +97,7 @@ def null(given: argparse.Namespace, seeds: int) -> None:
     pool = _done(given, "as-is", seeds)
     sample = np.random.default_rng(0)
     order, runs = list(range(seeds)), given.runs
-    seen: list[tuple[int, Comparison]] = []
+    seen: list[tuple[int, RecipeComparison]] = []
     for number in range(given.splits):
         if given.independent:
             first = 2 * runs * number
@@ -139,18 +139,20 @@ def synthetic(tries: int, runs: int) -> None:
         print(rate("  the goal's test by itself", goal, tries), flush=True)
 
 
-def _made_up(seeds: range, hard: np.ndarray, sample: np.random.Generator) -> Recipe:
+def _made_up(seeds: range, hard: np.ndarray, sample: np.random.Generator) -> RecipeOutcomes:
     """Jobs of twelve items; `hard`: how probable it is on that seed that an item is missed. What is counted
     of a job hangs together, as in real runs."""
-    outcomes: dict[int, Outcome] = {}
+    outcomes: dict[int, JobOutcome] = {}
     for seed, share in zip(seeds, hard, strict=True):
         missed = int(sample.binomial(12, min(share, 1.0)))
         slipped = int(sample.poisson(20 * share)) + 2 * missed
         seconds = 48.0 + float(sample.gamma(2.0, 2.0)) + 7.0 * slipped
         causes = {"grasp.slipped": slipped} if slipped else {}
         tried = 12 + slipped
-        outcomes[seed] = Outcome(str(seed), seed, not missed, 12 - missed, tried, tried, seconds, "", causes)
-    return Recipe("made up", Path(), outcomes)
+        outcomes[seed] = JobOutcome(
+            str(seed), seed, not missed, 12 - missed, tried, tried, seconds, "", causes
+        )
+    return RecipeOutcomes("made up", Path(), outcomes)
 
 
 def _seeds(given: argparse.Namespace) -> int:
@@ -160,21 +162,21 @@ def _seeds(given: argparse.Namespace) -> int:
     return max(given.pool, 2 * given.runs)
 
 
-def _done(given: argparse.Namespace, name: str, seeds: int, **changes: object) -> Recipe:
+def _done(given: argparse.Namespace, name: str, seeds: int, **changes: object) -> RecipeOutcomes:
     """The recipe's batch, run as far as it was not."""
     folder = given.folder / (name if name != "as-is" else f"as-is-{seeds}")
     if (folder / NAME).exists():
         made = Batch.resume(folder)
     else:
-        plan = Plan(name, (MISSION,), tuple(range(seeds)), keep="none", **changes)  # type: ignore[arg-type]
+        plan = BatchPlan(name, (MISSION,), tuple(range(seeds)), keep="none", **changes)  # type: ignore[arg-type]
         made = Batch.create(folder, plan)
     with made as batch, LocalExecutor(given.workers) as executor, progress(folder, None) as seen:
         batch.run(executor, seen)
     return read_recipe(str(folder))
 
 
-def _part(recipe: Recipe, seeds: range | list[int]) -> Recipe:
-    return Recipe(recipe.label, recipe.folder, {seed: recipe.outcomes[seed] for seed in seeds})
+def _part(recipe: RecipeOutcomes, seeds: range | list[int]) -> RecipeOutcomes:
+    return RecipeOutcomes(recipe.label, recipe.folder, {seed: recipe.outcomes[seed] for seed in seeds})
 
 
 if __name__ == "__main__":

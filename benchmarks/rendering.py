@@ -14,10 +14,10 @@ from pathlib import Path
 
 from picktree.analysis.render.captions import write
 from picktree.analysis.render.frames import moments
-from picktree.analysis.render.scene_view import Scenery
+from picktree.analysis.render.scene_view import SceneRenderer
 from picktree.analysis.render.snapshot import draw
 from picktree.analysis.render.video.film import FilmRequest, film
-from picktree.analysis.render.viewpoint import View
+from picktree.analysis.render.viewpoint import PictureView
 from picktree.logs.run_log import RunLog
 from picktree.session.session import RunRequest, Session
 
@@ -48,7 +48,7 @@ def main() -> None:
 
 
 def _frames(log: RunLog, count: int) -> None:
-    scenery = Scenery(log.robot_model(), View(), SIZE)
+    scenery = SceneRenderer(log.robot_model(), PictureView(), SIZE)
     times = [log.end * (k + 0.5) / count for k in range(count)]
     costs: list[float] = []
     for frame in moments(log, times, (0.0, log.end), bar=True):

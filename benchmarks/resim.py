@@ -19,7 +19,7 @@ from pathlib import Path
 from picktree.analysis.resim.resim import resimulate
 from picktree.analysis.resim.whatif import what_if
 from picktree.analysis.run import Run
-from picktree.session.resume.recorded_recipe import Recorded
+from picktree.session.resume.recorded_recipe import RecordedRun
 from picktree.session.session import RunRequest, Session
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
@@ -46,7 +46,7 @@ def one(seed: int, mission: Path, scene: str | None, backend: str, out: Path) ->
     request = RunRequest(mission, scene=scene, seed=seed, backend=backend, out=out)  # type: ignore[arg-type]
     result = Session(request).run()
     again = resimulate(result.log)
-    with Run(result.log) as run, Recorded(run) as recorded:
+    with Run(result.log) as run, RecordedRun(run) as recorded:
         names = recorded.checkpoints()
         time_ = recorded.state(names[len(names) // 2]).time if names else 0.0
     on = what_if(result.log, f"{time_}s", out=out)

@@ -290,7 +290,7 @@ class Lab:
 
     def _pressed(self, rng: np.random.Generator) -> str:
         """Down or sideways until it touches, then some millimetres further with the stiff servo."""
-        from picktree.control.joints.joint_controllers import Track
+        from picktree.control.joints.joint_controllers import TrajectoryController
         from picktree.planning.requests import Scaling
         from picktree.planning.timing.time_parameterization import time_corners
         from picktree.world.causes import Failure
@@ -318,7 +318,7 @@ class Lab:
         timed = time_corners(world.robot, np.array([q, q + step]), Scaling(0.02, 0.02), 0.1)
         assert timed is not None
         lease = world.control.acquire("press")
-        lease.run(Track(timed, world.robot, world.control.period))
+        lease.run(TrajectoryController(timed, world.robot, world.control.period))
         for _ in range(math.ceil(timed.duration / world.tick) + 4):
             self.run.wait()
         lease.release()

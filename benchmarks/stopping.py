@@ -16,13 +16,13 @@ from collections.abc import Generator
 from typing import TypeVar
 
 from picktree.cell.world import World
-from picktree.control.cartesian.impedance import Comply
+from picktree.control.cartesian.impedance import ContactReflex
 from picktree.control.cartesian.twist import Twist
 from picktree.control.execution.jog_motion import FASTEST
-from picktree.control.joints.joint_controllers import Brake
+from picktree.control.joints.joint_controllers import BrakeController
 from picktree.planning.requests import JointGoal
 from picktree.robots.loading import load_robot
-from picktree.session.assembly import assemble
+from picktree.session.assembly import assemble_world
 from picktree.simulation.backends import build_hardware
 from picktree.world.causes import Failure
 from picktree.world.scene.loading.scene_loading import load_scene
@@ -42,7 +42,7 @@ STANDING = 0.01
 
 def cell(seed: int) -> World:
     scene, robot = load_scene("sort_small"), load_robot("panda")
-    return assemble(build_hardware("physics", scene, robot, seed), scene, robot, seed)
+    return assemble_world(build_hardware("physics", scene, robot, seed), scene, robot, seed)
 
 
 def beyond(world: World) -> float:
@@ -79,9 +79,9 @@ def stopped(world: World, way: str, rng: np.random.Generator) -> tuple[float, fl
     at, speed = control.tcp, tool_speed(world)
     doing.close()
     if way == "off its way":
-        control.acquire(way).run(Brake(model, control.period))
+        control.acquire(way).run(BrakeController(model, control.period))
     elif way == "contact":
-        control.acquire(way).run(Comply(model, control.period, np.zeros(6)))
+        control.acquire(way).run(ContactReflex(model, control.period, np.zeros(6)))
     begun, worst, standing, farthest = control.now, -math.inf, control.now, 0.0
     while control.now - begun < 1.5:
         control.step()

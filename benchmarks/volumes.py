@@ -18,10 +18,17 @@ from statistics import median
 
 from picktree.perception.data_association import update_belief
 from picktree.perception.pipeline import Perception
-from picktree.perception.voxels.obstacle_volumes import merged
-from picktree.perception.voxels.voxel_grid import CELL, body_of, cells_of, centres, indices, within
-from picktree.planning.collision.collision_bodies import Body, bodies_of
-from picktree.planning.collision.collision_checker import Collision
+from picktree.perception.voxels.obstacle_volumes import merge_cells
+from picktree.perception.voxels.voxel_grid import (
+    CELL,
+    cell_centres,
+    cell_indices,
+    cells_in_body,
+    cells_of,
+    obstacle_from_cells,
+)
+from picktree.planning.collision.collision_bodies import CollisionBody, bodies_of
+from picktree.planning.collision.collision_checker import CollisionChecker
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.simulation.kinematic.backend import KinematicHardware
@@ -91,18 +98,18 @@ def as_blocks(o: BeliefObject) -> BeliefObject:
 
 
 def as_few_blocks(o: BeliefObject) -> BeliefObject:
-    _, pose, blocks = body_of(merged(cells_of(o), 8))
+    _, pose, blocks = obstacle_from_cells(merge_cells(cells_of(o), 8))
     return replace(o, shape=Box((1.0, 1.0, 1.0)), pose=pose, blocks=blocks)
 
 
 def as_columns(o: BeliefObject) -> BeliefObject:
     """A box for each column of cells."""
-    cells = indices(cells_of(o))
+    cells = cell_indices(cells_of(o))
     spans: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
     for x, y in np.unique(cells[:, :2], axis=0):
         z = cells[(cells[:, 0] == x) & (cells[:, 1] == y), 2]
         spans.append((np.array([x, y, z.min()]), np.array([x + 1, y + 1, z.max() + 1])))
-    _, pose, blocks = body_of(spans)
+    _, pose, blocks = obstacle_from_cells(spans)
     return replace(o, shape=Box((1.0, 1.0, 1.0)), pose=pose, blocks=blocks)
 
 
@@ -136,7 +143,7 @@ def configurations(model: RobotModel, belief: PlanningScene, rng: np.random.Gene
     return np.array(near[:150] or [model.named("home")]), drawn[:300]
 
 
-def seconds(collision: Collision, configurations: Array) -> float:
+def seconds(collision: CollisionChecker, configurations: Array) -> float:
     """CPU seconds of one check, the least of three rounds."""
     rounds: list[float] = []
     for _ in range(3):
@@ -162,9 +169,9 @@ def octree(cells: Array, model: RobotModel, q: Array) -> float:
     return (time.process_time() - started) / 200
 
 
-def blocked(bodies: Sequence[Body]) -> float:
+def blocked(bodies: Sequence[CollisionBody]) -> float:
     """Litres that the bodies take up together, by cells."""
-    cells = np.unique(np.concatenate([within(body.shape, body.pose) for body in bodies]))
+    cells = np.unique(np.concatenate([cells_in_body(body.shape, body.pose) for body in bodies]))
     return len(cells) * float(np.prod(CELL)) * 1000
 
 
@@ -189,17 +196,17 @@ def main() -> int:
         for o in belief.objects:
             if o.role == "item":
                 bare.put(o, "kept")
-        without = Collision(model)
+        without = CollisionChecker(model)
         without.update(bare, 0.08)
         base = seconds(without, near), seconds(without, anywhere)
-        trees.append(octree(np.concatenate([centres(cells_of(o)) for o in unknown]), model, near[0]))
+        trees.append(octree(np.concatenate([cell_centres(cells_of(o)) for o in unknown]), model, near[0]))
         exact = sum(len(cells_of(o)) for o in unknown) * float(np.prod(CELL)) * 1000
         for name, kind in KINDS.items():
             made = [kind(o) for o in unknown]
             full = PlanningScene(scene.fixtures, scene.bins)
             for o in (*bare.objects, *made):
                 full.put(o, "kept")
-            collision = Collision(model)
+            collision = CollisionChecker(model)
             collision.update(full, 0.08)
             one = found[name]
             one.near.append(seconds(collision, near) / base[0])

@@ -10,11 +10,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..errors import PicktreeError
-from ..world.scene.calibration_results import Tile
+from ..world.scene.calibration_results import TargetTile
 from ..world.values import Array, Pose, Vector3
 from .hand_eye import camera_in_tcp, spread, target_in_camera
-from .observations import Evidence, Shot
-from .residuals import Guess, Residuals
+from .observations import CalibrationData, TargetImage
+from .residuals import CalibrationParameters, CalibrationResiduals
 
 FEWEST = 4
 """Views by a camera on the hand that fix where it is."""
@@ -27,7 +27,7 @@ STEPS = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Deviation:
+class PoseDeviation:
     """Standard deviations of a pose: m along each axis of its parent, rad about each."""
 
     position: Vector3
@@ -35,7 +35,7 @@ class Deviation:
 
 
 @dataclass(frozen=True, slots=True)
-class CameraFound:
+class CameraEstimate:
     """A camera's estimated place."""
 
     name: str
@@ -44,7 +44,7 @@ class CameraFound:
     """Optical frame in the world, or in the frame of the TCP: corrected, where the tool is `sure`."""
     before: Pose
     """What was believed: the same frame in the world, or in the TCP as it was believed."""
-    deviation: Deviation
+    deviation: PoseDeviation
     shots: int
     pixels: float
     """Root mean square of what is left, pixels."""
@@ -63,7 +63,7 @@ class CameraFound:
 
 
 @dataclass(frozen=True, slots=True)
-class ToolFound:
+class ToolEstimate:
     """The TCP that was felt. Touches with the tips say where it is, not how the hand is turned about it."""
 
     offset: Vector3
@@ -80,18 +80,20 @@ class ToolFound:
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class CalibrationEstimate:
     """What a calibration comes to."""
 
-    cameras: tuple[CameraFound, ...]
-    tool: ToolFound | None
+    cameras: tuple[CameraEstimate, ...]
+    tool: ToolEstimate | None
     """None: nothing was touched."""
     target: Pose
     """In the world."""
-    target_deviation: Deviation
+    target_deviation: PoseDeviation
 
 
-def estimate(evidence: Evidence, tiles: Sequence[Tile], size: Vector3, believed: Pose) -> Estimate:
+def estimate(
+    evidence: CalibrationData, tiles: Sequence[TargetTile], size: Vector3, believed: Pose
+) -> CalibrationEstimate:
     """`tiles` and `size` of the target, whose pose in the world is `believed` to within centimetres.
 
     Starts from the closed form of each camera on the hand; then all residuals at once, outliers losing weight
@@ -102,22 +104,22 @@ def estimate(evidence: Evidence, tiles: Sequence[Tile], size: Vector3, believed:
     by_camera = {name: [shot for shot in evidence.shots if shot.camera == name] for name in names}
     target = _first_target(by_camera, tiles, believed, touched=bool(evidence.touches))
     cameras = tuple(_first_camera(shots, tiles, target) for shots in by_camera.values())
-    first = Guess(target, cameras, (0.0,) * len(cameras), np.zeros(3), 0.0)
-    residuals = Residuals(evidence, tiles, np.array(size), names, replace(first, target=believed))
+    first = CalibrationParameters(target, cameras, (0.0,) * len(cameras), np.zeros(3), 0.0)
+    residuals = CalibrationResiduals(evidence, tiles, np.array(size), names, replace(first, target=believed))
     best, sigma = _solved(residuals, first)
     tool = None
     if evidence.touches:
         left = float(np.sqrt((residuals.felt(best) ** 2).mean()))
-        tool = ToolFound(_three(best.tool), _three(sigma[-4:-1]), len(evidence.touches), left)
+        tool = ToolEstimate(_three(best.tool), _three(sigma[-4:-1]), len(evidence.touches), left)
     corrected = Pose(tool.offset) if tool is not None and tool.sure else Pose()
-    found: list[CameraFound] = []
+    found: list[CameraEstimate] = []
     for n, (name, shots) in enumerate(by_camera.items()):
         pixels, depths = residuals.seen(best, n)
         pose = best.cameras[n]
         if shots[0].on_hand:
             pose = corrected.inverse() @ pose
         found.append(
-            CameraFound(
+            CameraEstimate(
                 name,
                 shots[0].on_hand,
                 pose,
@@ -128,11 +130,11 @@ def estimate(evidence: Evidence, tiles: Sequence[Tile], size: Vector3, believed:
                 float(np.sqrt((depths**2).mean())),
             )
         )
-    return Estimate(tuple(found), tool, best.target, _deviation(sigma[:6]))
+    return CalibrationEstimate(tuple(found), tool, best.target, _deviation(sigma[:6]))
 
 
 def _first_target(
-    by_camera: dict[str, list[Shot]], tiles: Sequence[Tile], believed: Pose, *, touched: bool
+    by_camera: dict[str, list[TargetImage]], tiles: Sequence[TargetTile], believed: Pose, *, touched: bool
 ) -> Pose:
     """Of the target, from the first camera on the hand that tells; else as believed, to be felt."""
     on_hand = [shots for shots in by_camera.values() if shots[0].on_hand]
@@ -149,14 +151,14 @@ def _first_target(
     return believed
 
 
-def _first_camera(shots: Sequence[Shot], tiles: Sequence[Tile], target: Pose) -> Pose:
+def _first_camera(shots: Sequence[TargetImage], tiles: Sequence[TargetTile], target: Pose) -> Pose:
     if shots[0].on_hand:
         _suffices(shots)
         return camera_in_tcp(shots, tiles)
     return target @ target_in_camera(shots[0], tiles).inverse()
 
 
-def _suffices(shots: Sequence[Shot]) -> None:
+def _suffices(shots: Sequence[TargetImage]) -> None:
     name = shots[0].camera
     if len(shots) < FEWEST:
         raise PicktreeError(f"{name}: the target was seen from {len(shots)} places; {FEWEST} are needed")
@@ -167,7 +169,9 @@ def _suffices(shots: Sequence[Shot]) -> None:
         )
 
 
-def _solved(residuals: Residuals, first: Guess) -> tuple[Guess, Array]:
+def _solved(
+    residuals: CalibrationResiduals, first: CalibrationParameters
+) -> tuple[CalibrationParameters, Array]:
     """The best guess, and the standard deviation (size,) of each of its numbers."""
     best, left = first, np.empty(0)
     jacobian = np.empty((0, 0))
@@ -200,7 +204,7 @@ def _scale(size: int) -> Array:
     return scale
 
 
-def _differences(residuals: Residuals, at: Guess) -> Array:
+def _differences(residuals: CalibrationResiduals, at: CalibrationParameters) -> Array:
     """(n, size): derivatives of the residuals, by central differences."""
     steps = np.full(at.size, STEPS)
     steps[-1] = STEPS / 100
@@ -211,8 +215,8 @@ def _differences(residuals: Residuals, at: Guess) -> Array:
     return np.column_stack(columns)
 
 
-def _deviation(sigma: Array) -> Deviation:
-    return Deviation(_three(sigma[:3]), _three(sigma[3:]))
+def _deviation(sigma: Array) -> PoseDeviation:
+    return PoseDeviation(_three(sigma[:3]), _three(sigma[3:]))
 
 
 def _three(numbers: Array) -> Vector3:

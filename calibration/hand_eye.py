@@ -8,24 +8,24 @@ from itertools import combinations
 
 import numpy as np
 
-from ..world.scene.calibration_results import Tile
+from ..world.scene.calibration_results import TargetTile
 from ..world.values import Array, Pose
-from .observations import Shot
-from .target_detection import aligned
+from .observations import TargetImage
+from .target_detection import align_points
 
 TURNED = math.radians(10.0)
 """Two views that are turned by less against each other say little about an axis."""
 
 
-def target_in_camera(shot: Shot, tiles: Sequence[Tile]) -> Pose:
+def target_in_camera(shot: TargetImage, tiles: Sequence[TargetTile]) -> Pose:
     """From the squares' depths alone, without weights."""
     i = shot.intrinsics
     rays = np.array([((t.pixel[0] - i.cx) / i.fx, (t.pixel[1] - i.cy) / i.fy, 1.0) for t in shot.tiles])
     depths = np.array([t.depth for t in shot.tiles])
-    return aligned(np.array([tiles[t.index].centre for t in shot.tiles]), rays * depths[:, None])
+    return align_points(np.array([tiles[t.index].centre for t in shot.tiles]), rays * depths[:, None])
 
 
-def camera_in_tcp(shots: Sequence[Shot], tiles: Sequence[Tile]) -> Pose:
+def camera_in_tcp(shots: Sequence[TargetImage], tiles: Sequence[TargetTile]) -> Pose:
     """The X of AX = XB, for views that `spread` allows: A is the hand's motion from one view to another, B
     the camera's past the target. Rotation first, then the translation. Park & Martin (1994)."""
     views = [(shot.tcp, target_in_camera(shot, tiles)) for shot in shots]
@@ -43,7 +43,7 @@ def camera_in_tcp(shots: Sequence[Shot], tiles: Sequence[Tile]) -> Pose:
     return Pose.from_rotation(translation, rotation)
 
 
-def spread(shots: Sequence[Shot]) -> float:
+def spread(shots: Sequence[TargetImage]) -> float:
     """The greatest angle between two axes about which the hand was turned from view to view, rad: about one
     axis alone the place of a camera along it cannot be seen (Tsai & Lenz 1989)."""
     axes = [axis for one, other in combinations(shots, 2) if (axis := _axis(one.tcp, other.tcp)) is not None]

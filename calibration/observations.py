@@ -11,7 +11,6 @@ import numpy as np
 from ..world.journal import Plain
 from ..world.protocols import Intrinsics
 from ..world.values import Array, Pose, Vector3
-from .target_detection import TileSeen
 
 TILTS = (0.12, 0.5, 0.68)
 """Of the line of sight against the target's normal, in turn, rad."""
@@ -25,6 +24,23 @@ ROLL = 1.3
 """The same about the line of sight."""
 ROLLS = (0.0, 0.5, -0.5, 1.0, -1.0, math.pi)
 """Other turns about the line of sight that will do, where a view is out of reach, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class DetectedTile:
+    """A square in a picture. Pixels (column u, row v) are those of `Intrinsics`."""
+
+    index: int
+    """Of the square among those of the target."""
+    pixel: tuple[float, float]
+    """Centroid of its area in the picture."""
+    depth: float
+    """Along the optical axis where the ray of `depth_pixel` meets it, m: harmonic mean over its inside."""
+    depth_pixel: tuple[float, float]
+    depth_sigma: float
+    """Standard error of that depth, from the scatter, m."""
+    area: int
+    """Pixels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +83,7 @@ SHOT, TOUCH = "calibration_shot", "calibration_touch"
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class TargetImage:
     """One picture of the target."""
 
     camera: str
@@ -77,7 +93,7 @@ class Shot:
     """Of the arm at rest, in the world, by encoders and model."""
     believed: Pose
     """Of the optical frame in the TCP's frame, or in the world for a camera that hangs still."""
-    tiles: tuple[TileSeen, ...]
+    tiles: tuple[DetectedTile, ...]
 
     def to_plain(self) -> dict[str, Plain]:
         i = self.intrinsics
@@ -93,7 +109,7 @@ class Shot:
         }
 
     @classmethod
-    def from_plain(cls, data: dict[str, Any]) -> Shot:
+    def from_plain(cls, data: dict[str, Any]) -> TargetImage:
         width, height, fx, fy, cx, cy = data["intrinsics"]
         return cls(
             data["camera"],
@@ -102,14 +118,14 @@ class Shot:
             _pose(data["tcp"]),
             _pose(data["believed"]),
             tuple(
-                TileSeen(int(n), (u, v), z, (du, dv), sigma, int(area))
+                DetectedTile(int(n), (u, v), z, (du, dv), sigma, int(area))
                 for n, u, v, z, du, dv, sigma, area in data["tiles"]
             ),
         )
 
 
 @dataclass(frozen=True, slots=True)
-class Touch:
+class TargetTouch:
     """The closed fingers at rest against a face of the target."""
 
     face: Vector3
@@ -124,17 +140,17 @@ class Touch:
         return {"face": list(self.face), "tcp": _plain(self.tcp), "force": self.force, "name": self.name}
 
     @classmethod
-    def from_plain(cls, data: dict[str, Any]) -> Touch:
+    def from_plain(cls, data: dict[str, Any]) -> TargetTouch:
         x, y, z = data["face"]
         return cls((x, y, z), _pose(data["tcp"]), data["force"], data["name"])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
+class CalibrationData:
     """All that was seen and touched of one target."""
 
-    shots: tuple[Shot, ...]
-    touches: tuple[Touch, ...]
+    shots: tuple[TargetImage, ...]
+    touches: tuple[TargetTouch, ...]
     tips: Array
     """Corners (n, 3) of the closed fingers' pads in the TCP's frame, m."""
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..world.scene.calibration_results import Tile
+from ..world.scene.calibration_results import TargetTile
 from ..world.values import Array, Pose
-from .observations import Evidence, Shot
+from .observations import CalibrationData, TargetImage
 from .target_detection import area_and_centroid, pixels_of
 
 PIXEL, OUTLINE = 0.05, 0.3
@@ -28,7 +28,7 @@ the word to what is measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Guess:
+class CalibrationParameters:
     """What is estimated. Poses change by a shift of the origin and a turn about it, in the parent's axes."""
 
     target: Pose
@@ -46,7 +46,7 @@ class Guess:
     def size(self) -> int:
         return 6 + 7 * len(self.cameras) + 4
 
-    def moved(self, step: Array) -> Guess:
+    def moved(self, step: Array) -> CalibrationParameters:
         """By `step` (size,): m and rad for the target, then each camera; shares; m for the tool; m/N."""
         poses = [_moved(pose, step[6 * n : 6 * n + 6]) for n, pose in enumerate((self.target, *self.cameras))]
         longer = step[6 * len(poses) : -4].tolist()
@@ -68,11 +68,16 @@ def _moved(pose: Pose, step: Array) -> Pose:
     return Pose(pose.position, (turn @ Pose(orientation=pose.orientation)).orientation).shifted(step[:3])
 
 
-class Residuals:
-    """Of one body of evidence. `names` are the cameras, in the order of `Guess.cameras`."""
+class CalibrationResiduals:
+    """Of one body of evidence. `names` are the cameras, in the order of `CalibrationParameters.cameras`."""
 
     def __init__(
-        self, evidence: Evidence, tiles: Sequence[Tile], size: Array, names: Sequence[str], first: Guess
+        self,
+        evidence: CalibrationData,
+        tiles: Sequence[TargetTile],
+        size: Array,
+        names: Sequence[str],
+        first: CalibrationParameters,
     ) -> None:
         """`size` (3,): edges of the target's box, m; `first`: what was believed before."""
         self._shots = evidence.shots
@@ -84,7 +89,7 @@ class Residuals:
         self._centres = np.array([tile.centre for tile in tiles])
         self._camera_of = [names.index(shot.camera) for shot in self._shots]
 
-    def of(self, guess: Guess) -> Array:
+    def of(self, guess: CalibrationParameters) -> Array:
         """(n,): pixels and depths of all shots, then touches, then what was known before."""
         parts = [
             np.concatenate([p.ravel(), d])
@@ -93,7 +98,7 @@ class Residuals:
         ]
         return np.concatenate([*parts, self._felt(guess), self._known(guess)])
 
-    def seen(self, guess: Guess, camera: int) -> tuple[Array, Array]:
+    def seen(self, guess: CalibrationParameters, camera: int) -> tuple[Array, Array]:
         """Pixels (n, 2) and depths (n,) m of one camera, not divided by anything."""
         pixels, depths = zip(
             *(
@@ -105,7 +110,7 @@ class Residuals:
         )
         return np.concatenate(pixels), np.concatenate(depths)
 
-    def felt(self, guess: Guess) -> Array:
+    def felt(self, guess: CalibrationParameters) -> Array:
         """Of each touch (n,), m: how far the fingers stand off the face that they touch."""
         turn, place = guess.target.rotation(), np.array(guess.target.position)
         found: list[float] = []
@@ -117,16 +122,16 @@ class Residuals:
             found.append(gap + guess.yields * touch.force)
         return np.array(found)
 
-    def _felt(self, guess: Guess) -> Array:
+    def _felt(self, guess: CalibrationParameters) -> Array:
         return self.felt(guess) / TOUCHED
 
-    def _seen(self, shot: Shot, guess: Guess, camera: int) -> tuple[Array, Array]:
+    def _seen(self, shot: TargetImage, guess: CalibrationParameters, camera: int) -> tuple[Array, Array]:
         pixels, depths = self._misses(shot, guess, camera)
         edges = np.sqrt(np.array([tile.area for tile in shot.tiles]))
         sigma = np.hypot(DEPTH, np.array([tile.depth_sigma for tile in shot.tiles]))
         return pixels / (PIXEL + OUTLINE / edges)[:, None], depths / sigma
 
-    def _misses(self, shot: Shot, guess: Guess, camera: int) -> tuple[Array, Array]:
+    def _misses(self, shot: TargetImage, guess: CalibrationParameters, camera: int) -> tuple[Array, Array]:
         if not shot.tiles:
             return np.empty((0, 2)), np.empty(0)
         pose = guess.cameras[camera]
@@ -144,7 +149,7 @@ class Residuals:
         on_top = float(normal @ (turn @ self._centres[0] + place))
         return pixels, on_top / (rays @ normal) - np.array([tile.depth for tile in shot.tiles])
 
-    def _known(self, guess: Guess) -> Array:
+    def _known(self, guess: CalibrationParameters) -> Array:
         first = self._first
         off = guess.target @ first.target.inverse()
         x, y, z, w = off.orientation

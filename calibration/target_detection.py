@@ -11,28 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..perception.segmentation import blobs
-from ..perception.segmentation.blobs import connected
+from ..perception.segmentation.blobs import connected_patches
 from ..world.protocols import Intrinsics, RgbdImage
-from ..world.scene.calibration_results import Tile
+from ..world.scene.calibration_results import TargetTile
 from ..world.values import Array, Pose
-
-
-@dataclass(frozen=True, slots=True)
-class TileSeen:
-    """A square in a picture. Pixels (column u, row v) are those of `Intrinsics`."""
-
-    index: int
-    """Of the square among those of the target."""
-    pixel: tuple[float, float]
-    """Centroid of its area in the picture."""
-    depth: float
-    """Along the optical axis where the ray of `depth_pixel` meets it, m: harmonic mean over its inside."""
-    depth_pixel: tuple[float, float]
-    depth_sigma: float
-    """Standard error of that depth, from the scatter, m."""
-    area: int
-    """Pixels."""
-
+from .observations import DetectedTile
 
 LEAST = 16
 """Pixels of a square."""
@@ -53,12 +36,12 @@ FEWEST = 4
 @dataclass(frozen=True, slots=True, eq=False)
 class _Patch:
     index: int
-    seen: TileSeen
+    seen: DetectedTile
     point: Array
     """(3,) in the camera's frame, m."""
 
 
-def find_tiles(image: RgbdImage, tiles: Sequence[Tile]) -> tuple[TileSeen, ...]:
+def detect_tiles(image: RgbdImage, tiles: Sequence[TargetTile]) -> tuple[DetectedTile, ...]:
     """The squares that are seen whole; none when there are too few to be sure that it is the target.
 
     Items may have the squares' colours: what counts is that their distances are those of the target. Next to
@@ -72,14 +55,14 @@ def find_tiles(image: RgbdImage, tiles: Sequence[Tile]) -> tuple[TileSeen, ...]:
     if len(chosen) < FEWEST:
         return ()
     places = np.array([tiles[patch.index].centre for patch in chosen])
-    target = aligned(places, np.array([patch.point for patch in chosen]))
+    target = align_points(places, np.array([patch.point for patch in chosen]))
     whole = [p for p in chosen if _is_whole(p, tiles[p.index], target, image.intrinsics)]
     return tuple(patch.seen for patch in whole) if len(whole) >= FEWEST else ()
 
 
-def averaged(pictures: Sequence[Sequence[TileSeen]]) -> tuple[TileSeen, ...]:
+def average_tiles(pictures: Sequence[Sequence[DetectedTile]]) -> tuple[DetectedTile, ...]:
     """What several pictures from the same place show together: squares that most of them have."""
-    found: list[TileSeen] = []
+    found: list[DetectedTile] = []
     for index in sorted({tile.index for seen in pictures for tile in seen}):
         same = [tile for seen in pictures for tile in seen if tile.index == index]
         if 2 * len(same) <= len(pictures):
@@ -89,7 +72,7 @@ def averaged(pictures: Sequence[Sequence[TileSeen]]) -> tuple[TileSeen, ...]:
         inverse = float(np.mean([1.0 / tile.depth for tile in same]))
         sigma = float(np.sqrt(np.mean([tile.depth_sigma**2 for tile in same]) / len(same)))
         area = round(float(np.mean([tile.area for tile in same])))
-        found.append(TileSeen(index, (u, v), 1.0 / inverse, (at_u, at_v), sigma, area))
+        found.append(DetectedTile(index, (u, v), 1.0 / inverse, (at_u, at_v), sigma, area))
     return tuple(found) if len(found) >= FEWEST else ()
 
 
@@ -97,7 +80,7 @@ def _patches(image: RgbdImage, label: NDArray[np.uint8], index: int, colour: str
     """All patches of that colour that nothing cuts off."""
     height, width = label.shape
     found: list[_Patch] = []
-    for rows, columns in connected(np.equal(label, blobs.label_of(colour)), LEAST):
+    for rows, columns in connected_patches(np.equal(label, blobs.label_of(colour)), LEAST):
         upper, left = int(rows.min()), int(columns.min())
         lower, right = int(rows.max()) + 1, int(columns.max()) + 1
         if min(upper, left) == 0 or lower == height or right == width:
@@ -142,10 +125,10 @@ def _measured(image: RgbdImage, own: NDArray[np.uint8], corner: tuple[int, int],
     sigma = z * z * float(np.sqrt((scatter**2).sum() / max(1, len(rows) - 3) / len(rows)))
     i = image.intrinsics
     point = z * np.array([(u - i.cx) / i.fx, (v - i.cy) / i.fy, 1.0])
-    return _Patch(index, TileSeen(index, (u, v), z, at, sigma, area), point)
+    return _Patch(index, DetectedTile(index, (u, v), z, at, sigma, area), point)
 
 
-def _consistent(patches: list[_Patch], tiles: Sequence[Tile]) -> list[_Patch]:
+def _consistent(patches: list[_Patch], tiles: Sequence[TargetTile]) -> list[_Patch]:
     """The largest set of patches, one for each square at most, that lie as those of the target do."""
     places = np.array([tile.centre for tile in tiles])
     best: list[_Patch] = []
@@ -160,7 +143,7 @@ def _consistent(patches: list[_Patch], tiles: Sequence[Tile]) -> list[_Patch]:
             best = group
     if len(best) < FEWEST:
         return []
-    target = aligned(places[[p.index for p in best]], np.array([p.point for p in best]))
+    target = align_points(places[[p.index for p in best]], np.array([p.point for p in best]))
     return [p for p in best if float(np.linalg.norm(target.apply(places[p.index]) - p.point)) < FITS]
 
 
@@ -171,7 +154,7 @@ def _apart(one: _Patch, other: _Patch, places: Array) -> bool:
     return abs(float(np.linalg.norm(one.point - other.point)) - stated) < NEAR
 
 
-def _is_whole(patch: _Patch, tile: Tile, target_in_camera: Pose, intrinsics: Intrinsics) -> bool:
+def _is_whole(patch: _Patch, tile: TargetTile, target_in_camera: Pose, intrinsics: Intrinsics) -> bool:
     """Whether as much of it is seen as its pose says, give or take a row of pixels on its outline."""
     corners = target_in_camera.apply(tile.corners())
     pixels = corners[:, :2] / corners[:, 2:] * (intrinsics.fx, intrinsics.fy)
@@ -191,7 +174,7 @@ def area_and_centroid(polygons: Array) -> tuple[Array, Array]:
     return area, origin[:, 0] + moment / (6 * area[:, None])
 
 
-def aligned(places: Array, points: Array) -> Pose:
+def align_points(places: Array, points: Array) -> Pose:
     """The pose that takes points `places` (n, 3) of a body to `points` (n, 3) best. Kabsch (1976)."""
     middle, centre = places.mean(axis=0), points.mean(axis=0)
     u, _, vt = np.linalg.svd((points - centre).T @ (places - middle))

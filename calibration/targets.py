@@ -18,7 +18,7 @@ import numpy as np
 
 from ..world.causes import Failure
 from ..world.causes import world as world_causes
-from ..world.scene.calibration_results import Tile
+from ..world.scene.calibration_results import TargetTile
 from ..world.shapes import Box
 from ..world.values import Array, Pose, Vector3
 
@@ -40,7 +40,7 @@ TOUCHING = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class TouchPoint:
     """One touch that is wanted."""
 
     name: str
@@ -52,7 +52,7 @@ class Contact:
     """In the world, where the tips should meet the face; any of them will do."""
 
 
-def tips(model: RobotModel, width: float = 0.0) -> Array:
+def fingertip_corners(model: RobotModel, width: float = 0.0) -> Array:
     """Corners (16, 3) of both pads in the TCP's frame with the fingers `width` m open, m."""
     q = model.named("home")
     links, tcp = model.link_poses(q, width), model.tcp(q)
@@ -65,8 +65,9 @@ def tips(model: RobotModel, width: float = 0.0) -> Array:
     return np.concatenate(found)
 
 
-def contacts(target: Pose, size: Vector3, at_tips: Array, turned: float) -> tuple[Contact, ...]:
-    """All touches of a block of `size` m at `target` in the world; `at_tips` as `tips` gives them.
+def touch_points(target: Pose, size: Vector3, at_tips: Array, turned: float) -> tuple[TouchPoint, ...]:
+    """All touches of a block of `size` m at `target` in the world; `at_tips` as `fingertip_corners` gives
+    them.
 
     `turned`: of the hand's x axis against the target's when it is upright, rad, a multiple of a right angle.
     It makes no difference but to what the arm can reach.
@@ -115,7 +116,7 @@ def _hand(forward: Array, x: Array) -> Array:
 
 def _contact(
     target: Pose, name: str, face: Array, point: Array, hands: tuple[Array, ...], at_tips: Array, low: float
-) -> Contact:
+) -> TouchPoint:
     """`point` on the face; beside a side face its height follows from `low`, where the tips' lowest corner is
     to be in the target's frame."""
     turn = target.rotation()
@@ -129,7 +130,7 @@ def _contact(
         if face[2] == 0.0:
             place[2] = low - float((at_tips @ hand[2]).min())
         poses.append(Pose.from_rotation(target.apply(place), axes))
-    return Contact(name, _three(face), _three(normal), tuple(poses))
+    return TouchPoint(name, _three(face), _three(normal), tuple(poses))
 
 
 def _three(vector: Array) -> Vector3:
@@ -138,7 +139,7 @@ def _three(vector: Array) -> Vector3:
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class CalibrationTarget:
     """A block with coloured squares on its top."""
 
     name: str
@@ -146,19 +147,19 @@ class Target:
     """Of its centre in the world, as believed."""
     size: Vector3
     """m"""
-    tiles: tuple[Tile, ...]
+    tiles: tuple[TargetTile, ...]
 
 
-def targets(fixtures: Iterable[Fixture]) -> tuple[Target, ...]:
+def targets(fixtures: Iterable[Fixture]) -> tuple[CalibrationTarget, ...]:
     """All that are among the fixtures."""
     return tuple(
-        Target(str(f.id), f.pose, f.shape.size, f.tiles)
+        CalibrationTarget(str(f.id), f.pose, f.shape.size, f.tiles)
         for f in fixtures
         if f.tiles and isinstance(f.shape, Box)
     )
 
 
-def target_named(fixtures: Iterable[Fixture], name: str) -> Target:
+def target_named(fixtures: Iterable[Fixture], name: str) -> CalibrationTarget:
     """The target of that name. Raises Failure(world.unknown_object) when there is none."""
     known = targets(fixtures)
     for target in known:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..planning.requests import Plan
+from ..planning.requests import MotionPlan
 from ..world.values import ObjectId, Pose
 
 
 @dataclass(frozen=True, slots=True)
-class Landing:
+class PlaceCandidate:
     """Where an object is let go over a bin."""
 
     into: ObjectId
@@ -31,31 +31,31 @@ class Landing:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Carriage:
+class Handover:
     """An object that is carried to its landing by a motion that was handed over."""
 
     object: ObjectId
     object_in_tcp: Pose
-    landing: Landing
-    plan: Plan
+    landing: PlaceCandidate
+    plan: MotionPlan
     """Lift, transfer and the way down as one motion."""
     version: int
     """Of the belief that it was handed over in."""
 
 
-class Underway:
+class HandoverSlot:
     """At most one carriage, for the skill that comes next.
 
     It is no part of a checkpoint: those are taken with an empty hand and the arm at rest.
     """
 
     def __init__(self) -> None:
-        self._left: Carriage | None = None
+        self._left: Handover | None = None
 
-    def leave(self, carriage: Carriage) -> None:
+    def leave(self, carriage: Handover) -> None:
         self._left = carriage
 
-    def take(self) -> Carriage | None:
+    def take(self) -> Handover | None:
         """What was left, once."""
         left, self._left = self._left, None
         return left

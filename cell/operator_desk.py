@@ -17,7 +17,7 @@ GIVE_UP: Final = "give up"
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class OperatorQuestion:
     """What somebody wants to know of a person, and how things stand meanwhile."""
 
     node: str
@@ -40,7 +40,7 @@ class Question:
         }
 
     @classmethod
-    def from_json(cls, said: Mapping[str, Any]) -> Question:
+    def from_json(cls, said: Mapping[str, Any]) -> OperatorQuestion:
         """What `to_json` gave. Raises KeyError or TypeError for something else."""
         choices = tuple(str(choice) for choice in said["choices"])
         return cls(said["node"], said["reason"], choices, said["object"], said["situation"])
@@ -48,9 +48,9 @@ class Question:
     def choice(self, text: str) -> str | None:
         """The choice that a text means: its number from 1 on, itself, or a beginning that no other shares.
 
-        >>> Question("Main/Ask", "it is stuck", ("go on", "give up")).choice("GIVE")
+        >>> OperatorQuestion("Main/Ask", "it is stuck", ("go on", "give up")).choice("GIVE")
         'give up'
-        >>> Question("Main/Ask", "it is stuck", ("go on", "give up")).choice("2")
+        >>> OperatorQuestion("Main/Ask", "it is stuck", ("go on", "give up")).choice("2")
         'give up'
         """
         said = " ".join(text.split()).casefold()
@@ -65,7 +65,7 @@ class Question:
         return begun[0] if len(begun) == 1 else None
 
 
-class OperatorDesk:
+class OperatorRequests:
     """One question at a time. The node lays it down and asks for the answer in later ticks; whoever runs the
     mission looks here after each tick, and lays an answer beside it.
 
@@ -73,11 +73,11 @@ class OperatorDesk:
     """
 
     def __init__(self) -> None:
-        self._question: Question | None = None
+        self._question: OperatorQuestion | None = None
         self._answer: str | None = None
 
     @property
-    def pending(self) -> Question | None:
+    def pending(self) -> OperatorQuestion | None:
         """The question that waits for an answer."""
         return self._question if self._answer is None else None
 
@@ -86,7 +86,7 @@ class OperatorDesk:
         """Whether an answer lies here that nobody has taken yet."""
         return self._answer is not None
 
-    def ask(self, question: Question) -> None:
+    def ask(self, question: OperatorQuestion) -> None:
         """Lay a question down; another that lay there is taken away."""
         self._question, self._answer = question, None
 

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from ..perception.data_association import ObservationSummary, update_belief
-from ..perception.fitting.known_object_fitting import Sighting
-from ..perception.fitting.view import View
+from ..perception.fitting.known_object_fitting import TrackedSighting
+from ..perception.fitting.view import PerceivedView
 from ..perception.pipeline import BinView, Perception
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.causes import Failure, perception
-from ..world.journal import Happened, ImageTaken, Journal
+from ..world.journal import ImageEntry, Journal, JournalEvent
 from ..world.protocols import Camera, Clock, NoImage, RgbdImage
 from ..world.stopwatch import Stopwatch
-from ..world.thinking_time import ThinkingAccount
+from ..world.thinking_time import ComputeTimeAccount
 from ..world.values import Array, Pose
 
 T = TypeVar("T")
@@ -31,7 +31,7 @@ again, and a hand at 0.25 m/s has moved by 5 cm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shot:
+class CapturedImage:
     """A picture, and how the robot stood when it was taken: joints (n,) rad, opening m."""
 
     image: RgbdImage
@@ -40,18 +40,18 @@ class Shot:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Glance:
+class PendingView:
     """A picture with what perception made of it; the belief does not know of it yet."""
 
     image: RgbdImage
-    view: View
+    view: PerceivedView
     stamp: float
     """Simulated seconds."""
     held: Pose | None
     """Where the object in the hand was in the world when it was taken; None: the hand was empty."""
 
 
-class Eyes:
+class Vision:
     """The cameras and what was last seen of the bins.
 
     `joints` and `width` give the arm's configuration (n,) rad and the opening m: the robot masks itself.
@@ -64,7 +64,7 @@ class Eyes:
         scene: PlanningScene,
         clock: Clock,
         journal: Journal,
-        thinking: ThinkingAccount,
+        thinking: ComputeTimeAccount,
         cost: float,
         joints: Callable[[], Array],
         width: Callable[[], float],
@@ -95,16 +95,16 @@ class Eyes:
         """Name of the camera on the hand; None: there is none."""
         return next((name for name in self._cameras if name not in self._still), None)
 
-    def shoot(self, camera: str) -> Generator[None, None, Shot]:
+    def shoot(self, camera: str) -> Generator[None, None, CapturedImage]:
         """One picture through `camera`, charged as a look is; nothing is recognised, no belief changes."""
         shot = yield from self._patiently(lambda: self._shot(camera))
         yield from self._charge()
-        self._journal.note(ImageTaken(shot.image, ()))
+        self._journal.note(ImageEntry(shot.image, ()))
         return shot
 
     def follow(
         self, camera: str, objects: Sequence[BeliefObject]
-    ) -> Generator[None, None, tuple[Sighting, ...]]:
+    ) -> Generator[None, None, tuple[TrackedSighting, ...]]:
         """Where a picture through `camera` shows objects that are believed to be in it. Charged as a look is;
         the belief does not change."""
         shot = yield from self._patiently(lambda: self._shot(camera))
@@ -112,7 +112,7 @@ class Eyes:
             found = self._perceive.follow(shot.image, shot.joints, shot.width, self._scene, objects)
         yield from self._charge()
         seen = sorted({str(s.object) for s in found if math.isfinite(s.misfit)})
-        self._journal.note(ImageTaken(shot.image, tuple(seen)))
+        self._journal.note(ImageEntry(shot.image, tuple(seen)))
         return found
 
     def look(self, camera: str) -> Generator[None, None, ObservationSummary]:
@@ -125,7 +125,7 @@ class Eyes:
         yield from self._charge()
         return self.take_in(glance)
 
-    def glance(self, camera: str) -> Glance:
+    def glance(self, camera: str) -> PendingView:
         """A picture through `camera`, and what perception makes of it: nothing is charged, and the belief
         does not change before `take_in`, which the caller defers until the thinking is over.
 
@@ -137,9 +137,9 @@ class Eyes:
         with self._stopwatch.measure("perception"):
             view = self._perceive.detect(shot.image, shot.joints, shot.width, self._scene)
         held = self._scene.held
-        return Glance(shot.image, view, stamp, None if held is None else held.pose)
+        return PendingView(shot.image, view, stamp, None if held is None else held.pose)
 
-    def take_in(self, glance: Glance) -> ObservationSummary:
+    def take_in(self, glance: PendingView) -> ObservationSummary:
         """Bring the belief up to date with a picture, as it was when it was taken."""
         view, image = glance.view, glance.image
         summary = update_belief(self._scene, view, glance.stamp, glance.held)
@@ -149,10 +149,10 @@ class Eyes:
         self.looks += 1
         self.newest = max(self.newest, glance.stamp)
         findings = tuple(f"{d.colour} {d.kind}" for d in view.detections)
-        self._journal.note(ImageTaken(image, findings))
+        self._journal.note(ImageEntry(image, findings))
         return summary
 
-    def _shot(self, camera: str) -> Shot:
+    def _shot(self, camera: str) -> CapturedImage:
         if camera not in self._cameras:
             raise Failure(
                 perception.NOT_FOUND, f"there is no camera {camera!r}", known=[str(c) for c in self._cameras]
@@ -166,7 +166,7 @@ class Eyes:
         if age > OLDEST:
             message = f"{camera} gives no new image: the last one is {age:.2f} s old"
             raise Failure(perception.NO_IMAGE, message, camera=camera, age=round(age, 3))
-        return Shot(image, self._joints(), self._width())
+        return CapturedImage(image, self._joints(), self._width())
 
     def _patiently(self, take: Callable[[], T]) -> Generator[None, None, T]:
         """What `take` comes to, which takes a picture: at the next frames, too, where none comes."""
@@ -189,7 +189,7 @@ class Eyes:
                 continue
             if missed:
                 words = f"{missed} of {missed + 1} frames did not come"
-                self._journal.note(Happened("frames_missed", words, data={"missed": missed}))
+                self._journal.note(JournalEvent("frames_missed", words, data={"missed": missed}))
             return taken
 
     def _charge(self) -> Generator[None, None, None]:

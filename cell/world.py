@@ -7,30 +7,30 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ..planning.requests import Scaling
-from ..world.belief.facts import Noticed, facts, to_do
+from ..world.belief.facts import FeedProgress, facts, items_to_do
 from ..world.protocols import NoFeed
-from .handover import Underway
-from .operator_desk import OperatorDesk
+from .handover import HandoverSlot
+from .operator_desk import OperatorRequests
 
 if TYPE_CHECKING:
     from ..control.execution.control_loop import ControlLoop
-    from ..control.execution.gripper_motion import Grip
-    from ..control.execution.motions import Motions
+    from ..control.execution.gripper_motion import GripperControl
+    from ..control.execution.motions import ArmMotion
     from ..planning.collision.scene_queries import SceneQueries
     from ..planning.service.plan_service import PlanService
     from ..robots.model import RobotModel
-    from ..world.belief.attempts import Attempts
+    from ..world.belief.attempts import AttemptMemory
     from ..world.belief.planning_scene import BeliefObject, PlanningScene
     from ..world.journal import Journal
     from ..world.protocols import Clock, Feed
-    from ..world.random_streams import Streams
+    from ..world.random_streams import RandomStreams
     from ..world.scene.description import SceneDescription
-    from ..world.thinking_time import ThinkingAccount
-    from .vision import Eyes
+    from ..world.thinking_time import ComputeTimeAccount
+    from .vision import Vision
 
 
 @dataclass(frozen=True, slots=True)
-class Handling:
+class HandlingParameters:
     """Defaults for a table-top arm with a parallel gripper. m, N, m/s."""
 
     approach: float = 0.08
@@ -74,26 +74,26 @@ class World:
     clock: Clock
     scene: PlanningScene
     journal: Journal
-    attempts: Attempts
-    streams: Streams
-    thinking: ThinkingAccount
+    attempts: AttemptMemory
+    streams: RandomStreams
+    thinking: ComputeTimeAccount
     control: ControlLoop
     plan: PlanService
-    move: Motions
-    grip: Grip
-    eyes: Eyes
+    move: ArmMotion
+    grip: GripperControl
+    eyes: Vision
     queries: SceneQueries
     feed: Feed = field(default_factory=NoFeed)
-    noticed: Noticed = field(default_factory=Noticed)
-    underway: Underway = field(default_factory=Underway)
-    handling: Handling = field(default_factory=Handling)
-    operator: OperatorDesk = field(default_factory=OperatorDesk)
+    noticed: FeedProgress = field(default_factory=FeedProgress)
+    underway: HandoverSlot = field(default_factory=HandoverSlot)
+    handling: HandlingParameters = field(default_factory=HandlingParameters)
+    operator: OperatorRequests = field(default_factory=OperatorRequests)
     tick: float = 0.05
     """Seconds between two ticks of the tree."""
 
     def to_do(self) -> tuple[BeliefObject, ...]:
         """Items that are believed to lie elsewhere than where they belong, and are not put aside."""
-        return to_do(self.scene)
+        return items_to_do(self.scene)
 
     def facts(self) -> Mapping[str, bool | int | float | str]:
         """Names that every expression of a mission may use, with their values now."""

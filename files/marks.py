@@ -34,7 +34,7 @@ def _no_code() -> NoReturn:
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class Diagnostic:
     """One thing that is wrong in a file. `where` is the value's dotted path or the node's path in the tree,
     `hint` what would be right, `code` names the page that explains it (P104)."""
 
@@ -61,15 +61,15 @@ SPOILT = ("P113", "P116", "P120")
 """Faults of form that spoil the value at their place: what else is said of it only follows."""
 
 
-def too_many(mark: Mark) -> Fault:
+def too_many(mark: Mark) -> Diagnostic:
     """What stands for all faults beyond MAX_FAULTS; `mark` is the place of the first of them."""
-    return Fault(mark, "", f"more than {MAX_FAULTS} faults; the rest is not shown", code="P126")
+    return Diagnostic(mark, "", f"more than {MAX_FAULTS} faults; the rest is not shown", code="P126")
 
 
 class FileError(PicktreeError):
     """Everything that is wrong with a file, in the order of the file; one line per fault."""
 
-    def __init__(self, faults: Iterable[Fault]) -> None:
+    def __init__(self, faults: Iterable[Diagnostic]) -> None:
         self.faults = tuple(sorted(dict.fromkeys(faults), key=lambda fault: fault.mark))
         super().__init__("\n".join(map(str, self.faults)))
 

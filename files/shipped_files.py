@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from ..errors import PicktreeError
-from .value_wording import nearest
+from .value_wording import suggest_name
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 """Folder of the package `picktree`. In a checkout it contains tests, examples and documents, too."""
@@ -39,7 +39,7 @@ def find_file(name_or_path: str, folder: Path, beside: Path | None, what: str) -
     own = at / f"{name_or_path}.yaml" if at is not None else Path(f"{name_or_path}.yaml")
     if is_file(own):
         return own
-    hint = nearest(name_or_path, shipped_names(folder))
+    hint = suggest_name(name_or_path, shipped_names(folder))
     raise PicktreeError(f"unknown {what} {name_or_path!r}" + (f" ({hint})" if hint else ""))
 
 

@@ -11,7 +11,7 @@ _MOST = 1000
 """Names that are looked at; each costs some microseconds."""
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def suggest_name(name: str, known: Iterable[str]) -> str:
     """A hint: "did you mean 'Grasp'?", or "known: a, b, c", or nothing when nothing is known."""
     names = list(dict.fromkeys(islice(known, _MOST)))
     lowered = {n.lower(): n for n in reversed(names)}
@@ -59,10 +59,10 @@ _BINARY = re.compile(r"[-+]?0b[01_]+")
 _COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
 
 
-def meant_flag(value: object) -> str:
+def suggest_boolean(value: object) -> str:
     """What to write for a text that YAML 1.1, or another language, takes for true or false.
 
-    >>> meant_flag("Yes"), meant_flag("maybe")
+    >>> suggest_boolean("Yes"), suggest_boolean("maybe")
     ('write true', '')
     """
     word = value.lower() if isinstance(value, str) else ""
@@ -71,10 +71,10 @@ def meant_flag(value: object) -> str:
     return "write false" if word in (*_FALSE, "false") else ""
 
 
-def meant_number(value: object) -> str:
+def suggest_number(value: object) -> str:
     """What to write for a text that YAML 1.1, or another language, takes for a number.
 
-    >>> meant_number("1_000"), meant_number("0b101"), meant_number("0,5"), meant_number("ten")
+    >>> suggest_number("1_000"), suggest_number("0b101"), suggest_number("0,5"), suggest_number("ten")
     ('write 1000', 'write 5', 'write 0.5', '')
     """
     if not isinstance(value, str) or len(value) > 40:

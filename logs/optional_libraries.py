@@ -12,10 +12,10 @@ from ..errors import PicktreeError
 
 
 @contextmanager
-def extra(name: str, library: str, what: str) -> Generator[None]:
+def optional_import(name: str, library: str, what: str) -> Generator[None]:
     """Turn a failed import of `library` into a PicktreeError that says how to add the extra.
 
-    >>> with extra("video", "av", "A video"):  # doctest: +ELLIPSIS
+    >>> with optional_import("video", "av", "A video"):  # doctest: +ELLIPSIS
     ...     raise ModuleNotFoundError("No module named 'av'", name="av")
     Traceback (most recent call last):
         ...

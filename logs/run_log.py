@@ -17,7 +17,7 @@ from .mcap.reader import RawMessage
 from .recording import foxglove_messages
 from .recording.digest import Digest
 from .recording.images import decode_colour, decode_depth
-from .recording.rotated_log import JoinedReading
+from .recording.rotated_log import JoinedLog
 from .recording.rotation import part_paths
 from .schema import topics
 from .schema.arithmetic_record import Arithmetic
@@ -25,13 +25,13 @@ from .schema.json_records import decode
 from .schema.records import (
     FORMAT,
     Candidates,
-    Continues,
     Control,
     Event,
     Joints,
     LinkMesh,
     LogLine,
     Plan,
+    ResumedFrom,
     RunInfo,
     Scene,
     Tick,
@@ -51,7 +51,7 @@ _NOTHING = (b'"writes":[]', b'"transitions":[]')
 
 
 @dataclass(frozen=True, slots=True)
-class At(Generic[R]):
+class Stamped(Generic[R]):
     """A record and when it was made, simulated s."""
 
     time: float
@@ -66,7 +66,7 @@ class TopicInfo:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shot:
+class CameraImage:
     """One image of a camera: RGB (h, w, 3), depth (h, w) in m with 0 where unknown."""
 
     camera: str
@@ -108,7 +108,7 @@ class RunLog:
 
     def __init__(self, where: str | Path) -> None:
         self.path = find_log(where)
-        self._file = JoinedReading(self.path)
+        self._file = JoinedLog(self.path)
         self.recovered = self._file.recovered
         try:
             self.metadata: Mapping[str, Mapping[str, str]] = self._file.metadata
@@ -164,7 +164,7 @@ class RunLog:
                 machine=self.metadata.get("picktree.machine", {}),
                 arithmetic=Arithmetic.from_words(self.metadata.get("picktree.arithmetic", {})),
                 files=self.metadata.get("picktree.files", {}),
-                continues=Continues.from_words(continues) if continues else None,
+                continues=ResumedFrom.from_words(continues) if continues else None,
             )
         except (KeyError, ValueError) as error:
             raise PicktreeError(f"{self.path}: the log's metadata are incomplete: {error}") from None
@@ -209,7 +209,7 @@ class RunLog:
         """As the run began with it; `trees` has those of a mission that was edited under the run, too."""
         return self._only(topics.TREE.name, lambda data: decode(Tree, data))
 
-    def trees(self) -> Iterator[At[Tree]]:
+    def trees(self) -> Iterator[Stamped[Tree]]:
         """Every tree of the run, with the time of its first tick."""
         return self._records(topics.TREE.name, lambda data: decode(Tree, data), None, None)
 
@@ -218,56 +218,62 @@ class RunLog:
         found = self.last(topics.ROBOT.name, self.end)
         return () if found is None else self._read(found, foxglove_messages.read_robot)
 
-    def ticks(self, start: float | None = None, end: float | None = None) -> Iterator[At[Tick]]:
+    def ticks(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Tick]]:
         return self._records(topics.TICK.name, lambda data: decode(Tick, data), start, end)
 
-    def busy_ticks(self) -> Iterator[At[Tick | None]]:
+    def busy_ticks(self) -> Iterator[Stamped[Tick | None]]:
         """All ticks; instead of those in which no node began or ended and nothing was written None, which
         makes most of them free. The first tick is always there."""
         first = True
         for message in self.messages([topics.TICK.name]):
             idle = all(nothing in message.data for nothing in _NOTHING)
             tick = None if idle and not first else self._read(message, lambda data: decode(Tick, data))
-            yield At(message.time / 1e9, tick)
+            yield Stamped(message.time / 1e9, tick)
             first = False
 
-    def timings(self, start: float | None = None, end: float | None = None) -> Iterator[At[Timing]]:
+    def timings(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Timing]]:
         return self._records(topics.TIMING.name, lambda data: decode(Timing, data), start, end)
 
-    def joints(self, start: float | None = None, end: float | None = None) -> Iterator[At[Joints]]:
+    def joints(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Joints]]:
         return self._records(topics.JOINTS.name, foxglove_messages.read_joints, start, end)
 
     def transforms(
         self, start: float | None = None, end: float | None = None
-    ) -> Iterator[At[tuple[Transform, ...]]]:
+    ) -> Iterator[Stamped[tuple[Transform, ...]]]:
         return self._records(topics.TF.name, foxglove_messages.read_transforms, start, end)
 
-    def wrenches(self, start: float | None = None, end: float | None = None) -> Iterator[At[WrenchReading]]:
+    def wrenches(
+        self, start: float | None = None, end: float | None = None
+    ) -> Iterator[Stamped[WrenchReading]]:
         return self._records(topics.WRENCH.name, lambda data: decode(WrenchReading, data), start, end)
 
-    def controls(self, start: float | None = None, end: float | None = None) -> Iterator[At[Control]]:
+    def controls(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Control]]:
         """None in logs that were made before this topic was."""
         return self._records(topics.CONTROL.name, lambda data: decode(Control, data), start, end)
 
-    def beliefs(self, start: float | None = None, end: float | None = None) -> Iterator[At[Scene]]:
+    def beliefs(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Scene]]:
         return self._records(topics.OBJECTS.name, foxglove_messages.read_scene, start, end)
 
-    def truths(self, start: float | None = None, end: float | None = None) -> Iterator[At[Scene]]:
+    def truths(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Scene]]:
         return self._records(topics.TRUTH.name, foxglove_messages.read_scene, start, end)
 
-    def plans(self, start: float | None = None, end: float | None = None) -> Iterator[At[Plan]]:
+    def plans(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Plan]]:
         return self._records(topics.PLAN.name, lambda data: decode(Plan, data), start, end)
 
-    def candidates(self, start: float | None = None, end: float | None = None) -> Iterator[At[Candidates]]:
+    def candidates(
+        self, start: float | None = None, end: float | None = None
+    ) -> Iterator[Stamped[Candidates]]:
         return self._records(topics.CANDIDATES.name, lambda data: decode(Candidates, data), start, end)
 
-    def events(self, start: float | None = None, end: float | None = None) -> Iterator[At[Event]]:
+    def events(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[Event]]:
         return self._records(topics.EVENTS.name, lambda data: decode(Event, data), start, end)
 
-    def lines(self, start: float | None = None, end: float | None = None) -> Iterator[At[LogLine]]:
+    def lines(self, start: float | None = None, end: float | None = None) -> Iterator[Stamped[LogLine]]:
         return self._records(topics.LOG.name, foxglove_messages.read_log, start, end)
 
-    def shots(self, camera: str, start: float | None = None, end: float | None = None) -> Iterator[At[Shot]]:
+    def shots(
+        self, camera: str, start: float | None = None, end: float | None = None
+    ) -> Iterator[Stamped[CameraImage]]:
         names = [
             topic.name
             for topic in (
@@ -285,7 +291,7 @@ class RunLog:
                     parts[names[1]], lambda data: decode_colour(foxglove_messages.read_image(data))
                 )
                 depth = self._read(message, lambda data: decode_depth(foxglove_messages.read_image(data)))
-                yield At(message.time / 1e9, Shot(camera, colour, depth, intrinsics))
+                yield Stamped(message.time / 1e9, CameraImage(camera, colour, depth, intrinsics))
 
     def messages(
         self,
@@ -300,16 +306,16 @@ class RunLog:
         """The last message of the topic at `at` seconds or before; None when there is none."""
         return next(self._file.messages([topic], None, _ns(at), newest_first=True), None)
 
-    def tick_at(self, at: float) -> At[Tick] | None:
+    def tick_at(self, at: float) -> Stamped[Tick] | None:
         return self._last(topics.TICK.name, lambda data: decode(Tick, data), at)
 
-    def transforms_at(self, at: float) -> At[tuple[Transform, ...]] | None:
+    def transforms_at(self, at: float) -> Stamped[tuple[Transform, ...]] | None:
         return self._last(topics.TF.name, foxglove_messages.read_transforms, at)
 
-    def belief_at(self, at: float) -> At[Scene] | None:
+    def belief_at(self, at: float) -> Stamped[Scene] | None:
         return self._last(topics.OBJECTS.name, foxglove_messages.read_scene, at)
 
-    def truth_at(self, at: float) -> At[Scene] | None:
+    def truth_at(self, at: float) -> Stamped[Scene] | None:
         return self._last(topics.TRUTH.name, foxglove_messages.read_scene, at)
 
     def digest(self) -> str:
@@ -342,13 +348,13 @@ class RunLog:
 
     def _records(
         self, topic: str, read: Callable[[bytes], R], start: float | None, end: float | None
-    ) -> Iterator[At[R]]:
+    ) -> Iterator[Stamped[R]]:
         for message in self.messages([topic], start, end):
-            yield At(message.time / 1e9, self._read(message, read))
+            yield Stamped(message.time / 1e9, self._read(message, read))
 
-    def _last(self, topic: str, read: Callable[[bytes], R], at: float) -> At[R] | None:
+    def _last(self, topic: str, read: Callable[[bytes], R], at: float) -> Stamped[R] | None:
         message = self.last(topic, at)
-        return None if message is None else At(message.time / 1e9, self._read(message, read))
+        return None if message is None else Stamped(message.time / 1e9, self._read(message, read))
 
     def _only(self, topic: str, read: Callable[[bytes], R]) -> R:
         message = next(self.messages([topic]), None)

@@ -11,17 +11,17 @@ from types import TracebackType
 from typing import Self
 
 from ..errors import PicktreeError
-from .run_log import At, RunLog
+from .run_log import RunLog, Stamped
 from .run_result import RunResult
 from .schema import topics
 from .schema.records import Candidates, Event, LogLine, Plan, RunInfo, Scene, Tree
 from .series import (
     ControlSeries,
     GripperSeries,
+    ImageSequence,
     JointSeries,
-    Shots,
     TickAt,
-    Ticks,
+    TickSequence,
     WrenchSeries,
     control_series,
     gripper_series,
@@ -100,7 +100,7 @@ class RunRecord:
         return RunResult.from_json_text(words["json"], self.path) if "json" in words else None
 
     @cached_property
-    def trees(self) -> tuple[At[Tree], ...]:
+    def trees(self) -> tuple[Stamped[Tree], ...]:
         """Trees with the time of their first tick; several when the mission was edited under the run."""
         return tuple(self.log.trees())
 
@@ -112,14 +112,14 @@ class RunRecord:
         return next((at.record for at in reversed(trees) if at.time <= time + 1e-9), trees[0].record)
 
     @cached_property
-    def events(self) -> tuple[At[Event], ...]:
+    def events(self) -> tuple[Stamped[Event], ...]:
         """Journal entries: `item_done`, `pick`, `fault`, `recovery`, `belief`, `checkpoint`, …"""
         return tuple(self.log.events())
 
     @cached_property
-    def ticks(self) -> Ticks:
+    def ticks(self) -> TickSequence:
         """The whole tree after each tick, by number; `ticks.number_at(time)` finds one by its time."""
-        return Ticks(self.log)
+        return TickSequence(self.log)
 
     @cached_property
     def visits(self) -> tuple[Visit, ...]:
@@ -127,17 +127,17 @@ class RunRecord:
         return visits_of(self.log)
 
     @cached_property
-    def plans(self) -> tuple[At[Plan], ...]:
+    def plans(self) -> tuple[Stamped[Plan], ...]:
         """Every request to the planner and its answer; paths in rad, `tool_path` in m in the world."""
         return tuple(self.log.plans())
 
     @cached_property
-    def candidates(self) -> tuple[At[Candidates], ...]:
+    def candidates(self) -> tuple[Stamped[Candidates], ...]:
         """The trail of every choice of a grasp or a place: how many reached each stage, who was rejected."""
         return tuple(self.log.candidates())
 
     @cached_property
-    def lines(self) -> tuple[At[LogLine], ...]:
+    def lines(self) -> tuple[Stamped[LogLine], ...]:
         """The lines for people, as they were logged."""
         return tuple(self.log.lines())
 
@@ -167,9 +167,9 @@ class RunRecord:
         return control_series(self.log)
 
     @cached_property
-    def shots(self) -> Shots:
+    def shots(self) -> ImageSequence:
         """The cameras' images; `shots.before(time)` finds one by its time."""
-        return Shots(self.log)
+        return ImageSequence(self.log)
 
     def at(self, time: float) -> Moment:
         """What was then: at the last tick at `time` or before."""

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from ..cell.operator_desk import Question
+from ..cell.operator_desk import OperatorQuestion
 from ..errors import PicktreeError
 from ..world.journal import Plain
 from .episodes.episode_counts import CureCount, PlantedCount, cause_lines, planted_lines
@@ -150,7 +150,7 @@ class RunResult:
     """None for a scene to which nothing is brought."""
     holes: tuple[HoleItem, ...] = ()
     """Items that ended at holes."""
-    asked: Question | None = None
+    asked: OperatorQuestion | None = None
     """Of a run that is paused: what a person is to say."""
 
     @property
@@ -238,7 +238,7 @@ class RunResult:
                 cures=_cures(said.get("cures")),
                 planted=tuple(PlantedCount(**each) for each in said.get("planted", ())),
                 holes=tuple(HoleItem(**item) for item in said.get("holes", ())),
-                asked=Question.from_json(said["asked"]) if said.get("asked") else None,
+                asked=OperatorQuestion.from_json(said["asked"]) if said.get("asked") else None,
                 log=Path(said["log"]),
                 folder=Path(said["folder"]),
                 **{name: said[name] for name in _PLAIN_FIELDS},

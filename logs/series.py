@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import PicktreeError
 from ..world.values import Array
-from .run_log import At, RunLog, Shot
+from .run_log import CameraImage, RunLog, Stamped
 from .schema import topics
 from .schema.records import Tick
 
@@ -33,7 +33,7 @@ class TickAt:
         return f"<tick {self.number} at {self.time:.2f} s: {self.record.root_status}{at}>"
 
 
-class Ticks(Sequence[TickAt]):
+class TickSequence(Sequence[TickAt]):
     """The ticks of a log, read one by one as they are asked for.
 
     Going through all of them (`for tick in ticks`, or a slice) is many times as fast as asking for each.
@@ -87,7 +87,7 @@ class Ticks(Sequence[TickAt]):
         return tuple(span[number] for number in numbers)
 
 
-class Shots(Sequence[At[Shot]]):
+class ImageSequence(Sequence[Stamped[CameraImage]]):
     """The images of a log, of all its cameras in order of time, decoded one by one as they are asked for."""
 
     def __init__(self, log: RunLog) -> None:
@@ -107,10 +107,10 @@ class Shots(Sequence[At[Shot]]):
         return len(self.times)
 
     @overload
-    def __getitem__(self, index: int) -> At[Shot]: ...
+    def __getitem__(self, index: int) -> Stamped[CameraImage]: ...
     @overload
-    def __getitem__(self, index: slice) -> tuple[At[Shot], ...]: ...
-    def __getitem__(self, index: int | slice) -> At[Shot] | tuple[At[Shot], ...]:
+    def __getitem__(self, index: slice) -> tuple[Stamped[CameraImage], ...]: ...
+    def __getitem__(self, index: int | slice) -> Stamped[CameraImage] | tuple[Stamped[CameraImage], ...]:
         if isinstance(index, slice):
             return tuple(self[number] for number in range(*index.indices(len(self))))
         number = range(len(self))[index]
@@ -118,7 +118,7 @@ class Shots(Sequence[At[Shot]]):
         # Its three messages have one stamp.
         return next(self._log.shots(self.cameras[number], time - _SLACK, time + _SLACK))
 
-    def before(self, time: float, camera: str | None = None) -> At[Shot] | None:
+    def before(self, time: float, camera: str | None = None) -> Stamped[CameraImage] | None:
         """The last image at `time` (simulated s) or before, of that camera or of any; None when none was
         taken by then."""
         for number in range(bisect.bisect_right(self.times, time + _SLACK) - 1, -1, -1):

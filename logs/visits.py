@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
-from .run_log import At, RunLog
-from .schema.records import Event, NodeStatus, Tick, Transition, Tree, Values, Write
+from .run_log import RunLog, Stamped
+from .schema.records import Event, NodeStatusRecord, Tick, TransitionRecord, Tree, Values, WriteRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +30,12 @@ class Pick:
     """Weight at the wrist after lifting, N."""
 
 
-def picks_of(events: Iterable[At[Event]]) -> tuple[Pick, ...]:
+def picks_of(events: Iterable[Stamped[Event]]) -> tuple[Pick, ...]:
     """Those among the events of a run."""
     return tuple(_pick(at) for at in events if at.record.kind == "pick")
 
 
-def _pick(at: At[Event]) -> Pick:
+def _pick(at: Stamped[Event]) -> Pick:
     data = at.record.data
     width, load = (
         float(value) if isinstance(value := data.get(name), (int, float)) else float("nan")
@@ -111,7 +111,7 @@ class Visit:
         return self.outcome == "FAILURE" and bool(self.cause) and self.origin == self.path
 
 
-class Following:
+class VisitBuilder:
     """Turns ticks into visits, one tick at a time; a visit is open until its node ends."""
 
     def __init__(self, tree: Tree) -> None:
@@ -137,7 +137,7 @@ class Following:
         self._time = time
         if self._number == 0:
             for path in under_way(tick):
-                self._begin(Transition(path, "RUNNING"))
+                self._begin(TransitionRecord(path, "RUNNING"))
         self._written(tick.writes)
         for transition in tick.transitions:
             if transition.status == "RUNNING":
@@ -157,15 +157,15 @@ class Following:
             self._visits[number] = replace(visit, end=self._time, last=max(self._number, visit.first))
         return tuple(self._visits)
 
-    def _written(self, writes: Iterable[Write]) -> None:
+    def _written(self, writes: Iterable[WriteRecord]) -> None:
         for write in writes:
             if write.node in self._iterations and isinstance(write.value, str):
                 self._elements[write.node] = write.value
 
-    def _begin(self, transition: Transition) -> None:
+    def _begin(self, transition: TransitionRecord) -> None:
         path = transition.path
         if path in self._open:  # it began anew without a word of its end
-            self._end(Transition(path, "IDLE"))
+            self._end(TransitionRecord(path, "IDLE"))
         item = transition.subject or self._item_around(path)
         self._counts[item, path] += 1
         number = len(self._visits)
@@ -187,7 +187,7 @@ class Following:
         )
         self._open[path] = number
 
-    def _end(self, transition: Transition) -> None:
+    def _end(self, transition: TransitionRecord) -> None:
         number = self._open.pop(transition.path, None)
         self._elements.pop(transition.path, None)
         if number is None:
@@ -231,7 +231,7 @@ def visits_of(log: RunLog) -> tuple[Visit, ...]:
     if log.format < 2:
         return ()
     trees = list(log.trees())
-    following = Following(trees[0].record if trees else Tree(()))
+    following = VisitBuilder(trees[0].record if trees else Tree(()))
     coming = trees[1:]
     for at in log.busy_ticks():
         while coming and coming[0].time <= at.time:
@@ -250,7 +250,7 @@ def derived_visits(log: RunLog) -> tuple[Visit, ...]:
     """As `visits_of`. A node that ended and began anew within one tick counts as one visit, and what a node
     read when it began is not known."""
     trees = list(log.trees())
-    following = Following(trees[0].record if trees else Tree(()))
+    following = VisitBuilder(trees[0].record if trees else Tree(()))
     coming = trees[1:]
     for at in with_transitions(log.ticks()):
         while coming and coming[0].time <= at.time:
@@ -259,12 +259,12 @@ def derived_visits(log: RunLog) -> tuple[Visit, ...]:
     return following.finish()
 
 
-def with_transitions(ticks: Iterator[At[Tick]]) -> Iterator[At[Tick]]:
+def with_transitions(ticks: Iterator[Stamped[Tick]]) -> Iterator[Stamped[Tick]]:
     """The ticks with the transitions that their statuses speak of."""
     running: set[str] = set()
     for at in ticks:
         begun = [
-            Transition(node.path, "RUNNING")
+            TransitionRecord(node.path, "RUNNING")
             for node in at.record.nodes
             if node.ticked and node.status != "IDLE" and node.path not in running
         ]
@@ -275,14 +275,14 @@ def with_transitions(ticks: Iterator[At[Tick]]) -> Iterator[At[Tick]]:
             if node.path in running and (node.status in ENDED if node.ticked else node.status != "RUNNING")
         ]
         running -= {transition.path for transition in ended}
-        yield At(at.time, replace(at.record, transitions=(*begun, *ended)))
+        yield Stamped(at.time, replace(at.record, transitions=(*begun, *ended)))
 
 
-def _end(node: NodeStatus, nodes: Sequence[NodeStatus]) -> Transition:
+def _end(node: NodeStatusRecord, nodes: Sequence[NodeStatusRecord]) -> TransitionRecord:
     if not node.ticked or node.status != "FAILURE":
-        return Transition(node.path, node.status if node.ticked else "IDLE", message=node.message)
+        return TransitionRecord(node.path, node.status if node.ticked else "IDLE", message=node.message)
     source = _origin(node, nodes) if node.cause else node
-    return Transition(
+    return TransitionRecord(
         node.path,
         "FAILURE",
         cause=node.cause,
@@ -292,7 +292,7 @@ def _end(node: NodeStatus, nodes: Sequence[NodeStatus]) -> Transition:
     )
 
 
-def _origin(node: NodeStatus, nodes: Sequence[NodeStatus]) -> NodeStatus:
+def _origin(node: NodeStatusRecord, nodes: Sequence[NodeStatusRecord]) -> NodeStatusRecord:
     """The lowest node below it that stands in the same failure, or itself."""
     same = [
         below

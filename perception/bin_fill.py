@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..world.scene.description import Bin
 from .fitting.view import BinView
-from .segmentation.blobs import Picture
+from .segmentation.blobs import SegmentationInput
 
 CELLS = 3
 HIGHEST = 0.9
@@ -26,8 +26,8 @@ LEAST = 8
 """Fewer pixels than this in a cell say nothing."""
 
 
-def heap(
-    picture: Picture, blocked: NDArray[np.bool_], bin_: Bin, noise: float, cells: int = CELLS
+def bin_height_map(
+    picture: SegmentationInput, blocked: NDArray[np.bool_], bin_: Bin, noise: float, cells: int = CELLS
 ) -> BinView:
     """Height map of a bin. `blocked` (h, w) is what the robot hides; `noise` is the depth's at 0.7 m."""
     heights = np.full((cells, cells), np.nan)

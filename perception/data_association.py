@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..world.belief.planning_scene import BeliefObject, PlanningScene
 from ..world.values import ObjectId, Pose
-from .fitting.view import Detection, Unexplained, View
+from .fitting.view import Detection, PerceivedView, UnexplainedPatch
 from .voxels.obstacle_volumes import update_volumes
 
 NEAR = 0.04
@@ -48,7 +48,7 @@ class ObservationSummary:
 
 
 def update_belief(
-    scene: PlanningScene, view: View, now: float, held_at: Pose | None = None
+    scene: PlanningScene, view: PerceivedView, now: float, held_at: Pose | None = None
 ) -> ObservationSummary:
     """Bring the items and obstacles of `scene` up to date with what `view` showed at time `now`.
 
@@ -128,7 +128,7 @@ def _is_held(held: BeliefObject, detection: Detection) -> bool:
     return detection.colour == held.colour and held.pose.distance(detection.pose) < IN_HAND
 
 
-def _gone(view: View, item: BeliefObject) -> bool:
+def _gone(view: PerceivedView, item: BeliefObject) -> bool:
     return view.look(item.shape, item.pose, item.colour).seen_empty
 
 
@@ -142,7 +142,7 @@ def _part_of_known(detection: Detection, hidden: Sequence[BeliefObject]) -> bool
     return near or (in_bin and detection.confidence < CERTAIN)
 
 
-def _is_known(unexplained: Unexplained, items: Sequence[BeliefObject]) -> bool:
+def _is_known(unexplained: UnexplainedPatch, items: Sequence[BeliefObject]) -> bool:
     """Whether the box stands about an item that is believed there but was not recognised."""
     return any(
         o.colour == unexplained.colour and o.pose.distance(unexplained.pose) < max(unexplained.shape.size)
@@ -157,7 +157,7 @@ def _believed(object_id: ObjectId, d: Detection, now: float) -> BeliefObject:
     )  # fmt: skip
 
 
-def _seen(item: BeliefObject, detection: Detection, view: View, now: float) -> BeliefObject:
+def _seen(item: BeliefObject, detection: Detection, view: PerceivedView, now: float) -> BeliefObject:
     """The belief after its object was seen. What was known better before is kept while the view bears it
     out: of an object that is half hidden only the visible half speaks. What was given up is so where it lay:
     elsewhere it may be had."""

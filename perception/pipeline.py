@@ -15,22 +15,37 @@ from ..world.protocols import RgbdImage
 from ..world.scene.description import SceneDescription
 from ..world.shapes import top
 from ..world.values import Array, Pose
-from .bin_fill import heap
-from .expectation.backdrop import SURFACE, Backdrop, Floor, Floors, levelled, table_of
-from .expectation.hand_camera_pose import registered
-from .expectation.robot_mask import HIGH, Body, RobotMask, with_what_hangs_on
-from .fitting.blob_splitting import split
-from .fitting.item_fitting import GOOD, HOVER, MODEL_SIGMA, Fitter, Hypothesis
-from .fitting.known_object_fitting import ROUGH, Sighting, followed
-from .fitting.view import BinView, Detection, Look, Unexplained, View
-from .geometry.camera_geometry import Sight
-from .geometry.resting_poses import Mouths, rests
-from .geometry.silhouette_fitting import Stand
+from .bin_fill import bin_height_map
+from .expectation.backdrop import (
+    SURFACE,
+    BackgroundModel,
+    SupportSurface,
+    SupportSurfaces,
+    level_camera,
+    table_of,
+)
+from .expectation.hand_camera_pose import register_hand_camera
+from .expectation.robot_mask import HIGH, RobotMask, RobotShape, with_what_hangs_on
+from .fitting.blob_splitting import split_blob
+from .fitting.item_fitting import GOOD, HOVER, MODEL_SIGMA, Hypothesis, ItemFitter
+from .fitting.known_object_fitting import ROUGH, TrackedSighting, track_objects
+from .fitting.view import BinView, BodyVisibility, Detection, PerceivedView, UnexplainedPatch
+from .geometry.camera_geometry import PosedCamera
+from .geometry.resting_poses import HoleMouths, stable_poses
+from .geometry.silhouette_fitting import StandingPose
 from .segmentation import blobs
-from .segmentation.blobs import Blob, Patch, Picture, coarsened, connected, cut_off, outlined
-from .voxels.space_carving import RAISED, boxed, grey, points_of
+from .segmentation.blobs import (
+    Blob,
+    PixelPatch,
+    SegmentationInput,
+    connected_patches,
+    cut_off,
+    downsample,
+    outline_patch,
+)
+from .voxels.space_carving import RAISED, bounding_box_of, points_of, unexplained_patches
 
-__all__ = ["BinView", "Detection", "Look", "Perception", "Unexplained", "View"]
+__all__ = ["BinView", "BodyVisibility", "Detection", "PerceivedView", "Perception", "UnexplainedPatch"]
 
 LEAST = 10
 """Pixels of a patch of colour."""
@@ -71,7 +86,9 @@ class Perception:
     """Knows the scene's fixtures, bins, cameras and catalogue, and the robot's shape; keeps nothing from
     picture to picture but what the cameras would see of an empty scene."""
 
-    def __init__(self, description: SceneDescription, robot: Body, table_z: float | None = None) -> None:
+    def __init__(
+        self, description: SceneDescription, robot: RobotShape, table_z: float | None = None
+    ) -> None:
         table = table_of(description)
         self._description = description
         self._robot = RobotMask(robot)
@@ -79,17 +96,17 @@ class Perception:
         self._table_z = (
             table_z if table_z is not None else 0.0 if table is None else top(table.shape, table.pose)
         )
-        self.rests = tuple(rest for entry in description.catalogue for rest in rests(entry))
+        self.rests = tuple(rest for entry in description.catalogue for rest in stable_poses(entry))
         self.tallest = max((rest.height for rest in self.rests), default=0.0)
         """Height of the tallest item as it stands, m."""
-        self._floors = Floors(description.fixtures, description.bins)
-        self.mouths = Mouths(description.fixtures, description.catalogue)
+        self._floors = SupportSurfaces(description.fixtures, description.bins)
+        self.mouths = HoleMouths(description.fixtures, description.catalogue)
         self._noise = {c.name: max(c.depth_noise, 2e-4) for c in description.cameras}
         self.moving = frozenset(c.name for c in description.cameras if c.on == "hand")
         """Names of the cameras on the hand."""
-        self._backdrops: dict[tuple[object, Pose], Backdrop] = {}
+        self._backdrops: dict[tuple[object, Pose], BackgroundModel] = {}
 
-    def detect(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> View:
+    def detect(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> PerceivedView:
         """What the picture shows, taken with the arm at `joints` (n,) rad and the fingers `width` m open.
 
         The belief in `scene` only says what the hand holds; it is not changed.
@@ -99,8 +116,8 @@ class Perception:
         finding = _Finding(self, shot)
         finding.items()
         finding.things()
-        bins = {b.id: heap(picture, shot.robot, b, shot.noise) for b in self._description.bins}
-        return View(
+        bins = {b.id: bin_height_map(picture, shot.robot, b, shot.noise) for b in self._description.bins}
+        return PerceivedView(
             image.camera,
             image.stamp,
             tuple(finding.detections),
@@ -121,20 +138,20 @@ class Perception:
         width: float,
         scene: PlanningScene,
         objects: Sequence[BeliefObject],
-    ) -> tuple[Sighting, ...]:
+    ) -> tuple[TrackedSighting, ...]:
         """Where the picture shows the objects that are believed to be in it, given what they are: see
         `following`. Cheaper and surer than `detect`, for nothing has to be recognised."""
         shot = self._shot(image, joints, width, scene)
-        fitter = Fitter(self.rests, shot.picture.sight, shot.noise, shot.rough)
-        return followed(shot.picture, fitter, objects)
+        fitter = ItemFitter(self.rests, shot.picture.sight, shot.noise, shot.rough)
+        return track_objects(shot.picture, fitter, objects)
 
     def _shot(self, image: RgbdImage, joints: Array, width: float, scene: PlanningScene) -> _Shot:
         moving = image.camera in self.moving
         whole = image
         if moving:
-            image = coarsened(image)
+            image = downsample(image)
         depth = np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float64)
-        believed = Sight.at(image.intrinsics, image.camera_in_world)
+        believed = PosedCamera.at(image.intrinsics, image.camera_in_world)
         backdrop = self._backdrop(believed, image)
         label = blobs.labels(image.colour)
         held = scene.held
@@ -142,14 +159,14 @@ class Perception:
         if moving:
             # From near, items and fingers may fill more of the picture than the table does.
             clutter = (label > 0) | self._robot.nearby(believed, depth, joints, width, in_hand)
-            sight = levelled(believed, depth, backdrop, self._table_z, clutter)
+            sight = level_camera(believed, depth, backdrop, self._table_z, clutter)
             sight = self._beside_hand(sight, whole, joints, width)
         else:
-            sight = levelled(believed, depth, backdrop, self._table_z)
+            sight = level_camera(believed, depth, backdrop, self._table_z)
         if believed.apart(sight, FAR_OFF) > OFF:
             # What is seen of walls and table is to be compared with where they are from there.
             believed = sight
-            backdrop = Backdrop.of(self._description, sight, self._table, self._table_z)
+            backdrop = BackgroundModel.of(self._description, sight, self._table, self._table_z)
         height = sight.heights(depth)
         robot = self._robot.paint(believed, joints, width, in_hand)
         if moving:
@@ -163,31 +180,31 @@ class Perception:
         walls = np.isfinite(backdrop.guard) & ((depth == 0) | (depth > backdrop.guard - SURFACE))
         if moving:
             walls |= sight.all_directions()[:, :, 2] > -DOWNWARDS
-        picture = Picture(
+        picture = SegmentationInput(
             sight, depth, height, label, robot | walls, np.zeros(depth.shape, dtype=np.int32), []
         )
         return _Shot(picture, backdrop, robot, self._noise.get(image.camera, 0.002), moving)
 
-    def _beside_hand(self, sight: Sight, image: RgbdImage, joints: Array, width: float) -> Sight:
+    def _beside_hand(self, sight: PosedCamera, image: RgbdImage, joints: Array, width: float) -> PosedCamera:
         """The levelled sight of a camera on the hand, corrected by the fingers that the whole picture
         shows."""
-        fine = Sight.along(image.intrinsics, sight.origin, sight.rotation)
-        found = registered(fine, image.depth.astype(np.float64), self._robot.fingers(joints, width))
-        return Sight.along(sight.intrinsics, found.origin, found.rotation)
+        fine = PosedCamera.along(image.intrinsics, sight.origin, sight.rotation)
+        found = register_hand_camera(fine, image.depth.astype(np.float64), self._robot.fingers(joints, width))
+        return PosedCamera.along(sight.intrinsics, found.origin, found.rotation)
 
-    def _backdrop(self, sight: Sight, image: RgbdImage) -> Backdrop:
+    def _backdrop(self, sight: PosedCamera, image: RgbdImage) -> BackgroundModel:
         if image.camera in self.moving:
-            return Backdrop.of(self._description, sight, self._table, self._table_z)
+            return BackgroundModel.of(self._description, sight, self._table, self._table_z)
         key = (image.intrinsics, image.camera_in_world)
         if key not in self._backdrops:
-            self._backdrops[key] = Backdrop.of(self._description, sight, self._table, self._table_z)
+            self._backdrops[key] = BackgroundModel.of(self._description, sight, self._table, self._table_z)
         return self._backdrops[key]
 
     def in_heap(self, points: Array, over: float = OVER_RIM) -> NDArray[np.bool_]:
         """Which points (n, 3) of the world belong to what lies in a bin: no higher than `over` m over it."""
         return self._floors.in_heap(points, over)
 
-    def floor(self, x: float, y: float, below: float) -> Floor:
+    def floor(self, x: float, y: float, below: float) -> SupportSurface:
         return self._floors.under(x, y, below)
 
 
@@ -195,8 +212,8 @@ class Perception:
 class _Shot:
     """One picture, masked."""
 
-    picture: Picture
-    backdrop: Backdrop
+    picture: SegmentationInput
+    backdrop: BackgroundModel
     robot: NDArray[np.bool_]
     noise: float
     """Of the depth at 0.7 m."""
@@ -215,12 +232,12 @@ class _Finding:
     def __init__(self, perception: Perception, shot: _Shot) -> None:
         self.perception = perception
         self.picture = shot.picture
-        self.fitter = Fitter(perception.rests, shot.picture.sight, shot.noise, shot.rough)
+        self.fitter = ItemFitter(perception.rests, shot.picture.sight, shot.noise, shot.rough)
         self.backdrop = shot.backdrop
         self.robot = shot.robot
         self.moving = shot.moving
         self.detections: list[Detection] = []
-        self.unexplained: list[Unexplained] = []
+        self.unexplained: list[UnexplainedPatch] = []
 
     def items(self) -> None:
         """Find the coloured patches and fit them; those that fit nothing become boxes."""
@@ -232,7 +249,7 @@ class _Finding:
         patches = [
             picture.claim(rows, columns, int(label))
             for label in present
-            for rows, columns in connected(usable & (picture.label == label), LEAST)
+            for rows, columns in connected_patches(usable & (picture.label == label), LEAST)
         ]
         for patch in patches:
             if patch.measured >= 4:
@@ -252,11 +269,13 @@ class _Finding:
     def things(self) -> None:
         """Find the grey depth that nothing known explains. In bins it is a part of the heap."""
         picture = self.picture
-        for rows, columns in grey(picture, self.backdrop.depth, self.robot, self.perception.in_heap):
+        for rows, columns in unexplained_patches(
+            picture, self.backdrop.depth, self.robot, self.perception.in_heap
+        ):
             self._box(rows, columns)
 
     def reach(self) -> NDArray[np.float32]:
-        """See `View`."""
+        """See `PerceivedView`."""
         picture, behind = self.picture, self.backdrop
         explained = behind.depth - picture.depth <= RAISED
         explained |= np.isfinite(behind.guard) & (picture.depth > behind.guard - SURFACE)
@@ -266,16 +285,16 @@ class _Finding:
         known[self.robot] = 0.0
         return known.astype(np.float32)
 
-    def _floor(self, rows: NDArray[np.intp], columns: NDArray[np.intp], height: float) -> Floor:
+    def _floor(self, rows: NDArray[np.intp], columns: NDArray[np.intp], height: float) -> SupportSurface:
         middle = np.array([columns.mean(), rows.mean()])
         x, y = self.picture.sight.at_height(middle, height)
         return self.perception.floor(float(x), float(y), height + 0.005)
 
-    def _item(self, patch: Patch) -> None:
+    def _item(self, patch: PixelPatch) -> None:
         floor = self._floor(patch.rows, patch.columns, patch.top)
         if patch.top - floor.height < FLAT:
             return
-        blob = outlined(self.picture, patch)
+        blob = outline_patch(self.picture, patch)
         heaped = (0.0, math.inf) if floor.in_bin else (GOOD, HOVER)
         hypotheses = self.fitter.explain(blob, floor.height, *heaped)
         seated = self._seated(blob)
@@ -289,7 +308,7 @@ class _Finding:
                 self._settle(blob, hypotheses, floor)
             return
         if misfit > GOOD and not floor.in_bin:
-            parts = split(self.picture, self.fitter, blob, floor.height, misfit)
+            parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit)
             if parts is not None and (misfit >= POOR or all(_clear(part.hypotheses[0]) for part in parts)):
                 for part in parts:
                     self._settle(part.blob, part.hypotheses, floor)
@@ -306,14 +325,14 @@ class _Finding:
         stub = mouth.stub(found[0].stand.rest) if found else None
         if stub is None or not _clear(found[0]):
             return None
-        seen = _detection(self.picture.sight, blob, found, Floor(mouth.id, mouth.height, False))
+        seen = _detection(self.picture.sight, blob, found, SupportSurface(mouth.id, mouth.height, False))
         # What the board hides of its outline leaves open where it is, and the hole tells.
         at = seen.pose.position if seen.sigma_position < mouth.sigma else (*mouth.at, seen.pose.position[2])
         pose = Pose(at, seen.pose.orientation).shifted((0.0, 0.0, -stub.sunk))
         sigma = min(seen.sigma_position, mouth.sigma)
         return _Seated(found[0], replace(seen, shape=stub.entry.shape, pose=pose, sigma_position=sigma))
 
-    def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: Floor) -> None:
+    def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface) -> None:
         """Take the best hypothesis for true, or box the blob."""
         if hypotheses and _clear(hypotheses[0], POOR_IN_BIN if floor.in_bin else POOR):
             detection = _detection(self.picture.sight, blob, hypotheses, floor)
@@ -330,12 +349,15 @@ class _Finding:
         x0, x1 = max(int(columns.min()) - 2, 0), int(columns.max()) + 3
         return bool(self.robot[y0:y1, x0:x1].any()) and not blob.whole
 
-    def _too_large(self, blob: Blob, floor: Floor) -> bool:
+    def _too_large(self, blob: Blob, floor: SupportSurface) -> bool:
         """Whether it cannot be a part of any item, however much of that the robot hides."""
         return blob.top - floor.height > self.perception.tallest + TALLER
 
-    def _box(self, rows: NDArray[np.intp], columns: NDArray[np.intp], heap: Floor | None = None) -> None:
-        """Take the patch for something unknown; of one that seems to lie in a `heap` what is far above it."""
+    def _box(
+        self, rows: NDArray[np.intp], columns: NDArray[np.intp], heap: SupportSurface | None = None
+    ) -> None:
+        """Take the patch for something unknown; of one that seems to lie in a `bin_height_map` what is far
+        above it."""
         known = self.picture.depth[rows, columns] > 0
         points = points_of(self.picture, rows, columns)
         known &= ~self.perception.in_heap(points, OVER_RIM if heap is None else OVER_HEAP)
@@ -343,7 +365,7 @@ class _Finding:
             return
         x, y, z = (float(c) for c in np.median(points[known], axis=0))
         below = self.perception.floor(x, y, z + 0.005)
-        box = boxed(self.picture, rows[known], columns[known], below.height)
+        box = bounding_box_of(self.picture, rows[known], columns[known], below.height)
         if box is not None:
             self.unexplained.append(box)
 
@@ -361,13 +383,15 @@ def _clear(hypothesis: Hypothesis, poor: float = POOR) -> bool:
     return hypothesis.misfit < poor and hypothesis.shown >= FRAGMENT
 
 
-def _detection(sight: Sight, blob: Blob, hypotheses: list[Hypothesis], floor: Floor) -> Detection:
+def _detection(
+    sight: PosedCamera, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface
+) -> Detection:
     best = hypotheses[0]
     rest = best.stand.rest
     entry = rest.entry
     turn = rest.turn
     yaw = best.stand.yaw if not turn else (best.stand.yaw + turn / 2) % turn - turn / 2
-    stand = Stand(rest, best.stand.centre, yaw if turn else 0.0)
+    stand = StandingPose(rest, best.stand.centre, yaw if turn else 0.0)
     loose = math.sqrt(max(1.0, best.misfit)) / max(0.3, best.shown)
     variance = best.covariance
     position = math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from ..robots.model import RobotModel
 from ..world.values import Array, Pose
-from .requests import Constraint, Upright, Within
+from .requests import BoxConstraint, Constraint, UprightConstraint
 
 LEAST_TILT = 0.002
 """A smaller tilt than this is taken as this: joints move on straight segments, poses turn on arcs, rad."""
@@ -26,7 +26,7 @@ DAMPING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Broken:
+class ConstraintViolation:
     """A constraint that does not hold: which, and by how much (rad for a tilt, m for a box)."""
 
     constraint: Constraint
@@ -44,7 +44,7 @@ class PathConstraints:
         self._arm = model.arm
         self._data = model.arm.createData()
         self._frame = model.tcp_frame
-        self._rows = [_Tilt(c) if isinstance(c, Upright) else _Box(c) for c in self.constraints]
+        self._rows = [_Tilt(c) if isinstance(c, UprightConstraint) else _Box(c) for c in self.constraints]
         self.projections = 0
         """How many configurations had to be moved; each costs about as much as an IK descent."""
 
@@ -61,19 +61,23 @@ class PathConstraints:
         pose = pin.updateFramePlacement(self._arm, self._data, self._frame)
         return all(float(row.excess(pose, 0.0).max()) <= 0.0 for row in self._rows)
 
-    def broken(self, q: Array) -> tuple[Broken, ...]:
+    def broken(self, q: Array) -> tuple[ConstraintViolation, ...]:
         """Those that do not hold at q (n,)."""
         return self.broken_by(self._model.tcp(q))
 
-    def broken_by(self, tcp_in_world: Pose) -> tuple[Broken, ...]:
+    def broken_by(self, tcp_in_world: Pose) -> tuple[ConstraintViolation, ...]:
         """Those that do not hold with the TCP at a pose: they say nothing of the arm behind it."""
         pose = pin.SE3(tcp_in_world.rotation(), np.array(tcp_in_world.position))
-        told: list[Broken] = []
+        told: list[ConstraintViolation] = []
         for row, constraint in zip(self._rows, self.constraints, strict=True):
             excess = float(row.excess(pose, 0.0).max())
             # Inverse kinematics ends a little beside its pose.
             if excess > 1e-4:
-                told.append(Broken(constraint, excess, excess + row.room * isinstance(constraint, Upright)))
+                told.append(
+                    ConstraintViolation(
+                        constraint, excess, excess + row.room * isinstance(constraint, UprightConstraint)
+                    )
+                )
         return tuple(told)
 
     def project(self, q: Array, lower: Array, upper: Array, reserve: float = RESERVE) -> Array | None:
@@ -113,7 +117,7 @@ class PathConstraints:
 class _Tilt:
     """The angle between an axis of the tool and the vertical."""
 
-    def __init__(self, upright: Upright) -> None:
+    def __init__(self, upright: UprightConstraint) -> None:
         axis = np.array(upright.axis, dtype=np.float64)
         self._axis: Array = axis / np.linalg.norm(axis)
         self.room = max(upright.tilt, LEAST_TILT)
@@ -132,7 +136,7 @@ class _Tilt:
 class _Box:
     """The TCP's distance from a box, along each axis and to either side."""
 
-    def __init__(self, within: Within) -> None:
+    def __init__(self, within: BoxConstraint) -> None:
         low, high = np.array(within.box.min, dtype=np.float64), np.array(within.box.max, dtype=np.float64)
         self._middle: Array = (low + high) / 2
         self._half: Array = np.maximum((high - low) / 2, LEAST_BOX)

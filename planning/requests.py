@@ -47,7 +47,7 @@ class RegionGoal:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LineGoal:
     """The TCP straight to a pose, keeping or interpolating its orientation (slerp)."""
 
     tcp_in_world: Pose
@@ -56,7 +56,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Offset:
+class OffsetGoal:
     """The TCP straight by `by` (3,) m in the world, orientation kept."""
 
     by: Vector3
@@ -64,11 +64,11 @@ class Offset:
 
 
 Goal: TypeAlias = NamedGoal | JointGoal | PoseGoal | RegionGoal
-Target: TypeAlias = Goal | Line | Offset
+Target: TypeAlias = Goal | LineGoal | OffsetGoal
 
 
 @dataclass(frozen=True, slots=True)
-class Upright:
+class UprightConstraint:
     """On the whole way an axis of the tool points up in the world, within a tilt.
 
     With the axis (0, 0, -1) the hand looks down: so a full glass is carried that was grasped from above.
@@ -81,17 +81,17 @@ class Upright:
 
 
 @dataclass(frozen=True, slots=True)
-class Within:
+class BoxConstraint:
     """On the whole way the TCP stays in a box of the world."""
 
     box: Bounds
 
 
-Constraint: TypeAlias = Upright | Within
+Constraint: TypeAlias = UprightConstraint | BoxConstraint
 
 
 @dataclass(frozen=True, slots=True)
-class Holding:
+class HeldObject:
     """Suppose for this request that the gripper holds this object of the scene, at this pose in the TCP's
     frame, wherever it is believed to be now."""
 
@@ -116,7 +116,7 @@ class Request:
     """Configuration (n,) rad; None: where the arm is."""
     width: float | None = None
     """Opening of the fingers, m; None: as it is."""
-    holding: Holding | None = None
+    holding: HeldObject | None = None
     """None: what the belief says is in the hand."""
     allowed: tuple[tuple[str, str], ...] = ()
     """Pairs of names that may touch on this motion, beside those that the scene allows now."""
@@ -130,7 +130,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+class MotionPlan:
     """An answer that can be executed. `path` (m, n) rad are the corners before time parameterisation."""
 
     trajectory: Trajectory
@@ -145,7 +145,7 @@ class Plan:
     """Of a straight line: the share that is free and reachable."""
     passes: tuple[float, ...] = ()
     """Of a chain: when the trajectory passes the end of each leg, s."""
-    legs: tuple[Plan, ...] = ()
+    legs: tuple[MotionPlan, ...] = ()
     """Of a chain: the plan of each leg by itself, from rest to rest."""
     request: Request | None = None
     """What it was planned for, its start filled in; a chain's legs have one each."""
@@ -154,7 +154,7 @@ class Plan:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class ContactPair:
     """A pair of bodies that touch or come closer than the margin: names and distance (negative: depth), m."""
 
     a: str

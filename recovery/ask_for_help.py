@@ -6,22 +6,22 @@ import re
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Final, cast
 
-from ..cell.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, Question, situation
+from ..cell.operator_desk import GIVE_UP, GO_ON, SET_ASIDE, OperatorQuestion, situation
 from ..trees.flow.default_flow import leaf
 from ..trees.node import Node
 from ..trees.ports import In, Out, port
 from ..trees.runtime import Runtime, Wiring
 from ..trees.skill import ARM
 from ..trees.status import NodeStatus
-from ..trees.values.port_types import Given, Misfit
+from ..trees.values.port_types import PortProblem, PortValues
 from ..trees.values.references import Reference
 from ..world.causes import Failure, control, tree
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
     from ..cell.world import World
-    from ..trees.flow import Flow, State
-    from ..trees.flow.flow_walk import Walk
+    from ..trees.flow import FlowState, NodeOutcomes
+    from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec
 
 _INSERTED: Final = re.compile(r"\{[A-Za-z_]\w{0,59}(?:\.[A-Za-z_]\w{0,59}){0,9}\}", re.ASCII)
@@ -63,15 +63,17 @@ class AskForHelp(Node):
         self._braking: Generator[None, None, None] | None = None
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         choices = given.constants.get("choices")
         if not isinstance(choices, list):
             return ()
         named = [" ".join(choice.split()).casefold() for choice in cast("list[str]", choices)]
         if not named or not all(named):
-            return (Misfit("choices", "a person needs at least one answer to choose, and none is empty"),)
+            return (
+                PortProblem("choices", "a person needs at least one answer to choose, and none is empty"),
+            )
         twice = next((choice for choice in named if named.count(choice) > 1), None)
-        return () if twice is None else (Misfit("choices", f"{twice!r} is there twice"),)
+        return () if twice is None else (PortProblem("choices", f"{twice!r} is there twice"),)
 
     @property
     def saveable(self) -> bool:
@@ -116,7 +118,9 @@ class AskForHelp(Node):
         return False
 
     def _ask(self, world: World) -> None:
-        question = Question(self.path, self._text(), tuple(self.choices), str(self.object), situation(world))
+        question = OperatorQuestion(
+            self.path, self._text(), tuple(self.choices), str(self.object), situation(world)
+        )
         world.operator.ask(question)
         self.feedback_message = f"waits for an answer: {question.reason}"
         self.note(
@@ -147,5 +151,5 @@ class AskForHelp(Node):
         return "nothing" if value is None else str(value)
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return leaf(cls, spec, entry, walk, takes_time=True)

@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ..manipulation.carry.hold_check import Hold
+from ..manipulation.carry.hold_check import GripCheck
 from ..trees.loading.loader import parse_mission
-from ..trees.loading.registry import Registry
+from ..trees.loading.registry import NodeRegistry
 from ..trees.running.builder import build
 from ..trees.status import NodeStatus
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure
-from ..world.journal import Happened, Plain
+from ..world.journal import JournalEvent, Plain
 from ..world.scene.destinations import is_at
 from ..world.shapes import Box
 from ..world.values import ObjectId, Pose
@@ -52,7 +52,7 @@ _PUT_DOWN: Final = f"""\
 
 
 @dataclass(frozen=True, slots=True)
-class Stock:
+class ResyncReport:
     """What was found: ids of items as the belief knows them."""
 
     done: tuple[ObjectId, ...]
@@ -63,7 +63,7 @@ class Stock:
     """Something was in the hand."""
 
 
-def take_stock(world: World) -> Generator[None, None, Stock]:
+def resync_belief(world: World) -> Generator[None, None, ResyncReport]:
     """Each yield is one tick. It never fails: what it cannot do it says, and leaves to the mission."""
     _note(world, "the run goes on as things stand: it looks first, with the belief of before", {})
     try:
@@ -95,11 +95,11 @@ def take_stock(world: World) -> Generator[None, None, Stock]:
     return _told(world, to_do, held)
 
 
-def _feel(world: World) -> Generator[None, None, Hold | None]:
+def _feel(world: World) -> Generator[None, None, GripCheck | None]:
     """What is in the hand, which is then believed there as something unknown; None: nothing."""
     yield from world.control.settle()
     grip = world.grip.state
-    hold = Hold(grip.width, world.control.load())
+    hold = GripCheck(grip.width, world.control.load())
     if hold.empty:
         return None
     # Nobody knows what the fingers were told last. Less force than now might drop what they hold.
@@ -129,7 +129,7 @@ def _lower(world: World) -> Generator[None, None, None]:
 
 def _carry_out(text: str, world: World) -> Generator[None, None, None]:
     """A tree of its own, so that the mission's is not touched."""
-    tree = build(parse_mission(text, Path("taking_stock.yaml"), Registry()), world, {})
+    tree = build(parse_mission(text, Path("taking_stock.yaml"), NodeRegistry()), world, {})
     tree.step()
     while tree.status is NodeStatus.RUNNING:
         yield
@@ -164,7 +164,7 @@ def _recognise(world: World, known: Mapping[ObjectId, BeliefObject]) -> None:
             world.scene.put(replace(now, id=old.id), "known from before, and seen elsewhere")
 
 
-def _told(world: World, to_do: Sequence[ObjectId], held: bool) -> Stock:
+def _told(world: World, to_do: Sequence[ObjectId], held: bool) -> ResyncReport:
     """Count what was done meanwhile, and say what nobody can know."""
     done: list[ObjectId] = []
     gone: list[ObjectId] = []
@@ -184,8 +184,8 @@ def _told(world: World, to_do: Sequence[ObjectId], held: bool) -> Stock:
         "items_done": world.journal.items_done,
     }
     _note(world, f"looked: {'; '.join(parts)}; {len(world.to_do())} to be done", data)
-    return Stock(tuple(done), tuple(gone), held)
+    return ResyncReport(tuple(done), tuple(gone), held)
 
 
 def _note(world: World, message: str, data: dict[str, Plain]) -> None:
-    world.journal.note(Happened("took_stock", message, "", data))
+    world.journal.note(JournalEvent("took_stock", message, "", data))

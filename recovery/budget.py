@@ -5,16 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, cast
 
 from ..trees.controls.decorator import Decorator
-from ..trees.flow import Ends, Flow, State
+from ..trees.flow import FlowState, NodeOutcomes, OutcomeCollector
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
-from ..trees.values.port_types import Given
+from ..trees.values.port_types import PortValues
 from ..world.causes import FailureReport, tree
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
-    from ..trees.flow.flow_walk import Walk
+    from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec
 
 
@@ -62,7 +62,7 @@ class Budget(Decorator):
     """Whether somebody below is recovering in this tick."""
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str, ...]:
         no_count = "tries" not in given.keys or given.number("tries") == -1
         no_time = "time" not in given.keys or given.number("time") == 0
         if no_count and no_time:
@@ -132,8 +132,8 @@ class Budget(Decorator):
         return state
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
         ends.take(flow)
         used_up = walk.fails(spec, walk.causes.of(cls.causes))
         for state in (*flow.failure, *flow.running):

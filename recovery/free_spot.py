@@ -34,7 +34,7 @@ REACHED = 25
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class TableSpot:
     """A point of a table's top, by its place in words."""
 
     name: str
@@ -79,15 +79,15 @@ class FreeSpot(Skill):
             free=len(free),
         )
 
-    def _spots(self, world: World) -> list[Spot]:
+    def _spots(self, world: World) -> list[TableSpot]:
         """On all tables, the nearest to the hand first."""
         hand = world.control.tcp.position
-        found: list[Spot] = []
+        found: list[TableSpot] = []
         for fixture in world.scene.fixtures.values():
             found += _on(fixture)
         return sorted(found, key=lambda spot: (math.dist(spot.at[:2], hand[:2]), spot.name))
 
-    def _has_room(self, world: World, held: BeliefObject, spot: Spot) -> bool:
+    def _has_room(self, world: World, held: BeliefObject, spot: TableSpot) -> bool:
         assert held.object_in_tcp is not None
         pose = put_down_poses(spot.at, held.shape, held.object_in_tcp)[0] @ held.object_in_tcp
         if not world.description.limits.workspace.contains(pose.position):
@@ -106,7 +106,7 @@ def _top(fixture: Fixture) -> float | None:
     return top(fixture.shape, fixture.pose) if up[2] > 0.9999 else None
 
 
-def _on(fixture: Fixture) -> list[Spot]:
+def _on(fixture: Fixture) -> list[TableSpot]:
     """Points of a grid over a board, in the part that an arm at the origin reaches."""
     height = _top(fixture)
     if height is None or not isinstance(fixture.shape, Box):
@@ -115,10 +115,10 @@ def _on(fixture: Fixture) -> list[Spot]:
     if min(half) <= 0:
         return []
     axes = [np.arange(-math.floor(h / GRID), math.floor(h / GRID) + 1) * GRID for h in half]
-    found: list[Spot] = []
+    found: list[TableSpot] = []
     for a in axes[0]:
         for b in axes[1]:
             x, y, _ = (float(v) for v in fixture.pose.apply(np.array([a, b, 0.0])))
             if NEAREST < math.hypot(x, y) < FARTHEST:
-                found.append(Spot(f"{fixture.id} {x:.2f} {y:.2f}", (x, y, height)))
+                found.append(TableSpot(f"{fixture.id} {x:.2f} {y:.2f}", (x, y, height)))
     return found

@@ -5,22 +5,22 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar, cast
 
 from ..errors import PicktreeError
-from ..files.value_wording import nearest
+from ..files.value_wording import suggest_name
 from ..trees.flow.default_flow import leaf
 from ..trees.node import Node
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
-from ..trees.values.port_types import Given, Misfit
+from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import all_causes, cause_named, matches
 
 if TYPE_CHECKING:
-    from ..trees.flow import Flow, State
-    from ..trees.flow.flow_walk import Walk
+    from ..trees.flow import FlowState, NodeOutcomes
+    from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec
     from ..world.causes import Cause
 
 
-class Guard(Node, abstract=True):
+class CauseGuard(Node, abstract=True):
     """SUCCESS when the cause is one of a list, else FAILURE without a report, as a condition."""
 
     kind = "condition"
@@ -45,11 +45,11 @@ class Guard(Node, abstract=True):
         return NodeStatus.SUCCESS if helps else NodeStatus.FAILURE
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return leaf(cls, spec, entry, walk, takes_time=False, says_no=True)
 
 
-class WouldHelp(Guard, abstract=True):
+class WouldHelp(CauseGuard, abstract=True):
     """A guard for one kind of cure."""
 
     helps: ClassVar[tuple[str, ...]] = ()
@@ -61,7 +61,7 @@ class WouldHelp(Guard, abstract=True):
 _WHICH = "the cause that is being handled: output `cause` of the Recover"
 
 
-class CauseIs(Guard):
+class CauseIs(CauseGuard):
     """Whether the cause that is being handled is one of these, or of one of these families."""
 
     example = """
@@ -75,12 +75,14 @@ class CauseIs(Guard):
         return tuple(self.of)
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         patterns = cast("list[str]", given.constants.get("of", []))
         names = [cause.name for cause in all_causes()]
         unknown = (p for p in patterns if not any(matches(p, cause) for cause in all_causes()))
         return tuple(
-            Misfit("of", f"{pattern!r} is no cause and no family of causes", nearest(pattern, names))
+            PortProblem(
+                "of", f"{pattern!r} is no cause and no family of causes", suggest_name(pattern, names)
+            )
             for pattern in unknown
         )
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, cast
 
-from ..planning.service.planner_overrides import Manner
+from ..planning.service.planner_overrides import PlannerOverrides
 from ..trees.controls.decorator import Decorator
-from ..trees.flow import Ends, Flow, State
+from ..trees.flow import FlowState, NodeOutcomes, OutcomeCollector
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
-from ..trees.values.port_types import Given
+from ..trees.values.port_types import PortValues
 
 if TYPE_CHECKING:
     from ..planning.service.plan_service import PlanService
-    from ..trees.flow.flow_walk import Walk
+    from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec
 
 
@@ -50,7 +50,7 @@ class PlanWith(Decorator):
     steady = True
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str, ...]:
         if not given.any_of("seed", "budget", "clearance"):
             return ("without `seed`, `budget` or `clearance` it changes nothing",)
         return ()
@@ -58,12 +58,12 @@ class PlanWith(Decorator):
     def on_tick(self) -> NodeStatus:
         # In a rehearsal nobody plans.
         plan = cast("PlanService | None", getattr(self.world, "plan", None))
-        manner = Manner(self.seed, self.budget, self.clearance)
+        manner = PlannerOverrides(self.seed, self.budget, self.clearance)
         with plan.in_manner(manner) if plan is not None else nullcontext():
             return self.relay()
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         ends.take(walk.child(spec.children[0], (entry,)))
         return ends.flow()

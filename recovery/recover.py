@@ -9,18 +9,18 @@ from ..trees.node import Node
 from ..trees.ports import In, Out, port
 from ..trees.slots import child, children, optional_child, table
 from ..trees.status import NodeStatus
-from ..trees.values.port_types import Given, Misfit
+from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import FailureReport, internal, matches
-from .recovery_base import Recovering
-from .recovery_flow import Cure, Recovery
+from .recovery_base import RecoveryControl
+from .recovery_flow import CureStep, RecoverySpec
 
 if TYPE_CHECKING:
-    from ..trees.flow import Flow, State
-    from ..trees.flow.flow_walk import Walk
+    from ..trees.flow import FlowState, NodeOutcomes
+    from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec
 
 
-class RecoveryNode(Recovering):
+class RecoveryNode(RecoveryControl):
     """Runs its first child; when it fails, runs the second, then the first again, as Nav2's.
 
     The first child runs once more than `number_of_retries`. The node fails when the second child fails or is
@@ -64,11 +64,11 @@ class RecoveryNode(Recovering):
         return cure is NodeStatus.SUCCESS
 
     @classmethod
-    def recovery(cls, spec: NodeSpec, walk: Walk) -> Recovery:
+    def recovery(cls, spec: NodeSpec, walk: FlowAnalysis) -> RecoverySpec:
         tried, cure = spec.children
         retries = walk.number(spec, "number_of_retries")
         runs = None if retries is None else retries + 1
-        return Recovery(tried, (Cure(cure.name, "*", cure),), None, runs, skipped_cure_fails=True)
+        return RecoverySpec(tried, (CureStep(cure.name, "*", cure),), None, runs, skipped_cure_fails=True)
 
 
 class ForAttempt(Node):
@@ -96,9 +96,9 @@ class ForAttempt(Node):
     value: Out[object] = port("the one for this attempt", each_of="values")
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         if given.constants.get("values") == []:
-            return (Misfit("values", "there is no value", "one for each attempt"),)
+            return (PortProblem("values", "there is no value", "one for each attempt"),)
         return ()
 
     def on_tick(self) -> NodeStatus:
@@ -108,11 +108,11 @@ class ForAttempt(Node):
         return NodeStatus.SUCCESS
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return leaf(cls, spec, entry, walk, takes_time=False)
 
 
-class Recover(Recovering):
+class Recover(RecoveryControl):
     """Runs `do`; when it fails, runs the handler of the cause, then `do` again, at most `attempts` times.
 
     The first pattern of `when` that matches the cause is used, in the order of the file, else `otherwise`;
@@ -146,7 +146,7 @@ class Recover(Recovering):
     last_resort = optional_child("what is done before failing for good", key="give_up")
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str, ...]:
         if not given.any_of("when", "otherwise"):
             return ("without `when` or `otherwise` nothing is recovered; use RetryUntilSuccessful to retry",)
         return ()
@@ -175,12 +175,12 @@ class Recover(Recovering):
         return self.last_resort
 
     @classmethod
-    def recovery(cls, spec: NodeSpec, walk: Walk) -> Recovery:
-        cures = [Cure(label, label, part) for label, part in spec.slots.get("when", ())]
-        cures += (Cure(_OTHERWISE, "*", part) for _, part in spec.slots.get("otherwise", ()))
+    def recovery(cls, spec: NodeSpec, walk: FlowAnalysis) -> RecoverySpec:
+        cures = [CureStep(label, label, part) for label, part in spec.slots.get("when", ())]
+        cures += (CureStep(_OTHERWISE, "*", part) for _, part in spec.slots.get("otherwise", ()))
         resort = next((part for _, part in spec.slots.get("give_up", ())), None)
         tried = spec.slots["do"][0][1]
-        return Recovery(tried, tuple(cures), resort, walk.number(spec, "attempts"))
+        return RecoverySpec(tried, tuple(cures), resort, walk.number(spec, "attempts"))
 
 
 _OTHERWISE = "otherwise"

@@ -5,20 +5,20 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
-from ..trees.flow import Flow, State
-from ..trees.node import Control, Node
+from ..trees.flow import FlowState, NodeOutcomes
+from ..trees.node import ControlNode, Node
 from ..trees.status import NodeStatus
 from ..trees.values.failure_reports import with_attached
 from ..world.causes import FailureReport, internal, matches, tree
 from .budget import budgets_above
-from .recovery_flow import Recovery
+from .recovery_flow import RecoverySpec
 
 if TYPE_CHECKING:
-    from ..trees.flow.flow_walk import Walk
+    from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec
 
 
-class Recovering(Control, abstract=True):
+class RecoveryControl(ControlNode, abstract=True):
     """Runs `tried`; after a failure runs its cure, then `tried` again, a tick apart.
 
     Its outputs `attempt`, `cause`, `message` and `failed` tell those below what is going on, cures above all.
@@ -69,7 +69,7 @@ class Recovering(Control, abstract=True):
 
     @classmethod
     @abstractmethod
-    def recovery(cls, spec: NodeSpec, walk: Walk) -> Recovery:
+    def recovery(cls, spec: NodeSpec, walk: FlowAnalysis) -> RecoverySpec:
         """The same of a node in the text."""
         ...
 
@@ -185,5 +185,5 @@ class Recovering(Control, abstract=True):
         return self.fail_with(report)
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return cls.recovery(spec, walk).flow(spec, entry, walk)

@@ -6,11 +6,21 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING
 
-from ..trees.flow import UNREPORTED, Ends, Failures, Flow, Reasons, State, States, joined, tidy
+from ..trees.flow import (
+    UNREPORTED,
+    FailureReasons,
+    Failures,
+    FlowState,
+    NodeOutcomes,
+    OutcomeCollector,
+    States,
+    joined,
+    tidy,
+)
 from ..world.causes import internal, tree
 
 if TYPE_CHECKING:
-    from ..trees.flow.flow_walk import Walk
+    from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec
 
 
@@ -19,7 +29,7 @@ OUTPUTS = ("attempt", "cause", "message", "failed")
 
 
 @dataclass(frozen=True, slots=True)
-class Cure:
+class CureStep:
     """What is run after a failure that the pattern matches."""
 
     label: str
@@ -28,31 +38,31 @@ class Cure:
 
 
 @dataclass(frozen=True, slots=True)
-class Recovery:
+class RecoverySpec:
     """A node of the text that cures failures. `runs`: how often `tried` may run; None: it is not known."""
 
     tried: NodeSpec
-    cures: tuple[Cure, ...]
+    cures: tuple[CureStep, ...]
     resort: NodeSpec | None
     runs: float | None
     skipped_cure_fails: bool = False
 
-    def flow(self, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(self, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return _Rounds(self, spec, walk).flow(entry)
 
 
 class _Rounds:
     """One run of `tried` after the other, each but the first after a cure."""
 
-    def __init__(self, recovery: Recovery, spec: NodeSpec, walk: Walk) -> None:
+    def __init__(self, recovery: RecoverySpec, spec: NodeSpec, walk: FlowAnalysis) -> None:
         self._recovery, self._spec, self._walk = recovery, spec, walk
-        self._ends = Ends()
+        self._ends = OutcomeCollector()
         self._used_up = walk.fails(spec, walk.causes.of((tree.ATTEMPTS,)))
         self._fault = walk.fails(spec, 0, walk.causes.matching(str(internal.ANY)))
         self._outputs = walk.keys_of(spec, OUTPUTS)
-        self._cured: set[State] = set()
+        self._cured: set[FlowState] = set()
 
-    def flow(self, entry: State) -> Flow:
+    def flow(self, entry: FlowState) -> NodeOutcomes:
         states: States = frozenset((entry.written(self._outputs),))
         seen: States = frozenset()
         for run in count(1):
@@ -68,7 +78,7 @@ class _Rounds:
             self._walk.unreached(self._recovery.resort, f"{self._recovery.tried.name} never fails for good")
         return self._ends.flow()
 
-    def _why_not(self, cure: Cure) -> str:
+    def _why_not(self, cure: CureStep) -> str:
         if self._recovery.runs == 1:
             return f"{self._recovery.tried.name} may run once only, so there is no run after it"
         fails = "never fails" if cure is self._recovery.cures[0] else "never fails with another cause"
@@ -103,13 +113,13 @@ class _Rounds:
         for failures in (*given_up, left):
             self._give_up(failures)
 
-    def _reported(self, reasons: Reasons) -> Reasons:
+    def _reported(self, reasons: FailureReasons) -> FailureReasons:
         """A condition that does not hold counts as tree.attempts."""
         if not reasons.any & UNREPORTED:
             return reasons
         return joined((reasons.only(~UNREPORTED), self._used_up))
 
-    def _cure(self, cure: Cure, caught: Failures) -> None:
+    def _cure(self, cure: CureStep, caught: Failures) -> None:
         starts, reasons = tidy(caught), joined(caught.values()).tried()
         self._ends.run(starts)
         flow = self._walk.child(cure.node, starts)
@@ -130,13 +140,13 @@ class _Rounds:
         self._ends.fail(dict.fromkeys((*flow.success, *flow.skipped, *flow.failure), reasons))
 
 
-def _names_faults(cure: Cure) -> bool:
+def _names_faults(cure: CureStep) -> bool:
     return cure.pattern in (internal.ERROR.name, str(internal.ANY))
 
 
 def _narrowed(failures: Failures, mask: int) -> Failures:
     """The failures as far as their causes are in the mask."""
-    found: dict[State, Reasons] = {}
+    found: dict[FlowState, FailureReasons] = {}
     for state, reasons in failures.items():
         if not reasons.any & mask:
             continue

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.place.dropped_objects import open_hand
+from ..manipulation.place.dropped_objects import open_gripper
 from ..trees.ports import In, port
 from ..trees.skill import GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, safety
-from ..world.journal import Happened
+from ..world.journal import JournalEvent
 
 if TYPE_CHECKING:
     from ..cell.world import World
@@ -45,7 +45,7 @@ class ResetGripper(Skill):
             said = yield from self._to_and_fro(world)
             if not said:
                 world.journal.note(
-                    Happened("gripper_reset", f"the fingers follow again, at try {number}", self.path)
+                    JournalEvent("gripper_reset", f"the fingers follow again, at try {number}", self.path)
                 )
                 return
             yield from self._pause(world)
@@ -63,7 +63,7 @@ class ResetGripper(Skill):
             before = world.grip.width
             try:
                 if opens:
-                    yield from open_hand(world, "let go by ResetGripper")
+                    yield from open_gripper(world, "let go by ResetGripper")
                 else:
                     yield from world.grip.close(self.force)
             except Failure as failure:

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
-from ..manipulation.carry.hold_check import EMPTY_WIDTH, Hold
-from ..manipulation.place.dropped_objects import let_go, open_hand
-from ..manipulation.place.put_down import set_down
-from ..manipulation.retreat.clearing import Leaving
-from ..manipulation.retreat.homing import go_home, look_around
+from ..manipulation.carry.hold_check import EMPTY_WIDTH, GripCheck
+from ..manipulation.place.dropped_objects import open_gripper, release_object
+from ..manipulation.place.put_down import put_down
+from ..manipulation.retreat.clearing import RetreatMotion
+from ..manipulation.retreat.homing import go_home, observe_with_fixed_cameras
 from ..trees.declaration import Hand
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..trees.values.references import Binding, Constant
 from ..world.causes import Failure, control, grasp, place, safety
-from ..world.journal import Happened
+from ..world.journal import JournalEvent
 
 if TYPE_CHECKING:
     from ..cell.world import World
@@ -69,7 +69,7 @@ class SafeRetreat(Skill):
         yield from world.move.rest()
         self._acknowledge(world)
         self._not_held(world)
-        leaving = Leaving(world, self.path, world.clock.now + LONGEST)
+        leaving = RetreatMotion(world, self.path, world.clock.now + LONGEST)
         left = yield from leaving.relax()
         to_open = self.hand == "open"
         if to_open and self._room_to_open(world):
@@ -90,7 +90,7 @@ class SafeRetreat(Skill):
         refused: Failure | None = None
         if self.hand == "put_down":
             try:
-                yield from set_down(world, leaving, scaling, self.path)
+                yield from put_down(world, leaving, scaling, self.path)
             except Failure as failure:
                 # It is kept then, and home is the better place to say so.
                 refused = self._not_put_down(world, failure)
@@ -104,13 +104,15 @@ class SafeRetreat(Skill):
     def _acknowledge(self, world: World) -> None:
         stop = world.control.monitor.stopped
         if stop is not None and world.control.monitor.acknowledge(self.path):
-            world.journal.note(Happened("safety_acknowledged", f"{stop.cause}: {stop.message}", self.path))
+            world.journal.note(
+                JournalEvent("safety_acknowledged", f"{stop.cause}: {stop.message}", self.path)
+            )
 
     @staticmethod
     def _not_held(world: World) -> None:
         """Fingers that have met hold nothing, whatever is believed."""
         if world.scene.held is not None and world.grip.width <= EMPTY_WIDTH:
-            let_go(world.scene, "the fingers have met: nothing is between them")
+            release_object(world.scene, "the fingers have met: nothing is between them")
             world.control.wrist.carry(None)
 
     @staticmethod
@@ -123,7 +125,7 @@ class SafeRetreat(Skill):
 
     @staticmethod
     def _open(world: World) -> Steps:
-        yield from open_hand(world, "let go by SafeRetreat")
+        yield from open_gripper(world, "let go by SafeRetreat")
         world.control.wrist.carry(None)
 
     @staticmethod
@@ -134,12 +136,12 @@ class SafeRetreat(Skill):
         message = f"{held.id} cannot be put down: {failure.message}; it is still in the hand"
         return Failure(place.OCCUPIED, message, object=held.id, because=failure.cause.name)
 
-    def _out(self, world: World, leaving: Leaving) -> Doing[bool]:
+    def _out(self, world: World, leaving: RetreatMotion) -> Doing[bool]:
         """Clear of what it is believed to be in; where no way leads out, it is looked whether it is there."""
         if (yield from leaving.out()):
             return True
         believed = world.plan.contacts()
-        yield from look_around(world)
+        yield from observe_with_fixed_cameras(world)
         if world.plan.contacts() == believed and not leaving.touched:
             return False
         leaving.anew()
@@ -151,10 +153,10 @@ class SafeRetreat(Skill):
         if held is None:
             return
         yield from world.control.settle()
-        hold = Hold(world.grip.width, world.control.load())
+        hold = GripCheck(world.grip.width, world.control.load())
         if hold.held:
             return
-        let_go(world.scene, "no longer felt in the hand")
+        release_object(world.scene, "no longer felt in the hand")
         world.control.wrist.carry(None)
         raise Failure(
             grasp.SLIPPED,
@@ -164,7 +166,7 @@ class SafeRetreat(Skill):
             load=hold.load,
         )
 
-    def _no_way(self, world: World, leaving: Leaving, left: float) -> Failure:
+    def _no_way(self, world: World, leaving: RetreatMotion, left: float) -> Failure:
         """The failure that says what is in the way and what was tried; the arm is held where it is."""
         contacts = world.plan.contacts()
         named = [f"{c.a} at {c.b} ({-c.distance * 1000:.0f} mm deep)" for c in contacts if c.distance < 0.0]

@@ -11,13 +11,13 @@ from ..trees.ports import In, port
 from ..trees.status import NodeStatus
 from ..world.belief.facts import ASIDE
 from ..world.causes import Failure, place
-from ..world.journal import Happened
+from ..world.journal import JournalEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
     from ..cell.world import World
-    from ..trees.flow import Flow, State
-    from ..trees.flow.flow_walk import Walk
+    from ..trees.flow import FlowState, NodeOutcomes
+    from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec
 
 _GIVEN_UP = "given up"
@@ -62,7 +62,7 @@ class SetAside(Node):
         world.scene.put(replace(belief, place=ASIDE), "set aside: it is left where it lies")
         x, y, _ = belief.pose.position
         world.journal.note(
-            Happened(
+            JournalEvent(
                 "set_aside",
                 f"{self.object} is left where it lies",
                 self.path,
@@ -72,5 +72,5 @@ class SetAside(Node):
         return NodeStatus.SUCCESS
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return leaf(cls, spec, entry, walk, takes_time=False)

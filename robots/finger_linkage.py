@@ -13,7 +13,7 @@ import numpy as np
 from ..world.shapes import Box
 from ..world.values import Array, Pose
 from .description import Follower, GripperDescription, Linkage
-from .urdf_tree import Skeleton
+from .urdf_tree import UrdfTree
 
 
 class Fingers(Protocol):
@@ -62,7 +62,7 @@ class SliderPair:
         return self._tip
 
 
-class LinkedFingers:
+class LinkageFingers:
     """Fingers that one hinge moves; the others follow it. See `Linkage` for the table that it reads."""
 
     def __init__(self, linkage: Linkage) -> None:
@@ -110,7 +110,7 @@ class LinkedFingers:
 
 def fingers_of(gripper: GripperDescription) -> Fingers:
     """How that gripper opens and closes."""
-    return SliderPair(gripper) if gripper.linkage is None else LinkedFingers(gripper.linkage)
+    return SliderPair(gripper) if gripper.linkage is None else LinkageFingers(gripper.linkage)
 
 
 def _between(rising: Sequence[float], values: Sequence[float], at: float) -> float:
@@ -147,7 +147,7 @@ class LinkageParts:
     tcp_in_link: Pose
 
 
-def solve_linkage(skeleton: Skeleton, parts: LinkageParts) -> Linkage:
+def solve_linkage(skeleton: UrdfTree, parts: LinkageParts) -> Linkage:
     """Opening and reach of the pads over the angle of the driven joint.
 
     The opening is the distance between the inner faces of the two pads along the TCP's y axis. Raises
@@ -174,7 +174,7 @@ def solve_linkage(skeleton: Skeleton, parts: LinkageParts) -> Linkage:
     return Linkage(parts.drive, parts.followers, knuckles, tuple(angles), tuple(widths), tuple(tips))
 
 
-def _knuckle(skeleton: Skeleton, parts: LinkageParts, n: int) -> str:
+def _knuckle(skeleton: UrdfTree, parts: LinkageParts, n: int) -> str:
     moved = {parts.drive, *(follower.joint for follower in parts.followers)}
     for name in skeleton.joints_to(parts.links[n]):
         if name in moved:
@@ -201,7 +201,7 @@ def _from_touching(
     )
 
 
-def _pad_in_tcp(skeleton: Skeleton, parts: LinkageParts, n: int, angle: float) -> Array:
+def _pad_in_tcp(skeleton: UrdfTree, parts: LinkageParts, n: int, angle: float) -> Array:
     """Corners (8, 3) of a pad in the TCP's frame."""
     positions = {parts.drive: angle}
     positions |= {f.joint: f.multiplier * angle + f.offset for f in parts.followers}

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..files.value_wording import nearest
+from ..files.value_wording import suggest_name
 from ..world.values import Pose, Vector3
 from .mesh_files import PACKAGE, mesh_file
 from .tool_frame import rpy_of
@@ -29,7 +29,7 @@ class NamedUrdf:
 
 
 @dataclass(frozen=True, slots=True)
-class Mounting:
+class GripperMount:
     """Which part of a gripper's URDF is hung where on the arm, by a fixed joint named `joint`."""
 
     gripper: NamedUrdf
@@ -56,19 +56,19 @@ class LinkInertia:
     """ixy, ixz, iyz"""
 
 
-def composed(
-    arm: NamedUrdf, mounting: Mounting | None, inertias: Mapping[str, LinkInertia] | None = None
+def write_composed_urdf(
+    arm: NamedUrdf, mounting: GripperMount | None, inertias: Mapping[str, LinkInertia] | None = None
 ) -> Path:
     """A file with the URDF as it is wanted; the same wishes always give the same text and the same file.
 
     Meshes of installed packages are named as `package://package/path`, so that the text does not depend on
     where the packages stand. Raises UrdfError when they do not go together.
     """
-    return _kept(compose(arm, mounting, inertias or {}), arm.path.stem)
+    return _kept(composed_urdf(arm, mounting, inertias or {}), arm.path.stem)
 
 
-def compose(arm: NamedUrdf, mounting: Mounting | None, inertias: Mapping[str, LinkInertia]) -> str:
-    """The text of `composed`."""
+def composed_urdf(arm: NamedUrdf, mounting: GripperMount | None, inertias: Mapping[str, LinkInertia]) -> str:
+    """The text of `write_composed_urdf`."""
     whole = parsed_urdf(arm.path)
     skeleton_of(whole)
     _name_meshes(whole, arm)
@@ -77,7 +77,7 @@ def compose(arm: NamedUrdf, mounting: Mounting | None, inertias: Mapping[str, Li
     links = {link.get("name", ""): link for link in whole.findall("link")}
     for name, inertia in inertias.items():
         if name not in links:
-            hint = nearest(name, links)
+            hint = suggest_name(name, links)
             raise UrdfError(f"there is no link {name!r}" + (f" ({hint})" if hint else ""))
         _put_inertia(links[name], inertia)
     ElementTree.indent(whole)
@@ -95,19 +95,19 @@ def _put_inertia(link: ElementTree.Element, inertia: LinkInertia) -> None:
     ElementTree.SubElement(inertial, "inertia", dict(zip(keys, values, strict=True)))
 
 
-def _hang(whole: ElementTree.Element, mounting: Mounting) -> None:
+def _hang(whole: ElementTree.Element, mounting: GripperMount) -> None:
     """Hang the gripper on the arm, whose meshes are named in full already."""
     hand = parsed_urdf(mounting.gripper.path)
     arm_tree, hand_tree = skeleton_of(whole), skeleton_of(hand)
     if mounting.to not in arm_tree.links:
-        hint = nearest(mounting.to, arm_tree.links)
+        hint = suggest_name(mounting.to, arm_tree.links)
         raise UrdfError(f"the arm has no link {mounting.to!r}" + (f" ({hint})" if hint else ""))
     first = mounting.link or hand_tree.links[0]
     if not mounting.link:
         children = {joint.child for joint in hand_tree.joints.values()}
         first = next(link for link in hand_tree.links if link not in children)
     if first not in hand_tree.links:
-        hint = nearest(first, hand_tree.links)
+        hint = suggest_name(first, hand_tree.links)
         raise UrdfError(f"the gripper has no link {first!r}" + (f" ({hint})" if hint else ""))
     _name_meshes(hand, mounting.gripper)
     wanted = set(hand_tree.below(first))

@@ -8,15 +8,23 @@ from itertools import pairwise
 from pathlib import Path
 
 from ..errors import PicktreeError
-from ..files.models.validation import Checker, describe
+from ..files.models.validation import DocumentChecker, describe
 from ..files.shipped_files import find_file, is_file, shipped_names
-from ..files.yaml.document import Document, Fault, FileError, Location, nearest, open_document, read_document
+from ..files.yaml.document import (
+    Diagnostic,
+    Document,
+    FileError,
+    Location,
+    open_document,
+    read_document,
+    suggest_name,
+)
 from .description import Follower, GripperDescription, JointLimits, Linkage, PadContact, RobotDescription
 from .finger_linkage import LinkageParts, UnfitLinkage, solve_linkage
-from .gripper_mounting import LinkInertia, Mounting, NamedUrdf, composed
+from .gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
 from .mesh_files import package_folder
 from .robot_schema import GripperFile, MountFile, RobotFile
-from .urdf_tree import LIMITED, MOVING, Skeleton, UrdfError, link_geometry, read_skeleton
+from .urdf_tree import LIMITED, MOVING, UrdfError, UrdfTree, link_geometry, read_skeleton
 
 SHIPPED = Path(__file__).parents[1] / "world" / "robots"
 
@@ -26,7 +34,7 @@ class RobotCheck:
     """What was found in a robot file: the robot, None when there are errors, and all faults."""
 
     robot: RobotDescription | None
-    faults: tuple[Fault, ...]
+    faults: tuple[Diagnostic, ...]
 
 
 def load_robot(name_or_path: str, beside: Path | None = None) -> RobotDescription:
@@ -49,7 +57,7 @@ def robot_names() -> tuple[str, ...]:
 
 def check_robot(document: Document) -> RobotCheck:
     """Everything that can be said of a document of kind `robot`; never raises for what stands in it."""
-    check = Checker(document)
+    check = DocumentChecker(document)
     robot = check.read(RobotFile)
     urdf: Path | None = None
     with check.readable():
@@ -112,7 +120,7 @@ def _described(document: Document, robot: RobotFile, urdf: Path, linkage: Linkag
     )
 
 
-def _whole_urdf(check: Checker, robot: RobotFile, source: Path) -> Path | None:
+def _whole_urdf(check: DocumentChecker, robot: RobotFile, source: Path) -> Path | None:
     """The URDF, together with that of the gripper where it is mounted."""
     arm = _urdf(check, ("urdf",), robot.urdf, source)
     mount = robot.mount
@@ -137,24 +145,24 @@ def _whole_urdf(check: Checker, robot: RobotFile, source: Path) -> Path | None:
         for name, link in robot.inertias.items()
     }
     try:
-        path = composed(arm, mounting)
+        path = write_composed_urdf(arm, mounting)
     except UrdfError as error:
         check.fault(("mount",), f"the gripper cannot be mounted: {error}", code="P512", key=True)
         return None
     if not inertias:
         return path
     try:
-        return composed(arm, mounting, inertias)
+        return write_composed_urdf(arm, mounting, inertias)
     except UrdfError as error:
         check.fault(("inertias",), str(error), code="P503", key=True)
         return None
 
 
-def _mounting(mount: MountFile, hand: NamedUrdf) -> Mounting:
-    return Mounting(hand, mount.link, mount.to, mount.pose(), mount.joint, mount.prefix)
+def _mounting(mount: MountFile, hand: NamedUrdf) -> GripperMount:
+    return GripperMount(hand, mount.link, mount.to, mount.pose(), mount.joint, mount.prefix)
 
 
-def _urdf(check: Checker, loc: Location, text: str, source: Path) -> NamedUrdf | None:
+def _urdf(check: DocumentChecker, loc: Location, text: str, source: Path) -> NamedUrdf | None:
     """The URDF's path: `package:path` inside an installed package, or a path beside the robot file."""
     package, colon, inside = text.partition(":")
     root = Path()
@@ -176,7 +184,7 @@ def _urdf(check: Checker, loc: Location, text: str, source: Path) -> NamedUrdf |
     return NamedUrdf(path, package if colon else "", root)
 
 
-def _check_form(check: Checker, gripper: GripperFile) -> None:
+def _check_form(check: DocumentChecker, gripper: GripperFile) -> None:
     """Whether it is one of the two forms of a gripper, with all that this form needs."""
     if check.one_of(("gripper",), ("joints", "linkage")) is None:
         return
@@ -186,12 +194,12 @@ def _check_form(check: Checker, gripper: GripperFile) -> None:
         linkage = gripper.linkage
         for name in linkage.offsets:
             if name not in linkage.followers:
-                hint = nearest(name, linkage.followers)
+                hint = suggest_name(name, linkage.followers)
                 loc: Location = ("gripper", "linkage", "offsets", name)
                 check.fault(loc, f"{describe(name)} is no follower", hint, code="P504", key=True)
 
 
-def _check_numbers(check: Checker, robot: RobotFile) -> None:
+def _check_numbers(check: DocumentChecker, robot: RobotFile) -> None:
     with check.readable():
         for name in robot.joints:
             with check.readable():
@@ -210,7 +218,7 @@ def _check_numbers(check: Checker, robot: RobotFile) -> None:
                 _check_pose(check, name, robot)
 
 
-def _check_pose(check: Checker, name: str, robot: RobotFile) -> None:
+def _check_pose(check: DocumentChecker, name: str, robot: RobotFile) -> None:
     given = robot.poses[name]
     if len(given) != len(robot.joints):
         count = len(robot.joints)
@@ -229,7 +237,7 @@ def _check_pose(check: Checker, name: str, robot: RobotFile) -> None:
                 check.fault(loc, message, f"{lower} … {upper}", code="P509")
 
 
-def _check_against(check: Checker, robot: RobotFile, urdf: Path) -> Linkage | None:
+def _check_against(check: DocumentChecker, robot: RobotFile, urdf: Path) -> Linkage | None:
     """Whether the robot file and the URDF go together; what the gripper's linkage does, if it has one."""
     try:
         skeleton = read_skeleton(urdf)
@@ -244,7 +252,7 @@ def _check_against(check: Checker, robot: RobotFile, urdf: Path) -> Linkage | No
         check.fault(("urdf",), f"{urdf}: the geometry cannot be used: {text}", code="P511")
     for loc, name in _link_names(check, robot):
         if name not in skeleton.links:
-            hint = nearest(name, skeleton.links)
+            hint = suggest_name(name, skeleton.links)
             check.fault(loc, f"the URDF has no link {describe(name)}", hint, code="P503")
     for loc, name, kinds in _joint_names(check, robot):
         _check_joint(check, loc, name, kinds, skeleton)
@@ -256,7 +264,7 @@ def _check_against(check: Checker, robot: RobotFile, urdf: Path) -> Linkage | No
     return None
 
 
-def _solved(check: Checker, robot: RobotFile, skeleton: Skeleton) -> Linkage | None:
+def _solved(check: DocumentChecker, robot: RobotFile, skeleton: UrdfTree) -> Linkage | None:
     gripper, linkage = robot.gripper, robot.gripper.linkage
     if linkage is None:
         return None
@@ -282,12 +290,12 @@ def _solved(check: Checker, robot: RobotFile, skeleton: Skeleton) -> Linkage | N
 
 
 def _check_joint(
-    check: Checker, loc: Location, name: str, kinds: tuple[str, ...], skeleton: Skeleton
+    check: DocumentChecker, loc: Location, name: str, kinds: tuple[str, ...], skeleton: UrdfTree
 ) -> None:
     key = loc[0] == "joints" or "followers" in loc
     joint = skeleton.joints.get(name)
     if joint is None:
-        hint = nearest(name, skeleton.joints)
+        hint = suggest_name(name, skeleton.joints)
         check.fault(loc, f"the URDF has no joint {describe(name)}", hint, code="P504", key=key)
     elif joint.type not in kinds:
         message = f"{name!r} is {joint.type or 'of no type'}; {' or '.join(kinds)} is wanted"
@@ -297,7 +305,7 @@ def _check_joint(
         check.fault(loc, f"the URDF gives {name!r} no limits", hint, code="P505", key=key)
 
 
-def _check_order(check: Checker, joints: list[str], skeleton: Skeleton) -> None:
+def _check_order(check: DocumentChecker, joints: list[str], skeleton: UrdfTree) -> None:
     for before, name in pairwise(joints):
         if before not in skeleton.above(name):
             message = f"{name!r} does not come behind {before!r} in the URDF"
@@ -311,7 +319,7 @@ def _check_order(check: Checker, joints: list[str], skeleton: Skeleton) -> None:
             return
 
 
-def _link_names(check: Checker, robot: RobotFile) -> Iterator[tuple[Location, str]]:
+def _link_names(check: DocumentChecker, robot: RobotFile) -> Iterator[tuple[Location, str]]:
     with check.readable():
         yield ("tcp", "link"), robot.tcp.link
     for n in range(2):
@@ -324,7 +332,7 @@ def _link_names(check: Checker, robot: RobotFile) -> Iterator[tuple[Location, st
                     yield ("disabled_pairs", n, m), robot.disabled_pairs[n][m]
 
 
-def _joint_names(check: Checker, robot: RobotFile) -> Iterator[tuple[Location, str, tuple[str, ...]]]:
+def _joint_names(check: DocumentChecker, robot: RobotFile) -> Iterator[tuple[Location, str, tuple[str, ...]]]:
     with check.readable():
         yield from ((("joints", name), name, MOVING) for name in robot.joints)
     with check.readable():

@@ -13,7 +13,7 @@ from ..world.values import Array, Pose, Vector3
 from .description import RobotDescription
 from .finger_linkage import fingers_of
 from .tool_frame import mount_tool
-from .urdf_tree import LinkMesh, LinkShape, link_geometry
+from .urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry
 
 TCP_FRAME = "picktree_tcp"
 LIMIT_RESERVE = 0.03
@@ -134,15 +134,17 @@ class RobotModel:
             known = ", ".join(self.description.named)
             raise PicktreeError(f"no pose {name!r} in the robot file; known: {known}") from None
 
-    def visual_meshes(self) -> tuple[LinkMesh, ...]:
-        return tuple(g for g in link_geometry(self.description.urdf, "visual") if isinstance(g, LinkMesh))
+    def visual_meshes(self) -> tuple[UrdfMesh, ...]:
+        return tuple(g for g in link_geometry(self.description.urdf, "visual") if isinstance(g, UrdfMesh))
 
-    def collision_meshes(self) -> tuple[LinkMesh, ...]:
-        return tuple(g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, LinkMesh))
+    def collision_meshes(self) -> tuple[UrdfMesh, ...]:
+        return tuple(g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, UrdfMesh))
 
-    def collision_shapes(self) -> tuple[LinkShape, ...]:
+    def collision_shapes(self) -> tuple[UrdfPrimitive, ...]:
         """Primitives among the collision geometry."""
-        return tuple(g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, LinkShape))
+        return tuple(
+            g for g in link_geometry(self.description.urdf, "collision") if isinstance(g, UrdfPrimitive)
+        )
 
     def finger_boxes(self, width: float) -> tuple[tuple[Box, Pose], tuple[Box, Pose]]:
         """Boxes that enclose the +y and the -y finger at an opening of `width` m, in the TCP frame."""

@@ -17,7 +17,7 @@ from .mesh_files import mesh_file
 
 
 @dataclass(frozen=True, slots=True)
-class LinkMesh:
+class UrdfMesh:
     """A mesh file that belongs to a link: scale its vertices, then place it by `pose_in_link`."""
 
     link: str
@@ -27,7 +27,7 @@ class LinkMesh:
 
 
 @dataclass(frozen=True, slots=True)
-class LinkShape:
+class UrdfPrimitive:
     """A primitive that belongs to a link."""
 
     link: str
@@ -35,17 +35,17 @@ class LinkShape:
     pose_in_link: Pose
 
 
-def link_geometry(urdf: str, which: Literal["visual", "collision"]) -> tuple[LinkMesh | LinkShape, ...]:
+def link_geometry(urdf: str, which: Literal["visual", "collision"]) -> tuple[UrdfMesh | UrdfPrimitive, ...]:
     """All visual or collision elements of a URDF file, in the order of the file."""
     root = ElementTree.parse(urdf).getroot()
-    found: list[LinkMesh | LinkShape] = []
+    found: list[UrdfMesh | UrdfPrimitive] = []
     for link in root.findall("link"):
         for element in link.findall(which):
             found.append(_element(urdf, link.get("name", ""), element))
     return tuple(found)
 
 
-def _element(urdf: str, link: str, element: ElementTree.Element) -> LinkMesh | LinkShape:
+def _element(urdf: str, link: str, element: ElementTree.Element) -> UrdfMesh | UrdfPrimitive:
     origin = element.find("origin")
     pose = Pose()
     if origin is not None:
@@ -56,14 +56,14 @@ def _element(urdf: str, link: str, element: ElementTree.Element) -> LinkMesh | L
         match kind.tag:
             case "mesh":
                 path = _resolved(urdf, kind.get("filename", ""))
-                return LinkMesh(link, path, pose, _numbers(kind.get("scale", "1 1 1")))
+                return UrdfMesh(link, path, pose, _numbers(kind.get("scale", "1 1 1")))
             case "box":
-                return LinkShape(link, Box(_numbers(kind.get("size", ""))), pose)
+                return UrdfPrimitive(link, Box(_numbers(kind.get("size", ""))), pose)
             case "cylinder":
                 shape = Cylinder(float(kind.get("radius", "")), float(kind.get("length", "")))
-                return LinkShape(link, shape, pose)
+                return UrdfPrimitive(link, shape, pose)
             case "sphere":
-                return LinkShape(link, Sphere(float(kind.get("radius", ""))), pose)
+                return UrdfPrimitive(link, Sphere(float(kind.get("radius", ""))), pose)
             case _:
                 pass
     raise PicktreeError(f"{urdf}: link {link!r}: geometry must be one mesh, box, cylinder or sphere")
@@ -106,7 +106,7 @@ class UrdfError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Mimic:
+class MimicJoint:
     """What a joint follows: its position is multiplier · (position of `joint`) + offset."""
 
     joint: str
@@ -134,7 +134,7 @@ class UrdfJoint:
     soft_upper: float | None = None
     velocity: float | None = None
     effort: float | None = None
-    mimic: Mimic | None = None
+    mimic: MimicJoint | None = None
 
     def at(self, position: float) -> Pose:
         """The child link in the parent link, with the joint at `position` rad or m."""
@@ -148,7 +148,7 @@ class UrdfJoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Skeleton:
+class UrdfTree:
     """All links, and the joints by name, in the order of the file."""
 
     links: tuple[str, ...]
@@ -195,7 +195,7 @@ class Skeleton:
         return pose
 
 
-def read_skeleton(path: Path) -> Skeleton:
+def read_skeleton(path: Path) -> UrdfTree:
     """Raises UrdfError when the file is no URDF, or its links are not one tree."""
     return skeleton_of(parsed_urdf(path))
 
@@ -214,7 +214,7 @@ def parsed_urdf(path: Path) -> ElementTree.Element:
         raise UrdfError(f"not readable as XML: {error}") from None
 
 
-def skeleton_of(root: ElementTree.Element) -> Skeleton:
+def skeleton_of(root: ElementTree.Element) -> UrdfTree:
     """Links and joints of a parsed URDF. Raises UrdfError when they are not one tree."""
     if root.tag != "robot":
         raise UrdfError(f"the outermost element is <{root.tag}>, not <robot>")
@@ -230,7 +230,7 @@ def skeleton_of(root: ElementTree.Element) -> Skeleton:
     roots = [link for link in links if link not in children]
     if len(roots) != 1:
         raise UrdfError(f"one link must be the base of all others, not {len(roots)}")
-    return Skeleton(links, joints)
+    return UrdfTree(links, joints)
 
 
 def _joint(element: ElementTree.Element) -> UrdfJoint:
@@ -250,7 +250,7 @@ def _joint(element: ElementTree.Element) -> UrdfJoint:
         _number(soft, "soft_upper_limit"),
         _number(limit, "velocity"),
         _number(limit, "effort"),
-        None if mimic is None else Mimic(
+        None if mimic is None else MimicJoint(
             mimic.get("joint", ""),
             _number(mimic, "multiplier", "1") or 0.0,
             _number(mimic, "offset", "0") or 0.0,

@@ -4,35 +4,35 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..cell.vision import Eyes
-from ..cell.world import Handling, World
+from ..cell.vision import Vision
+from ..cell.world import HandlingParameters, World
 from ..control.execution.control_loop import ControlLoop
-from ..control.execution.gripper_motion import Grip
-from ..control.execution.motions import Motions
+from ..control.execution.gripper_motion import GripperControl
+from ..control.execution.motions import ArmMotion
 from ..control.safety.safety_monitor import SafetyMonitor
 from ..manipulation.grasp.grip_force import opening_force
 from ..perception.pipeline import Perception
 from ..planning.collision.scene_queries import SceneQueries
-from ..planning.service.contact_lookahead import Lookout
+from ..planning.service.contact_lookahead import JogCollisionCheck
 from ..planning.service.plan_service import PlanService
-from ..planning.service.trajectory_gate import Gate
+from ..planning.service.trajectory_gate import TrajectoryGate
 from ..robots.description import RobotDescription
 from ..robots.model import RobotModel
-from ..world.belief.attempts import Attempts
+from ..world.belief.attempts import AttemptMemory
 from ..world.belief.planning_scene import PlanningScene
 from ..world.journal import Journal
 from ..world.protocols import Hardware
-from ..world.random_streams import Streams
+from ..world.random_streams import RandomStreams
 from ..world.scene.description import SceneDescription
 from ..world.scene.destinations import destination_rule
 from ..world.stopwatch import Stopwatch
-from ..world.thinking_time import ThinkingAccount
+from ..world.thinking_time import ComputeTimeAccount
 
 TICK = 0.05
 """Seconds between two ticks of a tree."""
 
 
-def assemble(
+def assemble_world(
     hardware: Hardware,
     scene: SceneDescription,
     robot: RobotDescription,
@@ -46,10 +46,10 @@ def assemble(
     model = RobotModel(replace(robot, tool=scene.tool))
     belief = PlanningScene(scene.fixtures, scene.bins, destination_rule(scene.destinations))
     journal = Journal()
-    streams = Streams(seed)
-    thinking = ThinkingAccount(TICK)
+    streams = RandomStreams(seed)
+    thinking = ComputeTimeAccount(TICK)
     control = ControlLoop(hardware, model, SafetyMonitor(model, scene.limits, journal), watch)
-    grip = Grip(hardware.gripper, hardware.clock, robot.gripper, opening_force(scene.catalogue))
+    grip = GripperControl(hardware.gripper, hardware.clock, robot.gripper, opening_force(scene.catalogue))
     queries = SceneQueries(model, belief)
     plan = PlanService(
         model,
@@ -66,7 +66,7 @@ def assemble(
         verify=verify,
         stopwatch=watch,
     )
-    eyes = Eyes(
+    eyes = Vision(
         hardware.cameras,
         Perception(scene, model),
         belief,
@@ -84,24 +84,24 @@ def assemble(
         clock=hardware.clock,
         scene=belief,
         journal=journal,
-        attempts=Attempts(),
+        attempts=AttemptMemory(),
         streams=streams,
         thinking=thinking,
         control=control,
         plan=plan,
-        move=Motions(
+        move=ArmMotion(
             control,
             model,
             hardware.clock,
             journal,
-            Gate(model, plan, scene.limits.workspace),
-            Lookout(plan),
+            TrajectoryGate(model, plan, scene.limits.workspace),
+            JogCollisionCheck(plan),
             TICK,
         ),
         grip=grip,
         eyes=eyes,
         queries=queries,
         feed=hardware.feed,
-        handling=Handling(),
+        handling=HandlingParameters(),
         tick=TICK,
     )

@@ -11,17 +11,17 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from ..cell.world import World
-from ..control.execution.control_loop import ControlState
-from ..control.execution.motions import Way
+from ..control.execution.control_loop import ControlLoopState
+from ..control.execution.motions import FollowedPath
 from ..errors import PicktreeError
 from ..logs.recording.recorder import RecordingState
 from ..perception.fitting.view import BinView
 from ..simulation.backends import Simulation
-from ..simulation.faults.injector import FaultState, Injector
-from ..trees.running.runner import Tree
-from ..world.belief.facts import NoticedState
+from ..simulation.faults.injector import FaultInjector, FaultState
+from ..trees.running.runner import BehaviourTree
+from ..world.belief.facts import FeedProgressState
 from ..world.belief.planning_scene import SceneSnapshot
-from .run_tally import Tally, TallyState
+from .run_tally import RunCounters, RunCountersState
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +54,13 @@ class RunState:
     looks: int
     bins_seen: dict[str, list[list[float | None]]]
     """Heights in the cells of each bin, m; None where nothing was seen."""
-    way: Way | None = None
+    way: FollowedPath | None = None
     """What the arm followed last, for the way back."""
-    tally: TallyState | None = None
+    tally: RunCountersState | None = None
     disagreements: int = 0
     """Trajectories that the second collision checker judged otherwise by then."""
     recording: RecordingState | None = None
-    noticed: NoticedState = field(default_factory=NoticedState)
+    noticed: FeedProgressState = field(default_factory=FeedProgressState)
     """What the robot has heard of its feed by then."""
 
     def to_json(self) -> bytes:
@@ -82,16 +82,16 @@ def _adapter() -> TypeAdapter[RunState]:
 
 
 @cache
-def _control() -> TypeAdapter[ControlState]:
-    return TypeAdapter(ControlState)
+def _control() -> TypeAdapter[ControlLoopState]:
+    return TypeAdapter(ControlLoopState)
 
 
 def take(
     world: World,
-    tree: Tree,
+    tree: BehaviourTree,
     hardware: Simulation,
-    injector: Injector,
-    tally: Tally,
+    injector: FaultInjector,
+    tally: RunCounters,
     recording: RecordingState,
     disagreements: int = 0,
 ) -> RunState:

@@ -13,7 +13,7 @@ from ..authoring.checking.check import check_mission
 from ..errors import PicktreeError
 from ..files.diagnostics.fault_rendering import fault_lines
 from ..files.yaml.document import Document, FileError, open_document, read_text
-from ..trees.loading.scene_names import Surroundings
+from ..trees.loading.scene_names import SceneNames
 from ..trees.mission import IN_LIBRARY, Mission
 from ..trees.ports import PortDeclaration
 from ..world.scene.description import SceneDescription
@@ -22,7 +22,7 @@ MOST_FILES: Final = 200
 """That are watched."""
 
 
-def read_edited(current: Mission, known: Surroundings, *, own_scene: bool) -> Mission:
+def read_edited(current: Mission, known: SceneNames, *, own_scene: bool) -> Mission:
     """The mission as its files are now. Raises FileError with the checker's errors, and PicktreeError for an
     edit that needs a new run.
 
@@ -86,7 +86,7 @@ _SETTLED = 1_000_000_000
 """Age of a file, ns, from which an unchanged stamp means an unchanged content."""
 
 
-class Edits(Protocol):
+class EditSource(Protocol):
     """Where a watched run hears of edits; it asks at every tick."""
 
     def watch(self, files: Iterable[Path]) -> None:
@@ -98,7 +98,7 @@ class Edits(Protocol):
         ...
 
 
-class FileEdits:
+class FileWatch:
     """Looks at the files on the disk, a few times a second of the wall clock.
 
     An edit counts when two looks have seen the same: an editor that is still writing is not interrupted.
@@ -149,7 +149,7 @@ class FileEdits:
 
 
 @dataclass(frozen=True, slots=True)
-class News:
+class ReloadMessage:
     """What is to be told of an edit."""
 
     text: str
@@ -161,16 +161,16 @@ class Revisions(Protocol):
 
     pending: Mission | None
 
-    def look(self, current: Mission, now: float) -> tuple[News, ...]:
+    def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
         """Called before each tick, with the simulated time. Answers what is to be told."""
         ...
 
 
-class Following:
+class MissionReload:
     """Reads the mission again when it was edited. `pending` is the last good edit, until it is taken over."""
 
     def __init__(
-        self, edits: Edits, scene: SceneDescription, known: Surroundings, *, own_scene: bool
+        self, edits: EditSource, scene: SceneDescription, known: SceneNames, *, own_scene: bool
     ) -> None:
         """`known` are the names of scene and robot; `own_scene`: it is the scene that the mission names."""
         self.pending: Mission | None = None
@@ -180,7 +180,7 @@ class Following:
         self._known, self._own_scene = known, own_scene
         self._first = True
 
-    def look(self, current: Mission, now: float = 0.0) -> tuple[News, ...]:
+    def look(self, current: Mission, now: float = 0.0) -> tuple[ReloadMessage, ...]:
         """To be called at each tick. Answers what is to be told: that an edit is good, or what is wrong."""
         if not self._first and not self._edits.found():
             return ()
@@ -189,25 +189,25 @@ class Following:
         self._edits.watch((*files_of(current.document.path), self._scene))
         return (*self._of_the_scene(), *self._of_the_mission(current))
 
-    def _of_the_scene(self) -> tuple[News, ...]:
+    def _of_the_scene(self) -> tuple[ReloadMessage, ...]:
         content = _content(self._scene)
         if content == self._scene_content:
             return ()
         self._scene_content = content
         message = f"{self._scene}: the scene was edited; this run keeps it as it was, a new run has the edit"
-        return (News(message, refused=True),)
+        return (ReloadMessage(message, refused=True),)
 
-    def _of_the_mission(self, current: Mission) -> tuple[News, ...]:
+    def _of_the_mission(self, current: Mission) -> tuple[ReloadMessage, ...]:
         if _is_on_disk(current):
             self.pending = None
             return ()
         try:
             self.pending = read_edited(current, self._known, own_scene=self._own_scene)
         except FileError as error:
-            return (News(f"the edit is not taken over:\n{fault_lines(error.faults)}", refused=True),)
+            return (ReloadMessage(f"the edit is not taken over:\n{fault_lines(error.faults)}", refused=True),)
         except PicktreeError as error:
-            return (News(f"the edit is not taken over: {error}", refused=True),)
-        return (News("the edit is good; it is taken over between two items"),)
+            return (ReloadMessage(f"the edit is not taken over: {error}", refused=True),)
+        return (ReloadMessage("the edit is good; it is taken over between two items"),)
 
 
 def _content(file: Path) -> bytes | None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
 
-from ..cell.operator_desk import Question
+from ..cell.operator_desk import OperatorQuestion
 from ..errors import PicktreeError
 from ..logs.run_result import RunResult
 from ..trees.running.runner import NodeInfo, TickReport
@@ -16,19 +16,19 @@ from ..trees.running.runner import NodeInfo, TickReport
 class Operator(Protocol):
     """Answers questions; simulated time stands still meanwhile."""
 
-    def answer(self, question: Question) -> str | None:
+    def answer(self, question: OperatorQuestion) -> str | None:
         """One of the question's choices; None when there is nobody who says: the run ends `paused`."""
         ...
 
 
-class GivenAnswers:
+class PresetAnswers:
     """Answers that were given before anybody asked, one for each question; then whoever comes after."""
 
     def __init__(self, answers: Iterable[str], after: Operator | None = None) -> None:
         self._left = deque(answers)
         self._after = after
 
-    def answer(self, question: Question) -> str | None:
+    def answer(self, question: OperatorQuestion) -> str | None:
         """Raises PicktreeError for an answer that the question does not know."""
         if not self._left:
             return self._after.answer(question) if self._after else None
@@ -49,7 +49,7 @@ class RecordedAnswers:
         self._left = deque(answers)
         self._after = after
 
-    def answer(self, question: Question) -> str | None:
+    def answer(self, question: OperatorQuestion) -> str | None:
         if self._left:
             node, said = self._left.popleft()
             if node == question.node and said in question.choices:
@@ -58,7 +58,7 @@ class RecordedAnswers:
         return self._after.answer(question) if self._after else None
 
 
-class Watcher(Protocol):
+class SessionWatcher(Protocol):
     """Whoever looks on; nothing that it does changes the run."""
 
     def started(self, structure: tuple[NodeInfo, ...], folder: Path) -> None: ...

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Final
 
 from ..files.yaml.document import read_document
-from ..logs.schema.records import Continues
+from ..logs.schema.records import ResumedFrom
 from ..robots.description import RobotDescription
 from ..robots.mesh_files import mesh_file
-from ..robots.urdf_tree import LinkMesh, link_geometry
+from ..robots.urdf_tree import UrdfMesh, link_geometry
 from ..simulation.backends import Backend
 from ..simulation.fault_files.fault_entries import FaultFile
 from ..trees.mission import Mission, Plugin, name_of
@@ -70,11 +70,11 @@ LIMIT = 3600.0
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class StartCheckpoint:
     """A checkpoint from which a run goes on."""
 
     state: RunState
-    continues: Continues
+    continues: ResumedFrom
     """Whose checkpoint it is."""
     adopt: bool = False
     """The mission is another than the one of which the state was saved: what fits goes on, the rest begins
@@ -101,7 +101,7 @@ class Recipe:
     """Simulated seconds."""
     own_scene: bool = True
     """The scene is the one that the mission names, not another that was given."""
-    start: Start | None = None
+    start: StartCheckpoint | None = None
     """None: from the beginning."""
     paths: Mapping[str, str] = field(default_factory=dict[str, str])
     """Of a recipe from a log: where its files stood when they were first read, by name of the attachment."""
@@ -171,7 +171,7 @@ def robot_meshes(urdf: str) -> tuple[tuple[str, Path], ...]:
     """All meshes that a URDF names, visual and collision, each once: name in the log, file."""
     named = dict(_references(urdf))
     found = [*link_geometry(urdf, "visual"), *link_geometry(urdf, "collision")]
-    files = {g.path: Path(g.path) for g in found if isinstance(g, LinkMesh)}
+    files = {g.path: Path(g.path) for g in found if isinstance(g, UrdfMesh)}
     return tuple((named[path], file) for path, file in sorted(files.items()) if path in named)
 
 

@@ -14,7 +14,7 @@ from ..robots.loading import load_robot
 from ..simulation.backends import Backend
 from ..simulation.fault_files.fault_loading import load_faults
 from ..trees.loading.loader import load_mission
-from ..trees.loading.registry import Registry
+from ..trees.loading.registry import NodeRegistry
 from ..world.scene.loading.scene_loading import load_scene
 from .recipe import LIMIT, Recipe
 
@@ -62,7 +62,7 @@ class RunOptions(TypedDict, total=False):
 
 def read_recipe(request: RunRequest) -> Recipe:
     """Read and check the files of a request. Raises PicktreeError (FileError with all faults)."""
-    mission = load_mission(request.mission, Registry())
+    mission = load_mission(request.mission, NodeRegistry())
     wanted = request.scene or mission.scene
     if wanted is None:
         raise PicktreeError(f"{request.mission}: the mission names no scene; add 'scene:' or give --scene")

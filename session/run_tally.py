@@ -7,47 +7,53 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, cast
 
-from ..logs.episodes.episode_counts import Counts, CureCount, PlantedCount
-from ..logs.episodes.episode_tracker import Changed, Following, FollowingState, Node, Told
-from ..world.journal import Entry, Happened
+from ..logs.episodes.episode_counts import CureCount, EpisodeCounts, PlantedCount
+from ..logs.episodes.episode_tracker import (
+    EpisodeTracker,
+    EpisodeTrackerState,
+    EventLike,
+    NodeLike,
+    TransitionLike,
+)
+from ..world.journal import Entry, JournalEvent
 
 
 @dataclass(frozen=True, slots=True)
-class EpisodesState:
+class EpisodeCountersState:
     """For a checkpoint; the logs of older versions have none."""
 
     cures: tuple[CureCount, ...] = ()
     planted: tuple[PlantedCount, ...] = ()
-    following: FollowingState = field(default_factory=FollowingState)
+    following: EpisodeTrackerState = field(default_factory=EpisodeTrackerState)
 
 
-class EpisodeTally:
+class EpisodeCounters:
     """Counts what is decided and follows what is not; of hours of running it keeps no more than that."""
 
-    def __init__(self, state: EpisodesState | None = None) -> None:
-        state = state or EpisodesState()
-        self._counts = Counts(state.cures, state.planted)
-        self._following = Following(self._counts.add, self._counts.add_planted, state.following)
+    def __init__(self, state: EpisodeCountersState | None = None) -> None:
+        state = state or EpisodeCountersState()
+        self._counts = EpisodeCounts(state.cures, state.planted)
+        self._following = EpisodeTracker(self._counts.add, self._counts.add_planted, state.following)
 
-    def follow(self, nodes: Iterable[Node]) -> None:
+    def follow(self, nodes: Iterable[NodeLike]) -> None:
         """From the next tick on it is this tree that is ticked."""
         self._following.follow(nodes)
 
-    def take(self, time: float, changes: Iterable[Changed], events: Sequence[Told]) -> None:
+    def take(self, time: float, changes: Iterable[TransitionLike], events: Sequence[EventLike]) -> None:
         """What one tick brought."""
         self._following.take(time, changes, events)
 
-    def state(self) -> EpisodesState:
-        return EpisodesState(self._counts.cures, self._counts.planted, self._following.state())
+    def state(self) -> EpisodeCountersState:
+        return EpisodeCountersState(self._counts.cures, self._counts.planted, self._following.state())
 
-    def so_far(self, time: float) -> Counts:
+    def so_far(self, time: float) -> EpisodeCounts:
         """All that was seen until now, what is not decided as open. Nothing changes by this."""
-        counts = Counts(self._counts.cures, self._counts.planted)
+        counts = EpisodeCounts(self._counts.cures, self._counts.planted)
         self._following.copied(counts.add, counts.add_planted).finish(time)
         return counts
 
 
-class Reported(Protocol):
+class CountedNode(Protocol):
     """What is counted of a node after a tick."""
 
     @property
@@ -61,8 +67,8 @@ class Reported(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class TallyState:
-    """A tally for a checkpoint; see `Tally`."""
+class RunCountersState:
+    """A tally for a checkpoint; see `RunCounters`."""
 
     tried: int
     held: int
@@ -77,11 +83,11 @@ class TallyState:
     deliveries: int = 0
     exchanges: int = 0
     set_aside: int = 0
-    episodes: EpisodesState = field(default_factory=EpisodesState)
+    episodes: EpisodeCountersState = field(default_factory=EpisodeCountersState)
 
 
 @dataclass
-class Tally:
+class RunCounters:
     """Counts of one run. Beliefs and feelings only: whether an item is sorted is the scorer's to say."""
 
     tried: int = 0
@@ -109,11 +115,11 @@ class Tally:
     """By cause: how often a handler was tried."""
     cured: Counter[str] = field(default_factory=Counter[str])
     """By cause: how often the branch then succeeded."""
-    episodes: EpisodeTally = field(default_factory=EpisodeTally)
+    episodes: EpisodeCounters = field(default_factory=EpisodeCounters)
     """What was seen, tried and cured."""
 
-    def state(self) -> TallyState:
-        return TallyState(
+    def state(self) -> RunCountersState:
+        return RunCountersState(
             self.tried,
             self.held,
             tuple(sorted(self.objects)),
@@ -131,7 +137,7 @@ class Tally:
         )
 
     @classmethod
-    def resumed(cls, state: TallyState) -> Tally:
+    def resumed(cls, state: RunCountersState) -> RunCounters:
         """One that counts on."""
         return cls(
             tried=state.tried,
@@ -147,7 +153,7 @@ class Tally:
             failures=Counter(state.failures),
             recovered=Counter(state.recovered),
             cured=Counter(state.cured),
-            episodes=EpisodeTally(state.episodes),
+            episodes=EpisodeCounters(state.episodes),
         )
 
     @property
@@ -166,7 +172,7 @@ class Tally:
         self.objects -= gone
         self.first_try -= gone
 
-    def follow(self, nodes: Iterable[Node]) -> None:
+    def follow(self, nodes: Iterable[NodeLike]) -> None:
         """From the next tick on it is this tree that is ticked."""
         self.episodes.follow(nodes)
 
@@ -174,13 +180,13 @@ class Tally:
         self,
         time: float,
         entries: Iterable[Entry],
-        nodes: Iterable[Reported],
+        nodes: Iterable[CountedNode],
         leaves: frozenset[str],
-        changes: Iterable[Changed],
+        changes: Iterable[TransitionLike],
     ) -> None:
         """Count what one tick brought; `leaves` are the paths of the nodes without children, `changes` tell
         which nodes began and ended, in their order."""
-        events = [entry for entry in entries if isinstance(entry, Happened)]
+        events = [entry for entry in entries if isinstance(entry, JournalEvent)]
         for event in events:
             self._happened(event)
         self.episodes.take(time, changes, events)
@@ -188,7 +194,7 @@ class Tally:
             if node.cause and node.ticked and node.status == "FAILURE" and node.path in leaves:
                 self.failures[node.cause] += 1
 
-    def _happened(self, event: Happened) -> None:
+    def _happened(self, event: JournalEvent) -> None:
         match event.kind:
             case "pick":
                 subject = str(event.data["object"])

@@ -27,32 +27,32 @@ from ..logs.run_result import (
     WallSeconds,
 )
 from ..logs.schema.records import NodeTime, Timing
-from ..recovery.belief_restart import Stock, take_stock
+from ..recovery.belief_restart import ResyncReport, resync_belief
 from ..simulation.backends import build_hardware
-from ..simulation.faults.injector import FaultState, Injector
+from ..simulation.faults.injector import FaultInjector, FaultState
 from ..simulation.scoring.scorer import ItemScore, score
 from ..simulation.scoring.truth import TrueBody
-from ..trees.loading.scene_names import surroundings
+from ..trees.loading.scene_names import scene_names
 from ..trees.mission import MAIN, Mission
 from ..trees.running.builder import build
 from ..trees.running.debugger import Debugger
 from ..trees.running.runner import TickReport
-from ..trees.running.tree_adoption import Adoption
+from ..trees.running.tree_adoption import StateTransfer
 from ..trees.status import NodeStatus
 from ..world.causes import Failure
-from ..world.journal import Happened, Plain
+from ..world.journal import JournalEvent, Plain
 from ..world.stopwatch import Stopwatch
 from ..world.values import Vector3
-from .assembly import TICK, assemble
+from .assembly import TICK, assemble_world
 from .checkpoints import RunState, restore, take
-from .mission_edits import Edits, FileEdits, Following, Revisions
-from .observer import Operator, Watcher
+from .mission_edits import EditSource, FileWatch, MissionReload, Revisions
+from .observer import Operator, SessionWatcher
 from .recipe import LIMIT, Recipe
 from .request import RunOptions, RunRequest, make_folder, read_recipe
-from .run_tally import Tally
-from .session_recording import Scribe, Tap
+from .run_tally import RunCounters
+from .session_recording import SessionRecorder, Tap
 
-__all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "Watcher", "run"]
+__all__ = ["LIMIT", "LOG", "RESULT", "RunOptions", "RunRequest", "Session", "SessionWatcher", "run"]
 
 LOG = "log.mcap"
 RESULT = "result.json"
@@ -69,9 +69,9 @@ class Session:
     def __init__(
         self,
         request: RunRequest | Recipe,
-        watcher: Watcher | None = None,
+        watcher: SessionWatcher | None = None,
         debugger: Debugger | None = None,
-        edits: Edits | None = None,
+        edits: EditSource | None = None,
         *,
         out: Path | None = None,
         revisions: Revisions | None = None,
@@ -93,7 +93,7 @@ class Session:
         asked_for = isinstance(request, RunRequest)
         if isinstance(request, RunRequest):
             out, rotation = request.out, request.rotation
-            edits = FileEdits() if edits is None and request.watch else edits
+            edits = FileWatch() if edits is None and request.watch else edits
             request = read_recipe(request)
         self.recipe = recipe = request
         self.mission, self.scene, self.robot = recipe.mission, recipe.scene, recipe.robot
@@ -107,7 +107,7 @@ class Session:
         self.hardware = build_hardware(
             recipe.backend, self.scene, self.robot, recipe.seed, state.simulation if state else None
         )
-        self.world = assemble(
+        self.world = assemble_world(
             self.hardware,
             self.scene,
             self.robot,
@@ -116,7 +116,7 @@ class Session:
             stopwatch=self._stopwatch,
         )
         self.tree = build(self.mission, self.world, recipe.parameters)
-        self._injector = Injector(
+        self._injector = FaultInjector(
             recipe.faults,
             self.hardware,
             self._object_place,
@@ -125,13 +125,15 @@ class Session:
             kill=_kill if asked_for else None,
         )
         self.world.plan.finds_nothing = self._injector.no_plan
-        self.tally = Tally()
+        self.tally = RunCounters()
         self._disagreed = 0
-        self.adoption: Adoption | None = None
+        self.adoption: StateTransfer | None = None
         """What became of the nodes of a checkpoint of another mission."""
         if state is not None:
             self._take_up(state)
-        self._first = take_stock(self.world) if recipe.start and recipe.start.continues.as_it_stands else None
+        self._first = (
+            resync_belief(self.world) if recipe.start and recipe.start.continues.as_it_stands else None
+        )
         """What is done before the tree goes on."""
         self._checkpointed = self.tally.done
         if debugger is not None:
@@ -155,7 +157,7 @@ class Session:
         structure = self.tree.structure()
         self.tally.follow(structure)
         self._total = self._items_total()
-        with Scribe(self.folder / LOG, self, structure, self._tap, self._listener) as scribe:
+        with SessionRecorder(self.folder / LOG, self, structure, self._tap, self._listener) as scribe:
             if self._watcher:
                 self._watcher.started(structure, self.folder)
             try:
@@ -178,7 +180,7 @@ class Session:
             self._watcher.finished(result)
         return result
 
-    def _loop(self, scribe: Scribe) -> RunStatus:
+    def _loop(self, scribe: SessionRecorder) -> RunStatus:
         world = self.world
         if self.recipe.start is not None:
             self._begin_again(scribe)
@@ -222,7 +224,7 @@ class Session:
         try:
             next(self._first)
         except StopIteration as end:
-            stock: Stock = end.value
+            stock: ResyncReport = end.value
             self._first = None
             self.tree.pass_over({*stock.done, *stock.gone})
             self._checkpointed = self.tally.done = self.world.journal.items_done
@@ -240,10 +242,12 @@ class Session:
             return False
         desk.answer(answer)
         data: dict[str, Plain] = {"question": question.reason, "answer": answer}
-        self.world.journal.note(Happened("operator_answer", f"the answer is: {answer}", question.node, data))
+        self.world.journal.note(
+            JournalEvent("operator_answer", f"the answer is: {answer}", question.node, data)
+        )
         return True
 
-    def _brought(self) -> tuple[Happened, ...]:
+    def _brought(self) -> tuple[JournalEvent, ...]:
         """What whoever brings items has done since the last tick, and what was crushed."""
         events = self.hardware.take_events()
         if events:
@@ -303,7 +307,7 @@ class Session:
             self.tree.restore(state.tree)
         self._injector.restore(state.faults)
         if state.tally is not None:
-            self.tally = Tally.resumed(state.tally)
+            self.tally = RunCounters.resumed(state.tally)
         self._disagreed = state.disagreements
 
     def _read_parameters(self, names: tuple[str, ...]) -> None:
@@ -314,7 +318,7 @@ class Session:
                 f"the running mission does not take what was set: {failure.message}"
             ) from None
 
-    def _begin_again(self, scribe: Scribe) -> None:
+    def _begin_again(self, scribe: SessionRecorder) -> None:
         """The rest of the tick after which the checkpoint was taken."""
         if self.adoption is not None:
             self.world.journal.note(_mission_changed(self.adoption))
@@ -341,7 +345,7 @@ class Session:
         free = world.scene.held is None and not world.operator.answered
         return self._first is None and self.tree.quiescent and world.control.at_rest and free
 
-    def _checkpoint(self, scribe: Scribe) -> None:
+    def _checkpoint(self, scribe: SessionRecorder) -> None:
         self._checkpointed = self.tally.done
         with self._stopwatch.measure("physics"):
             state = take(
@@ -359,17 +363,17 @@ class Session:
 
     def _note_checkpoint(self) -> None:
         done = self.tally.done
-        self.world.journal.note(Happened("checkpoint", f"after {done} items", "", {"items_done": done}))
+        self.world.journal.note(JournalEvent("checkpoint", f"after {done} items", "", {"items_done": done}))
 
     @property
     def _disagreements(self) -> int:
         return self._disagreed + len(self.world.plan.disagreements)
 
-    def _follow(self, edits: Edits) -> Following:
-        known = surroundings(self.scene, self.robot)
-        return Following(edits, self.scene, known, own_scene=self.recipe.own_scene)
+    def _follow(self, edits: EditSource) -> MissionReload:
+        known = scene_names(self.scene, self.robot)
+        return MissionReload(edits, self.scene, known, own_scene=self.recipe.own_scene)
 
-    def _follow_edits(self, scribe: Scribe) -> None:
+    def _follow_edits(self, scribe: SessionRecorder) -> None:
         revisions = self._revisions
         if revisions is None:
             return
@@ -381,7 +385,7 @@ class Session:
             self._take_over(revisions.pending, scribe)
             revisions.pending = None
 
-    def _take_over(self, mission: Mission, scribe: Scribe) -> None:
+    def _take_over(self, mission: Mission, scribe: SessionRecorder) -> None:
         """Go on with another version of the mission: belief, blackboard and attempts stay as they are."""
         tree = build(mission, self.world, self.recipe.parameters)
         adoption = tree.adopt(self.tree.save())
@@ -396,7 +400,7 @@ class Session:
             "fresh": list(adoption.fresh),
             "gone": list(adoption.gone),
         }
-        self.world.journal.note(Happened("mission_edited", message, "", data))
+        self.world.journal.note(JournalEvent("mission_edited", message, "", data))
         if self._debugger:
             self._debugger.follow(tree)
         if self._watcher:
@@ -494,12 +498,12 @@ def _at_hole(body: TrueBody, item: ItemScore) -> HoleItem:
     )
 
 
-def _mission_changed(adoption: Adoption) -> Happened:
+def _mission_changed(adoption: StateTransfer) -> JournalEvent:
     data: dict[str, Plain] = {"fresh": list(adoption.fresh), "gone": list(adoption.gone)}
-    return Happened("mission_changed", f"another mission goes on: {_counted(adoption)}", "", data)
+    return JournalEvent("mission_changed", f"another mission goes on: {_counted(adoption)}", "", data)
 
 
-def _counted(adoption: Adoption) -> str:
+def _counted(adoption: StateTransfer) -> str:
     kept, fresh, gone = map(len, (adoption.kept, adoption.fresh, adoption.gone))
     return f"{kept} nodes go on, {fresh} begin anew, {gone} are gone"
 

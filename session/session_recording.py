@@ -14,10 +14,10 @@ from ..logs.recording.recorder import Listener, Recorder, RecordingState
 from ..logs.run_result import RunResult
 from ..logs.schema import records
 from ..simulation.backends import Simulation
-from ..trees.blackboard import Write
+from ..trees.blackboard import BlackboardWrite
 from ..trees.mission import Mission
 from ..trees.running.runner import NodeInfo, TickReport
-from ..world.journal import Entry, Happened
+from ..world.journal import Entry, JournalEvent
 from ..world.values import Array, Pose
 from . import environment
 from .arithmetic_probe import arithmetic
@@ -37,7 +37,7 @@ Tap: TypeAlias = Callable[[str, int, bytes], None]
 """Is shown a message: topic, simulated ns, payload."""
 
 
-class Scribe:
+class SessionRecorder:
     """Writes one run into `path`; a context manager, so that the log is finished on every way out."""
 
     def __init__(
@@ -90,7 +90,7 @@ class Scribe:
             listener=listener,
         )
 
-    def __enter__(self) -> Scribe:
+    def __enter__(self) -> SessionRecorder:
         with ExitStack() as stack:
             stack.enter_context(self._recorder)
             self._begin()
@@ -137,7 +137,7 @@ class Scribe:
         """How things stand at the checkpoint from which the run goes on, so that its log stands alone: the
         tree with the whole blackboard as writes, the belief, the truth."""
         board = self._session.tree.blackboard.save()
-        writes = tuple(Write(key, value, "") for key, value in board.items())
+        writes = tuple(BlackboardWrite(key, value, "") for key, value in board.items())
         with self._recorder.preamble():
             self.tick(replace(report, writes=writes), entries, hardware)
 
@@ -159,7 +159,7 @@ class Scribe:
         recorder.belief(now, objects, world.scene.take_changes())
         recorder.wrench(now, world.control.wrench_external())
         recorder.control(now, _control(world.control.controller, world.control.reference, state.position))
-        moved = any(isinstance(entry, Happened) and _sudden(entry) for entry in entries)
+        moved = any(isinstance(entry, JournalEvent) and _sudden(entry) for entry in entries)
         if moved or recorder.truth_due(now):
             self._truth(now, hardware)
         if recorder.state_due(now):
@@ -219,7 +219,7 @@ class Scribe:
         self._recorder.finish({"status": result.status, "json": result.to_json_text()})
 
 
-def _sudden(event: Happened) -> bool:
+def _sudden(event: JournalEvent) -> bool:
     """Whether something stands elsewhere at once."""
     return event.kind in _BY_THE_FEED or event.data.get("fault") == "obstacle"
 
@@ -247,14 +247,14 @@ def _tick(report: TickReport) -> records.Tick:
         root_status=str(report.nodes[0].status),
         tip=max(running, key=lambda p: p.count("/"), default=""),
         nodes=tuple(
-            records.NodeStatus(
+            records.NodeStatusRecord(
                 n.path, n.id, str(n.status), n.ticked, n.message, n.cause or "", dict(n.evidence or {})
             )
             for n in report.nodes
         ),
-        writes=tuple(records.Write(w.key, w.value, w.node) for w in report.writes),
+        writes=tuple(records.WriteRecord(w.key, w.value, w.node) for w in report.writes),
         transitions=tuple(
-            records.Transition(
+            records.TransitionRecord(
                 t.path,
                 str(t.status),
                 dict(t.inputs),

@@ -7,24 +7,24 @@ from dataclasses import replace
 from typing import Any, Literal, Protocol, TypeAlias
 
 from ..robots.description import RobotDescription
-from ..world.journal import Happened
+from ..world.journal import JournalEvent
 from ..world.protocols import Hardware
 from ..world.scene.description import Fixture, SceneDescription
-from .faults.injector import Faulty
+from .faults.injector import InjectableRobot
 
 Backend: TypeAlias = Literal["physics", "kinematic"]
 
 
-class Saved(Protocol):
+class BackendCheckpoint(Protocol):
     """A backend's checkpoint."""
 
     def to_plain(self) -> dict[str, Any]: ...
 
 
-class Simulation(Hardware, Faulty, Protocol):
+class Simulation(Hardware, InjectableRobot, Protocol):
     """Simulated hardware: it knows the truth, lets faults happen, can be saved, says how it is set."""
 
-    def take_events(self) -> tuple[Happened, ...]:
+    def take_events(self) -> tuple[JournalEvent, ...]:
         """What those who bring items and exchange bins have done since it was asked last."""
         ...
 
@@ -32,11 +32,11 @@ class Simulation(Hardware, Faulty, Protocol):
         """The scene's fixtures where they really stand."""
         ...
 
-    def checkpoint(self) -> Saved:
+    def checkpoint(self) -> BackendCheckpoint:
         """Save, and go on from what was saved."""
         ...
 
-    def snapshot(self) -> Saved:
+    def snapshot(self) -> BackendCheckpoint:
         """The state at any moment, without a change to anything; what goes on from it is not bit-exact."""
         ...
 

@@ -12,7 +12,7 @@ _STILL = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class RestSnapshot:
     """A simulation that stands still."""
 
     plain: dict[str, Any]
@@ -21,7 +21,7 @@ class Standing:
     """Of the arm's joints, rad."""
 
 
-def standing(backend: Backend, snapshot: Mapping[str, Any], joints: int) -> Standing:
+def snapshot_at_rest(backend: Backend, snapshot: Mapping[str, Any], joints: int) -> RestSnapshot:
     """The arm of so many joints is held where it was, its fingers go on with what they were told, nothing
     moves.
 
@@ -31,7 +31,7 @@ def standing(backend: Backend, snapshot: Mapping[str, Any], joints: int) -> Stan
         from .checkpoints.kinematic_state import KinematicState
 
         stood = KinematicState.from_plain(snapshot)
-        return Standing(
+        return RestSnapshot(
             replace(stood, velocity=tuple(0.0 for _ in stood.velocity)).to_plain(), stood.position
         )
     from .checkpoints.physics_state import ArmCommand, Checkpoint
@@ -44,4 +44,4 @@ def standing(backend: Backend, snapshot: Mapping[str, Any], joints: int) -> Stan
         robot=replace(saved.robot, velocity=tuple(0.0 for _ in saved.robot.velocity)),
         items=tuple(replace(item, velocity=_STILL, spin=_STILL) for item in saved.items),
     )
-    return Standing(still.to_plain(), position)
+    return RestSnapshot(still.to_plain(), position)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.place.dropped_objects import let_ride, notice_exchanges
+from ..manipulation.place.dropped_objects import apply_bin_exchanges, forget_belt_items
 from ..trees.ports import In, port
 from ..trees.skill import Skill, Steps
 from ..world.causes import Failure, feed
@@ -39,7 +39,7 @@ class AwaitItems(Skill):
         obstructed_since: float | None = None
         asked = False
         while True:
-            notice_exchanges(world, self.path)
+            apply_bin_exchanges(world, self.path)
             signals, waited = world.feed.read(), world.clock.now - began
             if signals.deliveries > world.noticed.deliveries:
                 world.noticed.deliveries = signals.deliveries
@@ -48,7 +48,7 @@ class AwaitItems(Skill):
                 return
             if not asked:
                 world.feed.ready()
-                let_ride(world)
+                forget_belt_items(world)
                 asked = True
             if not signals.obstructed:
                 obstructed_since = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ..manipulation.place.dropped_objects import fill_of, notice_exchanges
+from ..manipulation.place.dropped_objects import apply_bin_exchanges, bin_fill_level
 from ..trees.ports import In, port
 from ..trees.skill import Doing, Skill, Steps
 from ..world.causes import Failure, feed
@@ -52,9 +52,9 @@ class ExchangeBin(Skill):
 
     def run(self, world: World) -> Steps:
         bin_ = self._bin(world)
-        if self.bin in notice_exchanges(world, self.path):
+        if self.bin in apply_bin_exchanges(world, self.path):
             return  # at an earlier request, for which nobody waited to the end
-        full = fill_of(world, bin_)
+        full = bin_fill_level(world, bin_)
         if full < self.level:
             self.feedback_message = f"{self.bin} is {full:.0%} full"
             return
@@ -74,7 +74,7 @@ class ExchangeBin(Skill):
         obstructed_since: float | None = None
         while True:
             yield
-            if self.bin in notice_exchanges(world, self.path):
+            if self.bin in apply_bin_exchanges(world, self.path):
                 return
             signals, waited = world.feed.read(), world.clock.now - began
             if not signals.obstructed:

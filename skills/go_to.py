@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.motion.replanning import travel
+from ..manipulation.motion.replanning import follow_with_replanning
 from ..planning.requests import NamedGoal
 from ..trees.ports import In, port
 from ..trees.skill import ARM, Skill, Steps
@@ -33,4 +33,6 @@ class GoTo(Skill):
 
     def run(self, world: World) -> Steps:
         goal, scaling = NamedGoal(self.pose), world.handling.scaling(self.speed)
-        yield from travel(world, lambda: world.plan.to(goal, scaling=scaling, node=self.path), node=self.path)
+        yield from follow_with_replanning(
+            world, lambda: world.plan.to(goal, scaling=scaling, node=self.path), node=self.path
+        )

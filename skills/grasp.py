@@ -6,32 +6,37 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..cell.handover import Carriage
-from ..manipulation.carry.hold_check import Hold
-from ..manipulation.carry.weighing import Weighing, burden, take_up, weighed
-from ..manipulation.grasp.compliant_closing import close, found_again
+from ..cell.handover import Handover
+from ..manipulation.carry.hold_check import GripCheck
+from ..manipulation.carry.weighing import LiftWeighing, payload_force, register_payload, update_payload_mass
+from ..manipulation.grasp.compliant_closing import close, relocate_object
 from ..manipulation.grasp.grasp_candidates import GraspCandidate, grasp_candidates
-from ..manipulation.grasp.grip_force import pressure
-from ..manipulation.grasp.straight_lines import CARRIED, feel, lift, raise_off
+from ..manipulation.grasp.grip_force import grip_force
+from ..manipulation.grasp.straight_lines import CARRIED, descend_until_contact, lift, lift_off
 from ..manipulation.motion.motion_watch import TargetWatch
-from ..manipulation.motion.replanning import Replans
-from ..manipulation.pick.pick_candidates import PLACE, PickAndPlace, fates, told
-from ..manipulation.pick.pick_stream import PickStream
-from ..manipulation.pick.transfer_requests import onward
-from ..manipulation.pick.visual_servoing import close_in
-from ..manipulation.place.dropped_objects import let_go
-from ..manipulation.retreat.clearing import escape
-from ..planning.requests import Holding, Plan
+from ..manipulation.motion.replanning import ReplanBudget
+from ..manipulation.pick.pick_candidates import (
+    PLACE,
+    PickPlaceCandidate,
+    count_rejections,
+    describe_rejections,
+)
+from ..manipulation.pick.pick_stream import CandidateSearch
+from ..manipulation.pick.transfer_requests import transfer_requests
+from ..manipulation.pick.visual_servoing import servo_to_grasp
+from ..manipulation.place.dropped_objects import release_object
+from ..manipulation.retreat.clearing import escape_contact
+from ..planning.requests import HeldObject, MotionPlan
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, perception, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import Happened
+from ..world.journal import JournalEvent
 from ..world.values import ObjectId, Pose, Vector3
 
 if TYPE_CHECKING:
     from ..cell.world import World
-    from ..planning.service.lookahead_planning import Prepared
+    from ..planning.service.lookahead_planning import LookaheadResult
     from ..world.belief.planning_scene import BeliefObject
 
 LIFTED = 0.5
@@ -101,33 +106,33 @@ class Grasp(Skill):
         except Failure as failure:
             if failure.cause not in (grasp.MISSED, grasp.SLIPPED):
                 raise
-            if not (yield from found_again(world, self.object, self.path, failure, self._gripped)):
+            if not (yield from relocate_object(world, self.object, self.path, failure, self._gripped)):
                 raise
             yield from self._pick(world)
 
     def _pick(self, world: World) -> Steps:
         """The best candidate that is left, to the lifted object. When something gets into the way to it, or
         the object is seen elsewhere, the arm stops and candidates are looked for anew."""
-        replans = Replans(world, self.path, self.object)
+        replans = ReplanBudget(world, self.path, self.object)
         while not (yield from self._try(world, replans)):
             pass
 
-    def _try(self, world: World, replans: Replans) -> Doing[bool]:
+    def _try(self, world: World, replans: ReplanBudget) -> Doing[bool]:
         """False: the arm has stopped on the way to the object, and another plan may help."""
         belief = world.scene.get(self.object)
         ranked = grasp_candidates(belief, world.robot.description.gripper)
         first = world.attempts.count(self.path, self.object) == 0
         offered = world.attempts.remaining(self.path, self.object, ranked)
-        stream = PickStream(world, belief, offered, self.path)
+        stream = CandidateSearch(world, belief, offered, self.path)
         while True:
             pick = yield from self._next(world, stream)
             watch = TargetWatch(world, belief)
             if pick is None:
                 raise self._none(stream, len(ranked), len(ranked) - len(offered))
-            carried: Prepared[Plan] | None = None
+            carried: LookaheadResult[MotionPlan] | None = None
             try:
                 if self.servo and world.eyes.hand is not None:
-                    pick = yield from close_in(world, pick, self.path, first=first, watch=watch)
+                    pick = yield from servo_to_grasp(world, pick, self.path, first=first, watch=watch)
                     # What the hand has seen of it counts; a camera elsewhere may err by its mounting.
                     watch = None
                 carried = self._prepared(world, pick)
@@ -145,22 +150,25 @@ class Grasp(Skill):
             yield from self._close_and_lift(world, pick, carried, first=first)
             return True
 
-    def _next(self, world: World, stream: PickStream) -> Doing[PickAndPlace | None]:
+    def _next(self, world: World, stream: CandidateSearch) -> Doing[PickPlaceCandidate | None]:
         """The next candidate. An arm that is believed to stand within something gets clear of it first."""
         try:
             return (yield from stream.find(speed=self.speed))
         except Failure as failure:
             if failure.cause is not planning.START_IN_COLLISION:
                 raise
-        yield from escape(world, world.handling.slowly, self.path)
+        yield from escape_contact(world, world.handling.slowly, self.path)
         return (yield from stream.find(speed=self.speed))
 
-    def _none(self, stream: PickStream, ranked: int, tried_before: int) -> Failure:
+    def _none(self, stream: CandidateSearch, ranked: int, tried_before: int) -> Failure:
         """Why there is no candidate: what the planner said of the last one that came so far, or the trail."""
         if stream.refused is not None and stream.trail.count(PLACE):
             return stream.refused
         trail = stream.trail.entry()
-        why = told(fates(trail.tried, trail.into)) or "an object of this width is not grasped"
+        why = (
+            describe_rejections(count_rejections(trail.tried, trail.into))
+            or "an object of this width is not grasped"
+        )
         return Failure(
             grasp.NO_CANDIDATE,
             f"none of {ranked} grasps of {self.object} is free, reachable and leads to a place: {why}",
@@ -181,15 +189,15 @@ class Grasp(Skill):
                 held=held.id,
             )
         yield from world.control.settle()
-        hold = Hold(world.grip.width, world.control.load())
+        hold = GripCheck(world.grip.width, world.control.load())
         if not hold.empty and not hold.loaded:
             # What is between the fingers may stand on something, or in it.
-            yield from raise_off(world, self.path)
+            yield from lift_off(world, self.path)
             yield from world.control.settle()
-            hold = Hold(world.grip.width, world.control.load())
+            hold = GripCheck(world.grip.width, world.control.load())
         if hold.held:
             return True
-        let_go(world.scene, "no longer felt in the hand")
+        release_object(world.scene, "no longer felt in the hand")
         raise Failure(
             grasp.SLIPPED,
             f"{self.object} was in the hand and is gone: opening {hold.width * 1000:.1f} mm",
@@ -198,19 +206,23 @@ class Grasp(Skill):
             load=hold.load,
         )
 
-    def _prepared(self, world: World, pick: PickAndPlace) -> Prepared[Plan] | None:
+    def _prepared(self, world: World, pick: PickPlaceCandidate) -> LookaheadResult[MotionPlan] | None:
         """The transfer, planned while the arm approaches. What is flat is felt for: where the fingers will
         close is known then only."""
         if pick.above is None or pick.landing is None or pick.grasp.flat or not self.onward:
             return None
-        holding = Holding(self.object, pick.object_in_tcp)
-        legs = onward(
+        holding = HeldObject(self.object, pick.object_in_tcp)
+        legs = transfer_requests(
             world, holding, pick.at, pick.grasp.expected_width, pick.above, pick.landing.drop, self.speed
         )
         return world.plan.ahead(world.plan.through(legs, node=self.path))
 
     def _approach(
-        self, world: World, pick: PickAndPlace, carried: Prepared[Plan] | None, target: TargetWatch | None
+        self,
+        world: World,
+        pick: PickPlaceCandidate,
+        carried: LookaheadResult[MotionPlan] | None,
+        target: TargetWatch | None,
     ) -> Steps:
         """To the pre-grasp and down in one motion, until it turns out that there is no way on from there, or
         that the object is elsewhere."""
@@ -227,14 +239,19 @@ class Grasp(Skill):
         guard = world.handling.guard
         plan = pick.approach.trajectory
         yield from world.move.along(plan, guard=guard, watch=in_vain, node=self.path)
-        yield from feel(world, pick.grasp, self.object, self.path)
+        yield from descend_until_contact(world, pick.grasp, self.object, self.path)
 
     def _close_and_lift(
-        self, world: World, pick: PickAndPlace, carried: Prepared[Plan] | None, *, first: bool
+        self,
+        world: World,
+        pick: PickPlaceCandidate,
+        carried: LookaheadResult[MotionPlan] | None,
+        *,
+        first: bool,
     ) -> Steps:
         belief = world.scene.get(self.object)
         entry = next((e for e in world.description.catalogue if e.kind == belief.kind), None)
-        press = pressure(entry, self.force, world.robot.description.gripper)
+        press = grip_force(entry, self.force, world.robot.description.gripper)
         if self._gripped is not None:
             press = press.firmer()
         object_in_tcp = world.control.tcp.inverse() @ belief.pose
@@ -243,10 +260,10 @@ class Grasp(Skill):
         closed = yield from close(world, press, self.path)
         if closed.gave_way and carried is not None:
             carried = self._from_here(world, pick, object_in_tcp)
-        felt = Hold(closed.width, None)
+        felt = GripCheck(closed.width, None)
         if not felt.empty:
             self._gripped = belief.pose.position
-            take_up(world, press, entry, object_in_tcp)
+            register_payload(world, press, entry, object_in_tcp)
             world.scene.attach(self.object, object_in_tcp)
         try:
             hold = yield from self._lift(world, pick, carried, felt)
@@ -256,12 +273,12 @@ class Grasp(Skill):
             raise
         self._note(world, belief, pick.grasp, hold, first=first)
         if hold.held:
-            weighed(world, hold, press)
+            update_payload_mass(world, hold, press)
             world.attempts.clear(self.path, self.object)
             return
         world.attempts.failed(self.path, self.object, pick.grasp.name)
         world.underway.drop()
-        let_go(world.scene, "not felt in the hand")
+        release_object(world.scene, "not felt in the hand")
         yield from world.grip.open()
         cause, what = (
             (grasp.MISSED, "the fingers met and hold nothing")
@@ -278,35 +295,41 @@ class Grasp(Skill):
             expected_width=pick.grasp.expected_width,
         )
 
-    def _from_here(self, world: World, pick: PickAndPlace, object_in_tcp: Pose) -> Prepared[Plan]:
+    def _from_here(
+        self, world: World, pick: PickPlaceCandidate, object_in_tcp: Pose
+    ) -> LookaheadResult[MotionPlan]:
         """The transfer from where the arm stands, planned while the fingers close."""
         assert pick.landing is not None
-        holding = Holding(self.object, object_in_tcp)
+        holding = HeldObject(self.object, object_in_tcp)
         tcp = world.control.tcp
         # Held a little higher or lower than was thought: the object lands where it was meant to.
         moved = pick.grasp.tcp_in_world.position[2] - tcp.position[2]
         above = pick.landing.above.shifted((0.0, 0.0, -moved))
         start = world.control.held_position
-        legs = onward(
+        legs = transfer_requests(
             world, holding, start, pick.grasp.expected_width, (above,), pick.landing.drop, self.speed
         )
         return world.plan.ahead(world.plan.through(legs, node=self.path))
 
     def _lift(
-        self, world: World, pick: PickAndPlace, carried: Prepared[Plan] | None, felt: Hold
-    ) -> Doing[Hold]:
+        self,
+        world: World,
+        pick: PickPlaceCandidate,
+        carried: LookaheadResult[MotionPlan] | None,
+        felt: GripCheck,
+    ) -> Doing[GripCheck]:
         """Out of the neighbours, and what is felt then: on the way to the bin, or at rest."""
         plan = None if carried is None or felt.empty else (yield from self._onward(world, carried))
         if plan is not None and pick.landing is not None:
             lifted = plan.passes[0] + world.tick
-            weighing = Weighing(world, plan.passes[0])
-            guard = world.handling.guard + max(CARRIED, burden(world))
+            weighing = LiftWeighing(world, plan.passes[0])
+            guard = world.handling.guard + max(CARRIED, payload_force(world))
             try:
                 yield from world.move.along(
                     plan.trajectory, guard=guard, watch=weighing.watch, hand_over=lifted, node=self.path
                 )
             except Failure as failure:
-                if failure is not weighing.doubt and not Replans(world, self.path, self.object).allows(
+                if failure is not weighing.doubt and not ReplanBudget(world, self.path, self.object).allows(
                     failure
                 ):
                     raise
@@ -315,21 +338,21 @@ class Grasp(Skill):
             if weighing.hold is not None:
                 held = world.scene.get(self.object)
                 if held.object_in_tcp is not None:
-                    left = Carriage(self.object, held.object_in_tcp, pick.landing, plan, world.scene.version)
+                    left = Handover(self.object, held.object_in_tcp, pick.landing, plan, world.scene.version)
                     world.underway.leave(left)
                 return weighing.hold
         else:
             yield from lift(world, self.object, self.path)
         yield from world.control.settle()
-        return Hold(world.grip.width, world.control.load())
+        return GripCheck(world.grip.width, world.control.load())
 
     @staticmethod
-    def _is_clear(world: World, pick: PickAndPlace) -> bool:
+    def _is_clear(world: World, pick: PickPlaceCandidate) -> bool:
         """Whether the hand has lifted the object out of what stood around it."""
         risen = world.control.tcp.position[2] - pick.grasp.tcp_in_world.position[2]
         return risen > LIFTED * world.handling.approach
 
-    def _onward(self, world: World, carried: Prepared[Plan]) -> Doing[Plan | None]:
+    def _onward(self, world: World, carried: LookaheadResult[MotionPlan]) -> Doing[MotionPlan | None]:
         """The plan for the way on, if there is one that starts where the arm stands and still holds."""
         try:
             plan = yield from world.plan.take(carried)
@@ -341,11 +364,11 @@ class Grasp(Skill):
         return plan if off < SAME_START else None
 
     def _note(
-        self, world: World, belief: BeliefObject, candidate: GraspCandidate, hold: Hold, *, first: bool
+        self, world: World, belief: BeliefObject, candidate: GraspCandidate, hold: GripCheck, *, first: bool
     ) -> None:
         """One closing of the fingers, and what they hold as far as it was felt."""
         world.journal.note(
-            Happened(
+            JournalEvent(
                 "pick",
                 f"{self.object}: {'held' if hold.held else 'not held'}",
                 self.path,

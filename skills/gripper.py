@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..manipulation.place.dropped_objects import open_hand
+from ..manipulation.place.dropped_objects import open_gripper
 from ..trees.ports import In, Out, port
 from ..trees.skill import GRIPPER, Skill, Steps
 from ..world.causes import control
@@ -28,7 +28,7 @@ class OpenGripper(Skill):
     hand_after = "empty"
 
     def run(self, world: World) -> Steps:
-        yield from open_hand(world, "let go by OpenGripper", self.width or None)
+        yield from open_gripper(world, "let go by OpenGripper", self.width or None)
 
 
 class CloseGripper(Skill):

@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal
 
-from ..control.cartesian.stiffness import Stiffness
-from ..control.contact.hole_search import Inserting, Leaving, Touch
-from ..manipulation.carry.hold_check import Hold, felt_in_hand, lost, released
+from ..control.cartesian.stiffness import CartesianStiffness
+from ..control.contact.hole_search import ExtractionMotion, InsertionMotion, InsertionParameters
+from ..manipulation.carry.hold_check import GripCheck, check_held_object, fail_as_slipped, is_released
 from ..manipulation.grasp.straight_lines import withdraw
-from ..manipulation.insert.insertion import ABOVE, Fit, fit, mouth, peg, poses_over, resting
-from ..manipulation.motion.replanning import travel
+from ..manipulation.insert.insertion import ABOVE, InsertionTask, fit, inserted_pose, mouth, peg, poses_over
+from ..manipulation.motion.replanning import follow_with_replanning
 from ..planning.requests import PoseGoal
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
-from ..world.belief.hole_matching import find_hole, fits, fitting_hole, occupied
+from ..world.belief.hole_matching import find_hole, fits_hole, fitting_hole, occupied
 from ..world.causes import Failure, control, grasp, insert, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import Happened
+from ..world.journal import JournalEvent
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -99,10 +99,10 @@ class Insert(Skill):
 
     def run(self, world: World) -> Steps:
         world.underway.drop()
-        held, _ = yield from felt_in_hand(world, self.object)
+        held, _ = yield from check_held_object(world, self.object)
         plan = yield from self._choose(world, held)
         yield from self._over(world, plan)
-        held, _ = yield from felt_in_hand(world, self.object)
+        held, _ = yield from check_held_object(world, self.object)
         hanging = world.control.load()
         with world.control.contact(rate=plan.rate):
             world.grip.press(self.grip)
@@ -119,7 +119,7 @@ class Insert(Skill):
 
     # Before
 
-    def _choose(self, world: World, held: BeliefObject) -> Doing[Fit]:
+    def _choose(self, world: World, held: BeliefObject) -> Doing[InsertionTask]:
         """The hole, and how the object is held for it."""
         scene = world.scene
         into = self.into or scene.destination(self.object)
@@ -132,7 +132,7 @@ class Insert(Skill):
             _, hole = find_hole(scene, into)
             if occupied(scene, hole.id):
                 raise Failure(place.OCCUPIED, f"{hole.id} is taken already", object=self.object, hole=hole.id)
-            if not fits(hole, held.shape):
+            if not fits_hole(hole, held.shape):
                 raise Failure(
                     insert.MISSED,
                     f"{self.object} does not fit into {hole.id}",
@@ -154,7 +154,7 @@ class Insert(Skill):
             seen = yield from look_at_hole(world, hole.id, self.path)
         return plan if seen is None else plan.seen_at(seen, SEEN)
 
-    def _over(self, world: World, plan: Fit) -> Steps:
+    def _over(self, world: World, plan: InsertionTask) -> Steps:
         """The object upright over the mouth."""
         poses = poses_over(plan, ABOVE)
         if not poses:
@@ -166,7 +166,7 @@ class Insert(Skill):
                 hole=plan.hole.id,
             )
         scaling = world.handling.scaling(self.speed)
-        yield from travel(
+        yield from follow_with_replanning(
             world,
             lambda: world.plan.to(PoseGoal(poses), scaling=scaling, node=self.path),
             guard=world.handling.guard,
@@ -175,29 +175,33 @@ class Insert(Skill):
 
     # By feeling
 
-    def _feel(self, world: World, plan: Fit) -> Doing[Inserting]:
-        touch = Touch(press=self.press, push=self.force, pitch=self.pitch, attempts=self.attempts)
-        course = Inserting(
+    def _feel(self, world: World, plan: InsertionTask) -> Doing[InsertionMotion]:
+        touch = InsertionParameters(
+            press=self.press, push=self.force, pitch=self.pitch, attempts=self.attempts
+        )
+        course = InsertionMotion(
             peg(plan, world.control.tcp),
             mouth(plan, self.depth or plan.hole.depth, world.robot.description.gripper.tip),
             touch,
             self.search,
             LINEAR,
         )
-        stiffness = Stiffness(linear=LINEAR, angular=ANGULAR)
+        stiffness = CartesianStiffness(linear=LINEAR, angular=ANGULAR)
         done = yield from world.move.comply(course, LONGEST, stiffness=stiffness, node=self.path)
         if not done.finished:
-            out = Leaving(course.up, course.depth)
+            out = ExtractionMotion(course.up, course.depth)
             yield from world.move.comply(out, LONGEST, stiffness=stiffness, zero=done.zero, node=self.path)
         self._force, self._seconds = done.force, done.seconds
         return course
 
-    def _out(self, world: World, plan: Fit, course: Inserting, width: float) -> Steps:
+    def _out(self, world: World, plan: InsertionTask, course: InsertionMotion, width: float) -> Steps:
         """It is not in the hole, and the arm is above it: what there is to say."""
         yield from world.control.settle()
-        hold = Hold(world.grip.width, world.control.load())
+        hold = GripCheck(world.grip.width, world.control.load())
         if not hold.held:
-            yield from lost(world, self.object, hold, f"slipped out of the fingers at {plan.hole.id}")
+            yield from fail_as_slipped(
+                world, self.object, hold, f"slipped out of the fingers at {plan.hole.id}"
+            )
         if abs(hold.width - width) > CHANGED:
             raise Failure(
                 grasp.SLIPPED,
@@ -237,8 +241,8 @@ class Insert(Skill):
 
     # After
 
-    def _let_go(self, world: World, held: BeliefObject, plan: Fit) -> Steps:
-        pose = resting(plan, world.control.tcp)
+    def _let_go(self, world: World, held: BeliefObject, plan: InsertionTask) -> Steps:
+        pose = inserted_pose(plan, world.control.tcp)
         try:
             yield from world.grip.release(world.handling.release)
         except GeneratorExit:  # halted, but the fingers go on opening
@@ -247,11 +251,13 @@ class Insert(Skill):
         world.control.wrist.carry(None)
         world.scene.detach(held.id, pose, plan.hole.id, "inserted")
 
-    def _gone(self, world: World, held: BeliefObject, plan: Fit, course: Inserting, hanging: float) -> Steps:
+    def _gone(
+        self, world: World, held: BeliefObject, plan: InsertionTask, course: InsertionMotion, hanging: float
+    ) -> Steps:
         """Whether the hand has really let go of it; then it is done."""
         yield from world.control.settle()
         after = world.control.load()
-        if not released(hanging, after):
+        if not is_released(hanging, after):
             world.scene.put(held, "still felt in the open hand")
             raise Failure(
                 insert.MISSED,
@@ -262,7 +268,7 @@ class Insert(Skill):
                 load_after=after,
             )
         world.journal.note(
-            Happened(
+            JournalEvent(
                 "item_done",
                 f"{held.id} inserted into {plan.hole.id}",
                 self.path,

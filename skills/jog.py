@@ -9,7 +9,7 @@ from ..control.cartesian.twist import FASTEST, FASTEST_TURN, Twist
 from ..errors import PicktreeError
 from ..trees.ports import In, Out, port
 from ..trees.skill import ARM, Skill, Steps
-from ..trees.values.port_types import Given, Misfit
+from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import control, planning, safety
 from ..world.causes import world as world_causes
 
@@ -49,7 +49,7 @@ class Jog(Skill):
     waits_for = "duration"
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         if not given.any_of("velocity", "turn"):
             return ("'velocity' or 'turn' must be given",)
         return tuple(
@@ -80,12 +80,12 @@ def _vector(numbers: list[float]) -> Vector3:
     return x, y, z
 
 
-def _misfit(key: str, value: object, most: float, unit: str) -> Misfit | None:
+def _misfit(key: str, value: object, most: float, unit: str) -> PortProblem | None:
     if not isinstance(value, list):
         return None
     numbers = cast("list[float]", value)
     if len(numbers) != 3:
-        return Misfit(key, f"three numbers x, y, z are wanted, not {len(numbers)}")
+        return PortProblem(key, f"three numbers x, y, z are wanted, not {len(numbers)}")
     if math.hypot(*numbers) > most:
-        return Misfit(key, f"a jog does at most {most:g} {unit}, not {math.hypot(*numbers):.3g}")
+        return PortProblem(key, f"a jog does at most {most:g} {unit}, not {math.hypot(*numbers):.3g}")
     return None

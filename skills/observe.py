@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ..manipulation.place.dropped_objects import notice_exchanges
+from ..manipulation.place.dropped_objects import apply_bin_exchanges
 from ..trees.ports import In, Out, port
 from ..trees.skill import CAMERA, Skill, Steps
 from ..trees.values.references import Binding
@@ -42,7 +42,7 @@ class Observe(Skill):
 
     def run(self, world: World) -> Steps:
         yield from world.control.settle()
-        notice_exchanges(world, self.path)
+        apply_bin_exchanges(world, self.path)
         world.noticed.deliveries = world.feed.read().deliveries
         summary = yield from world.eyes.look(self.camera)
         for gone in summary.removed:

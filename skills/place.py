@@ -5,23 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, cast
 
-from ..manipulation.carry.hold_check import felt_in_hand, released
-from ..manipulation.carry.weighing import Kept, burden, is_fragile, weighed
+from ..manipulation.carry.hold_check import check_held_object, is_released
+from ..manipulation.carry.weighing import GripMonitor, is_fragile, payload_force, update_payload_mass
 from ..manipulation.grasp.straight_lines import lower, withdraw
-from ..manipulation.motion.motion_watch import LandingWatch, PointWatch
-from ..manipulation.motion.replanning import Replans, planned
-from ..manipulation.pick.transfer_requests import lowering
+from ..manipulation.motion.motion_watch import PlaceWatch, PutDownWatch
+from ..manipulation.motion.replanning import ReplanBudget, plan_after_stop
+from ..manipulation.pick.transfer_requests import lower_request
 from ..manipulation.place.bin_spots import blocked, put_down_poses
-from ..manipulation.place.dropped_objects import notice_exchanges
-from ..manipulation.place.release_poses import landings, levels, target_for
-from ..planning.requests import Plan, PoseGoal, Request
+from ..manipulation.place.dropped_objects import apply_bin_exchanges
+from ..manipulation.place.release_poses import bin_target, levels, place_candidates
+from ..planning.requests import MotionPlan, PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
-from ..trees.values.port_types import Given, Misfit
+from ..trees.values.port_types import PortProblem, PortValues
 from ..world.belief.planning_scene import BeliefObject
 from ..world.causes import Failure, control, grasp, place, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import Happened
+from ..world.journal import JournalEvent
 from ..world.scene.description import Bin
 from ..world.shapes import bottom
 from ..world.values import ObjectId, Pose
@@ -29,11 +29,11 @@ from ..world.values import ObjectId, Pose
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ..cell.handover import Carriage, Landing
+    from ..cell.handover import Handover, PlaceCandidate
     from ..cell.world import World
     from ..world.trajectory import Trajectory
 
-Room: TypeAlias = LandingWatch | PointWatch
+Room: TypeAlias = PlaceWatch | PutDownWatch
 
 ELSEWHERE = (planning.NO_IK, planning.GOAL_IN_COLLISION, planning.NO_PATH, planning.BUDGET)
 """Causes for which another spot may do."""
@@ -75,26 +75,31 @@ class Place(Skill):
     hand_after = "empty"
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         if given.any_of("into") == given.any_of("at"):
             return ("one of 'into' and 'at' must be given, and not both",)
         at = given.constants.get("at")
         if isinstance(at, list) and len(cast("list[object]", at)) != 3:
-            return (Misfit("at", f"three numbers x, y, z are wanted, not {len(cast('list[object]', at))}"),)
+            return (
+                PortProblem("at", f"three numbers x, y, z are wanted, not {len(cast('list[object]', at))}"),
+            )
         return ()
 
     def run(self, world: World) -> Steps:
-        notice_exchanges(world, self.path)
-        replans = Replans(world, self.path, self.object)
+        apply_bin_exchanges(world, self.path)
+        replans = ReplanBudget(world, self.path, self.object)
         there = yield from self._carried(world, replans)
         while not there:
             held = yield from self._held(world)
 
-            def over(held: BeliefObject = held) -> Doing[Plan]:
+            def over(held: BeliefObject = held) -> Doing[MotionPlan]:
                 return self._over_point(world, held) if self.at else self._over_bin(world, held)
 
-            plan = yield from planned(world, over, self.path, after=replans.made)
-            guard, watch = world.handling.guard + burden(world), _OnTheWay(Kept(world), self._room)
+            plan = yield from plan_after_stop(world, over, self.path, after=replans.made)
+            guard, watch = (
+                world.handling.guard + payload_force(world),
+                _OnTheWay(GripMonitor(world), self._room),
+            )
             motion = world.move.along(plan.trajectory, guard=guard, watch=watch, node=self.path)
             there = yield from self._arrives(motion, watch, replans)
         held = yield from self._held(world)
@@ -102,7 +107,7 @@ class Place(Skill):
         yield from lower(world, held, None if self.at else self._bin(world), self.path)
         yield from self._release(world, held, hanging)
 
-    def _carried(self, world: World, replans: Replans) -> Doing[bool]:
+    def _carried(self, world: World, replans: ReplanBudget) -> Doing[bool]:
         """Whether a motion that `Grasp` has left brings the object to where it is to go. It is finished then;
         else the arm comes to rest."""
         left, going = world.underway.take(), world.move.ongoing
@@ -110,15 +115,15 @@ class Place(Skill):
             yield from world.move.rest()
             return False
         self._spot, self._floor = left.landing.spot, left.landing.height
-        room = LandingWatch(world, world.scene.get(self.object), left.landing)
+        room = PlaceWatch(world, world.scene.get(self.object), left.landing)
         if left.version != world.scene.version and room.judged() is not None:
             yield from world.move.rest()
             return False
-        guard, watch = world.handling.guard + burden(world), _OnTheWay(Kept(world), room)
+        guard, watch = world.handling.guard + payload_force(world), _OnTheWay(GripMonitor(world), room)
         motion = world.move.finish(guard=guard, watch=watch, node=self.path)
         return (yield from self._arrives(motion, watch, replans))
 
-    def _fits(self, world: World, left: Carriage, going: Trajectory) -> bool:
+    def _fits(self, world: World, left: Handover, going: Trajectory) -> bool:
         """Whether what was left is about this object and this bin, and the object is still in the hand. What
         is believed since is asked on the way: whether that is free, and whether there is room."""
         held = world.scene.held
@@ -131,7 +136,7 @@ class Place(Skill):
         )
 
     @staticmethod
-    def _arrives(motion: Steps, watch: _OnTheWay, replans: Replans) -> Doing[bool]:
+    def _arrives(motion: Steps, watch: _OnTheWay, replans: ReplanBudget) -> Doing[bool]:
         """Follow a motion; False when it was stopped because the fingers moved on the way, because something
         came into it, or because the place was taken."""
         try:
@@ -158,14 +163,14 @@ class Place(Skill):
 
     def _held(self, world: World) -> Doing[BeliefObject]:
         """What the hand holds, felt; raises grasp.slipped when it is no longer there."""
-        held, hold = yield from felt_in_hand(world, self.object)
-        weighed(world, hold)
+        held, hold = yield from check_held_object(world, self.object)
+        update_payload_mass(world, hold)
         return held
 
-    def _over_bin(self, world: World, held: BeliefObject) -> Doing[Plan]:
+    def _over_bin(self, world: World, held: BeliefObject) -> Doing[MotionPlan]:
         assert held.object_in_tcp is not None
         bin_ = self._bin(world)
-        target = target_for(world, held, bin_.id)
+        target = bin_target(world, held, bin_.id)
         if not target.cells:
             raise Failure(
                 place.FULL,
@@ -175,7 +180,7 @@ class Place(Skill):
             )
         refused: Failure | None = None
         for level in levels(target):
-            over = landings(world, target, level, held.shape, held.object_in_tcp)
+            over = place_candidates(world, target, level, held.shape, held.object_in_tcp)
             try:
                 plan = yield from self._down(world, tuple(landing.above for landing in over), over[0].drop)
             except Failure as failure:
@@ -184,19 +189,19 @@ class Place(Skill):
                 refused = failure
                 continue
             self._spot, self._floor = level.spot.name, level.spot.height
-            self._room = LandingWatch(world, held, _reached(over, plan, world))
+            self._room = PlaceWatch(world, held, _reached(over, plan, world))
             return plan
         assert refused is not None
         raise refused
 
-    def _down(self, world: World, over: tuple[Pose, ...], drop: float) -> Doing[Plan]:
+    def _down(self, world: World, over: tuple[Pose, ...], drop: float) -> Doing[MotionPlan]:
         """To one of the poses over the bin, and straight down from it as far as that is free."""
         goal, scaling = PoseGoal(over), world.handling.scaling(self.speed)
         if drop > 0.0:
             try:
                 return (
                     yield from world.plan.through(
-                        (Request(goal, scaling=scaling), lowering(world, drop)), node=self.path
+                        (Request(goal, scaling=scaling), lower_request(world, drop)), node=self.path
                     )
                 )
             except Failure as failure:
@@ -204,7 +209,7 @@ class Place(Skill):
                     raise
         return (yield from world.plan.to(goal, scaling=scaling, node=self.path))
 
-    def _over_point(self, world: World, held: BeliefObject) -> Doing[Plan]:
+    def _over_point(self, world: World, held: BeliefObject) -> Doing[MotionPlan]:
         assert held.object_in_tcp is not None
         if len(self.at) != 3:
             raise Failure(
@@ -220,7 +225,7 @@ class Place(Skill):
                 place.OCCUPIED, f"{by} stands where {self.object} should go", object=self.object, by=by
             )
         self._spot, self._floor = "point", 0.0
-        self._room = PointWatch(world, held, poses[0])
+        self._room = PutDownWatch(world, held, poses[0])
         over = tuple(p.shifted((0.0, 0.0, world.handling.approach)) for p in poses)
         return (
             yield from world.plan.to(
@@ -245,7 +250,7 @@ class Place(Skill):
             yield from self._clear(world)
         yield from world.control.settle()
         after = world.control.load()
-        if not released(before, after):
+        if not is_released(before, after):
             world.scene.put(held, "still felt in the open hand")
             raise Failure(
                 place.MISSED,
@@ -255,7 +260,7 @@ class Place(Skill):
                 load_after=after,
             )
         world.journal.note(
-            Happened(
+            JournalEvent(
                 "item_done",
                 f"{held.id} placed {('into ' + self.into) if self.into else f'at {self.at}'}",
                 self.path,
@@ -284,14 +289,14 @@ class Place(Skill):
 class _OnTheWay:
     """Asked each tick while the arm carries the object: is it still held, and is there room for it?"""
 
-    grip: Kept
+    grip: GripMonitor
     room: Room
 
     def __call__(self) -> Failure | None:
         return self.grip.watch() or self.room()
 
 
-def _reached(over: Sequence[Landing], plan: Plan, world: World) -> Landing:
+def _reached(over: Sequence[PlaceCandidate], plan: MotionPlan, world: World) -> PlaceCandidate:
     """The one of the landings to which a plan leads."""
     ends = world.robot.tcp(plan.trajectory.end)
     return min(over, key=lambda landing: landing.above.angle(ends))

@@ -8,17 +8,32 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from ..manipulation.push.push_stroke import Pushed, Ready, go_looking, make, ready, refused, step_back, unfit
-from ..manipulation.push.pushed_object import Estimate, felt, look_closely, seen, together
-from ..manipulation.push.singulation import Parting, crowded, has_room, partings
-from ..manipulation.push.stroke_planning import Aim, Stroke, asides, strokes
+from ..manipulation.push.push_stroke import (
+    FeasibleStroke,
+    PushResult,
+    execute_stroke,
+    go_looking,
+    plan_stroke,
+    pose_refusal,
+    step_back,
+    stroke_refusal,
+)
+from ..manipulation.push.pushed_object import (
+    PlanarEstimate,
+    estimate_from_camera,
+    estimate_from_contact,
+    fuse_estimates,
+    observe_closely,
+)
+from ..manipulation.push.singulation import SingulationPush, has_room, most_crowded_object, singulation_pushes
+from ..manipulation.push.stroke_planning import PushGoal, PushStroke, push_strokes, turning_room_strokes
 from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, GRIPPER, Doing, Skill, Steps
-from ..trees.values.port_types import Given, Misfit
+from ..trees.values.port_types import PortProblem, PortValues
 from ..world.causes import Failure, control, perception, planning, push, safety
 from ..world.causes import world as world_causes
-from ..world.journal import Happened, Plain
-from ..world.planar_geometry import Planar, moved, outline, planar
+from ..world.journal import JournalEvent, Plain
+from ..world.planar_geometry import PlanarPose, moved, outline, planar
 from ..world.values import ObjectId
 
 if TYPE_CHECKING:
@@ -93,8 +108,8 @@ class Push(Skill):
     limit = 300.0
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
-        wrong: list[str | Misfit] = []
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
+        wrong: list[str | PortProblem] = []
         placed, lined = given.any_of("to", "yaw"), given.any_of("direction", "distance")
         parted = given.any_of("singulate") and given.constants.get("singulate") is not False
         if placed + lined + parted != 1:
@@ -107,7 +122,7 @@ class Push(Skill):
             value = given.constants.get(key)
             if isinstance(value, list) and len(cast("list[object]", value)) != 2:
                 wrong.append(
-                    Misfit(key, f"two numbers x, y are wanted, not {len(cast('list[object]', value))}")
+                    PortProblem(key, f"two numbers x, y are wanted, not {len(cast('list[object]', value))}")
                 )
         return tuple(wrong)
 
@@ -130,7 +145,7 @@ class Push(Skill):
     def _apart(self, world: World) -> Steps:
         """Push until the target can be grasped; what is unknown, until it is recognised or stands alone."""
         yield from self._look(world)
-        name = self.object or crowded(world)
+        name = self.object or most_crowded_object(world)
         if not name:
             return
         world.scene.get(name)
@@ -145,7 +160,9 @@ class Push(Skill):
                 break
             one, ready_ = self._parting(world, target)
             world.attempts.failed(self.path, name, one.name)
-            pushed = yield from make(world, one.pushed, ready_, self.speed, self.force, self.path, one.there)
+            pushed = yield from execute_stroke(
+                world, one.pushed, ready_, self.speed, self.force, self.path, one.there
+            )
             made.append(f"{one.name}: {pushed.told}")
             yield from step_back(world, one.there, self.path)
             yield from self._look(world)
@@ -160,14 +177,14 @@ class Push(Skill):
         yield from world.control.settle()
         yield from world.eyes.look(self.camera)
 
-    def _parting(self, world: World, target: BeliefObject) -> tuple[Parting, Ready]:
+    def _parting(self, world: World, target: BeliefObject) -> tuple[SingulationPush, FeasibleStroke]:
         """The best push that makes room and that the arm can make; one that was made before comes last."""
-        found = partings(world, target)
+        found = singulation_pushes(world, target)
         offered = world.attempts.remaining(self.path, target.id, found)
         why: list[str] = []
         for one in offered[:TRIED]:
-            answer = ready(world, one.pushed, one.stroke, [n for n in one.there if n != one.pushed.id])
-            if isinstance(answer, Ready):
+            answer = plan_stroke(world, one.pushed, one.stroke, [n for n in one.there if n != one.pushed.id])
+            if isinstance(answer, FeasibleStroke):
                 return one, answer
             why.append(f"{one.name}: {answer}")
         told = "; ".join(why[:4]) or "no push that is free would do"
@@ -182,14 +199,14 @@ class Push(Skill):
         if made:
             data: dict[str, Plain] = {"object": name, "strokes": [*made]}
             text = f"{name}: the hand fits around it after {len(made)} strokes"
-            world.journal.note(Happened("push", text, self.path, data))
+            world.journal.note(JournalEvent("push", text, self.path, data))
 
-    def _to(self, world: World, belief: BeliefObject, aim: Aim) -> Steps:
+    def _to(self, world: World, belief: BeliefObject, aim: PushGoal) -> Steps:
         stalled = lost = 0
         made: list[str] = []
         bad: set[str] = set()
         off = turned = math.inf
-        now = seen(planar(belief.shape, belief.pose))
+        now = estimate_from_camera(planar(belief.shape, belief.pose))
         for left in range(self.strokes, -1, -1):
             off, turned = self._off(belief, aim)
             if off <= self.tolerance and turned <= self.turned:
@@ -198,7 +215,7 @@ class Push(Skill):
             if not left:
                 break
             one = self._choice(world, belief, aim, left, bad)
-            pushed = yield from make(world, belief, one, self.speed, self.force, self.path)
+            pushed = yield from execute_stroke(world, belief, one, self.speed, self.force, self.path)
             made.append(f"{one.stroke.name}: {pushed.told}")
             yield from step_back(world, (self.object,), self.path)
             after = yield from self._seen(world, pushed)
@@ -220,17 +237,19 @@ class Push(Skill):
             strokes=made,
         )
 
-    def _known(self, before: Estimate, after: BeliefObject, stroke: Stroke, pushed: Pushed) -> Estimate:
+    def _known(
+        self, before: PlanarEstimate, after: BeliefObject, stroke: PushStroke, pushed: PushResult
+    ) -> PlanarEstimate:
         """Where it is by what was felt and what is seen now."""
-        shape, sight = outline(after.shape, after.pose), seen(planar(after.shape, after.pose))
+        shape, sight = outline(after.shape, after.pose), estimate_from_camera(planar(after.shape, after.pose))
         if pushed.blocked or pushed.lost or not pushed.in_contact or stroke.side.rolls:
             return sight
-        return together(felt(before, stroke, pushed.ends, shape), sight, shape.turn)
+        return fuse_estimates(estimate_from_contact(before, stroke, pushed.ends, shape), sight, shape.turn)
 
-    def _check(self, world: World, belief: BeliefObject, aim: Aim) -> None:
+    def _check(self, world: World, belief: BeliefObject, aim: PushGoal) -> None:
         """Nothing is pushed towards a place where it cannot be in the end."""
         yaw = planar(belief.shape, belief.pose).yaw if aim.yaw is None else aim.yaw
-        why = unfit(world, belief, [Planar(aim.x, aim.y, yaw)])
+        why = pose_refusal(world, belief, [PlanarPose(aim.x, aim.y, yaw)])
         if why is not None:
             raise Failure(
                 push.NO_STROKE,
@@ -240,16 +259,16 @@ class Push(Skill):
                 y=aim.y,
             )
 
-    def _off(self, belief: BeliefObject, aim: Aim) -> tuple[float, float]:
+    def _off(self, belief: BeliefObject, aim: PushGoal) -> tuple[float, float]:
         shape = outline(belief.shape, belief.pose)
         return aim.off(planar(belief.shape, belief.pose), shape.turn)
 
-    def _seen(self, world: World, after: Pushed | None) -> Doing[BeliefObject]:
+    def _seen(self, world: World, after: PushResult | None) -> Doing[BeliefObject]:
         """The object as several pictures show it; the arm gets out of the way if it hides it."""
-        belief = yield from look_closely(world, self.camera, self.object, PICTURES)
+        belief = yield from observe_closely(world, self.camera, self.object, PICTURES)
         if belief is None:
             yield from go_looking(world, self.path)
-            belief = yield from look_closely(world, self.camera, self.object, PICTURES)
+            belief = yield from observe_closely(world, self.camera, self.object, PICTURES)
         if belief is not None:
             return belief
         if after is None:
@@ -266,33 +285,35 @@ class Push(Skill):
             reached=after.reached,
         )
 
-    def _aim(self, belief: BeliefObject) -> Aim:
+    def _aim(self, belief: BeliefObject) -> PushGoal:
         at = planar(belief.shape, belief.pose)
         round_ = outline(belief.shape, belief.pose).round
         if self.to:
-            return Aim(self.to[0], self.to[1], None if round_ else self.yaw)
+            return PushGoal(self.to[0], self.to[1], None if round_ else self.yaw)
         if self.direction:
             way = np.array(self.direction) * (self.distance / max(1e-9, math.hypot(*self.direction)))
-            return Aim(at.x + float(way[0]), at.y + float(way[1]), None if round_ else at.yaw)
-        return Aim(at.x, at.y, None if round_ else self.yaw)
+            return PushGoal(at.x + float(way[0]), at.y + float(way[1]), None if round_ else at.yaw)
+        return PushGoal(at.x, at.y, None if round_ else self.yaw)
 
-    def _choice(self, world: World, belief: BeliefObject, aim: Aim, left: int, bad: set[str]) -> Ready:
+    def _choice(
+        self, world: World, belief: BeliefObject, aim: PushGoal, left: int, bad: set[str]
+    ) -> FeasibleStroke:
         """The best stroke that is free and that the arm can make."""
         at = planar(belief.shape, belief.pose)
-        longest = max(LONGEST, 2.0 * at.distance(Planar(aim.x, aim.y)) / left)
+        longest = max(LONGEST, 2.0 * at.distance(PlanarPose(aim.x, aim.y)) / left)
         why: list[str] = []
         gripper = world.robot.description.gripper
-        helping = [s for s in strokes(belief, aim, gripper, longest) if self._helps(s, belief, aim)]
+        helping = [s for s in push_strokes(belief, aim, gripper, longest) if self._helps(s, belief, aim)]
         if not helping and aim.yaw is not None:
-            helping = list(asides(belief, gripper))
+            helping = list(turning_room_strokes(belief, gripper))
         for stroke in helping:
             if stroke.side.name in bad:
                 continue
             with world.plan.checking():
-                refusal = refused(world, belief, stroke)
+                refusal = stroke_refusal(world, belief, stroke)
             if refusal is None:
-                answer = ready(world, belief, stroke)
-                if isinstance(answer, Ready):
+                answer = plan_stroke(world, belief, stroke)
+                if isinstance(answer, FeasibleStroke):
                     return answer
                 refusal = answer
             why.append(f"{stroke.name}: {refusal}")
@@ -304,7 +325,7 @@ class Push(Skill):
             refused=why,
         )
 
-    def _helps(self, stroke: Stroke, belief: BeliefObject, aim: Aim) -> bool:
+    def _helps(self, stroke: PushStroke, belief: BeliefObject, aim: PushGoal) -> bool:
         """Whether it leaves less to be done than there is."""
         shape = outline(belief.shape, belief.pose)
         before = _error(*aim.off(planar(belief.shape, belief.pose), shape.turn))
@@ -326,10 +347,10 @@ class Push(Skill):
                 strokes=made,
             )
 
-    def _note(self, world: World, belief: BeliefObject, aim: Aim, made: list[str]) -> None:
+    def _note(self, world: World, belief: BeliefObject, aim: PushGoal, made: list[str]) -> None:
         off, turned = self._off(belief, aim)
         world.journal.note(
-            Happened(
+            JournalEvent(
                 "push",
                 f"{self.object}: {len(made)} strokes, {_told(off, turned)} off",
                 self.path,

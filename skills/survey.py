@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..calibration.observations import SHOT, Shot, Viewpoint, viewpoints
-from ..calibration.target_detection import TileSeen
-from ..calibration.targets import Target, target_named
+from ..calibration.observations import SHOT, DetectedTile, TargetImage, Viewpoint, viewpoints
+from ..calibration.targets import CalibrationTarget, target_named
 from ..planning.requests import NamedGoal, PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, CAMERA, Doing, Skill, Steps
 from ..world.causes import Failure, control, perception, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import Happened
+from ..world.journal import JournalEvent
 
 if TYPE_CHECKING:
     from ..cell.world import World
@@ -69,7 +68,7 @@ class Survey(Skill):
         else:
             yield from self._from_all_sides(world, target, camera)
 
-    def _from_afar(self, world: World, target: Target, camera: CameraDescription) -> Steps:
+    def _from_afar(self, world: World, target: CalibrationTarget, camera: CameraDescription) -> Steps:
         for pose in (name for name in ASIDE if name in world.robot.description.named):
             plan = yield from world.plan.to(
                 NamedGoal(pose), scaling=world.handling.scaling(1.0), node=self.path
@@ -83,7 +82,7 @@ class Survey(Skill):
                     return
         raise self._unseen(target)
 
-    def _from_all_sides(self, world: World, target: Target, camera: CameraDescription) -> Steps:
+    def _from_all_sides(self, world: World, target: CalibrationTarget, camera: CameraDescription) -> Steps:
         first = yield from world.eyes.shoot(self.camera)
         offered = viewpoints(target.pose, target.size, first.image.intrinsics, OFFERED * self.views)
         found = 0
@@ -120,41 +119,43 @@ class Survey(Skill):
         return False
 
     def _shot(
-        self, world: World, target: Target, camera: CameraDescription, pictures: int
-    ) -> Doing[Shot | None]:
+        self, world: World, target: CalibrationTarget, camera: CameraDescription, pictures: int
+    ) -> Doing[TargetImage | None]:
         """What several pictures from here show together; None when that is not the target."""
-        from ..calibration.target_detection import averaged, find_tiles  # needs OpenCV
+        from ..calibration.target_detection import average_tiles, detect_tiles  # needs OpenCV
 
         yield from world.control.settle()
-        seen: list[tuple[TileSeen, ...]] = []
+        seen: list[tuple[DetectedTile, ...]] = []
         taken = None
         for _ in range(pictures):
             taken = yield from world.eyes.shoot(self.camera)
-            seen.append(find_tiles(taken.image, target.tiles))
-        together = averaged(seen)
+            seen.append(detect_tiles(taken.image, target.tiles))
+        together = average_tiles(seen)
         if not together or taken is None:
             return None
         on_hand = camera.on == "hand"
-        return Shot(self.camera, on_hand, taken.image.intrinsics, world.control.tcp, camera.pose, together)
+        return TargetImage(
+            self.camera, on_hand, taken.image.intrinsics, world.control.tcp, camera.pose, together
+        )
 
-    def _seen(self, world: World, target: Target, pictures: int) -> Doing[bool]:
-        from ..calibration.target_detection import find_tiles
+    def _seen(self, world: World, target: CalibrationTarget, pictures: int) -> Doing[bool]:
+        from ..calibration.target_detection import detect_tiles
 
         yield from world.control.settle()
         for _ in range(pictures):
             taken = yield from world.eyes.shoot(self.camera)
-            if find_tiles(taken.image, target.tiles):
+            if detect_tiles(taken.image, target.tiles):
                 return True
         return False
 
-    def _note(self, world: World, shot: Shot, where: str) -> None:
+    def _note(self, world: World, shot: TargetImage, where: str) -> None:
         message = f"{self.camera}: {len(shot.tiles)} squares of {self.target} {where}"
-        world.journal.note(Happened(SHOT, message, self.path, shot.to_plain()))
+        world.journal.note(JournalEvent(SHOT, message, self.path, shot.to_plain()))
 
     def _skip(self, world: World, message: str) -> None:
-        world.journal.note(Happened("calibration_skipped", f"{self.camera}: {message}", self.path, {}))
+        world.journal.note(JournalEvent("calibration_skipped", f"{self.camera}: {message}", self.path, {}))
 
-    def _unseen(self, target: Target) -> Failure:
+    def _unseen(self, target: CalibrationTarget) -> Failure:
         return Failure(
             perception.NOT_FOUND, f"{target.name} is not in any view of {self.camera}", object=target.name
         )

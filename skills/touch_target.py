@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..calibration.observations import TOUCH, Touch
-from ..calibration.targets import Contact, contacts, target_named, tips
+from ..calibration.observations import TOUCH, TargetTouch
+from ..calibration.targets import TouchPoint, fingertip_corners, target_named, touch_points
 from ..planning.requests import PoseGoal, Request
 from ..trees.ports import In, port
 from ..trees.skill import ARM, GRIPPER, Doing, Skill, Steps
 from ..world.causes import Failure, control, grasp, planning, safety
 from ..world.causes import world as world_causes
-from ..world.journal import Happened
+from ..world.journal import JournalEvent
 
 if TYPE_CHECKING:
     from ..cell.world import World
@@ -67,8 +67,8 @@ class TouchTarget(Skill):
         if world.scene.held is not None:
             raise Failure(grasp.NO_CANDIDATE, f"the hand is not free: it holds {world.scene.held.id}")
         width = yield from world.grip.close(CLOSING)
-        at_tips = tips(world.robot, max(0.0, width))
-        ways = [contacts(target.pose, target.size, at_tips, turned) for turned in (0.0, math.pi / 2)]
+        at_tips = fingertip_corners(world.robot, max(0.0, width))
+        ways = [touch_points(target.pose, target.size, at_tips, turned) for turned in (0.0, math.pi / 2)]
         wanted = max(ways, key=lambda way: self._room(world, way))
         found = 0
         for number, contact in enumerate(wanted):
@@ -77,7 +77,7 @@ class TouchTarget(Skill):
                 continue
             found += 1
             message = f"{self.target}, {contact.name}: touched with {touch.force:.1f} N"
-            world.journal.note(Happened(TOUCH, message, self.path, touch.to_plain()))
+            world.journal.note(JournalEvent(TOUCH, message, self.path, touch.to_plain()))
         yield from world.grip.open()
         if found < FEWEST:
             raise Failure(
@@ -86,7 +86,7 @@ class TouchTarget(Skill):
                 touched=found,
             )
 
-    def _room(self, world: World, way: tuple[Contact, ...]) -> float:
+    def _room(self, world: World, way: tuple[TouchPoint, ...]) -> float:
         """How far joints stay from limits in the touches that take the hand round by half a turn, rad."""
         room = math.inf
         for contact in way:
@@ -97,7 +97,7 @@ class TouchTarget(Skill):
                 room = min(room, 0.0)
         return room
 
-    def _touch(self, world: World, contact: Contact, force: float) -> Doing[Touch | None]:
+    def _touch(self, world: World, contact: TouchPoint, force: float) -> Doing[TargetTouch | None]:
         """Up to the face, against it and back; None when that cannot be done here."""
         away = np.array(contact.normal) * CLEAR
         try:
@@ -113,7 +113,7 @@ class TouchTarget(Skill):
         yield from world.control.settle()
         world.control.tare()
         why = "there is nothing to be felt"
-        touch: Touch | None = None
+        touch: TargetTouch | None = None
         with world.scene.allow(("gripper", self.target)):
             try:
                 felt = yield from world.move.guarded(
@@ -133,17 +133,17 @@ class TouchTarget(Skill):
             self._skip(world, contact, why)
         return touch
 
-    def _felt(self, world: World, contact: Contact) -> Touch:
+    def _felt(self, world: World, contact: TouchPoint) -> TargetTouch:
         pushed = world.control.wrench_external().force
         against = float(np.dot(pushed, contact.normal))
-        return Touch(contact.face, world.control.tcp, max(0.0, against), contact.name)
+        return TargetTouch(contact.face, world.control.tcp, max(0.0, against), contact.name)
 
-    def _skip(self, world: World, contact: Contact, why: str) -> None:
+    def _skip(self, world: World, contact: TouchPoint, why: str) -> None:
         message = f"{self.target}, {contact.name}: {why}"
-        world.journal.note(Happened("calibration_skipped", message, self.path, {}))
+        world.journal.note(JournalEvent("calibration_skipped", message, self.path, {}))
 
 
-def _before(contact: Contact) -> tuple[Pose, ...]:
+def _before(contact: TouchPoint) -> tuple[Pose, ...]:
     """Where the tool waits before it touches."""
     away = np.array(contact.normal) * CLEAR
     return tuple(pose.shifted(away) for pose in contact.tcp)

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 from ..cell.world import World
 from ..trees.controls.decorator import Decorator
 from ..trees.declaration import Resource
-from ..trees.flow import Ends, Flow, State
+from ..trees.flow import FlowState, NodeOutcomes, OutcomeCollector
 from ..trees.ports import In, port
 from ..trees.status import NodeStatus
 from ..world.causes import Failure, perception
 from ..world.journal import Plain
 
 if TYPE_CHECKING:
-    from ..cell.vision import Glance
-    from ..trees.flow.flow_walk import Walk
+    from ..cell.vision import PendingView
+    from ..trees.flow.flow_walk import FlowAnalysis
     from ..trees.mission import NodeSpec
     from ..trees.runtime import TreeWorld
 
@@ -60,7 +60,7 @@ class WatchScene(Decorator):
     _held: str = ""
     _width: float = 0.0
     _seen: float = 0.0
-    _pending: Glance | None = None
+    _pending: PendingView | None = None
 
     def on_start(self) -> None:
         self._next = self._seen = self.world.clock.now
@@ -113,8 +113,8 @@ class WatchScene(Decorator):
         world.thinking.beside(world.eyes.cost)
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
         ends.take(flow)
         reasons = walk.fails(spec, walk.causes.of(cls.causes))
         for state in (entry, *flow.running):

@@ -9,10 +9,10 @@ import pytest
 
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.logs.schema.records import Event, NodeStatus
+from picktree.logs.schema.records import Event, NodeStatusRecord
 from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes, cause_named, matches
 
 from .skills.cell import EXAMPLES
@@ -40,7 +40,7 @@ class Told:
         self.result = result
         with RunLog(result.log) as log:
             self.events: list[Event] = [at.record for at in log.events()]
-            self.failures: list[NodeStatus] = [
+            self.failures: list[NodeStatusRecord] = [
                 node
                 for at in log.ticks()
                 for node in at.record.nodes
@@ -73,7 +73,7 @@ def told(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 @cache
 def declared(identity: str) -> tuple[str, ...]:
-    node = Registry().find(identity)
+    node = NodeRegistry().find(identity)
     assert node is not None
     return (*(str(cause) for cause in node.causes), *ALWAYS_POSSIBLE)
 

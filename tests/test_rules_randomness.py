@@ -21,7 +21,7 @@ from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.trees.running.debugger import Debugger, Stop
+from picktree.trees.running.debugger import Debugger, DebuggerStop
 from picktree.trees.running.runner import NodeInfo, TickReport
 from picktree.world.scene.loading.scene_loading import load_scene
 
@@ -65,7 +65,7 @@ class Inquirer:
     def __init__(self) -> None:
         self.seen: list[str] = []
 
-    def __call__(self, debugger: Debugger, stop: Stop) -> None:
+    def __call__(self, debugger: Debugger, stop: DebuggerStop) -> None:
         commands = iter(("tree", "where", "node", "blackboard", "belief", "print items_left", "next"))
         out = io.StringIO()
         DebugPrompt(lambda _: next(commands), out)(debugger, stop)

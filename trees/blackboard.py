@@ -15,7 +15,7 @@ from .values.references import Reference, resolve
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
+class BlackboardWrite:
     """One write: the full key (`Main/.../SortOne/item`), a copy of the value, the path of the node."""
 
     key: str
@@ -28,7 +28,7 @@ class Blackboard:
 
     def __init__(self) -> None:
         self._values: dict[str, Plain] = {}
-        self._writes: list[Write] = []
+        self._writes: list[BlackboardWrite] = []
 
     def __contains__(self, key: str) -> bool:
         return key in self._values
@@ -43,9 +43,9 @@ class Blackboard:
     def write(self, key: str, value: object, node: str) -> None:
         """Raises TypeError or ValueError for a value that is not plain."""
         self._values[key] = plain_copy(value)
-        self._writes.append(Write(key, plain_copy(value), node))
+        self._writes.append(BlackboardWrite(key, plain_copy(value), node))
 
-    def take_writes(self) -> tuple[Write, ...]:
+    def take_writes(self) -> tuple[BlackboardWrite, ...]:
         """Writes since the last call, in their order."""
         writes = tuple(self._writes)
         self._writes.clear()

@@ -18,7 +18,7 @@ from ..errors import PicktreeError
 from ..world.causes import Cause, Family
 from .ports import In, Out, PortDeclaration, PortSpec, Required
 from .slots import Slot, SlotDeclaration
-from .values.port_types import PortType, convert
+from .values.port_types import PortType, convert_literal
 
 if TYPE_CHECKING:
     from .node import Node
@@ -145,7 +145,7 @@ def _descriptor(where: str, attribute: str, spec: PortSpec, annotation: object) 
     # An empty text as the default of an id or a choice says "not given": it need not convert.
     if not isinstance(default, Required) and default != "":
         try:
-            default = convert(default, kind, spec.unit, choices, spec.within)
+            default = convert_literal(default, kind, spec.unit, choices, spec.within)
         except ValueError as error:
             raise PicktreeError(f"port {where}: its default: {error}") from None
     side: Literal["in", "out"] = "in" if direction is In else "out"

@@ -11,7 +11,7 @@ from typing import Final, Literal, Protocol
 from ..errors import PicktreeError
 from ..files.expressions.expression import Expression
 from ..files.shipped_files import is_file, shipped_names
-from ..files.yaml.document import Document, Fault, Mark, nearest, open_document, read_document
+from ..files.yaml.document import Diagnostic, Document, Mark, open_document, read_document, suggest_name
 from .node import Node
 from .ports import PortDeclaration
 from .values.fault_collector import MAX_NODES
@@ -89,7 +89,7 @@ def _inside(path: Path, folder: Path) -> bool:
 def _missing(name: str, folder: Path) -> str:
     if path_of(name, folder).parent == LIBRARY:
         wanted = name.removeprefix(IN_LIBRARY)
-        return f"the library has no {wanted!r} ({nearest(wanted, library_names())})"
+        return f"the library has no {wanted!r} ({suggest_name(wanted, library_names())})"
     return f"there is no file {name!r} beside the mission"
 
 
@@ -232,7 +232,7 @@ def bottom_up(trees: Mapping[str, TreeSpec]) -> tuple[str, ...]:
     return tuple(TopologicalSorter(calls).static_order())
 
 
-def check_calls(trees: Mapping[str, TreeSpec]) -> Iterable[Fault]:
+def check_calls(trees: Mapping[str, TreeSpec]) -> Iterable[Diagnostic]:
     """A fault for a circle, and for a mission too large to be built."""
     try:
         order = bottom_up(trees)
@@ -242,7 +242,7 @@ def check_calls(trees: Mapping[str, TreeSpec]) -> Iterable[Fault]:
         mark = next(n.mark for n in trees[name].root.iterate() if n.node is None and n.id == called)
         shown = circle if len(circle) <= 12 else [*circle[:6], "…", *circle[-5:]]
         message = f"the sub-trees call each other in a circle: {' → '.join(shown)}"
-        yield Fault(mark, f"trees.{name}", message, "a loop is Repeat or ForEach", "P235")
+        yield Diagnostic(mark, f"trees.{name}", message, "a loop is Repeat or ForEach", "P235")
         return
     sizes: dict[str, tuple[int, int]] = {}
     for name in order:
@@ -251,7 +251,7 @@ def check_calls(trees: Mapping[str, TreeSpec]) -> Iterable[Fault]:
     if count > MAX_NODES or depth > MAX_DEPTH:
         message = f"with its sub-trees written out the mission has {count} nodes, {depth} deep"
         hint = f"at most {MAX_NODES} nodes, {MAX_DEPTH} deep"
-        yield Fault(trees[MAIN].mark, f"trees.{MAIN}", message, hint, "P236")
+        yield Diagnostic(trees[MAIN].mark, f"trees.{MAIN}", message, hint, "P236")
 
 
 def _size(spec: NodeSpec, sizes: Mapping[str, tuple[int, int]]) -> tuple[int, int]:

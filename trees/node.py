@@ -11,14 +11,14 @@ from py_trees.common import Status
 
 from ..files.expressions.expression import Expression
 from ..world.causes import Cause, Failure, FailureReport, Family, internal, matches, tree, world
-from ..world.journal import Happened, Plain
+from ..world.journal import JournalEvent, Plain
 from .declaration import Hand, Kind, NodeDeclaration, Resource, declare
-from .flow.default_flow import any_way
+from .flow.default_flow import any_order_outcomes
 from .ports import PortDeclaration
 from .pre_postconditions import assign_after, settled_before
 from .runtime import Runtime, TreeWorld, Wiring, evaluate
 from .status import NodeStatus
-from .transitions import Transition
+from .transitions import NodeTransition
 from .values.failure_reports import (
     pack,
     plain_evidence,
@@ -29,12 +29,12 @@ from .values.failure_reports import (
     with_attached,
     without_addresses,
 )
-from .values.port_types import Given, Misfit, accept, plain_copy
+from .values.port_types import PortProblem, PortValues, accept_value, plain_copy
 from .values.references import Binding, Constant, Reference
 
 if TYPE_CHECKING:
-    from .flow import Flow, State
-    from .flow.flow_walk import Walk
+    from .flow import FlowState, NodeOutcomes
+    from .flow.flow_walk import FlowAnalysis
     from .mission import NodeSpec
 
 _PY_TREES: Mapping[NodeStatus, Status] = {
@@ -135,7 +135,7 @@ class Node(Behaviour):
         """Called while the node runs when these elements of a list, ids as a rule, need nothing any more."""
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         """What is wrong with what a file gives: rules about several keys, and about values that no bound of
         a port can say. A sentence concerns the node, a Misfit one of its keys."""
         return ()
@@ -158,10 +158,10 @@ class Node(Behaviour):
         return ""
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         """In which ways it may end when it starts in that state. The most cautious answer unless overridden;
         a class that overrides `on_tick` below one that overrides this gets that answer, too."""
-        return any_way(cls, spec, entry, walk)
+        return any_order_outcomes(cls, spec, entry, walk)
 
     # What a parent and the runner call.
 
@@ -312,7 +312,7 @@ class Node(Behaviour):
         if port is None or port.direction != "out":
             raise TypeError(f"{self.declaration.id} has no output {key!r}")
         try:
-            checked = plain_copy(accept(value, port.type, port.choices))
+            checked = plain_copy(accept_value(value, port.type, port.choices))
         except (TypeError, ValueError) as error:
             raise TypeError(f"output {key!r}: {error}") from None
         self._outputs[key] = checked
@@ -328,7 +328,7 @@ class Node(Behaviour):
 
     def note(self, kind: str, message: str, **data: Plain) -> None:
         """Tell the journal that something happened here."""
-        self.world.journal.note(Happened(kind, message, self.path, data))
+        self.world.journal.note(JournalEvent(kind, message, self.path, data))
 
     # py_trees' own ways in, so that its tools work on our trees.
 
@@ -360,11 +360,11 @@ class Node(Behaviour):
             for hook in self._runtime.end_hooks:
                 hook(self.path)
 
-    def _ending(self) -> Transition:
+    def _ending(self) -> NodeTransition:
         if self.failure is None:
-            return Transition(self.path, self._state, message=self.feedback_message)
+            return NodeTransition(self.path, self._state, message=self.feedback_message)
         report = self.failure
-        return Transition(
+        return NodeTransition(
             self.path,
             self._state,
             cause=report.cause.name,
@@ -389,14 +389,14 @@ class Node(Behaviour):
             self._runtime.transitions.note(self._beginning())
         self.on_start()
 
-    def _beginning(self) -> Transition:
+    def _beginning(self) -> NodeTransition:
         wired = self._wiring.ports
         read = {
             key: plain_copy(v) for key, v in self._inputs.items() if isinstance(wired.get(key), Reference)
         }
         of_objects = (port.key for port in self.declaration.inputs if port.type.name == "object")
         subject = next((str(self._inputs[key]) for key in of_objects if self._inputs.get(key)), "")
-        return Transition(self.path, self._state, read, subject)
+        return NodeTransition(self.path, self._state, read, subject)
 
     def _precondition(self) -> NodeStatus | None:
         """The status that a precondition gives in place of a tick. Raises Failure when one has no value."""
@@ -429,7 +429,7 @@ class Node(Behaviour):
         if value is None and not port.type.optional and port.type.name != "any":
             raise Failure(tree.MISSING_INPUT, f"{where}{wired} is empty", **evidence)
         try:
-            return accept(value, port.type, port.choices, port.within)
+            return accept_value(value, port.type, port.choices, port.within)
         except ValueError as error:
             raise Failure(tree.MISSING_INPUT, f"{where}{wired}: {error}", **evidence) from None
 
@@ -469,7 +469,7 @@ class Node(Behaviour):
             self._fault(error, "halted")
 
 
-class Control(Node, abstract=True):
+class ControlNode(Node, abstract=True):
     """Base of the nodes that decide which of several children is ticked."""
 
     kind = "control"

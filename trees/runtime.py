@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 from ..files.expressions.expression import Expression, ExpressionError
 from ..world.causes import Failure, tree
 from .blackboard import Blackboard, Namespace
-from .transitions import Transitions
+from .transitions import TransitionCollector
 from .values.references import Binding, Reference, attribute
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Runtime:
     """Called with a node's path when it starts, before it reads its inputs."""
     end_hooks: list[Callable[[str], None]] = field(default_factory=list[Callable[[str], None]])
     """Called with a node's path when it has ended or was halted; its status and failure are set by then."""
-    transitions: Transitions = field(default_factory=Transitions)
+    transitions: TransitionCollector = field(default_factory=TransitionCollector)
     stand_ins: dict[str, Callable[[], Generator[None, None, None]]] = field(
         default_factory=dict[str, "Callable[[], Generator[None, None, None]]"]
     )

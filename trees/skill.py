@@ -15,8 +15,8 @@ from .status import NodeStatus
 
 if TYPE_CHECKING:
     from ..cell.world import World
-    from .flow import Flow, State
-    from .flow.flow_walk import Walk
+    from .flow import FlowState, NodeOutcomes
+    from .flow.flow_walk import FlowAnalysis
     from .mission import NodeSpec
 
 T = TypeVar("T")
@@ -68,7 +68,7 @@ class Skill(Node, abstract=True):
         ...
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return leaf(cls, spec, entry, walk, takes_time=True)
 
     def on_start(self) -> None:

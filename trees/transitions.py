@@ -18,7 +18,7 @@ def _no_evidence() -> Evidence:
 
 
 @dataclass(frozen=True, slots=True)
-class Transition:
+class NodeTransition:
     """A node begins (RUNNING) or has ended (SUCCESS, FAILURE, SKIPPED; IDLE: it was halted)."""
 
     path: str
@@ -35,16 +35,16 @@ class Transition:
     evidence: Evidence = field(default_factory=_no_evidence)
 
 
-class Transitions:
+class TransitionCollector:
     """Collects them while a tree is ticked."""
 
     def __init__(self) -> None:
-        self._noted: list[Transition] = []
+        self._noted: list[NodeTransition] = []
 
-    def note(self, transition: Transition) -> None:
+    def note(self, transition: NodeTransition) -> None:
         self._noted.append(transition)
 
-    def take(self) -> tuple[Transition, ...]:
+    def take(self) -> tuple[NodeTransition, ...]:
         """Those since it was last asked."""
         noted = tuple(self._noted)
         self._noted.clear()

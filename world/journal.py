@@ -13,7 +13,7 @@ Plain: TypeAlias = "str | int | float | bool | None | list[Plain] | dict[str, Pl
 
 
 @dataclass(frozen=True, slots=True)
-class PlanMade:
+class PlanEntry:
     """One request to the planner and its answer. `path` holds joint configurations, rad."""
 
     request: str
@@ -42,7 +42,7 @@ class PlanMade:
 
 
 @dataclass(frozen=True, slots=True)
-class CandidateTried:
+class CandidateEntry:
     """Candidates of a grasp, or of a grasp with a place, that dropped out alike; or the one that did not."""
 
     name: str
@@ -66,19 +66,19 @@ class CandidateTried:
 
 
 @dataclass(frozen=True, slots=True)
-class CandidatesRanked:
+class CandidateSearchEntry:
     """The trail of a choice: how many grasps reached each stage, and what became of each one."""
 
     purpose: str
     object: ObjectId
     stages: Mapping[str, int]
-    tried: tuple[CandidateTried, ...]
+    tried: tuple[CandidateEntry, ...]
     into: str = ""
     """The bin that the object was to go to."""
 
 
 @dataclass(frozen=True, slots=True)
-class ImageTaken:
+class ImageEntry:
     """A camera shot, with what perception made of it in one line each."""
 
     image: RgbdImage
@@ -86,7 +86,7 @@ class ImageTaken:
 
 
 @dataclass(frozen=True, slots=True)
-class Happened:
+class JournalEvent:
     """An event: `item_done`, `pick`, `fault`, `recovery`, `checkpoint`, `safety_stop`, `grasp`, …"""
 
     kind: str
@@ -95,7 +95,7 @@ class Happened:
     data: Mapping[str, Plain] = field(default_factory=dict[str, "Plain"])
 
 
-Entry: TypeAlias = PlanMade | CandidatesRanked | ImageTaken | Happened
+Entry: TypeAlias = PlanEntry | CandidateSearchEntry | ImageEntry | JournalEvent
 
 
 class Journal:
@@ -108,7 +108,7 @@ class Journal:
 
     def note(self, entry: Entry) -> None:
         self._entries.append(entry)
-        if isinstance(entry, Happened) and entry.kind == "item_done":
+        if isinstance(entry, JournalEvent) and entry.kind == "item_done":
             self.items_done += 1
 
     def take(self) -> tuple[Entry, ...]:

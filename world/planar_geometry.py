@@ -20,23 +20,23 @@ FOLDS = (12, 8, 6, 5, 4, 3, 2)
 
 
 @dataclass(frozen=True, slots=True)
-class Planar:
+class PlanarPose:
     """A pose in the plane, or a frame given in another: m, and the turn of its x axis, rad."""
 
     x: float
     y: float
     yaw: float = 0.0
 
-    def __matmul__(self, other: Planar) -> Planar:
+    def __matmul__(self, other: PlanarPose) -> PlanarPose:
         """Composition: `a_in_c = b_in_c @ a_in_b`."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return Planar(
+        return PlanarPose(
             self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, self.yaw + other.yaw
         )
 
-    def inverse(self) -> Planar:
+    def inverse(self) -> PlanarPose:
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return Planar(-c * self.x - s * self.y, s * self.x - c * self.y, -self.yaw)
+        return PlanarPose(-c * self.x - s * self.y, s * self.x - c * self.y, -self.yaw)
 
     def apply(self, points: Array) -> Array:
         """Points (n, 2) of this frame, given in the parent frame."""
@@ -48,13 +48,13 @@ class Planar:
         """Unit vector (2,) of its x axis."""
         return np.array([math.cos(self.yaw), math.sin(self.yaw)])
 
-    def distance(self, other: Planar) -> float:
+    def distance(self, other: PlanarPose) -> float:
         """Of the two origins, m."""
         return math.hypot(other.x - self.x, other.y - self.y)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outline:
+class PlanarOutline:
     """A convex body from above: corners (n, 2), counter-clockwise, grown by `radius`; of what is round one
     corner, the origin."""
 
@@ -76,7 +76,7 @@ class Outline:
         if self.round:
             return 0.0
         for fold in FOLDS:
-            turned = Planar(0.0, 0.0, 2 * math.pi / fold).apply(self.corners)
+            turned = PlanarPose(0.0, 0.0, 2 * math.pi / fold).apply(self.corners)
             apart = np.hypot(*(turned[:, None, :] - self.corners[None, :, :]).transpose(2, 0, 1))
             if float(apart.min(axis=1).max()) < SAME:
                 return 2 * math.pi / fold
@@ -110,45 +110,45 @@ def heading(shape: Shape, pose: Pose) -> float:
     return math.atan2(float(axis[1]), float(axis[0]))
 
 
-def planar(shape: Shape, pose: Pose) -> Planar:
+def planar(shape: Shape, pose: Pose) -> PlanarPose:
     """Where a body is on its table."""
-    return Planar(pose.position[0], pose.position[1], heading(shape, pose))
+    return PlanarPose(pose.position[0], pose.position[1], heading(shape, pose))
 
 
-def moved(shape: Shape, pose: Pose, to: Planar) -> Pose:
+def moved(shape: Shape, pose: Pose, to: PlanarPose) -> Pose:
     """The body pushed to another place on the same table."""
     half = (to.yaw - heading(shape, pose)) / 2
     turned = quaternion_product((0.0, 0.0, math.sin(half), math.cos(half)), pose.orientation)
     return Pose((to.x, to.y, pose.position[2]), turned)
 
 
-def outline(shape: Shape, pose: Pose) -> Outline:
+def outline(shape: Shape, pose: Pose) -> PlanarOutline:
     """Of a body at `pose`, in its own planar frame."""
     rotation = pose.rotation()
     match shape:
         case Sphere(radius):
-            return Outline(np.zeros((1, 2)), radius)
+            return PlanarOutline(np.zeros((1, 2)), radius)
         case Cylinder(radius, height):
             if abs(float(rotation[2, 2])) > UPRIGHT:
-                return Outline(np.zeros((1, 2)), radius)
+                return PlanarOutline(np.zeros((1, 2)), radius)
             a, b = height / 2, radius
-            return Outline(np.array([[a, -b], [a, b], [-a, b], [-a, -b]]))
+            return PlanarOutline(np.array([[a, -b], [a, b], [-a, b], [-a, -b]]))
         case _:
             import cv2  # slow to load, and whoever checks a mission asks for no outline
 
             points = (corners(shape) @ rotation.T)[:, :2]
-            level = Planar(0.0, 0.0, -heading(shape, pose)).apply(points)
+            level = PlanarPose(0.0, 0.0, -heading(shape, pose)).apply(points)
             hull = cv2.convexHull(level.astype(np.float32))[:, 0].astype(np.float64)
             cross = hull[:, 0] * np.roll(hull[:, 1], -1) - hull[:, 1] * np.roll(hull[:, 0], -1)
-            return Outline(hull if float(cross.sum()) > 0 else hull[::-1])
+            return PlanarOutline(hull if float(cross.sum()) > 0 else hull[::-1])
 
 
-def wrapped(angle: float, turn: float = 2 * math.pi) -> float:
+def wrap_angle(angle: float, turn: float = 2 * math.pi) -> float:
     """The angle that is the same but for whole `turn`s and nearest to 0, rad."""
     return angle - turn * round(angle / turn) if turn else 0.0
 
 
-def gap(one: Outline, at: Planar, other: Outline, there: Planar) -> float:
+def outline_distance(one: PlanarOutline, at: PlanarPose, other: PlanarOutline, there: PlanarPose) -> float:
     """Free distance of two outlines, m; negative: the least way that parts them."""
     a, b = at.apply(one.corners), there.apply(other.corners)
     radii = one.radius + other.radius

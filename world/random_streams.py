@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 
-class Streams:
+class RandomStreams:
     """Random generators by (seed, stream name, count).
 
     `take` counts how often a stream was asked, and that count is state: it belongs into a checkpoint.

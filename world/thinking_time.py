@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 
 
-class ThinkingAccount:
+class ComputeTimeAccount:
     """Simulated seconds of computing that are owed to the clock, paid in whole ticks.
 
     The remainder below one tick is carried over, so that many small thoughts are charged as much as one

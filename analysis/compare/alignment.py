@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 from ...logs.visits import Key, Visit, derived_visits
 from ..run import Run
-from .divergence import Parting, Sides, find_parting
+from .divergence import ComparedRuns, Divergence, find_parting
 from .node_matching import ItemMatch, NodeMatch, match_items, match_nodes
-from .visit_pair import EPSILON, Pair, differences
+from .visit_pair import EPSILON, VisitPair, differences
 
 
 @dataclass(frozen=True, slots=True)
-class BothVisits:
+class PairedVisits:
     """`derived`: they follow from the statuses after each tick, because one log is of format 1 and tells no
     more; then what nodes read, and which object they were told of, is not known of either."""
 
@@ -27,10 +27,10 @@ class BothVisits:
     derived: bool
 
 
-def both_visits(a: Run, b: Run) -> BothVisits:
+def both_visits(a: Run, b: Run) -> PairedVisits:
     if a.log.format < 2 or b.log.format < 2:
-        return BothVisits(derived_visits(a.log), derived_visits(b.log), derived=True)
-    return BothVisits(a.visits, b.visits, derived=False)
+        return PairedVisits(derived_visits(a.log), derived_visits(b.log), derived=True)
+    return PairedVisits(a.visits, b.visits, derived=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +45,11 @@ class Alignment:
     """Simulated s from which on they are compared; 0.0: from the beginning."""
     items: ItemMatch
     nodes: NodeMatch
-    pairs: tuple[Pair, ...]
+    pairs: tuple[VisitPair, ...]
     """In the order of the beginnings in A."""
     only_a: tuple[Visit, ...]
     only_b: tuple[Visit, ...]
-    parting: Parting | None
+    parting: Divergence | None
     """None when nothing differs."""
     derived: bool = False
     """Whether the visits follow from the statuses after each tick, because one log is of format 1."""
@@ -94,17 +94,17 @@ def align(a: Run, b: Run, *, since: float = 0.0) -> Alignment:
     side_b = _side(both.b, since, names, nodes.a_by_b)
     index_b = {key: m for m, key in enumerate(side_b.keys)}
     partners = {n: index_b[key] for n, key in enumerate(side_a.keys) if key in index_b}
-    pairs: list[Pair] = []
+    pairs: list[VisitPair] = []
     for n, m in partners.items():
         one, other = side_a.visits[n], side_b.visits[m]
         resumed = n in side_a.resumed or m in side_b.resumed
         if resumed and one.item and not other.item:
             other = replace(other, item=called.get(one.item, one.item))
-        pairs.append(Pair(one, other, differences(one, other, names, resumed=resumed)))
+        pairs.append(VisitPair(one, other, differences(one, other, names, resumed=resumed)))
     taken = set(partners.values())
     only_a = tuple(visit for n, visit in enumerate(side_a.visits) if n not in partners)
     only_b = tuple(visit for m, visit in enumerate(side_b.visits) if m not in taken)
-    sides = Sides(pairs, only_a, only_b, _end(a), _end(b), nodes)
+    sides = ComparedRuns(pairs, only_a, only_b, _end(a), _end(b), nodes)
     return Alignment(since, items, nodes, tuple(pairs), only_a, only_b, find_parting(sides), both.derived)
 
 

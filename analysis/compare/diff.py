@@ -8,10 +8,10 @@ from typing import Literal, TypeAlias
 from ...logs.schema import topics
 from ..run import Run
 from .alignment import Alignment, align
-from .divergence import Difference, first_difference
+from .divergence import MessageDifference, first_difference
 from .run_outcome import ItemChange, RunOutcome, item_changes, outcome_of
-from .run_settings import SetUp, compare_set_up
-from .time_spent import CountChange, TimeSpent, WayChange, causes, time_spent, ways
+from .run_settings import SetupDiff, compare_set_up
+from .time_spent import CountChange, EndingChange, TimeSpent, causes, time_spent, ways
 
 Verdict: TypeAlias = Literal["identical", "cut", "alike", "apart"]
 """`identical`: every simulated message is the same. `cut`: they are, until one log ends. `alike`: some values
@@ -25,14 +25,14 @@ class RunDiff:
     verdict: Verdict
     a: RunOutcome
     b: RunOutcome
-    set_up: SetUp
-    first: Difference | None
+    set_up: SetupDiff
+    first: MessageDifference | None
     """The first simulated value that differs. When the trees do, apart from what is told of their nodes."""
     alignment: Alignment
     """Holds where they part."""
     time: TimeSpent
     causes: tuple[CountChange, ...]
-    ways: tuple[WayChange, ...]
+    ways: tuple[EndingChange, ...]
     items: tuple[ItemChange, ...]
 
     @property
@@ -63,7 +63,7 @@ def diff(a: Run, b: Run) -> RunDiff:
     )
 
 
-def _verdict(alignment: Alignment, first: Difference | None) -> Verdict:
+def _verdict(alignment: Alignment, first: MessageDifference | None) -> Verdict:
     if first is None:
         return "identical"
     if first.missing and first.ended:

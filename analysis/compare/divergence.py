@@ -19,11 +19,11 @@ from ...logs.visits import Visit
 from ..run import Run
 from .message_fields import FieldDifference, decoded, first_field
 from .node_matching import NodeMatch
-from .visit_pair import EPSILON, Aspect, Pair
+from .visit_pair import EPSILON, Aspect, VisitPair
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class MessageDifference:
     """The first message that differs."""
 
     tick: int
@@ -53,7 +53,7 @@ def first_difference(
     since: float | None = None,
     until: float | None = None,
     without: Collection[str] = (),
-) -> Difference | None:
+) -> MessageDifference | None:
     """None when both logs hold the same simulated messages from `since` to `until` (simulated s, inclusive),
     apart from those on the topics `without`.
 
@@ -68,7 +68,7 @@ def first_difference(
         if one.data != other.data:
             schema = a.log.topics[one.topic].schema
             found = first_field(schema, one.data, other.data) or FieldDifference("", "", None, None)
-            return Difference(
+            return MessageDifference(
                 _tick(a, one), one.time / 1e9, one.topic, "", False, found.path, found.of, found.a, found.b
             )
     return None
@@ -82,7 +82,7 @@ def _compared(a: Run, b: Run) -> frozenset[str]:
     return frozenset(fixed & known_a & known_b | cameras)
 
 
-def _unpaired(a: Run, b: Run, one: RawMessage | None, other: RawMessage | None) -> Difference:
+def _unpaired(a: Run, b: Run, one: RawMessage | None, other: RawMessage | None) -> MessageDifference:
     """Of two messages that are not of one topic and time: the one that the other log does not have."""
     if one is not None and other is not None:
         ended = False
@@ -92,7 +92,7 @@ def _unpaired(a: Run, b: Run, one: RawMessage | None, other: RawMessage | None) 
     lone, missing = (other, "a") if in_b else (one, "b")
     assert lone is not None
     value = None if ended else decoded((b if in_b else a).log.topics[lone.topic].schema, lone.data)
-    return Difference(
+    return MessageDifference(
         _tick(a, lone), lone.time / 1e9, lone.topic, missing, ended, "", "",
         None if in_b else value, value if in_b else None,
     )  # fmt: skip
@@ -117,7 +117,7 @@ AT_START: Final[tuple[Aspect, ...]] = ("type", "inputs")
 
 
 @dataclass(frozen=True, slots=True)
-class Parting:
+class Divergence:
     """The first moment (simulated s) at which two runs differ, and what each did then.
 
     `how`: in what the same visit differs; `order`: another visit begins, or the same at another time; `end`:
@@ -138,10 +138,10 @@ class Parting:
 
 
 @dataclass(frozen=True, slots=True)
-class Sides:
+class ComparedRuns:
     """The visits of two runs that are compared, and the time of the last tick of each (simulated s)."""
 
-    pairs: Sequence[Pair]
+    pairs: Sequence[VisitPair]
     only_a: Sequence[Visit]
     only_b: Sequence[Visit]
     end_a: float
@@ -168,7 +168,7 @@ class _Candidate:
     also: tuple[Aspect, ...] = ()
 
 
-def find_parting(sides: Sides) -> Parting | None:
+def find_parting(sides: ComparedRuns) -> Divergence | None:
     """A node that only one mission has does not part the runs by itself as long as it has children: what it
     does is what they do."""
     first = min(_candidates(sides), key=lambda candidate: candidate.rank, default=None)
@@ -178,7 +178,7 @@ def find_parting(sides: Sides) -> Parting | None:
     time, a, b = first.rank[0], first.a, first.b
     if first.how == "order":
         a, b = a or _next(sides, "a", time, new=True), b or _next(sides, "b", time, new=True)
-    return Parting(
+    return Divergence(
         time,
         first.how,
         first.also,
@@ -189,7 +189,7 @@ def find_parting(sides: Sides) -> Parting | None:
     )
 
 
-def _candidates(sides: Sides) -> Iterator[_Candidate]:
+def _candidates(sides: ComparedRuns) -> Iterator[_Candidate]:
     for pair in sides.pairs:
         a, b = pair.a, pair.b
         begun = min(a.start, b.start)
@@ -213,13 +213,13 @@ def _candidates(sides: Sides) -> Iterator[_Candidate]:
             yield _Candidate((visit.start, 1, visit.number), "order", None, visit)
 
 
-def _ended(sides: Sides, over: float) -> Parting | None:
+def _ended(sides: ComparedRuns, over: float) -> Divergence | None:
     """The log of one side ends, and nothing differed until then."""
     if abs(sides.end_a - sides.end_b) <= EPSILON or not sides.pairs:
         return None
     a, b = (_under_way(sides.all(side), over) for side in SIDES)
     next_a, next_b = (_next(sides, side, over + EPSILON, leaf=True) for side in SIDES)
-    return Parting(over, "end", (), a, b, next_a, next_b)
+    return Divergence(over, "end", (), a, b, next_a, next_b)
 
 
 def _under_way(visits: Sequence[Visit], time: float) -> Visit | None:
@@ -229,7 +229,7 @@ def _under_way(visits: Sequence[Visit], time: float) -> Visit | None:
 
 
 def _next(
-    sides: Sides,
+    sides: ComparedRuns,
     side: Side,
     time: float,
     *,

@@ -30,7 +30,7 @@ Basis: TypeAlias = Literal["place", "order"]
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class FirstSighting:
     """An object when the robot first believed in it, or at the moment from which runs are compared."""
 
     id: str
@@ -95,23 +95,23 @@ def match_items(a: Run, b: Run, *, since: float = 0.0) -> ItemMatch:
     )
 
 
-def sightings(run: Run, since: float = 0.0) -> tuple[Sighting, ...]:
+def sightings(run: Run, since: float = 0.0) -> tuple[FirstSighting, ...]:
     """Every object of the belief once, in the order of discovery; from `since` (simulated s) on."""
-    found: dict[str, Sighting] = {}
+    found: dict[str, FirstSighting] = {}
     known = run.log.belief_at(since) or next(run.log.beliefs(since), None)
     begin = since
     if known is not None:
         begin = max(since, known.time)
         for body in known.record.bodies:
-            found[body.id] = Sighting(body.id, body.kind, body.colour, body.pose.position)
+            found[body.id] = FirstSighting(body.id, body.kind, body.colour, body.pose.position)
     for at in run.log.beliefs(begin):
         for body in at.record.bodies:
             if body.id not in found:
-                found[body.id] = Sighting(body.id, body.kind, body.colour, body.pose.position)
+                found[body.id] = FirstSighting(body.id, body.kind, body.colour, body.pose.position)
     return tuple(found.values())
 
 
-def _left(known: Iterable[Sighting], paired: Iterable[str]) -> dict[tuple[str, str], list[str]]:
+def _left(known: Iterable[FirstSighting], paired: Iterable[str]) -> dict[tuple[str, str], list[str]]:
     """The ids that are not paired yet, by kind and colour."""
     done = set(paired)
     left: dict[tuple[str, str], list[str]] = {}

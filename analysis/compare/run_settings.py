@@ -38,7 +38,7 @@ class FileChange:
 
 
 @dataclass(frozen=True, slots=True)
-class SetUp:
+class SetupDiff:
     settings: tuple[ValueChange, ...]
     """Those that differ: mission, scene, robot, seed, versions and so on."""
     files: tuple[FileChange, ...]
@@ -46,14 +46,14 @@ class SetUp:
     """A sentence when the two were computed with other arithmetic, or it was not recorded; else empty."""
 
 
-def compare_set_up(a: Run, b: Run) -> SetUp:
+def compare_set_up(a: Run, b: Run) -> SetupDiff:
     ours, theirs = _settings(a.info), _settings(b.info)
     settings = tuple(
         ValueChange(name, ours.get(name), theirs.get(name))
         for name in dict.fromkeys((*ours, *theirs))
         if ours.get(name) != theirs.get(name)
     )
-    return SetUp(settings, tuple(_files(a, b)), departure(a.info.arithmetic, b.info.arithmetic, "in B"))
+    return SetupDiff(settings, tuple(_files(a, b)), departure(a.info.arithmetic, b.info.arithmetic, "in B"))
 
 
 def value_changes(a: Mapping[str, object], b: Mapping[str, object]) -> tuple[ValueChange, ...]:

@@ -12,7 +12,7 @@ from .alignment import Alignment
 
 
 @dataclass(frozen=True, slots=True)
-class Spent:
+class TimeUse:
     """Simulated s of some visits; `median` is None when there are none."""
 
     count: int
@@ -24,8 +24,8 @@ class Spent:
 class TimeChange:
     name: str
     """A type of node, or the path of a node in A (in B for a node that only B has)."""
-    a: Spent
-    b: Spent
+    a: TimeUse
+    b: TimeUse
 
     @property
     def change(self) -> float:
@@ -43,7 +43,7 @@ class CountChange:
 
 
 @dataclass(frozen=True, slots=True)
-class WayChange:
+class EndingChange:
     """How often a node ended so. `path` as in `TimeChange.name`."""
 
     path: str
@@ -83,7 +83,7 @@ def causes(alignment: Alignment) -> tuple[CountChange, ...]:
     return tuple(CountChange(cause, ours[cause], theirs[cause]) for cause in sorted({*ours, *theirs}))
 
 
-def ways(alignment: Alignment) -> tuple[WayChange, ...]:
+def ways(alignment: Alignment) -> tuple[EndingChange, ...]:
     """What came of each node, where that is not the same number of times; in the order of A's tree, what only
     B has last."""
     path_in_a = alignment.nodes.a_by_b
@@ -91,7 +91,7 @@ def ways(alignment: Alignment) -> tuple[WayChange, ...]:
     theirs = Counter((path_in_a.get(v.path, v.path), v.outcome) for v in alignment.visits_b)
     order = {pair.a.path: n for n, pair in enumerate(alignment.nodes.pairs)}
     keys = sorted({*ours, *theirs}, key=lambda key: (order.get(key[0], len(order)), key))
-    return tuple(WayChange(*key, ours[key], theirs[key]) for key in keys if ours[key] != theirs[key])
+    return tuple(EndingChange(*key, ours[key], theirs[key]) for key in keys if ours[key] != theirs[key])
 
 
 def _inner(alignment: Alignment) -> tuple[set[str], set[str]]:
@@ -115,7 +115,7 @@ def _changes(a: dict[str, list[float]], b: dict[str, list[float]]) -> tuple[Time
     return tuple(sorted(changes, key=lambda change: -abs(change.change)))
 
 
-def _spent(seconds: list[float] | None) -> Spent:
+def _spent(seconds: list[float] | None) -> TimeUse:
     if not seconds:
-        return Spent(0, 0.0, None)
-    return Spent(len(seconds), sum(seconds), statistics.median(seconds))
+        return TimeUse(0, 0.0, None)
+    return TimeUse(len(seconds), sum(seconds), statistics.median(seconds))

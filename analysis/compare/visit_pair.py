@@ -15,7 +15,7 @@ Aspect: TypeAlias = Literal["type", "inputs", "outcome", "cause", "length"]
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
+class VisitPair:
     """The same visit in both runs, each with the item, path and times that it has in its own."""
 
     a: Visit

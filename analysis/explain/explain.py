@@ -7,14 +7,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...logs.episodes.episode import Episode
-from ...logs.run_log import At
+from ...logs.run_log import Stamped
 from ...logs.schema.records import Event
 from ...logs.visits import Visit, derived_visits
-from .failure_stories import failures_of, observed
-from .investigation.case import Case
+from .failure_stories import failure_context, failures_of
+from .investigation.case import Investigation
 from .investigation.episodes_of_log import Episodes, episodes_of
-from .investigation.explanation import Explanation, FailureStory, LookAt, Outcome, RootCause
-from .investigation.failure_course import Family
+from .investigation.explanation import ExplainedOutcome, Explanation, FailureStory, KeyMoment, RootCause
+from .investigation.failure_course import VisitTree
 from .item_stories import items_of
 from .root_causes import root_causes_of
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from ...logs.run_record import RunRecord
 
 
-def outcome_of(run: RunRecord, visits: Sequence[Visit]) -> Outcome:
+def outcome_of(run: RunRecord, visits: Sequence[Visit]) -> ExplainedOutcome:
     end = run.ticks.times[-1] if run.ticks.times else run.end
     result = run.result
     if result is None:
-        return Outcome(_status(run), _cut_off(run, visits, end), end, None, None)
+        return ExplainedOutcome(_status(run), _cut_off(run, visits, end), end, None, None)
     items = result.items
     counts = f"{items.sorted} of {items.total} items are where they belong"
     if items.misplaced:
@@ -41,7 +41,7 @@ def outcome_of(run: RunRecord, visits: Sequence[Visit]) -> Outcome:
         "paused": f"the run waits for help: {result.message}; {counts}",
         "interrupted": f"the run was interrupted{_doing(visits)}; {counts}",
     }[result.status]
-    return Outcome(result.status, sentence, end, items.sorted, items.total)
+    return ExplainedOutcome(result.status, sentence, end, items.sorted, items.total)
 
 
 def _status(run: RunRecord) -> str:
@@ -97,13 +97,13 @@ WATCH = {
 }
 
 
-def moments(
-    causes: Sequence[RootCause], failures: Sequence[FailureStory], outcome: Outcome
-) -> tuple[LookAt, ...]:
+def key_moments(
+    causes: Sequence[RootCause], failures: Sequence[FailureStory], outcome: ExplainedOutcome
+) -> tuple[KeyMoment, ...]:
     """For each root cause when it happened and when it first showed; then what ended the run."""
-    found: list[LookAt] = []
+    found: list[KeyMoment] = []
 
-    def add(look: LookAt) -> None:
+    def add(look: KeyMoment) -> None:
         if len(found) < MOST and all(abs(look.time - other.time) > CLOSE for other in found):
             found.append(look)
 
@@ -112,16 +112,20 @@ def moments(
         watch = WATCH.get(cause.cause, "")
         told = f"{cause.item}: {watch}" if watch and cause.item else watch
         if cause.time is not None and cause.time > 0.0:
-            add(LookAt(cause.time, told or cause.title, first.number if first else None))
+            add(KeyMoment(cause.time, told or cause.title, first.number if first else None))
         if first is not None:
             name = first.node.rsplit("/", 1)[-1]
             about = f" of {first.item}" if first.item else ""
-            add(LookAt(first.time, f"{name}{about} fails: {first.cause}", first.number))
+            add(KeyMoment(first.time, f"{name}{about} fails: {first.cause}", first.number))
     for failure in failures:
         if failure.fate == "ended":
-            add(LookAt(failure.time, f"the failure that ended the mission: {failure.cause}", failure.number))
+            add(
+                KeyMoment(
+                    failure.time, f"the failure that ended the mission: {failure.cause}", failure.number
+                )
+            )
     if outcome.status != "success" and causes:
-        add(LookAt(outcome.end, "the end: truth beside belief of everything"))
+        add(KeyMoment(outcome.end, "the end: truth beside belief of everything"))
     return tuple(found)
 
 
@@ -131,10 +135,10 @@ def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Expla
 
     Raises PicktreeError where the log is damaged.
     """
-    family = Family(run.visits or derived_visits(run.log))
+    family = VisitTree(run.visits or derived_visits(run.log))
     failures = failures_of(run, family)
     outcome = outcome_of(run, family.visits)
-    case = Case(run, family, failures)
+    case = Investigation(run, family, failures)
     planted = case.events("fault") if faults else []
     causes = root_causes_of(case, outcome, planted)
     recovery = episodes_of(run)
@@ -143,16 +147,16 @@ def explain(run: RunRecord, *, faults: bool = True, items: bool = True) -> Expla
         failures=tuple(_told(case, failure, causes, planted, recovery) for failure in failures),
         root_causes=causes,
         items=items_of(case) if items else (),
-        look_at=moments(causes, failures, outcome),
+        look_at=key_moments(causes, failures, outcome),
         recovery=recovery if faults else replace(recovery, planted=()),
     )
 
 
 def _told(
-    case: Case,
+    case: Investigation,
     failure: FailureStory,
     causes: Sequence[RootCause],
-    planted: Sequence[At[Event]],
+    planted: Sequence[Stamped[Event]],
     recovery: Episodes,
 ) -> FailureStory:
     """The failure with what only the whole run tells."""
@@ -164,7 +168,7 @@ def _told(
     ]
     return replace(
         failure,
-        observed=observed(case, failure, planted),
+        observed=failure_context(case, failure, planted),
         made_good_at=done[0] if done and failure.fate in ("passed_over", "branched") else None,
         root_cause=next((n for n, cause in enumerate(causes) if failure.number in cause.failures), None),
         episode=_episode(failure, recovery.episodes),

@@ -8,17 +8,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ...logs.episodes.episode import Names
-from ...logs.run_log import At
-from ...logs.schema.records import Body, Candidates, Event, Plan
+from ...logs.episodes.episode import CureNames
+from ...logs.run_log import Stamped
+from ...logs.schema.records import BodyRecord, Candidates, Event, Plan
 from ...logs.visits import HALTED, Visit
-from ...manipulation.pick.pick_candidates import fates
+from ...manipulation.pick.pick_candidates import count_rejections
 from ...world.causes import Cause, all_causes
 from .causes.item_whereabouts import MISPLACED, SAMPLED
-from .investigation.body_tracks import apart
-from .investigation.case import Case
-from .investigation.explanation import Choice, FailureStory, Rejection, number
-from .investigation.failure_course import Courses, Family
+from .investigation.body_tracks import horizontal_distance
+from .investigation.case import Investigation
+from .investigation.explanation import CandidateChoice, FailureStory, RejectedCandidate, number
+from .investigation.failure_course import FailureCourses, VisitTree
 from .investigation.number_wording import distance, listed, place, seconds
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ PLANS = 3
 """Failing plans in a row that are told."""
 
 
-def choices_before(run: RunRecord, source: Visit) -> tuple[Choice, ...]:
+def choices_before(run: RunRecord, source: Visit) -> tuple[CandidateChoice, ...]:
     """Those within the visit that failed and of its item, in the order of time."""
     found = [
         _of_candidates(at)
@@ -43,39 +43,39 @@ def choices_before(run: RunRecord, source: Visit) -> tuple[Choice, ...]:
     return tuple(sorted(found, key=lambda choice: choice.time))
 
 
-def _of_candidates(at: At[Candidates]) -> Choice:
+def _of_candidates(at: Stamped[Candidates]) -> CandidateChoice:
     record = at.record
     stages = tuple((stage.name, stage.count) for stage in record.stages)
-    found = fates(record.tried, record.into)
+    found = count_rejections(record.tried, record.into)
     if found:
-        rejections = tuple(Rejection(f.name, f.words, f.count, f.stage, f.by) for f in found)
-        return Choice(at.time, record.purpose, record.object, stages, rejections)
+        rejections = tuple(RejectedCandidate(f.name, f.words, f.count, f.stage, f.by) for f in found)
+        return CandidateChoice(at.time, record.purpose, record.object, stages, rejections)
     refused = Counter(c.verdict for c in record.tried if c.verdict != "accepted")
     names: dict[str, str] = {}
     for candidate in record.tried:
         names.setdefault(candidate.verdict, candidate.name)
-    return Choice(
+    return CandidateChoice(
         at.time,
         record.purpose,
         record.object,
         stages,
-        tuple(Rejection(names[reason], reason, count) for reason, count in refused.most_common()),
+        tuple(RejectedCandidate(names[reason], reason, count) for reason, count in refused.most_common()),
     )
 
 
-def _of_plans(refused: list[At[Plan]], plans: int, item: str) -> Choice:
+def _of_plans(refused: list[Stamped[Plan]], plans: int, item: str) -> CandidateChoice:
     """Plans that failed with the same words, numbers aside, are told as one."""
-    alike: dict[str, list[At[Plan]]] = {}
+    alike: dict[str, list[Stamped[Plan]]] = {}
     for at in refused:
         words = re.sub(r"[\d.]+", "#", f"{at.record.outcome} {at.record.message}")
         alike.setdefault(words, []).append(at)
-    return Choice(
+    return CandidateChoice(
         refused[-1].time,
         "plan",
         item,
         (("asked for", plans), ("found", plans - len(refused))),
         tuple(
-            Rejection(
+            RejectedCandidate(
                 group[0].record.request, f"{group[0].record.outcome}: {group[0].record.message}", len(group)
             )
             for group in sorted(alike.values(), key=len, reverse=True)
@@ -88,7 +88,9 @@ LATELY = 5.0
 """What happened so long before a failure is told with it, s."""
 
 
-def observed(case: Case, failure: FailureStory, planted: Sequence[At[Event]]) -> tuple[str, ...]:
+def failure_context(
+    case: Investigation, failure: FailureStory, planted: Sequence[Stamped[Event]]
+) -> tuple[str, ...]:
     return (
         *_belief(case, failure),
         *_hand(case, failure),
@@ -98,7 +100,7 @@ def observed(case: Case, failure: FailureStory, planted: Sequence[At[Event]]) ->
     )
 
 
-def _belief(case: Case, failure: FailureStory) -> list[str]:
+def _belief(case: Investigation, failure: FailureStory) -> list[str]:
     """Where the item was believed to be, and where it truly was."""
     if not failure.item:
         return []
@@ -111,13 +113,13 @@ def _belief(case: Case, failure: FailureStory) -> list[str]:
     told = [f"belief: {failure.item} {where}, last seen at {seconds(believed.last_seen)}"]
     if true is not None and _gone(case, failure, true):
         told.append(f"truth: {failure.item} is nowhere any more")
-    elif really is not None and apart(really, believed) > MISPLACED:
-        off = distance(apart(really, believed))
+    elif really is not None and horizontal_distance(really, believed) > MISPLACED:
+        off = distance(horizontal_distance(really, believed))
         told.append(f"truth: {failure.item} at {place(really.pose.position)}, {off} from the belief")
     return told
 
 
-def _really(case: Case, failure: FailureStory, true: str) -> Body | None:
+def _really(case: Investigation, failure: FailureStory, true: str) -> BodyRecord | None:
     """The item as it truly was just after the failure, unless the hand moved it about."""
     later = next((t for t in case.truth.times if t >= failure.time - 1e-6), case.end)
     then = case.belief.at(failure.item, later)
@@ -125,12 +127,12 @@ def _really(case: Case, failure: FailureStory, true: str) -> Body | None:
     return None if carried else case.truth.at(true, later)
 
 
-def _gone(case: Case, failure: FailureStory, true: str) -> bool:
+def _gone(case: Investigation, failure: FailureStory, true: str) -> bool:
     gone = case.gone(true)
     return gone is not None and gone[1] <= failure.time + SAMPLED
 
 
-def _hand(case: Case, failure: FailureStory) -> list[str]:
+def _hand(case: Investigation, failure: FailureStory) -> list[str]:
     joints = case.run.joints
     fingers = [n for n, name in enumerate(joints.names) if "finger" in name]
     told = number(failure, "width") is not None or not failure.cause.startswith(_IN_MOTION)
@@ -141,7 +143,7 @@ def _hand(case: Case, failure: FailureStory) -> list[str]:
     return [f"hand: the fingers were {max(width, 0.0) * 1000:.0f} mm open"]
 
 
-def _stops(case: Case, failure: FailureStory) -> list[str]:
+def _stops(case: Investigation, failure: FailureStory) -> list[str]:
     visit = case.visit(failure)
     return [
         f"safety: the arm was stopped at {seconds(at.time)}: {at.record.message}"
@@ -149,7 +151,7 @@ def _stops(case: Case, failure: FailureStory) -> list[str]:
     ]
 
 
-def _halted(case: Case, failure: FailureStory) -> list[str]:
+def _halted(case: Investigation, failure: FailureStory) -> list[str]:
     visit = case.visit(failure)
     stopped = [
         v.path.rsplit("/", 1)[-1]
@@ -159,7 +161,7 @@ def _halted(case: Case, failure: FailureStory) -> list[str]:
     return [f"stopped with it: {listed(stopped[::-1], 4)}"] if stopped else []
 
 
-def _faults(case: Case, failure: FailureStory, planted: Sequence[At[Event]]) -> list[str]:
+def _faults(case: Investigation, failure: FailureStory, planted: Sequence[Stamped[Event]]) -> list[str]:
     true = case.pairs.get(failure.item)
     return [
         f"planted: {at.record.message} ({failure.time - at.time:.1f} s before)"
@@ -170,11 +172,11 @@ def _faults(case: Case, failure: FailureStory, planted: Sequence[At[Event]]) -> 
     ]
 
 
-def failures_of(run: RunRecord, family: Family) -> tuple[FailureStory, ...]:
+def failures_of(run: RunRecord, family: VisitTree) -> tuple[FailureStory, ...]:
     """Every failure with a cause, in the order of their times. A false condition is none."""
     end = run.ticks.times[-1] if run.ticks.times else 0.0
-    names = Names(node for at in run.trees for node in at.record.nodes)
-    courses = Courses(family, run.events, end, names)
+    names = CureNames(node for at in run.trees for node in at.record.nodes)
+    courses = FailureCourses(family, run.events, end, names)
     causes = {cause.name: cause for cause in all_causes()}
     found: list[FailureStory] = []
     before: list[Visit] = []
@@ -185,7 +187,9 @@ def failures_of(run: RunRecord, family: Family) -> tuple[FailureStory, ...]:
     return tuple(found)
 
 
-def _story(run: RunRecord, number: int, source: Visit, courses: Courses, cause: Cause | None) -> FailureStory:
+def _story(
+    run: RunRecord, number: int, source: Visit, courses: FailureCourses, cause: Cause | None
+) -> FailureStory:
     course = courses.of(source)
     node = source.origin or source.path
     known = run.tree_at(source.end).nodes
@@ -214,7 +218,7 @@ def _story(run: RunRecord, number: int, source: Visit, courses: Courses, cause: 
     )
 
 
-def _follows(source: Visit, before: Sequence[Visit], family: Family) -> int | None:
+def _follows(source: Visit, before: Sequence[Visit], family: VisitTree) -> int | None:
     """The earlier_number of the earlier failure that this one follows from."""
     for earlier_number in reversed(range(len(before))):
         earlier = before[earlier_number]
@@ -223,7 +227,7 @@ def _follows(source: Visit, before: Sequence[Visit], family: Family) -> int | No
     return None
 
 
-def _within_the_answer(source: Visit, earlier: Visit, family: Family) -> bool:
+def _within_the_answer(source: Visit, earlier: Visit, family: VisitTree) -> bool:
     """Whether it failed while the earlier failure was being dealt with: in a handler, or in giving up."""
     lineage = {v.parent: v for v in (source, *family.above(source))}
     ours = earlier
@@ -240,7 +244,7 @@ def _within_the_answer(source: Visit, earlier: Visit, family: Family) -> bool:
 _ANSWERING = frozenset({"Recover", "RecoveryNode"})
 
 
-def _consequence(source: Visit, earlier: Visit, family: Family) -> bool:
+def _consequence(source: Visit, earlier: Visit, family: VisitTree) -> bool:
     """Whether the earlier failure lost the item, or left it in the hand, and that is what fails now."""
     held = source.evidence.get("held")
     if isinstance(held, str) and held:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Literal, cast
 
-from ...logs.run_log import At
+from ...logs.run_log import Stamped
 from ...logs.schema.records import Event, Values
 from ...simulation.scoring.scorer import ItemScore
 from ...world.belief.facts import RODE_ON, TAKEN_AWAY
 from ...world.scene.destinations import is_at
-from .investigation.case import Case
+from .investigation.case import Investigation
 from .investigation.explanation import ItemEvent, ItemStory
 from .investigation.number_wording import distance, place
 
@@ -22,14 +22,14 @@ TOLD = 1.0
 _LOST = "no longer in the hand"
 
 
-def items_of(case: Case) -> tuple[ItemStory, ...]:
+def items_of(case: Investigation) -> tuple[ItemStory, ...]:
     """Every item that was ever believed in, and then those that were never seen."""
     found = [_story(case, id_) for id_, track in case.belief.tracks.items() if track.first.role == "item"]
     unseen = [true for true in case.truth.tracks if true not in case.believed]
     return (*found, *(_unseen(case, true) for true in unseen))
 
 
-def _story(case: Case, item: str) -> ItemStory:
+def _story(case: Investigation, item: str) -> ItemStory:
     body = case.belief.tracks[item].bodies[-1]
     true = case.pairs.get(item)
     failed = [f.time for f in case.failures if f.item == item]
@@ -54,14 +54,14 @@ def _story(case: Case, item: str) -> ItemStory:
     )
 
 
-def _unseen(case: Case, true: str) -> ItemStory:
+def _unseen(case: Investigation, true: str) -> ItemStory:
     body = case.truth.tracks[true].first
     score = case.scores.get(true)
     state = "done" if score is not None and score.verdict == "sorted" else "left"
     return ItemStory(true, body.kind, body.colour, state, (), f"{_truth(case, true)}; never seen")
 
 
-def _state(case: Case, item: str) -> Literal["done", "held", "left", "gone"]:
+def _state(case: Investigation, item: str) -> Literal["done", "held", "left", "gone"]:
     body = case.belief.at(item, case.end)
     if body is None:
         last = case.belief.tracks[item].bodies[-1]
@@ -74,7 +74,7 @@ def _state(case: Case, item: str) -> Literal["done", "held", "left", "gone"]:
     return "done" if destination and is_at(body.place, destination) else "left"
 
 
-def _truth(case: Case, true: str) -> str:
+def _truth(case: Investigation, true: str) -> str:
     """Where it really is in the end, in the scorer's words."""
     score: ItemScore | None = case.scores.get(true)
     if case.gone(true) is not None:
@@ -95,7 +95,7 @@ def _truth(case: Case, true: str) -> str:
     return f"truly {where}, and was taken away with it" if true in case.departed else f"truly {where}"
 
 
-def _events(at: At[Event], item: str) -> list[ItemEvent]:
+def _events(at: Stamped[Event], item: str) -> list[ItemEvent]:
     record = at.record
     data = record.data
     if record.kind == "handled" and data.get("element") == item:

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ...logs.run_log import At
+from ...logs.run_log import Stamped
 from ...logs.schema.records import Event
 from .causes.contact_causes import pressed_from_below, touched
-from .causes.item_whereabouts import elsewhere, misjudged
-from .causes.obstruction_causes import in_the_way
+from .causes.item_whereabouts import misjudged, wrong_location_cause
+from .causes.obstruction_causes import obstruction_cause
 from .causes.perception_causes import camera_off, through_the_camera
 from .causes.run_endings import by_the_mission, run_ended
-from .causes.slip_causes import not_held, too_heavy
+from .causes.slip_causes import grip_loss_cause, too_heavy
 from .causes.unsorted_items import after_wrong_bin, placed_at, why_not_sorted
-from .investigation.case import Case, Finding
-from .investigation.explanation import FailureStory, Outcome, RootCause
+from .investigation.case import Finding, Investigation
+from .investigation.explanation import ExplainedOutcome, FailureStory, RootCause
 from .investigation.failure_course import time_lost
 from .investigation.number_wording import seconds
 
@@ -35,7 +35,9 @@ class _Group:
     """True items that are not where they belong because of it."""
 
 
-def root_causes_of(case: Case, outcome: Outcome, planted: Sequence[At[Event]]) -> tuple[RootCause, ...]:
+def root_causes_of(
+    case: Investigation, outcome: ExplainedOutcome, planted: Sequence[Stamped[Event]]
+) -> tuple[RootCause, ...]:
     """Those that ended the run, or cost it its goal, first; then by the time that they cost."""
     groups: dict[tuple[str, str], _Group] = {}
     by_failure = _of_failures(case)
@@ -68,7 +70,7 @@ def root_causes_of(case: Case, outcome: Outcome, planted: Sequence[At[Event]]) -
     return tuple(sorted(found, key=_order))
 
 
-def _of_failures(case: Case) -> Mapping[int, Finding]:
+def _of_failures(case: Investigation) -> Mapping[int, Finding]:
     """The finding for each failure; one that follows from another has that one's."""
     camera = camera_off(case) if case.failures else None
     found: dict[int, Finding] = {}
@@ -80,13 +82,13 @@ def _of_failures(case: Case) -> Mapping[int, Finding]:
         else:
             found[failure.number] = (
                 by_the_mission_first(case, failure)
-                or elsewhere(case, failure)
+                or wrong_location_cause(case, failure)
                 or through_the_camera(camera, failure)
                 or after_wrong_bin(case, failure)
                 or too_heavy(case, failure)
                 or (touched(case, failure) if pressed_from_below(failure) else None)
-                or not_held(case, failure)
-                or in_the_way(case, failure)
+                or grip_loss_cause(case, failure)
+                or obstruction_cause(case, failure)
                 or misjudged(case, failure)
                 or by_the_mission(case, failure)
                 or touched(case, failure)
@@ -100,13 +102,13 @@ def _of_failures(case: Case) -> Mapping[int, Finding]:
     return found
 
 
-def _held_since(case: Case, true: str, displaced: Finding) -> bool:
+def _held_since(case: Investigation, true: str, displaced: Finding) -> bool:
     """Whether the robot had the item in its hand after it had been moved there."""
     names = case.believed.get(true, ())
     return any(p.held and p.object in names and p.time > (displaced.time or 0.0) for p in case.run.picks)
 
 
-def by_the_mission_first(case: Case, failure: FailureStory) -> Finding | None:
+def by_the_mission_first(case: Investigation, failure: FailureStory) -> Finding | None:
     """Causes that say what is wrong by themselves."""
     return by_the_mission(case, failure) if failure.cause.startswith(("tree.", "internal.")) else None
 
@@ -121,12 +123,14 @@ def _as_it_says(failure: FailureStory) -> Finding:
     return Finding(failure.cause, about, title, reasons, failure.item, failure.time)
 
 
-def _unsorted(case: Case) -> list[str]:
+def _unsorted(case: Investigation) -> list[str]:
     """True items that do not lie where they belong at the end of the log."""
     return [true for true, judged in case.scores.items() if judged.verdict != "sorted"]
 
 
-def _root(case: Case, group: _Group, outcome: Outcome, planted: Sequence[At[Event]]) -> RootCause:
+def _root(
+    case: Investigation, group: _Group, outcome: ExplainedOutcome, planted: Sequence[Stamped[Event]]
+) -> RootCause:
     first = group.findings[0]
     ended = first.cause in RUN or any(f.fate == "ended" for f in group.failures)
     missed = outcome.status == "incomplete" and bool(group.items)
@@ -147,7 +151,7 @@ def _root(case: Case, group: _Group, outcome: Outcome, planted: Sequence[At[Even
     )
 
 
-def _planted(case: Case, group: _Group, planted: Sequence[At[Event]]) -> list[str]:
+def _planted(case: Investigation, group: _Group, planted: Sequence[Stamped[Event]]) -> list[str]:
     """Faults of the fault file that concern the same items, not later than the failures."""
     items = {case.pairs.get(f.item, f.item) for f in group.findings} | group.items
     items |= {case.pairs[f.item] for f in group.failures if f.item in case.pairs}

@@ -8,54 +8,54 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from ...files.atomic_write import whole
-from ...logs.optional_libraries import extra
+from ...logs.optional_libraries import optional_import
 from ...world.journal import Plain
 from ..run import Run
 from .tables import row_types, table_rows
-from .tables.columns import Table
+from .tables.columns import TableSpec
 
-TABLES: tuple[Table[Any], ...] = (
-    Table(
+TABLES: tuple[TableSpec[Any], ...] = (
+    TableSpec(
         "run",
         "a word of the run: what it was started with, and what came of it",
         row_types.RunRow,
         table_rows.about,
     ),
-    Table("ticks", "a tick of the tree", row_types.TickRow, table_rows.ticks),
-    Table(
+    TableSpec("ticks", "a tick of the tree", row_types.TickRow, table_rows.ticks),
+    TableSpec(
         "visits",
         "an activation of a node, from its beginning to its end",
         row_types.VisitRow,
         table_rows.visits,
     ),
-    Table(
+    TableSpec(
         "failures", "a failure with a cause, and what became of it", row_types.FailureRow, table_rows.failures
     ),
-    Table("items", "an item, as the robot believed", row_types.ItemRow, table_rows.items),
-    Table("picks", "a closing of the fingers on an object", row_types.PickRow, table_rows.picks),
-    Table("plans", "a request to the planner, and its answer", row_types.PlanRow, table_rows.plans),
-    Table(
+    TableSpec("items", "an item, as the robot believed", row_types.ItemRow, table_rows.items),
+    TableSpec("picks", "a closing of the fingers on an object", row_types.PickRow, table_rows.picks),
+    TableSpec("plans", "a request to the planner, and its answer", row_types.PlanRow, table_rows.plans),
+    TableSpec(
         "candidates", "a candidate of a choice that was tried", row_types.CandidateRow, table_rows.candidates
     ),
-    Table("events", "something worth a line", row_types.EventRow, table_rows.events),
-    Table(
+    TableSpec("events", "something worth a line", row_types.EventRow, table_rows.events),
+    TableSpec(
         "objects",
         "an object, each second and whenever the belief changed",
         row_types.ObjectRow,
         table_rows.objects,
     ),
-    Table("joints", "a joint at a tick", row_types.JointRow, table_rows.joints),
-    Table("wrenches", "the wrist at a tick", row_types.WrenchRow, table_rows.wrenches),
-    Table(
+    TableSpec("joints", "a joint at a tick", row_types.JointRow, table_rows.joints),
+    TableSpec("wrenches", "the wrist at a tick", row_types.WrenchRow, table_rows.wrenches),
+    TableSpec(
         "controls", "a joint of the arm at a tick, as commanded", row_types.ControlRow, table_rows.controls
     ),
-    Table("timings", "a tick by the wall clock", row_types.TimingRow, table_rows.timings),
+    TableSpec("timings", "a tick by the wall clock", row_types.TimingRow, table_rows.timings),
 )
 """In the order in which a reader wants them."""
 
 
 Form: TypeAlias = Literal["csv", "parquet", "rerun"]
-_Write: TypeAlias = Callable[[Path, Table[Any], Any], int]
+_Write: TypeAlias = Callable[[Path, TableSpec[Any], Any], int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ def export(run: Run, form: Form, output: Path) -> Exported:
     """
     notes = tuple(_notes(run))
     if form == "rerun":
-        with extra("rerun", "rerun", "An export to Rerun"):
+        with optional_import("rerun", "rerun", "An export to Rerun"):
             from .rerun.recording import write_rerun
         with whole([output], output) as (beside,):
             write_rerun(run, beside)
@@ -111,7 +111,7 @@ def _writer(form: Literal["csv", "parquet"]) -> _Write:
         from .tables.csv_file import write_csv
 
         return write_csv
-    with extra("parquet", "pyarrow", "An export to Parquet"):
+    with optional_import("parquet", "pyarrow", "An export to Parquet"):
         from .tables.parquet_file import write_parquet
     return write_parquet
 

@@ -20,7 +20,7 @@ _REGULAR, _SEMIBOLD = 400, 600
 
 
 @dataclass(frozen=True, slots=True)
-class Trouble:
+class CaptionFailure:
     """A failure as it is shown."""
 
     cause: str
@@ -39,7 +39,7 @@ class Caption:
     """How many items."""
     note: str = ""
     """What the picture shows, or how fast the film goes."""
-    trouble: Trouble | None = None
+    trouble: CaptionFailure | None = None
     elapsed: float | None = None
     """Share 0 … 1 of the run that has passed; None draws no bar."""
     marks: tuple[float, ...] = ()
@@ -84,7 +84,7 @@ def _progress(picture: Picture, elapsed: float, marks: tuple[float, ...], bar: i
         picture[height - bar :, at : at + max(2, bar // 2)] = _ALARM
 
 
-def _banner(picture: Picture, trouble: Trouble, unit: float, foot: int) -> None:
+def _banner(picture: Picture, trouble: CaptionFailure, unit: float, foot: int) -> None:
     gap = round(18 * unit)
     size, small = max(10, round(20 * unit)), max(9, round(16 * unit))
     space = picture.shape[1] - 4 * gap

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from ...errors import PicktreeError
-from ...logs.run_log import At, RunLog
+from ...logs.run_log import RunLog, Stamped
 from ...logs.schema.records import Plan, Scene, Tick, Tree
-from ...logs.visits import Following, Visit
-from .captions import Caption, Trouble
-from .scene_view import Show, Shown
+from ...logs.visits import Visit, VisitBuilder
+from .captions import Caption, CaptionFailure
+from .scene_view import SceneContent, Show
 
 SAME = 0.02
 """Joints that differ by less are at the same place, rad."""
@@ -29,13 +29,13 @@ class _Span:
     plan: Plan
 
 
-class Followed:
+class FollowedPlans:
     """Plans that were found, as they are followed: inferred, for the log does not say which were executed.
 
     A plan that begins where the one before ends comes after it; any other takes its place.
     """
 
-    def __init__(self, plans: Iterable[At[Plan]]) -> None:
+    def __init__(self, plans: Iterable[Stamped[Plan]]) -> None:
         self._all: list[_Span] = []
         for at in plans:
             plan = at.record
@@ -69,45 +69,45 @@ _SLACK = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class FrameContent:
     """What is to be drawn, and written into it."""
 
-    shown: Shown
+    shown: SceneContent
     caption: Caption
 
 
 @dataclass(frozen=True, slots=True)
-class Failed:
+class CaptionedFailure:
     """A failure where it arose."""
 
     time: float
-    trouble: Trouble
+    trouble: CaptionFailure
 
 
 class _Latest(Generic[R]):
     """The last record at a time or before, for times that never go back."""
 
-    def __init__(self, first: At[R] | None, coming: Iterator[At[R]]) -> None:
+    def __init__(self, first: Stamped[R] | None, coming: Iterator[Stamped[R]]) -> None:
         self._now, self._coming = first, coming
         self._next = next(coming, None)
 
-    def at(self, time: float) -> At[R] | None:
+    def at(self, time: float) -> Stamped[R] | None:
         while self._next is not None and self._next.time <= time + _SLACK:
             self._now, self._next = self._next, next(self._coming, None)
         return self._now
 
 
-class Story:
+class NodeActivity:
     """What nodes did from `start` to `end`, simulated s, and where that failed."""
 
     def __init__(self, log: RunLog, start: float, end: float) -> None:
         trees = list(log.trees())
-        following = Following(trees[0].record if trees else Tree(()))
+        following = VisitBuilder(trees[0].record if trees else Tree(()))
         coming = trees[1:]
         self._times: list[float] = []
         self._tips: list[tuple[str, str, str]] = []
         failing: frozenset[str] = frozenset()
-        stated: list[Failed] = []
+        stated: list[CaptionedFailure] = []
         for at in log.ticks(max(0.0, start - _LEAD), end):
             while coming and coming[0].time <= at.time:
                 following.follow(coming.pop(0).record)
@@ -115,13 +115,17 @@ class Story:
             self._times.append(at.time)
             self._tips.append(_tip(at.record))
             found = _failures(at.record)
-            stated += [Failed(at.time, trouble) for path, trouble in found.items() if path not in failing]
+            stated += [
+                CaptionedFailure(at.time, trouble) for path, trouble in found.items() if path not in failing
+            ]
             failing = frozenset(found)
         visits = following.finish()
         self._visits: dict[str, list[Visit]] = {}
         for visit in visits:
             self._visits.setdefault(visit.path, []).append(visit)
-        arose = [Failed(v.end, Trouble(v.cause, v.message)) for v in visits if v.failed_itself]
+        arose = [
+            CaptionedFailure(v.end, CaptionFailure(v.cause, v.message)) for v in visits if v.failed_itself
+        ]
         told = arose if visits else stated  # logs of format 1 do not tell visits
         self.failures = tuple(sorted(told, key=lambda failed: failed.time))
 
@@ -144,7 +148,7 @@ class Story:
             words.append(f"· attempt {visit.attempt}")
         return node, " ".join([*words, message]).strip()
 
-    def trouble(self, time: float, hold: float) -> Trouble | None:
+    def trouble(self, time: float, hold: float) -> CaptionFailure | None:
         """The last failure of the `hold` seconds before."""
         number = bisect.bisect_right(self.failures, time + _SLACK, key=lambda failed: failed.time) - 1
         if number < 0 or time - self.failures[number].time >= hold - _SLACK:
@@ -161,7 +165,7 @@ def moments(
     hold: float = 2.0,
     speed: float = 1.0,
     bar: bool = False,
-) -> Iterator[Frame]:
+) -> Iterator[FrameContent]:
     """The moments at `times` (rising, simulated s) within `span`.
 
     A failure is shown for `hold` simulated seconds; `speed` is said when it is not 1; `bar` adds how much of
@@ -169,12 +173,12 @@ def moments(
     be shown.
     """
     start, end = span
-    story = Story(log, start, end)
+    story = NodeActivity(log, start, end)
     frames = _Latest(log.transforms_at(start), log.transforms(start, end))
     beliefs = _Latest(log.belief_at(start), log.beliefs(start, end))
     truths = _Latest(log.truth_at(start), log.truths(start, end))
-    followed = Followed(log.plans(max(0.0, start - 10.0), end))
-    items = Items(log, end)
+    followed = FollowedPlans(log.plans(max(0.0, start - 10.0), end))
+    items = ItemCounter(log, end)
     note = " · ".join(_notes(show, speed))
     long = max(end - start, 1e-9)
     shares = ((failed.time - start) / long for failed in story.failures)
@@ -187,8 +191,8 @@ def moments(
             raise PicktreeError(f"{log.path}: the log holds no {wanted} at {time:g} s or before")
         transforms = frames.at(time)
         node, message = story.doing(time)
-        yield Frame(
-            Shown(
+        yield FrameContent(
+            SceneContent(
                 {t.child: t.pose for t in transforms.record} if transforms else {},
                 _with_fixtures(solid.record, belief),
                 truth.record if show == "both" and truth else None,
@@ -207,7 +211,7 @@ def moments(
         )
 
 
-class Items:
+class ItemCounter:
     """How many items were done by when."""
 
     def __init__(self, log: RunLog, end: float) -> None:
@@ -237,7 +241,7 @@ def _notes(show: Show, speed: float) -> Iterator[str]:
         yield f"{speed:g}×"
 
 
-def _with_fixtures(scene: Scene, belief: At[Scene] | None) -> Scene:
+def _with_fixtures(scene: Scene, belief: Stamped[Scene] | None) -> Scene:
     """Fixtures stand in the belief, should they be missing beside the truth."""
     return scene if scene.fixed or belief is None else Scene(scene.bodies, belief.record.fixed)
 
@@ -250,8 +254,8 @@ def _tip(tick: Tick) -> tuple[str, str, str]:
     return "", "" if tick.root_status in ("RUNNING", "IDLE") else tick.root_status, ""
 
 
-def _failures(tick: Tick) -> dict[str, Trouble]:
+def _failures(tick: Tick) -> dict[str, CaptionFailure]:
     """Of nodes whose statuses say so, without those that only pass one on from below."""
     failing = {n.path: n for n in tick.nodes if n.status == "FAILURE" and n.cause and n.ticked}
     above = {path.rpartition("/")[0] for path in failing}
-    return {path: Trouble(n.cause, n.message) for path, n in failing.items() if path not in above}
+    return {path: CaptionFailure(n.cause, n.message) for path, n in failing.items() if path not in above}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...logs.meshes.triangle_meshes import unit
 from ...world.values import Array, Vector3
-from .rasterizer import Corners, Floats, draw_depth, unpacked
+from .rasterizer import Floats, TriangleCorners, draw_depth, unpacked
 
 _SUN_DISTANCE = 30.0
 """In m. Far enough for parallel light, near enough for single precision."""
@@ -23,7 +23,7 @@ _GAMMA = 2.2
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class LightingSetup:
     """Light and background."""
 
     background: tuple[float, float, float] = (0.955, 0.962, 0.972)
@@ -38,7 +38,7 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Samples:
+class PixelSamples:
     """Some samples of a picture: pixel of each (n,), number of its colour (n,; 0: nothing, 1: the ground),
     and in the camera's right, down, forward its normal (3, n) and position (3, n) in m."""
 
@@ -55,7 +55,7 @@ class Samples:
         place: tuple[Floats, Floats],
         marks: Floats,
         depth: Floats,
-    ) -> Samples:
+    ) -> PixelSamples:
         """`place`: rays' right and down at depth 1. Marks (n, 3) and depth (n,) as rasterised."""
         number, normal = unpacked(marks)
         return cls(*pixel, number, normal, np.stack([place[0] * depth, place[1] * depth, depth]))
@@ -96,11 +96,11 @@ class Shadows:
         self._sun = (axes @ sun).astype(np.float32)
         self._fixed = np.full((side, side), self._between[1], np.float32)
 
-    def keep(self, fixed: Corners) -> None:
+    def keep(self, fixed: TriangleCorners) -> None:
         """What casts shadows in every picture."""
         draw_depth(fixed, self._fixed, self._from_camera, self._fov, self._between)
 
-    def cast(self, moving: Corners) -> ShadowMap:
+    def cast(self, moving: TriangleCorners) -> ShadowMap:
         """The map with what moves."""
         nearest = self._fixed.copy()
         draw_depth(moving, nearest, self._from_camera, self._fov, self._between)
@@ -114,12 +114,12 @@ class Shadows:
             changed.view(np.bool_),
         )
 
-    def texels(self, samples: Samples) -> NDArray[np.intp]:
+    def texels(self, samples: PixelSamples) -> NDArray[np.intp]:
         """Where on the flat map each sample lies, (n,)."""
         u, v, _ = self._seen(samples)
         return self._flat(u, v)
 
-    def lit(self, cast: ShadowMap, samples: Samples) -> Floats:
+    def lit(self, cast: ShadowMap, samples: PixelSamples) -> Floats:
         """Share 0 … 1 of the sun that reaches each sample."""
         u, v, depth = self._seen(samples)
         # Farther points of a slanted surface are farther from the sun by themselves.
@@ -135,7 +135,7 @@ class Shadows:
         lit[(u < 0) | (v < 0) | (u >= side) | (v >= side)] = 1  # nothing beyond the map casts a shadow
         return lit
 
-    def _seen(self, samples: Samples) -> tuple[Floats, Floats, Floats]:
+    def _seen(self, samples: PixelSamples) -> tuple[Floats, Floats, Floats]:
         """Column and row on the map, and distance in m from the sun."""
         x, y, z = samples.position
         turn, place = self._from_camera[:3, :3].astype(np.float32), self._from_camera[:3, 3].tolist()
@@ -152,7 +152,13 @@ class Shadows:
         return (row * self._side + column).astype(np.intp)
 
     def _reached(
-        self, nearest: Floats, u: Floats, v: Floats, depth: Floats, samples: Samples, edge: NDArray[np.intp]
+        self,
+        nearest: Floats,
+        u: Floats,
+        v: Floats,
+        depth: Floats,
+        samples: PixelSamples,
+        edge: NDArray[np.intp],
     ) -> Floats:
         """The share for samples near a shadow's edge, from some places around each."""
         radius = _SOFT / self._texel
@@ -169,7 +175,7 @@ class Shadows:
         return reached / np.float32(len(taps))
 
 
-class Sky:
+class AmbientOcclusion:
     """How much of the sky each pixel sees, judged by its neighbours on the picture only."""
 
     def __init__(self, width: int, height: int, focal: float) -> None:
@@ -218,7 +224,13 @@ class Sky:
 
 
 def shaded(
-    samples: Samples, lit: Floats, openness: Floats, look: Look, axes: Array, table: Floats, behind: Floats
+    samples: PixelSamples,
+    lit: Floats,
+    openness: Floats,
+    look: LightingSetup,
+    axes: Array,
+    table: Floats,
+    behind: Floats,
 ) -> Floats:
     """Colour (n, 3), 0 … 1, of samples that the sun reaches by `lit` and the sky by `openness`.
 

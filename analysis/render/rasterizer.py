@@ -46,7 +46,7 @@ class Palette:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Model:
+class RasterModel:
     """A mesh made ready: three rows for each triangle. Positions and normals (3n, 3) in its own frame,
     numbers of colours (3n,)."""
 
@@ -55,7 +55,7 @@ class Model:
     numbers: Floats
 
     @classmethod
-    def of(cls, mesh: Mesh, palette: Palette) -> Model:
+    def of(cls, mesh: Mesh, palette: Palette) -> RasterModel:
         numbers = palette.numbers(mesh.colours) if len(mesh.faces) else np.zeros(0)
         return cls(
             mesh.vertices[mesh.faces].reshape(-1, 3).astype(np.float32),
@@ -65,19 +65,19 @@ class Model:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Corners:
+class TriangleCorners:
     """Corners of triangles as the camera has them: positions (3n, 3) in right, down, forward, and marks."""
 
     positions: Floats
     marks: Floats
 
-    def with_(self, more: Corners) -> Corners:
-        return Corners(
+    def with_(self, more: TriangleCorners) -> TriangleCorners:
+        return TriangleCorners(
             np.concatenate([self.positions, more.positions]), np.concatenate([self.marks, more.marks])
         )
 
 
-def placed(models: Iterable[tuple[Model, Array, Array]]) -> Corners:
+def placed(models: Iterable[tuple[RasterModel, Array, Array]]) -> TriangleCorners:
     """All models, each with a rotation (3, 3) and a place (3,) that lead from its frame to the camera's."""
     positions: list[Floats] = []
     marks: list[Floats] = []
@@ -88,8 +88,8 @@ def placed(models: Iterable[tuple[Model, Array, Array]]) -> Corners:
         mark[:, 0] += model.numbers * np.float32(_STEP)
         marks.append(mark)
     if not positions:
-        return Corners(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32))
-    return Corners(np.concatenate(positions), np.concatenate(marks))
+        return TriangleCorners(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32))
+    return TriangleCorners(np.concatenate(positions), np.concatenate(marks))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,7 +106,7 @@ class Surfaces:
     def copy(self) -> Surfaces:
         return Surfaces(self.depth.copy(), self.marks.copy())
 
-    def draw(self, corners: Corners, fov: float) -> None:
+    def draw(self, corners: TriangleCorners, fov: float) -> None:
         """What of the triangles is nearer than what was seen so far. `fov` is vertical, rad."""
         if len(corners.positions):
             cv2.triangleRasterize(
@@ -124,7 +124,7 @@ class Surfaces:
 
 
 def draw_depth(
-    corners: Corners, depth: Floats, from_camera: Array, fov: float, between: tuple[float, float]
+    corners: TriangleCorners, depth: Floats, from_camera: Array, fov: float, between: tuple[float, float]
 ) -> None:
     """Depth alone, `between` two depths in m, as seen by another camera: `from_camera` (4, 4) leads into its
     right, down, forward."""
@@ -143,7 +143,7 @@ def unpacked(marks: Floats) -> tuple[NDArray[np.intp], Floats]:
     return number.astype(np.intp), normals
 
 
-def _triangles(corners: Corners) -> NDArray[np.int32]:
+def _triangles(corners: TriangleCorners) -> NDArray[np.int32]:
     return np.arange(len(corners.positions), dtype=np.int32).reshape(-1, 3)
 
 

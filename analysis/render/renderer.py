@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ...logs.meshes.triangle_meshes import Mesh, joined, unit
 from ...world.values import Array, Pose
-from .lighting import Look, Samples, ShadowMap, Shadows, Sky, shaded
-from .rasterizer import Corners, Floats, Model, Palette, Picture, Surfaces, placed
-from .viewpoint import View
+from .lighting import AmbientOcclusion, LightingSetup, PixelSamples, ShadowMap, Shadows, shaded
+from .rasterizer import Floats, Palette, Picture, RasterModel, Surfaces, TriangleCorners, placed
+from .viewpoint import PictureView
 
 _CONTRAST = 9
 """Steps of 255 between neighbours from which on a pixel is sampled finely."""
@@ -40,7 +40,7 @@ class _Still:
     picture: Picture
 
 
-class Studio:
+class MeshRenderer:
     """Draws pictures of one size from one view.
 
     Each pixel is shaded once; where neighbours differ, `fine` × `fine` samples of it are averaged
@@ -49,10 +49,15 @@ class Studio:
     """
 
     def __init__(
-        self, fixed: Mesh, view: View, size: tuple[int, int], look: Look | None = None, fine: int = 2
+        self,
+        fixed: Mesh,
+        view: PictureView,
+        size: tuple[int, int],
+        look: LightingSetup | None = None,
+        fine: int = 2,
     ) -> None:
         self.view, self.size = view, size
-        self._look, self._fine = look or Look(), fine
+        self._look, self._fine = look or LightingSetup(), fine
         self._eye, self._axes = view.eye(), view.axes()
         self._palette = Palette()
         self._fixed = fixed
@@ -63,14 +68,14 @@ class Studio:
         self._down = (((np.arange(height * fine) + 0.5) / fine - height / 2) / focal).astype(np.float32)
         fall = np.linspace(1.015, 0.965, height, dtype=np.float32)[:, None]
         self._background = np.minimum(fall * np.array(self._look.background, np.float32), 1.0)
-        self._sky = Sky(width // 2, height // 2, focal / 2)
+        self._sky = AmbientOcclusion(width // 2, height // 2, focal / 2)
         self._still: _Still | None = None
 
-    def model(self, mesh: Mesh) -> Model:
+    def model(self, mesh: Mesh) -> RasterModel:
         """A mesh that is drawn again and again, made ready once."""
-        return Model.of(mesh, self._palette)
+        return RasterModel.of(mesh, self._palette)
 
-    def picture(self, moving: Sequence[tuple[Model, Pose]]) -> Picture:
+    def picture(self, moving: Sequence[tuple[RasterModel, Pose]]) -> Picture:
         """RGB (h, w, 3) of what never moves and of these models in the world."""
         if self._still is None:
             self._still = self._drawn_still(moving)
@@ -95,7 +100,7 @@ class Studio:
         self._shade(picture, frame, still.shadows, changed)
         return picture
 
-    def _drawn_still(self, moving: Sequence[tuple[Model, Pose]]) -> _Still:
+    def _drawn_still(self, moving: Sequence[tuple[RasterModel, Pose]]) -> _Still:
         """The fixed part, with the ground and a shadow map large enough for what moves at first."""
         low, high = self._bounds(moving)
         shadows = Shadows(unit(np.array(self._look.sun)), low, high, self._eye, self._axes, _MAP)
@@ -115,13 +120,13 @@ class Studio:
         self._shade(picture, frame, shadows, every)
         return _Still(surfaces, shadows, texels, frame.openness, picture)
 
-    def _placed(self, models: Sequence[tuple[Model, Pose]]) -> Corners:
+    def _placed(self, models: Sequence[tuple[RasterModel, Pose]]) -> TriangleCorners:
         axes, eye = self._axes, self._eye
         return placed(
             (model, axes @ pose.rotation(), axes @ (np.array(pose.position) - eye)) for model, pose in models
         )
 
-    def _bounds(self, moving: Sequence[tuple[Model, Pose]]) -> tuple[Array, Array]:
+    def _bounds(self, moving: Sequence[tuple[RasterModel, Pose]]) -> tuple[Array, Array]:
         """Ends of a box in the world around everything, some way above it, and the ground below.
 
         Where something stands still, what moves has no say: else processes that begin with different frames
@@ -137,11 +142,11 @@ class Studio:
         low[2], high[2] = min(low[2], floor), max(high[2], floor + _TALL)
         return low, high
 
-    def _samples(self, frame: _Frame, wanted: NDArray[np.bool_]) -> Samples:
+    def _samples(self, frame: _Frame, wanted: NDArray[np.bool_]) -> PixelSamples:
         """One sample for each of these pixels (h, w)."""
         rows, columns = np.nonzero(wanted)
         place = (_along_side(self._right, self._fine)[columns], _along_side(self._down, self._fine)[rows])
-        return Samples.of((rows, columns), place, frame.marks[rows, columns], frame.depth[rows, columns])
+        return PixelSamples.of((rows, columns), place, frame.marks[rows, columns], frame.depth[rows, columns])
 
     def _shade(self, picture: Picture, frame: _Frame, shadows: Shadows, wanted: NDArray[np.bool_]) -> None:
         """Draw these pixels (h, w) anew."""
@@ -162,14 +167,14 @@ class Studio:
         x = (columns[:, None] * fine + right).ravel()
         many = (rows.repeat(fine * fine), columns.repeat(fine * fine))
         surfaces = frame.surfaces
-        samples = Samples.of(
+        samples = PixelSamples.of(
             many, (self._right[x], self._down[y]), surfaces.marks[y, x], surfaces.depth[y, x]
         )
         colours = np.clip(self._lit(samples, frame, shadows, openness), 0, 1)
         colours = colours.reshape(len(rows), fine * fine, 3)
         picture[rows, columns] = _bytes(np.einsum("pki->pi", colours) / np.float32(fine * fine))
 
-    def _lit(self, samples: Samples, frame: _Frame, shadows: Shadows, openness: Floats) -> Floats:
+    def _lit(self, samples: PixelSamples, frame: _Frame, shadows: Shadows, openness: Floats) -> Floats:
         return shaded(
             samples,
             shadows.lit(frame.cast, samples),
@@ -200,9 +205,11 @@ class _Frame:
         return cv2.resize(self.openness, (width, height), interpolation=cv2.INTER_LINEAR).astype(np.float32)
 
 
-def render(mesh: Mesh, view: View, size: tuple[int, int], look: Look | None = None, fine: int = 2) -> Picture:
+def render(
+    mesh: Mesh, view: PictureView, size: tuple[int, int], look: LightingSetup | None = None, fine: int = 2
+) -> Picture:
     """RGB (h, w, 3) of one mesh in the world."""
-    studio = Studio(joined([]), view, size, look, fine)
+    studio = MeshRenderer(joined([]), view, size, look, fine)
     return studio.picture([(studio.model(mesh), Pose())])
 
 
@@ -223,12 +230,12 @@ def _around(mask: NDArray[np.uint8]) -> tuple[slice, slice]:
     return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
 
 
-def _ground(low: Array, high: Array, height: float) -> Model:
+def _ground(low: Array, high: Array, height: float) -> RasterModel:
     """The part of the ground on which shadows may lie."""
     (x0, y0), (x1, y1) = low[:2] - 0.8, high[:2] + 0.8
     corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y0), (x1, y1), (x0, y1)]
     positions = np.array([(x, y, height) for x, y in corners], np.float32)
-    return Model(positions, np.tile(np.array([0, 0, 1], np.float32), (6, 1)), np.ones(6, np.float32))
+    return RasterModel(positions, np.tile(np.array([0, 0, 1], np.float32), (6, 1)), np.ones(6, np.float32))
 
 
 def _bytes(colours: Floats) -> Picture:

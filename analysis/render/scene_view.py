@@ -14,13 +14,13 @@ from ...logs.meshes.binary_gltf import read_glb
 from ...logs.meshes.link_meshes import parts_of
 from ...logs.meshes.triangle_meshes import Mesh, joined, part_mesh, shape_mesh
 from ...logs.recording.foxglove_messages import UNKNOWN_COLOUR
-from ...logs.schema.records import Block, Body, LinkMesh, Part, Scene
+from ...logs.schema.records import BlockRecord, BodyRecord, LinkMesh, PartRecord, Scene
 from ...world.colours import COLOURS
 from ...world.shapes import Shape
 from ...world.values import Array, Pose
-from .rasterizer import Model, Picture
-from .renderer import Studio
-from .viewpoint import View
+from .rasterizer import Picture, RasterModel
+from .renderer import MeshRenderer
+from .viewpoint import PictureView
 
 Show: TypeAlias = Literal["belief", "truth", "both"]
 
@@ -29,7 +29,7 @@ PATH_LINE = (0, 140, 160)
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class SceneContent:
     """What is to be seen. Poses are in the world."""
 
     links: Mapping[str, Pose]
@@ -42,20 +42,20 @@ class Shown:
     """Where the tool is planned to go."""
 
 
-class Scenery:
+class SceneRenderer:
     """Draws moments of one run, in one size and from one view."""
 
     def __init__(
-        self, robot: tuple[LinkMesh, ...], view: View, size: tuple[int, int], *, fine: int = 2
+        self, robot: tuple[LinkMesh, ...], view: PictureView, size: tuple[int, int], *, fine: int = 2
     ) -> None:
         self._robot_meshes = {mesh.link: read_glb(mesh.glb) for mesh in robot}
         self._view, self._size, self._fine = view, size, fine
-        self._fixed: tuple[Part, ...] | None = None
-        self._studio = Studio(joined([]), view, size)
-        self._robot: dict[str, Model] = {}
-        self._bodies: dict[tuple[Shape, str, tuple[Block, ...]], Model] = {}
+        self._fixed: tuple[PartRecord, ...] | None = None
+        self._studio = MeshRenderer(joined([]), view, size)
+        self._robot: dict[str, RasterModel] = {}
+        self._bodies: dict[tuple[Shape, str, tuple[BlockRecord, ...]], RasterModel] = {}
 
-    def picture(self, shown: Shown) -> Picture:
+    def picture(self, shown: SceneContent) -> Picture:
         """RGB (h, w, 3)."""
         if self._fixed is None or shown.solid.fixed != self._fixed:
             self._build(shown.solid.fixed)
@@ -64,16 +64,16 @@ class Scenery:
         moving += [(self._body(body), _pose(body, links)) for body in shown.solid.bodies]
         return self._drawn_over(self._studio.picture(moving), shown)
 
-    def single(self, shown: Shown) -> Picture:
+    def single(self, shown: SceneContent) -> Picture:
         """The same as `picture`, in less time when it is to be the only one."""
         links = shown.links
         parts = [mesh.placed(links[link]) for link, mesh in self._robot_meshes.items() if link in links]
         parts += [_part(part).placed(part.pose) for part in shown.solid.fixed]
         parts += [_body_mesh(b).placed(_pose(b, links)) for b in shown.solid.bodies]
-        studio = Studio(joined(parts), self._view, self._size, fine=self._fine)
+        studio = MeshRenderer(joined(parts), self._view, self._size, fine=self._fine)
         return self._drawn_over(studio.picture([]), shown)
 
-    def _drawn_over(self, picture: Picture, shown: Shown) -> Picture:
+    def _drawn_over(self, picture: Picture, shown: SceneContent) -> Picture:
         """With the lines that nothing hides."""
         if len(shown.path) > 1:
             self._line(picture, np.array(shown.path))
@@ -82,14 +82,14 @@ class Scenery:
                 self._outline(picture, _mesh(shape, body.colour).placed(body.pose @ pose).vertices)
         return picture
 
-    def _build(self, fixed: tuple[Part, ...]) -> None:
+    def _build(self, fixed: tuple[PartRecord, ...]) -> None:
         self._fixed = fixed
         parts = [_part(part).placed(part.pose) for part in fixed]
-        self._studio = Studio(joined(parts), self._view, self._size, fine=self._fine)
+        self._studio = MeshRenderer(joined(parts), self._view, self._size, fine=self._fine)
         self._robot = {link: self._studio.model(mesh) for link, mesh in self._robot_meshes.items()}
         self._bodies = {}
 
-    def _body(self, body: Body) -> Model:
+    def _body(self, body: BodyRecord) -> RasterModel:
         key = (body.shape, body.colour, body.blocks)
         if key not in self._bodies:
             self._bodies[key] = self._studio.model(_body_mesh(body))
@@ -127,14 +127,14 @@ def _mesh(shape: Shape, colour: str) -> Mesh:
     return shape_mesh(shape, COLOURS.get(colour, UNKNOWN_COLOUR))
 
 
-def _part(part: Part) -> Mesh:
+def _part(part: PartRecord) -> Mesh:
     return part_mesh(part.shape, part.holes, COLOURS.get(part.colour, UNKNOWN_COLOUR))
 
 
-def _body_mesh(body: Body) -> Mesh:
+def _body_mesh(body: BodyRecord) -> Mesh:
     return joined(_mesh(shape, body.colour).placed(pose) for shape, pose in parts_of(body))
 
 
-def _pose(body: Body, links: Mapping[str, Pose]) -> Pose:
+def _pose(body: BodyRecord, links: Mapping[str, Pose]) -> Pose:
     """What is held moves with the hand between two messages of the belief."""
     return links.get(body.id, body.pose)

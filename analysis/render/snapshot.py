@@ -14,14 +14,14 @@ from ...logs.recording.images import write_picture
 from ...logs.run_log import RunLog
 from ...robots.description import RobotDescription
 from ...robots.model import RobotModel
-from ...robots.urdf_tree import LinkMesh, link_geometry
+from ...robots.urdf_tree import UrdfMesh, link_geometry
 from ...world.values import Array, Pose
 from .captions import write
 from .frames import moments
 from .rasterizer import Picture
 from .renderer import render
-from .scene_view import Scenery, Show
-from .viewpoint import View
+from .scene_view import SceneRenderer, Show
+from .viewpoint import PictureView
 
 ROBOT_PICTURE_SIZE = (1000, 900)
 FACES = 6000
@@ -46,7 +46,7 @@ def draw_robot(robot: RobotDescription, path: Path) -> None:
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     middle = (low + high) / 2
     span = float(np.linalg.norm(high - low))
-    view = View(
+    view = PictureView(
         target=(float(middle[0]), float(middle[1]), float(middle[2])),
         distance=1.15 * span / (2 * math.tan(math.radians(16.0))),
         azimuth=math.radians(35.0),
@@ -64,7 +64,7 @@ def draw_robot(robot: RobotDescription, path: Path) -> None:
 def _parts(robot: RobotDescription) -> list[tuple[str, Mesh]]:
     found: list[tuple[str, Mesh]] = []
     for element in link_geometry(robot.urdf, "collision"):
-        if isinstance(element, LinkMesh):
+        if isinstance(element, UrdfMesh):
             try:
                 mesh = load_mesh(element.path, FACES)
             except (OSError, ValueError) as error:
@@ -75,7 +75,7 @@ def _parts(robot: RobotDescription) -> list[tuple[str, Mesh]]:
     return found
 
 
-def _frame(picture: np.ndarray, view: View, name: str, pose: Pose) -> None:
+def _frame(picture: np.ndarray, view: PictureView, name: str, pose: Pose) -> None:
     ends: Array = np.vstack([np.zeros(3), np.eye(3) * AXIS])
     pixels = np.round(view.project(pose.apply(ends), ROBOT_PICTURE_SIZE)[:, :2]).astype(int)
     start = (int(pixels[0, 0]), int(pixels[0, 1]))
@@ -96,7 +96,7 @@ def snapshot(
     at: float,
     output: Path,
     size: tuple[int, int] = SIZE,
-    view: View | None = None,
+    view: PictureView | None = None,
     *,
     show: Show = "belief",
     caption: bool = True,
@@ -123,7 +123,7 @@ def draw(
     log: RunLog,
     at: float,
     size: tuple[int, int] = SIZE,
-    view: View | None = None,
+    view: PictureView | None = None,
     *,
     show: Show = "belief",
     caption: bool = True,
@@ -132,7 +132,7 @@ def draw(
     if not 0 <= at <= log.end + 1e-9:
         raise PicktreeError(f"{log.path}: the run lasted {log.end:.2f} s; there is no moment {at:g} s")
     (moment,) = moments(log, [at], (at, at), show=show)
-    picture = Scenery(log.robot_model(), view or View(), size, fine=_FINE).single(moment.shown)
+    picture = SceneRenderer(log.robot_model(), view or PictureView(), size, fine=_FINE).single(moment.shown)
     if caption:
         write(picture, moment.caption)
     return picture

@@ -14,7 +14,7 @@ from ...world.values import Array, Vector3
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class PictureView:
     """Where the picture is taken from: angles in rad (azimuth about the world's z from +x), lengths in m."""
 
     target: Vector3 = (0.36, 0.0, 0.27)
@@ -56,19 +56,19 @@ class View:
 
 
 VIEWS: Final = {
-    "corner": View(),
-    "front": View(target=(0.42, 0.0, 0.22), distance=2.6, azimuth=0.0, elevation=math.radians(24.0)),
-    "left": View(azimuth=math.radians(60.0), elevation=math.radians(24.0), distance=2.5),
-    "right": View(azimuth=math.radians(-75.0), elevation=math.radians(22.0), distance=2.5),
-    "top": View(
+    "corner": PictureView(),
+    "front": PictureView(target=(0.42, 0.0, 0.22), distance=2.6, azimuth=0.0, elevation=math.radians(24.0)),
+    "left": PictureView(azimuth=math.radians(60.0), elevation=math.radians(24.0), distance=2.5),
+    "right": PictureView(azimuth=math.radians(-75.0), elevation=math.radians(22.0), distance=2.5),
+    "top": PictureView(
         target=(0.4, 0.0, 0.0), distance=3.0, azimuth=math.radians(180.0), elevation=math.radians(89.0)
     ),
-    "close": View(target=(0.5, 0.0, 0.1), distance=1.5, elevation=math.radians(32.0)),
+    "close": PictureView(target=(0.5, 0.0, 0.1), distance=1.5, elevation=math.radians(32.0)),
 }
 """Views that have a name."""
 
 
-def parse_view(text: str) -> View:
+def parse_view(text: str) -> PictureView:
     """A view by its name, or `AZIMUTH,ELEVATION,DISTANCE` in degrees and m. Raises PicktreeError.
 
     >>> parse_view("top").elevation > parse_view("-30, 25, 2.4").elevation
@@ -87,7 +87,7 @@ def parse_view(text: str) -> View:
         raise PicktreeError(
             f"view {text!r}: the elevation goes from -89 to 89 degrees, the distance from 0.3 to 15 m"
         )
-    return View(azimuth=math.radians(azimuth), elevation=math.radians(elevation), distance=distance)
+    return PictureView(azimuth=math.radians(azimuth), elevation=math.radians(elevation), distance=distance)
 
 
 def parse_size(text: str) -> tuple[int, int]:

@@ -9,63 +9,63 @@ from functools import cached_property
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from ...errors import PicktreeError
-from ...logs.run_log import At
+from ...logs.run_log import Stamped
 from ...logs.schema.records import (
     Control,
     Event,
     Joints,
     Plan,
     Scene,
-    Transition,
+    TransitionRecord,
     Tree,
     TreeNode,
     WrenchReading,
-    Write,
+    WriteRecord,
 )
 from ...logs.series import TickAt
-from ...logs.visits import Following, Visit, with_transitions
+from ...logs.visits import Visit, VisitBuilder, with_transitions
 from ..run import Run
-from .node_names import fitting
+from .node_names import find_nodes
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class NodeChange:
     """A node begins or ends in a tick."""
 
     tick: int
     time: float
     """Simulated s."""
-    transition: Transition
+    transition: TransitionRecord
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class KeyChange:
     """A write to the blackboard in a tick."""
 
     tick: int
     time: float
     """Simulated s."""
-    write: Write
+    write: WriteRecord
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class TickHistory:
     """All in the order in which it happened."""
 
-    moves: tuple[Move, ...]
-    writes: tuple[Written, ...]
+    moves: tuple[NodeChange, ...]
+    writes: tuple[KeyChange, ...]
     visits: tuple[Visit, ...]
     derived: bool
     """Whether the moves were derived from the statuses after each tick: the log is of format 1."""
 
 
-def course_of(run: Run) -> Course:
+def course_of(run: Run) -> TickHistory:
     derived = run.log.format < 2
     trees = list(run.trees)
-    following = Following(trees[0].record if trees else Tree(()))
+    following = VisitBuilder(trees[0].record if trees else Tree(()))
     coming = trees[1:]
-    moves: list[Move] = []
-    writes: list[Written] = []
+    moves: list[NodeChange] = []
+    writes: list[KeyChange] = []
     for number, at in enumerate(with_transitions(run.log.ticks()) if derived else run.log.busy_ticks()):
         while coming and coming[0].time <= at.time:
             following.follow(coming.pop(0).record)
@@ -73,9 +73,9 @@ def course_of(run: Run) -> Course:
             following.skip(at.time)
             continue
         following.take(at.time, at.record)
-        moves += [Move(number, at.time, transition) for transition in at.record.transitions]
-        writes += [Written(number, at.time, write) for write in at.record.writes]
-    return Course(tuple(moves), tuple(writes), following.finish(), derived)
+        moves += [NodeChange(number, at.time, transition) for transition in at.record.transitions]
+        writes += [KeyChange(number, at.time, write) for write in at.record.writes]
+    return TickHistory(tuple(moves), tuple(writes), following.finish(), derived)
 
 
 Edge: TypeAlias = Literal["begin", "end"]
@@ -85,19 +85,19 @@ _SLACK = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Changes:
+class CursorChanges:
     """What happened after the tick `since`, up to and with the tick `to`, each in order."""
 
     since: int
     """-1: from the beginning on."""
     to: int
-    moves: tuple[Move, ...]
-    writes: tuple[Written, ...]
-    belief: tuple[At[Event], ...]
+    moves: tuple[NodeChange, ...]
+    writes: tuple[KeyChange, ...]
+    belief: tuple[Stamped[Event], ...]
     """Changes of the belief."""
-    events: tuple[At[Event], ...]
+    events: tuple[Stamped[Event], ...]
     """All others."""
-    plans: tuple[At[Plan], ...]
+    plans: tuple[Stamped[Plan], ...]
 
 
 class Cursor:
@@ -131,7 +131,7 @@ class Cursor:
         return self.run.tree_at(self.time)
 
     @cached_property
-    def course(self) -> Course:
+    def course(self) -> TickHistory:
         return course_of(self.run)
 
     # Movements.
@@ -164,7 +164,7 @@ class Cursor:
     def next_of(self, node: str, edge: Edge = "begin", *, back: bool = False) -> Visit:
         """To the next tick in which a node began or ended. `node` is a path, the end of one, a type, or a
         pattern of paths with `*`; all nodes that it fits count."""
-        paths = {one.path for one in fitting(node, self.nodes)}
+        paths = {one.path for one in find_nodes(node, self.nodes)}
         visits = [visit for visit in self.course.visits if visit.path in paths]
         if edge == "end":
             visits = [visit for visit in visits if visit.outcome != "RUNNING"]
@@ -254,13 +254,13 @@ class Cursor:
         except (yaml.YAMLError, KeyError, TypeError):
             return ()
 
-    def changes(self, since: int | None = None) -> Changes:
+    def changes(self, since: int | None = None) -> CursorChanges:
         """What happened since the tick of that number; by default, and when that lies ahead, in this tick."""
         if since is None or since >= self.number:
             since = self.number - 1
         begin = self.run.ticks.times[since] if since >= 0 else -1.0
         events = _between(self.run.events, begin, self.time)
-        return Changes(
+        return CursorChanges(
             since,
             self.number,
             _of_ticks(self.course.moves, since, self.number),
@@ -287,13 +287,13 @@ class Cursor:
         self.number = numbers[place]
 
 
-def _between(records: Sequence[At[R]], begin: float, end: float) -> tuple[At[R], ...]:
+def _between(records: Sequence[Stamped[R]], begin: float, end: float) -> tuple[Stamped[R], ...]:
     """Those after `begin`, up to `end`."""
     first = bisect.bisect_right(records, begin + _SLACK, key=lambda at: at.time)
     return tuple(records[first : bisect.bisect_right(records, end + _SLACK, key=lambda at: at.time)])
 
 
-M = TypeVar("M", Move, Written)
+M = TypeVar("M", NodeChange, KeyChange)
 
 
 def _of_ticks(ones: tuple[M, ...], since: int, to: int) -> tuple[M, ...]:

@@ -7,10 +7,10 @@ from fnmatch import fnmatchcase
 from typing import Protocol, TypeVar
 
 from ...errors import PicktreeError
-from ...files.value_wording import nearest
+from ...files.value_wording import suggest_name
 
 
-class Named(Protocol):
+class NamedNode(Protocol):
     @property
     def path(self) -> str: ...
     @property
@@ -21,10 +21,10 @@ class Named(Protocol):
         ...
 
 
-N = TypeVar("N", bound=Named)
+N = TypeVar("N", bound=NamedNode)
 
 
-def fitting(text: str, nodes: Sequence[N]) -> list[N]:
+def find_nodes(text: str, nodes: Sequence[N]) -> list[N]:
     """The nodes of that path, or else with a path that ends so, or else of that type; with `*` in it those
     whose path or end of a path it matches. Raises PicktreeError, with what may have been meant, for none."""
     if "*" in text:
@@ -38,13 +38,13 @@ def fitting(text: str, nodes: Sequence[N]) -> list[N]:
     ):
         if fits:
             return fits
-    hint = nearest(text, [*(node.name for node in nodes), *(node.path for node in nodes)])
+    hint = suggest_name(text, [*(node.name for node in nodes), *(node.path for node in nodes)])
     raise PicktreeError(f"no node fits {text!r}" + (f" ({hint})" if hint.startswith("did") else ""))
 
 
-def one_fitting(text: str, nodes: Sequence[N], *, most: int = 10) -> N:
+def find_node(text: str, nodes: Sequence[N], *, most: int = 10) -> N:
     """The only such node. Raises PicktreeError with the names of `most` of them when there are several."""
-    found = fitting(text, nodes)
+    found = find_nodes(text, nodes)
     if len(found) > 1:
         named = ", ".join(node.path for node in found[:most]) + (", …" if len(found) > most else "")
         raise PicktreeError(f"{len(found)} nodes fit {text!r}: {named}")

@@ -91,7 +91,7 @@ PACKERS: tuple[Callable[[Run], Section], ...] = (
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class WrittenReport:
     """A report that was written: the file, its size, and what it took."""
 
     file: Path
@@ -116,13 +116,13 @@ class Written:
         }
 
 
-def write_report(run: Run, file: Path) -> Written:
+def write_report(run: Run, file: Path) -> WrittenReport:
     """Write the report of `run`. Raises PicktreeError when the file cannot be written."""
     began = time.perf_counter()
     text = report(run)
     data = text.encode("utf-8")
     _write_whole(file, data)
-    return Written(file, len(data), time.perf_counter() - began, run.end)
+    return WrittenReport(file, len(data), time.perf_counter() - began, run.end)
 
 
 def report(run: Run) -> str:

@@ -11,12 +11,12 @@ from typing import Final
 
 from ...authoring.checking.check import check_mission
 from ...errors import PicktreeError
-from ...files.yaml.document import Fault, FileError, open_document
+from ...files.yaml.document import Diagnostic, FileError, open_document
 from ...robots.loading import load_robot
 from ...session.recipe import Recipe, mission_files
 from ...simulation.fault_files.fault_entries import FaultFile
 from ...simulation.fault_files.fault_loading import load_faults
-from ...trees.loading.scene_names import surroundings
+from ...trees.loading.scene_names import scene_names
 from ...trees.mission import Mission
 from ...world.scene.loading.scene_loading import load_scene
 from ..run import Run
@@ -51,7 +51,7 @@ def parse_tick(text: str, run: Run, option: str) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Changes:
+class RunChanges:
     """Nothing, unless something is given. Paths count from the working directory."""
 
     mission: Path | None = None
@@ -64,26 +64,26 @@ class Changes:
     seed: int | None = None
 
     def __bool__(self) -> bool:
-        return self != Changes()
+        return self != RunChanges()
 
 
 @dataclass(frozen=True, slots=True)
-class Changed:
+class ChangedRecipe:
     """A recipe with the changes, and what is to be told of them."""
 
     recipe: Recipe
     told: tuple[str, ...]
     """A sentence for each change."""
-    warnings: tuple[Fault, ...]
+    warnings: tuple[Diagnostic, ...]
     """Of the checker, about another mission."""
     other_tree: bool
     """Nodes or what their ports say may be others."""
 
 
-def apply(changes: Changes, recorded: Recipe) -> Changed:
+def apply(changes: RunChanges, recorded: Recipe) -> ChangedRecipe:
     """Raises PicktreeError (FileError with all its errors for a faulty file)."""
     recipe, told = recorded, list[str]()
-    warnings: tuple[Fault, ...] = ()
+    warnings: tuple[Diagnostic, ...] = ()
     if changes.scene is not None:
         scene = load_scene(changes.scene, Path.cwd())
         robot = load_robot(scene.robot, Path(scene.source).parent)
@@ -111,13 +111,13 @@ def apply(changes: Changes, recorded: Recipe) -> Changed:
     other = dict(parameters) != dict(recorded.parameters) or _texts(recipe.mission) != _texts(
         recorded.mission
     )
-    return Changed(recipe, tuple(told), warnings, other)
+    return ChangedRecipe(recipe, tuple(told), warnings, other)
 
 
-def checked_mission(path: Path, recipe: Recipe) -> tuple[Mission, tuple[Fault, ...]]:
+def checked_mission(path: Path, recipe: Recipe) -> tuple[Mission, tuple[Diagnostic, ...]]:
     """The mission of a file and the checker's warnings, for the recipe's scene and robot. Raises FileError
     with the checker's errors, PicktreeError for a library."""
-    known = surroundings(recipe.scene, recipe.robot)
+    known = scene_names(recipe.scene, recipe.robot)
     check = check_mission(open_document(path, "mission"), known=known)
     errors = [fault for fault in check.faults if fault.severity == "error"]
     if errors or check.mission is None:

@@ -25,16 +25,16 @@ from ...files.yaml.document import FileError
 from ...logs.run_result import RunResult
 from ...logs.schema.arithmetic_record import Arithmetic
 from ...session.arithmetic_probe import arithmetic
-from ...session.resume.recorded_recipe import Recorded
+from ...session.resume.recorded_recipe import RecordedRun
 from ...session.session import Session
 from ...trees.running.runner import NodeInfo, TickReport
 from ..compare.alignment import align
 from ..compare.run_outcome import outcome_of
 from ..compare.text.divergence_text import parting_lines
 from ..run import Run
-from .changes import Changes, apply, parse_tick
+from .changes import RunChanges, apply, parse_tick
 from .difference_reasons import notes, reasons
-from .resim_comparison import Comparison, Difference, is_cut
+from .resim_comparison import RecordComparison, RecordDifference, is_cut
 from .resim_result import Resimulation
 
 _EVERY = 0.2
@@ -42,9 +42,9 @@ _EVERY = 0.2
 
 
 @dataclass(frozen=True)
-class Order:
+class ResimOrder:
     log: Path
-    changes: Changes
+    changes: RunChanges
     until: float | None
     """Simulated s; None: to the end of the record."""
     out: Path | None
@@ -52,7 +52,7 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Answer:
+class ResimAnswer:
     """One line: `at` while it goes on, `error` when the input is bad, else the comparison."""
 
     at: float | None = None
@@ -61,8 +61,8 @@ class Answer:
     ticks: int = 0
     digest: str = ""
     exact: bool = True
-    difference: Difference | None = None
-    trees: Difference | None = None
+    difference: RecordDifference | None = None
+    trees: RecordDifference | None = None
     result: str = ""
     """The run's result as JSON text."""
     told: tuple[str, ...] = field(default_factory=tuple[str, ...])
@@ -73,14 +73,14 @@ class Answer:
     """The arithmetic of the process, as `Arithmetic.words`."""
 
 
-ORDER = TypeAdapter(Order)
-ANSWER = TypeAdapter(Answer)
+ORDER = TypeAdapter(ResimOrder)
+ANSWER = TypeAdapter(ResimAnswer)
 
 
 class _Progress:
     """A watcher that says where the run is."""
 
-    def __init__(self, say: Callable[[Answer], None]) -> None:
+    def __init__(self, say: Callable[[ResimAnswer], None]) -> None:
         self._say = say
         self._said = 0.0
 
@@ -93,19 +93,19 @@ class _Progress:
         wall = time.monotonic()
         if wall - self._said >= _EVERY:
             self._said = wall
-            self._say(Answer(at=now))
+            self._say(ResimAnswer(at=now))
 
 
-def carry_out(order: Order, say: Callable[[Answer], None]) -> Answer:
+def carry_out(order: ResimOrder, say: Callable[[ResimAnswer], None]) -> ResimAnswer:
     """Raises PicktreeError for what cannot be run again."""
     with (
         Run(order.log) as run,
-        Recorded(run) as recorded,
+        RecordedRun(run) as recorded,
         tempfile.TemporaryDirectory(prefix="picktree-") as away,
     ):
         changed = apply(order.changes, recorded.recipe())
         recipe = changed.recipe
-        comparison = Comparison(run, order.until, order.changes.settings if order.changes else None)
+        comparison = RecordComparison(run, order.until, order.changes.settings if order.changes else None)
         limit = recipe.limit if comparison.until is None else min(recipe.limit, comparison.until)
         edits = None if order.changes.mission else recorded.edits()
         session = Session(
@@ -120,7 +120,7 @@ def carry_out(order: Order, say: Callable[[Answer], None]) -> Answer:
             comparison.on_difference = session.stop
         result = session.run()
         comparison.finish()
-        return Answer(
+        return ResimAnswer(
             ticks=comparison.ticks,
             digest=comparison.digest,
             exact=comparison.exact,
@@ -138,16 +138,16 @@ def main() -> int:
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
 
-    def say(answer: Answer) -> None:
+    def say(answer: ResimAnswer) -> None:
         answers.write(ANSWER.dump_json(answer).decode() + "\n")
         answers.flush()
 
     try:
         say(carry_out(ORDER.validate_json(sys.stdin.buffer.read()), say))
     except FileError as error:
-        say(Answer(error=fault_lines(error.faults)))
+        say(ResimAnswer(error=fault_lines(error.faults)))
     except PicktreeError as error:
-        say(Answer(error=str(error)))
+        say(ResimAnswer(error=str(error)))
     except (KeyboardInterrupt, BrokenPipeError):
         return 130
     return 0
@@ -164,7 +164,7 @@ _WAIT = 10.0
 def resimulate(
     where: str | Path,
     *,
-    changes: Changes | None = None,
+    changes: RunChanges | None = None,
     until: str | None = None,
     out: Path | None = None,
     progress: Callable[[float, float], None] = lambda now, end: None,
@@ -174,16 +174,16 @@ def resimulate(
     `until`: a tick or a time (see `parse_tick`); `progress` is told the simulated time, and the time at which
     the record ends. Without changes it ends at the first difference. Raises PicktreeError.
     """
-    changes = changes or Changes()
+    changes = changes or RunChanges()
     with Run(where) as run, tempfile.TemporaryDirectory(prefix="picktree-") as away:
         times = run.ticks.times
         if not times:
             raise PicktreeError(f"{run.path}: the log holds no tick: there is nothing to run again")
         run.log.require_beginning()
         last = parse_tick(until, run, "--until") if until else None
-        limit = Comparison(run, None if last is None else times[last]).until
+        limit = RecordComparison(run, None if last is None else times[last]).until
         keep = out if out is not None or not changes else Path(away)
-        order = Order(run.path.absolute(), changes, None if last is None else times[last], keep)
+        order = ResimOrder(run.path.absolute(), changes, None if last is None else times[last], keep)
         answer = _ask(order, lambda now: progress(now, times[-1] if limit is None else limit))
         result = RunResult.from_json_text(answer.result, run.path)
         first = 1 if run.info.continues else 0  # the tick of the checkpoint is no tick of this run
@@ -223,7 +223,7 @@ def _with_outcomes(found: Resimulation, run: Run, log: Path) -> Resimulation:
         return replace(found, parting=lines, outcomes=(outcome_of(run), outcome_of(other)))
 
 
-def _ask(order: Order, progress: Callable[[float], None]) -> Answer:
+def _ask(order: ResimOrder, progress: Callable[[float], None]) -> ResimAnswer:
     """Let the other process carry out the order."""
     environment = {**os.environ, "PYTHONHASHSEED": "random"}
     process = subprocess.Popen(
@@ -232,7 +232,7 @@ def _ask(order: Order, progress: Callable[[float], None]) -> Answer:
         stdout=subprocess.PIPE,
         env=environment,
     )
-    answer: Answer | None = None
+    answer: ResimAnswer | None = None
     try:
         given, answers = cast("IO[bytes]", process.stdin), cast("IO[bytes]", process.stdout)
         with given:

@@ -88,7 +88,7 @@ _NO_FIELD = FieldDifference("", "", None, None)
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class RecordDifference:
     """The first message that is not as recorded."""
 
     tick: int
@@ -107,7 +107,7 @@ class Difference:
     now: object
 
 
-class Comparison:
+class RecordComparison:
     """Is shown every simulated message of a run (`take`), and holds it against the record.
 
     `until`: simulated s up to which it is compared, inclusive; by default to the record's end. When the
@@ -126,8 +126,8 @@ class Comparison:
         """`settings`: the run was changed on purpose, and these parameters of the mission are set otherwise:
         what nodes are told is not compared then, only what happens. None: the same run. `since`: it goes on
         from there (simulated s), and with `other_tree` its tree is another."""
-        self.difference: Difference | None = None
-        self.trees: Difference | None = None
+        self.difference: RecordDifference | None = None
+        self.trees: RecordDifference | None = None
         """In what the trees differ. What happens is compared nevertheless."""
         self.ticks = 0
         """That agree."""
@@ -222,12 +222,12 @@ class Comparison:
 
     def _difference(
         self, topic: str, time: int, missing: Missing, field: FieldDifference = _NO_FIELD
-    ) -> Difference:
+    ) -> RecordDifference:
         seconds = time / 1e9
         tick = self._run.ticks.number_at(seconds) if self._times else 0
-        return Difference(tick, seconds, topic, missing, field.path, field.of, field.a, field.b)
+        return RecordDifference(tick, seconds, topic, missing, field.path, field.of, field.a, field.b)
 
-    def _stop(self, difference: Difference) -> None:
+    def _stop(self, difference: RecordDifference) -> None:
         self.difference = difference
         self.on_difference()
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..compare.run_outcome import RunOutcome
 from .difference_reasons import Reason
-from .resim_comparison import Difference
+from .resim_comparison import RecordDifference
 
 _LONGEST = 100
 """Characters of a value that are shown."""
@@ -41,8 +41,8 @@ class Resimulation:
     """Of the messages that agree."""
     exact: bool
     """They agree in their bytes; else, as with an older log, in their values."""
-    difference: Difference | None
-    trees: Difference | None
+    difference: RecordDifference | None
+    trees: RecordDifference | None
     """In what the trees differ, as they were loaded."""
     reasons: tuple[Reason, ...]
     notes: tuple[str, ...]
@@ -127,7 +127,7 @@ class Resimulation:
             yield "            plug-in, or a fault of picktree"
 
 
-def difference_lines(apart: Difference) -> Iterator[str]:
+def difference_lines(apart: RecordDifference) -> Iterator[str]:
     field = f" {apart.field}" if apart.field else ""
     of = f" ({apart.of})" if apart.of else ""
     yield f"different from tick {apart.tick} on, {apart.time:.2f} s: {apart.topic}{field}{of}"
@@ -167,7 +167,7 @@ def _rows(outcome: RunOutcome) -> list[tuple[str, str]]:
     ]
 
 
-def difference_json(apart: Difference | None) -> dict[str, Any] | None:
+def difference_json(apart: RecordDifference | None) -> dict[str, Any] | None:
     if apart is None:
         return None
     return {

@@ -10,29 +10,29 @@ from ...errors import PicktreeError
 from ...logs.run_result import RunResult
 from ...logs.schema.arithmetic_record import departure
 from ...session.arithmetic_probe import arithmetic
-from ...session.observer import Watcher
+from ...session.observer import SessionWatcher
 from ...session.recipe import Recipe
 from ...session.resume.older_checkpoints import tally_of
-from ...session.resume.recorded_recipe import Recorded
-from ...session.run_tally import Tally
+from ...session.resume.recorded_recipe import RecordedRun
+from ...session.run_tally import RunCounters
 from ...session.session import Session
 from ...simulation.faults.injector import new_states
 from ..compare.alignment import align
 from ..compare.run_outcome import KILLED, RunOutcome
 from ..compare.text.divergence_text import parting_lines
 from ..run import Run
-from .changes import Changed, Changes, apply, parse_tick
-from .resim_comparison import Comparison, is_cut
-from .whatif_result import Continuation, NodeFates
+from .changes import ChangedRecipe, RunChanges, apply, parse_tick
+from .resim_comparison import RecordComparison, is_cut
+from .whatif_result import Continuation, NodeTransfers
 
 
 def what_if(
     where: str | Path,
     at: str,
     *,
-    changes: Changes | None = None,
+    changes: RunChanges | None = None,
     out: Path | None = None,
-    watcher: Watcher | None = None,
+    watcher: SessionWatcher | None = None,
 ) -> Continuation:
     """Let the run of a log go on from its last checkpoint at or before `at` (a tick or a time, see
     `parse_tick`), from its beginning where there is none, and compare with how it went.
@@ -40,10 +40,10 @@ def what_if(
     The new run's folder is made in `out`, by default in `runs`. Raises PicktreeError (FileError with the
     errors of the checker).
     """
-    changes = changes or Changes()
+    changes = changes or RunChanges()
     if changes.seed is not None or changes.scene is not None:
         raise PicktreeError("a what-if goes on with the seed and the scene of the run; `resim` takes others")
-    with Run(where) as run, Recorded(run) as recorded:
+    with Run(where) as run, RecordedRun(run) as recorded:
         run.log.require_beginning()
         tick = parse_tick(at, run, "--at")
         found = recorded.last_checkpoint(run.ticks.times[tick])
@@ -52,7 +52,7 @@ def what_if(
         changed = apply(changes, recipe)
         recipe = _started(recipe, changed, changes)
         begin = recipe.start.state.time if recipe.start else None
-        comparison = Comparison(
+        comparison = RecordComparison(
             run,
             settings=changes.settings if changes else None,
             since=begin,
@@ -80,7 +80,7 @@ def what_if(
             start=run.ticks.times[first],
             items_done=recipe.start.state.items_done if recipe.start else 0,
             changes=changed.told,
-            nodes=NodeFates(len(adoption.kept), adoption.fresh, adoption.gone) if adoption else None,
+            nodes=NodeTransfers(len(adoption.kept), adoption.fresh, adoption.gone) if adoption else None,
             cut=is_cut(run),
             ticks=comparison.ticks,
             recorded_ticks=len(run.ticks) - (first + 1 if begin is not None else 0),
@@ -96,7 +96,7 @@ def what_if(
         )
 
 
-def _started(recipe: Recipe, changed: Changed, changes: Changes) -> Recipe:
+def _started(recipe: Recipe, changed: ChangedRecipe, changes: RunChanges) -> Recipe:
     """The changed recipe, its checkpoint made to fit."""
     start = changed.recipe.start
     if start is None:
@@ -141,12 +141,12 @@ def _recorded(run: Run) -> RunOutcome:
     )
 
 
-def _now(result: RunResult, tally: Tally) -> RunOutcome:
+def _now(result: RunResult, tally: RunCounters) -> RunOutcome:
     return _outcome(result, result.failures, tally, result.log, "")
 
 
 def _outcome(
-    result: RunResult, failures: Mapping[str, int], tally: Tally, log: Path, recovered: str
+    result: RunResult, failures: Mapping[str, int], tally: RunCounters, log: Path, recovered: str
 ) -> RunOutcome:
     """Of the run as a whole, what was before the checkpoint included."""
     return RunOutcome(

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...files.yaml.document import Fault
+from ...files.yaml.document import Diagnostic
 from ...logs.run_result import RunStatus
 from ..compare.run_outcome import RunOutcome
-from .resim_comparison import Difference
+from .resim_comparison import RecordDifference
 from .resim_result import difference_json, difference_lines, table
 
 _NAMED = 8
@@ -19,7 +19,7 @@ _NAMED = 8
 
 
 @dataclass(frozen=True, slots=True)
-class NodeFates:
+class NodeTransfers:
     """What became of the nodes of the checkpoint; paths."""
 
     kept: int
@@ -44,7 +44,7 @@ class Continuation:
     items_done: int
     """By then."""
     changes: tuple[str, ...]
-    nodes: NodeFates | None
+    nodes: NodeTransfers | None
     """None when the mission is the same, or begins anew as a whole."""
     cut: bool
     """The recorded run did not come to an end of its own."""
@@ -54,7 +54,7 @@ class Continuation:
     """That the record has from there on."""
     exact: bool
     """They are the same in their bytes."""
-    difference: Difference | None
+    difference: RecordDifference | None
     recorded: RunOutcome
     now: RunOutcome
     status: RunStatus
@@ -63,7 +63,7 @@ class Continuation:
     """Where the two take different ways, as lines; A is the record."""
     arithmetic: str
     """A sentence when the record was computed with other arithmetic, else empty."""
-    warnings: tuple[Fault, ...]
+    warnings: tuple[Diagnostic, ...]
     """Of the checker, about another mission."""
     new_log: Path
 
@@ -151,7 +151,7 @@ class Continuation:
         how = ", byte for byte" if self.exact and not self.changes else ""
         return f"{what}: {self.ticks} ticks{how}"
 
-    def _apart(self, difference: Difference) -> Iterator[str]:
+    def _apart(self, difference: RecordDifference) -> Iterator[str]:
         for line in self.parting:
             yield (
                 line.replace(" s:", " s (A: recorded, B: what if):", 1) if line in self.parting[:1] else line

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 from ...errors import PicktreeError
 from ...files.expressions.expression import ExpressionError
 from ...files.expressions.type_inference import ValueType, check_types
-from ...files.yaml.document import Document, Fault, FileError, nearest
-from ...trees.loading.loader import Reading, examine
-from ...trees.loading.registry import Registry
-from ...trees.loading.scene_names import Surroundings, load_surroundings
+from ...files.yaml.document import Diagnostic, Document, FileError, suggest_name
+from ...trees.loading.loader import MissionReadResult, examine
+from ...trees.loading.registry import NodeRegistry
+from ...trees.loading.scene_names import SceneNames, load_surroundings
 from ...trees.mission import Mission, reachable
-from ...trees.values.references import ATTRIBUTE_TYPES, Pointer, Reference
-from ...trees.wiring.circuit import Arrival
-from ...trees.wiring.expression_checks import Asked, expressions_of
-from ...trees.wiring.key_writers import Keys, Placed
+from ...trees.values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
+from ...trees.wiring.circuit import ArrivingValue
+from ...trees.wiring.expression_checks import MissionExpression, expressions_of
+from ...trees.wiring.key_writers import PlacedNode, TreeKeys
 from ...trees.wiring.type_fit import DEFAULT
 from ...world.belief.facts import ASIDE
 from ..lint import lint
@@ -24,7 +24,7 @@ from ..lint import lint
 _CODE = "P240"
 
 
-def misnamed(reading: Reading, known: Surroundings) -> Iterator[Fault]:
+def check_scene_names(reading: MissionReadResult, known: SceneNames) -> Iterator[Diagnostic]:
     """A fault for each literal, and each default that counts, that names nothing of scene or robot.
 
     Trees of other files count only where the mission uses them.
@@ -48,7 +48,7 @@ def misnamed(reading: Reading, known: Surroundings) -> Iterator[Fault]:
                 yield from _cases(placed, attributes, known)
 
 
-def _named(arrival: Arrival, known: Surroundings) -> Iterator[Fault]:
+def _named(arrival: ArrivingValue, known: SceneNames) -> Iterator[Diagnostic]:
     what, values = arrival.target.names, arrival.source.values or ()
     if what is None or arrival.problem is not None:
         return
@@ -60,15 +60,15 @@ def _named(arrival: Arrival, known: Surroundings) -> Iterator[Fault]:
         message = f"port {arrival.key!r}: the {owner} has no {what} {wrong[0]!r}"
         if arrival.text == DEFAULT:
             message += ", which is the default"
-        hints = [nearest(str(wrong[0]), names)]
+        hints = [suggest_name(str(wrong[0]), names)]
         if arrival.via:
             hints.append(f"it goes to the port {arrival.target.key!r} of {arrival.via}")
         if arrival.text.startswith("{"):
             hints.append(arrival.source.told(arrival.mark.file))
-        yield Fault(arrival.mark, arrival.trail, message, "; ".join(filter(None, hints)), _CODE)
+        yield Diagnostic(arrival.mark, arrival.trail, message, "; ".join(filter(None, hints)), _CODE)
 
 
-def _attributes(known: Surroundings) -> Mapping[str, ValueType]:
+def _attributes(known: SceneNames) -> Mapping[str, ValueType]:
     """The attributes of an object, with the texts that they can be in this scene."""
     bins = (*known.names.get("bin", ()), *known.names.get("hole", ()))
     choices = {
@@ -82,8 +82,8 @@ def _attributes(known: Surroundings) -> Mapping[str, ValueType]:
 
 
 def _asked(
-    asked: Asked, keys: Keys, attributes: Mapping[str, ValueType], pointer: Pointer
-) -> Iterator[Fault]:
+    asked: MissionExpression, keys: TreeKeys, attributes: Mapping[str, ValueType], pointer: ExpressionLocator
+) -> Iterator[Diagnostic]:
     """An expression that has a value in general, and not with the names of this scene."""
     if not asked.expression.paths:
         return
@@ -97,7 +97,9 @@ def _asked(
         yield asked.fault(error, pointer, _CODE)
 
 
-def _cases(placed: Placed, attributes: Mapping[str, ValueType], known: Surroundings) -> Iterator[Fault]:
+def _cases(
+    placed: PlacedNode, attributes: Mapping[str, ValueType], known: SceneNames
+) -> Iterator[Diagnostic]:
     """Cases for what an attribute never is in this scene."""
     if placed.spec.node is None:
         return
@@ -113,7 +115,7 @@ def _cases(placed: Placed, attributes: Mapping[str, ValueType], known: Surroundi
             if label not in valid:
                 message = f"in the scene {known.scene!r} {bound} is never {label!r}"
                 mark = placed.mark(f"{slot.key}/{label}")
-                yield Fault(mark, placed.path, message, nearest(label, valid), _CODE)
+                yield Diagnostic(mark, placed.path, message, suggest_name(label, valid), _CODE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,12 +123,12 @@ class MissionCheck:
     """What was found in a mission file. `mission` is None when the text has errors of its own."""
 
     mission: Mission | None
-    faults: tuple[Fault, ...]
+    faults: tuple[Diagnostic, ...]
     """In the order of the files; also those of the scene and the robot, with their own places."""
 
 
 def check_mission(
-    document: Document, registry: Registry | None = None, known: Surroundings | None = None
+    document: Document, registry: NodeRegistry | None = None, known: SceneNames | None = None
 ) -> MissionCheck:
     """Everything that can be said of a document of kind `mission`; never raises for what stands in it.
 
@@ -136,7 +138,7 @@ def check_mission(
     known, faults = (known, []) if known is not None else _surroundings(reading.mission)
     faults = [*reading.faults, *faults]
     if known is not None:
-        faults += misnamed(reading, known)
+        faults += check_scene_names(reading, known)
     if not any(fault.severity == "error" for fault in faults):
         faults += lint(reading.mission, known)
     ordered = sorted(dict.fromkeys(faults), key=lambda fault: fault.mark)
@@ -144,7 +146,7 @@ def check_mission(
     return MissionCheck(None if wrong else reading.mission, tuple(ordered))
 
 
-def _surroundings(mission: Mission) -> tuple[Surroundings | None, list[Fault]]:
+def _surroundings(mission: Mission) -> tuple[SceneNames | None, list[Diagnostic]]:
     """The names of the mission's scene and robot; None when it names no scene, or a faulty one."""
     if mission.scene is None:
         return None, []

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from ...files.yaml.document import Fault
-from ...trees.loading.scene_names import Surroundings
+from ...files.yaml.document import Diagnostic
+from ...trees.loading.scene_names import SceneNames
 from ...trees.mission import Mission
 from .endless_loops import endless, unbounded_recovery, vain_attempts
 from .held_at_end import left_in_hand
-from .mission_survey import Survey
+from .mission_survey import LintModel
 from .needless_nodes import needless_defaults, unreachable, without_effect
 from .resource_conflicts import at_the_same_time, started_anew
 from .unhandled_causes import needless_handlers, unhandled
 from .unused_ports import breakpoints, unused_files, unused_ports, unused_trees
 from .unwritten_keys import never_read, read_before_written
 
-RULES: tuple[Callable[[Survey], Iterable[Fault]], ...] = (
+RULES: tuple[Callable[[LintModel], Iterable[Diagnostic]], ...] = (
     read_before_written,
     never_read,
     unhandled,
@@ -37,11 +37,11 @@ RULES: tuple[Callable[[Survey], Iterable[Fault]], ...] = (
 )
 
 
-def lint(mission: Mission, known: Surroundings | None = None) -> tuple[Fault, ...]:
+def lint(mission: Mission, known: SceneNames | None = None) -> tuple[Diagnostic, ...]:
     """What the rules find in a mission without errors; `known` are the names of its scene and robot.
 
     In the order of the file. Only what stands in the mission's own file: others are judged by themselves.
     """
-    survey = Survey(mission, known)
+    survey = LintModel(mission, known)
     found = dict.fromkeys(fault for rule in RULES for fault in rule(survey))
     return tuple(sorted(found, key=lambda fault: (fault.mark, fault.code)))

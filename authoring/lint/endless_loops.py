@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from ...files.expressions.expression import Expression
-from ...files.yaml.document import Fault
+from ...files.yaml.document import Diagnostic
 from ...trees.controls import (
     ForEach,
     KeepRunningUntilFailure,
@@ -21,14 +21,14 @@ from ...trees.flow.key_bits import expressions_of
 from ...trees.mission import MAIN, NodeSpec, TreeSpec
 from ...trees.values.references import Reference
 from ...world.belief.facts import FACTS
-from .mission_survey import Survey, ports_of
+from .mission_survey import LintModel, ports_of
 
 _BY_ITSELF = "time"
 """The fact that changes although nobody does anything."""
 
 
 @dataclass(frozen=True, slots=True)
-class Changes:
+class BranchEffects:
     """`acts`: something in it may move the robot, look, or do what nobody knows. `keys`: what it writes."""
 
     acts: bool
@@ -41,7 +41,7 @@ class Changes:
         return by_world or _BY_ITSELF in facts or bool(self.keys & expression.names)
 
 
-def changes_of(branches: Iterable[NodeSpec], trees: Mapping[str, TreeSpec]) -> Changes:
+def changes_of(branches: Iterable[NodeSpec], trees: Mapping[str, TreeSpec]) -> BranchEffects:
     """What the branches may change, seen from the tree in which they stand."""
     acts, keys = False, set[str]()
     for branch in branches:
@@ -51,16 +51,16 @@ def changes_of(branches: Iterable[NodeSpec], trees: Mapping[str, TreeSpec]) -> C
                 acts = acts or changes_of((trees[spec.id].root,), trees).acts
             elif not spec.children and not spec.node.steady and spec.node.kind != "condition":
                 acts = True
-    return Changes(acts, frozenset(keys))
+    return BranchEffects(acts, frozenset(keys))
 
 
-def is_steady(branch: NodeSpec, trees: Mapping[str, TreeSpec]) -> bool:
+def is_constant(branch: NodeSpec, trees: Mapping[str, TreeSpec]) -> bool:
     """Whether it takes no time and answers alike each time, unless something else changes what it asks."""
     written: set[str] = set()
     read: set[str] = set()
     for spec in branch.iterate():
         if spec.node is None:
-            if not is_steady(trees[spec.id].root, trees):
+            if not is_constant(trees[spec.id].root, trees):
                 return False
         elif not spec.node.steady:
             return False
@@ -69,7 +69,7 @@ def is_steady(branch: NodeSpec, trees: Mapping[str, TreeSpec]) -> bool:
     return _BY_ITSELF not in read and not written & read
 
 
-def depends_on(branch: NodeSpec, trees: Mapping[str, TreeSpec], changes: Changes) -> bool:
+def depends_on(branch: NodeSpec, trees: Mapping[str, TreeSpec], changes: BranchEffects) -> bool:
     """Whether these changes may make it answer otherwise."""
     if changes.acts:
         return True
@@ -92,44 +92,44 @@ def _read(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> Iterator[str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Context:
+class NodeContext:
     """`stopped`: something above may halt it while it runs. `beside`: something else is ticked meanwhile."""
 
     stopped: bool = False
     beside: bool = False
 
-    def below(self, spec: NodeSpec, child: NodeSpec, survey: Survey) -> Context:
+    def below(self, spec: NodeSpec, child: NodeSpec, survey: LintModel) -> NodeContext:
         """That of a child."""
         stopped = self.stopped or "_while" in spec.preconditions
         if spec.node is None:
-            return Context(stopped, self.beside)
+            return NodeContext(stopped, self.beside)
         if issubclass(spec.node, Timeout):
             stopped = stopped or survey.walk.number(spec, "msec") != 0
         if spec.node.by_turns:
-            return Context(stopped, self.beside)
+            return NodeContext(stopped, self.beside)
         if issubclass(spec.node, Parallel):
-            return Context(stopped or _may_end_early(spec, child, survey), beside=True)
+            return NodeContext(stopped or _may_end_early(spec, child, survey), beside=True)
         if issubclass(spec.node, ReactiveSequence | ReactiveFallback):
             stopped = stopped or child is not spec.children[0]
-            return Context(stopped, self.beside or len(spec.children) > 1)
+            return NodeContext(stopped, self.beside or len(spec.children) > 1)
         # Switch and WhileDoElse leave a branch for another, and of a plug-in's node nothing is known.
-        return Context(stopped=True, beside=True)
+        return NodeContext(stopped=True, beside=True)
 
 
-def _may_end_early(spec: NodeSpec, child: NodeSpec, survey: Survey) -> bool:
+def _may_end_early(spec: NodeSpec, child: NodeSpec, survey: LintModel) -> bool:
     """Whether a Parallel may end by what its other children do."""
     others = [survey.summary(part) for part in spec.children if part is not child]
     wanted = survey.walk.number(spec, "success_count")
     return any(other.fails for other in others) or wanted not in (-1, len(spec.children))
 
 
-def contexts(survey: Survey) -> Iterator[tuple[NodeSpec, Context]]:
+def contexts(survey: LintModel) -> Iterator[tuple[NodeSpec, NodeContext]]:
     """The nodes of the mission in each context in which they stand. Of a library none: who knows where its
     trees will stand."""
-    seen: set[tuple[str, Context]] = set()
-    todo: list[tuple[TreeSpec, Context]] = []
+    seen: set[tuple[str, NodeContext]] = set()
+    todo: list[tuple[TreeSpec, NodeContext]] = []
     if survey.main is not None:
-        todo.append((survey.mission.trees[MAIN], Context()))
+        todo.append((survey.mission.trees[MAIN], NodeContext()))
     while todo:
         tree, context = todo.pop()
         if (tree.name, context) in seen:
@@ -141,7 +141,9 @@ def contexts(survey: Survey) -> Iterator[tuple[NodeSpec, Context]]:
                 todo.append((survey.mission.trees[spec.id], around.below(spec, spec, survey)))
 
 
-def _inside(root: NodeSpec, context: Context, survey: Survey) -> Iterator[tuple[NodeSpec, Context]]:
+def _inside(
+    root: NodeSpec, context: NodeContext, survey: LintModel
+) -> Iterator[tuple[NodeSpec, NodeContext]]:
     todo = [(root, context)]
     while todo:
         spec, around = todo.pop()
@@ -149,7 +151,7 @@ def _inside(root: NodeSpec, context: Context, survey: Survey) -> Iterator[tuple[
         todo += [(child, around.below(spec, child, survey)) for child in reversed(spec.children)]
 
 
-def endless(survey: Survey) -> Iterator[Fault]:
+def endless(survey: LintModel) -> Iterator[Diagnostic]:
     """P321, P322: a loop that nothing ends."""
     for spec, context in contexts(survey):
         if (
@@ -175,17 +177,17 @@ def endless(survey: Survey) -> Iterator[Fault]:
             yield survey.fault(spec, message, "a Repeat with 'num_cycles' or 'while'", code="P321")
 
 
-def _never_fails(survey: Survey, spec: NodeSpec) -> bool:
+def _never_fails(survey: LintModel, spec: NodeSpec) -> bool:
     """Whether it is to run until its child fails, and that cannot be."""
     until_failure = spec.node is not None and issubclass(spec.node, KeepRunningUntilFailure)
     return until_failure and not survey.summary(spec.children[0]).certain_failure
 
 
-def _judged(survey: Survey, spec: NodeSpec) -> bool:
+def _judged(survey: LintModel, spec: NodeSpec) -> bool:
     return survey.own(spec.mark) and survey.started(spec)
 
 
-def _repeat(survey: Survey, spec: NodeSpec, context: Context) -> Iterator[Fault]:
+def _repeat(survey: LintModel, spec: NodeSpec, context: NodeContext) -> Iterator[Diagnostic]:
     if survey.walk.number(spec, "num_cycles") != -1:
         return
     part, child = spec.children[0], survey.summary(spec.children[0])
@@ -207,7 +209,7 @@ def _repeat(survey: Survey, spec: NodeSpec, context: Context) -> Iterator[Fault]
         yield survey.fault(spec, message, "a number of cycles besides", code="P322", at="while")
 
 
-def unbounded_recovery(survey: Survey) -> Iterator[Fault]:
+def unbounded_recovery(survey: LintModel) -> Iterator[Diagnostic]:
     """P325: a loop goes on while items are left, and passes over what fails with them."""
     for spec, context in contexts(survey):
         if context.stopped or "_while" in spec.preconditions or not _judged(survey, spec):
@@ -230,12 +232,12 @@ def unbounded_recovery(survey: Survey) -> Iterator[Fault]:
 _OF_ITEMS = frozenset(("items_left", "items_to_do"))
 
 
-def _passes_over(survey: Survey, spec: NodeSpec) -> bool:
+def _passes_over(survey: LintModel, spec: NodeSpec) -> bool:
     continues = spec.node is not None and issubclass(spec.node, ForEach)
     return continues and survey.walk.literal(spec, "on_failure") == "continue"
 
 
-def _everything(spec: NodeSpec, survey: Survey) -> Iterator[NodeSpec]:
+def _everything(spec: NodeSpec, survey: LintModel) -> Iterator[NodeSpec]:
     """The node and all below it, in sub-trees too."""
     seen: set[str] = set()
     todo = [spec]
@@ -247,7 +249,7 @@ def _everything(spec: NodeSpec, survey: Survey) -> Iterator[NodeSpec]:
                 todo.append(survey.mission.trees[each.id].root)
 
 
-def vain_attempts(survey: Survey) -> Iterator[Fault]:
+def vain_attempts(survey: LintModel) -> Iterator[Diagnostic]:
     """P323: what fails once fails each time."""
     trees, found = survey.mission.trees, set[int]()
     for spec, context in contexts(survey):
@@ -257,14 +259,14 @@ def vain_attempts(survey: Survey) -> Iterator[Fault]:
         if tried is None or not survey.summary(tried).certain_failure:
             continue
         changed = changes_of(cures, trees)
-        if is_steady(tried, trees) and not depends_on(tried, trees, changed):
+        if is_constant(tried, trees) and not depends_on(tried, trees, changed):
             found.add(id(spec))
             message = f"trying again changes nothing: {tried.name} answers alike each time"
             hint = "something must act, or time pass, between two attempts"
             yield survey.fault(spec, message, hint, code="P323")
 
 
-def _attempts(survey: Survey, spec: NodeSpec) -> tuple[NodeSpec | None, tuple[NodeSpec, ...]]:
+def _attempts(survey: LintModel, spec: NodeSpec) -> tuple[NodeSpec | None, tuple[NodeSpec, ...]]:
     """What a node tries several times, and what it does in between."""
     if spec.node is None:
         return None, ()

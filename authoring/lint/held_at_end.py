@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...files.yaml.document import Fault
-from ...trees.flow import State
+from ...files.yaml.document import Diagnostic
+from ...trees.flow import FlowState
 from ...trees.flow.flow_state import FIRST_FILLER
 from ...trees.mission import NodeSpec
-from .mission_survey import Survey
+from .mission_survey import LintModel
 
 
-def left_in_hand(survey: Survey) -> Iterator[Fault]:
+def left_in_hand(survey: LintModel) -> Iterator[Diagnostic]:
     """P330: an object that is still held at the end, with nobody having seen to it."""
     main = survey.main
     if main is None:
         return
-    failed: list[tuple[State, tuple[str, ...]]] = []
+    failed: list[tuple[FlowState, tuple[str, ...]]] = []
     for state, why in main.failure.items():
         if not state.doubtful and state.hand >= FIRST_FILLER:
             names = (source.at.name for source in why.sources(survey.file) if source.causes)
@@ -40,11 +40,11 @@ def _fails(failures: list[tuple[str, ...]]) -> str:
     return " or ".join(names[:3]) + (" or another node" if len(names) > 3 else "") + " fails"
 
 
-def _held(state: State, bit: int) -> bool:
+def _held(state: FlowState, bit: int) -> bool:
     return bool(state.hand & bit) and not state.doubtful
 
 
-def _in_own_file(survey: Survey, filler: NodeSpec) -> NodeSpec | None:
+def _in_own_file(survey: LintModel, filler: NodeSpec) -> NodeSpec | None:
     """The node, or where the mission's own file uses the sub-tree in which it stands."""
     if survey.own(filler.mark):
         return filler
@@ -54,7 +54,7 @@ def _in_own_file(survey: Survey, filler: NodeSpec) -> NodeSpec | None:
     return None
 
 
-def _contains(survey: Survey, tree: str, wanted: NodeSpec) -> bool:
+def _contains(survey: LintModel, tree: str, wanted: NodeSpec) -> bool:
     return any(
         spec is wanted or (spec.node is None and _contains(survey, spec.id, wanted))
         for spec in survey.mission.trees[tree].root.iterate()

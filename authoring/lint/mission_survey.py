@@ -6,44 +6,44 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from ...files.yaml.document import Fault, Mark
-from ...trees.flow import Flow
+from ...files.yaml.document import Diagnostic, Mark
+from ...trees.flow import NodeOutcomes
 from ...trees.flow.failure_reasons import joined
 from ...trees.flow.flow_state import EMPTY, KEPT
-from ...trees.flow.flow_walk import Walk
+from ...trees.flow.flow_walk import FlowAnalysis
 from ...trees.flow.key_bits import expressions_of
-from ...trees.loading.scene_names import Surroundings
+from ...trees.loading.scene_names import SceneNames
 from ...trees.mission import MAIN, Mission, NodeSpec, TreeSpec, bottom_up, reachable
 from ...trees.ports import PortDeclaration
 from ...trees.values.references import Reference
 
 
 @dataclass(frozen=True, slots=True)
-class Touch:
+class KeyAccess:
     """One place of the text that reads or writes a key: under the key `at` of a node."""
 
     spec: NodeSpec
     at: str
 
 
-class Usage:
+class KeyUsage:
     """The keys of one tree. A wire to a port of a sub-tree reads or writes as the port's direction says."""
 
     def __init__(self, tree: TreeSpec, trees: Mapping[str, TreeSpec]) -> None:
-        self.reads: dict[str, list[Touch]] = {}
-        self.writes: dict[str, list[Touch]] = {}
+        self.reads: dict[str, list[KeyAccess]] = {}
+        self.writes: dict[str, list[KeyAccess]] = {}
         for spec in tree.root.iterate():
             outputs = {port.key for port in ports_of(spec, trees) if port.direction == "out"}
             for key, bound in spec.ports.items():
                 if isinstance(bound, Reference):
                     touched = self.writes if key in outputs else self.reads
-                    touched.setdefault(bound.key, []).append(Touch(spec, key))
+                    touched.setdefault(bound.key, []).append(KeyAccess(spec, key))
             for at, expression in expressions_of(spec):
                 for name in sorted(expression.names):
-                    self.reads.setdefault(name, []).append(Touch(spec, at))
+                    self.reads.setdefault(name, []).append(KeyAccess(spec, at))
             for at, assignments in spec.postconditions.items():
                 for assignment in assignments:
-                    self.writes.setdefault(assignment.key, []).append(Touch(spec, at))
+                    self.writes.setdefault(assignment.key, []).append(KeyAccess(spec, at))
 
 
 def ports_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> tuple[PortDeclaration, ...]:
@@ -52,7 +52,7 @@ def ports_of(spec: NodeSpec, trees: Mapping[str, TreeSpec]) -> tuple[PortDeclara
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class NodeLocation:
     """Where a node stands in the text: its tree, its path in it, and the nodes above it."""
 
     spec: NodeSpec
@@ -62,7 +62,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class OutcomeSummary:
     """In which ways a node ended in any of the states that it was reached in. `certain`: only those ways that
     some node declares."""
 
@@ -74,14 +74,14 @@ class Summary:
     causes: int
 
 
-class Survey:
+class LintModel:
     """One mission, walked through once; a rule asks it and yields faults."""
 
-    def __init__(self, mission: Mission, known: Surroundings | None) -> None:
+    def __init__(self, mission: Mission, known: SceneNames | None) -> None:
         self.mission = mission
         self.known = known
         self.file = mission.document.root.mark.file
-        self.walk = Walk(mission)
+        self.walk = FlowAnalysis(mission)
         if MAIN in mission.trees and not mission.library:
             self.walk.enter(mission.main)
         # The remaining trees are judged by themselves, callers first: from those the others are entered.
@@ -89,7 +89,7 @@ class Survey:
             if name not in self.walk.entered and self.own(mission.trees[name].mark):
                 self.walk.enter(mission.trees[name], EMPTY | KEPT)
         self._places = {id(place.spec): place for tree in mission.trees.values() for place in _placed(tree)}
-        self.usage = {name: Usage(tree, mission.trees) for name, tree in mission.trees.items()}
+        self.usage = {name: KeyUsage(tree, mission.trees) for name, tree in mission.trees.items()}
 
     def own(self, mark: Mark) -> bool:
         """Whether it stands in the mission's own file; others are judged when they are checked."""
@@ -104,27 +104,27 @@ class Survey:
         """Those of the mission's own file, in its order."""
         return (tree for tree in self.mission.trees.values() if self.own(tree.mark))
 
-    def places(self) -> Iterator[Place]:
+    def places(self) -> Iterator[NodeLocation]:
         """The nodes of the mission's own file, parents first."""
         for tree in self.trees():
             for spec in tree.root.iterate():
                 yield self._places[id(spec)]
 
-    def place(self, spec: NodeSpec) -> Place:
+    def place(self, spec: NodeSpec) -> NodeLocation:
         return self._places[id(spec)]
 
     def fault(
         self, spec: NodeSpec, message: str, hint: str = "", *, code: str, at: str = "", error: bool = False
-    ) -> Fault:
+    ) -> Diagnostic:
         """A finding at a node, or at the value under its key `at`."""
         mark = spec.places.get(at, spec.mark) if at else spec.mark
         path = self._places[id(spec)].path
-        return Fault(mark, path, message, hint, code, "error" if error else "warning")
+        return Diagnostic(mark, path, message, hint, code, "error" if error else "warning")
 
     # How the mission and its nodes may go.
 
     @property
-    def main(self) -> Flow | None:
+    def main(self) -> NodeOutcomes | None:
         """How the mission ends; None for a library."""
         return None if self.mission.library else self.walk.ends.get(MAIN)
 
@@ -136,12 +136,12 @@ class Survey:
         """Whether it is, and its preconditions let it start."""
         return id(spec) in self.walk.started
 
-    def summary(self, spec: NodeSpec) -> Summary:
+    def summary(self, spec: NodeSpec) -> OutcomeSummary:
         """How the node ends, of all that was found."""
         flows = self._flows.get(id(spec), [])
         failures = [pair for flow in flows for pair in flow.failure.items()]
         reasons = joined(why for _, why in failures) if failures else None
-        return Summary(
+        return OutcomeSummary(
             any(flow.success for flow in flows),
             bool(failures),
             any(flow.skipped for flow in flows),
@@ -151,8 +151,8 @@ class Survey:
         )
 
     @cached_property
-    def _flows(self) -> dict[int, list[Flow]]:
-        found: dict[int, list[Flow]] = {}
+    def _flows(self) -> dict[int, list[NodeOutcomes]]:
+        found: dict[int, list[NodeOutcomes]] = {}
         for name in self.mission.trees:
             for frame in self.walk.frames_of(name):
                 for (spec, _), flow in frame.memo.items():
@@ -160,10 +160,10 @@ class Survey:
         return found
 
 
-def _placed(tree: TreeSpec) -> Iterator[Place]:
+def _placed(tree: TreeSpec) -> Iterator[NodeLocation]:
     todo: list[tuple[NodeSpec, str, tuple[NodeSpec, ...]]] = [(tree.root, tree.name, ())]
     while todo:
         spec, above, parents = todo.pop()
         path = f"{above}/{spec.name}"
-        yield Place(spec, path, tree, parents)
+        yield NodeLocation(spec, path, tree, parents)
         todo += [(child, path, (*parents, spec)) for child in reversed(spec.children)]

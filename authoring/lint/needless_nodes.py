@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...files.yaml.document import Fault
+from ...files.yaml.document import Diagnostic
 from ...trees.controls import Delay, ForceFailure, ForceSuccess, RetryUntilSuccessful, Switch, Timeout
 from ...trees.values.references import ATTRIBUTE_TYPES, Reference
-from .mission_survey import Place, Survey
+from .mission_survey import LintModel, NodeLocation
 
 
-def unreachable(survey: Survey) -> Iterator[Fault]:
+def unreachable(survey: LintModel) -> Iterator[Diagnostic]:
     """P320: a node that is never ticked, or that its preconditions never let start."""
     for place in survey.places():
         spec = place.spec
@@ -32,7 +32,7 @@ def unreachable(survey: Survey) -> Iterator[Fault]:
         yield survey.fault(spec, message, hint, code="P320")
 
 
-def _is_handler(place: Place) -> bool:
+def _is_handler(place: NodeLocation) -> bool:
     """Of a table of causes: those have rules of their own, unless there is no run after any handler."""
     parent = place.above[-1]
     for slot in parent.node.declaration.slots if parent.node is not None else ():
@@ -42,7 +42,7 @@ def _is_handler(place: Place) -> bool:
     return False
 
 
-def _following(place: Place, survey: Survey) -> list[str] | None:
+def _following(place: NodeLocation, survey: LintModel) -> list[str] | None:
     """The names of what is not reached either, behind it in the same list; None: it is itself such a one."""
     parent = place.above[-1]
     slots = parent.node.declaration.slots if parent.node is not None else ()
@@ -57,7 +57,7 @@ def _following(place: Place, survey: Survey) -> list[str] | None:
     return []
 
 
-def without_effect(survey: Survey) -> Iterator[Fault]:
+def without_effect(survey: LintModel) -> Iterator[Diagnostic]:
     """P324: a decorator that changes nothing about its child."""
     for place in survey.places():
         spec = place.spec
@@ -84,7 +84,7 @@ def without_effect(survey: Survey) -> Iterator[Fault]:
             yield survey.fault(spec, f"{spec.id} has no effect: {message}", code="P324", at=at)
 
 
-def needless_defaults(survey: Survey) -> Iterator[Fault]:
+def needless_defaults(survey: LintModel) -> Iterator[Diagnostic]:
     """P326: a default although all values that can come have a case."""
     for place in survey.places():
         spec = place.spec
@@ -97,7 +97,7 @@ def needless_defaults(survey: Survey) -> Iterator[Fault]:
             yield survey.fault(spec, message, "each of them has a case", code="P326", at="default")
 
 
-def _values(place: Place) -> tuple[str, ...]:
+def _values(place: NodeLocation) -> tuple[str, ...]:
     """All values that the variable of a Switch may have, as its cases would write them; empty: not known."""
     bound = place.spec.ports.get("variable")
     if not isinstance(bound, Reference):

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import TypeAlias
 
-from ...files.yaml.document import Fault
+from ...files.yaml.document import Diagnostic
 from ...trees.controls import (
     Fallback,
     ForceFailure,
@@ -25,12 +25,12 @@ from ...trees.controls import (
 )  # fmt: skip
 from ...trees.declaration import Resource
 from ...trees.mission import NodeSpec
-from .mission_survey import Survey
+from .mission_survey import LintModel
 
 Users: TypeAlias = Mapping[Resource, NodeSpec]
 
 
-def at_the_same_time(survey: Survey) -> Iterator[Fault]:
+def at_the_same_time(survey: LintModel) -> Iterator[Diagnostic]:
     """P331: two children of a Parallel that use the same."""
     for place in survey.places():
         spec = place.spec
@@ -47,7 +47,7 @@ def at_the_same_time(survey: Survey) -> Iterator[Fault]:
             yield survey.fault(second, message, "one after the other, in a Sequence", code="P331", error=True)
 
 
-def started_anew(survey: Survey) -> Iterator[Fault]:
+def started_anew(survey: LintModel) -> Iterator[Diagnostic]:
     """P332: what a reactive node starts again at each tick takes away what a later child works with."""
     for place in survey.places():
         spec = place.spec
@@ -77,7 +77,7 @@ def _shares(spec: NodeSpec, resource: Resource) -> bool:
     return spec.node is not None and resource in spec.node.shares
 
 
-def users(survey: Survey, spec: NodeSpec) -> Users:
+def users(survey: LintModel, spec: NodeSpec) -> Users:
     """What a branch uses, with the first node in it that does, before it one that does not share it; what is
     never reached does not count."""
     found: dict[Resource, NodeSpec] = {}
@@ -102,7 +102,7 @@ _STARTS_FIRST = (
 )  # fmt: skip
 
 
-def _first_user(survey: Survey, spec: NodeSpec) -> NodeSpec | None:
+def _first_user(survey: LintModel, spec: NodeSpec) -> NodeSpec | None:
     """The leaf that uses something and that the branch begins with, whatever holds."""
     if spec.preconditions:
         return None
@@ -123,7 +123,7 @@ def _first_user(survey: Survey, spec: NodeSpec) -> NodeSpec | None:
     return None
 
 
-def _passes_by(survey: Survey, spec: NodeSpec) -> bool:
+def _passes_by(survey: LintModel, spec: NodeSpec) -> bool:
     """Whether it ends at once and always lets the next begin, as Log does."""
     summary = survey.summary(spec)
     return not summary.runs and not summary.fails

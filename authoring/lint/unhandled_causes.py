@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...files.yaml.document import Fault
+from ...files.yaml.document import Diagnostic
 from ...trees.flow.failure_reasons import UNREPORTED
 from ...trees.mission import NodeSpec
 from ...world.causes import internal, tree
-from .mission_survey import Survey
+from .mission_survey import LintModel
 
 
 @dataclass(slots=True)
@@ -20,7 +20,7 @@ class _Unmet:
     causes: int
 
 
-def unhandled(survey: Survey) -> Iterator[Fault]:
+def unhandled(survey: LintModel) -> Iterator[Diagnostic]:
     """P310: a cause that ends the mission although nothing was tried against it."""
     if survey.main is None:
         return
@@ -53,17 +53,17 @@ def unhandled(survey: Survey) -> Iterator[Fault]:
         yield survey.fault(unmet.node, message, hint, code="P310")
 
 
-def _nothing_handled(survey: Survey, places: list[_Unmet]) -> Fault:
+def _nothing_handled(survey: LintModel, places: list[_Unmet]) -> Diagnostic:
     """One finding in place of many, for a mission without any recovery."""
     names = list(dict.fromkeys(unmet.node.name for unmet in places))
     shown = ", ".join(names[:3]) + (", …" if len(names) > 3 else "")
     main = survey.mission.main
     message = f"whatever fails ends the mission: nothing in it handles a cause (of {shown})"
     hint = "a Recover around the work, with 'otherwise: [SafeRetreat]' to begin with"
-    return Fault(main.mark, main.name, message, hint, "P310", "warning")
+    return Diagnostic(main.mark, main.name, message, hint, "P310", "warning")
 
 
-def needless_handlers(survey: Survey) -> Iterator[Fault]:
+def needless_handlers(survey: LintModel) -> Iterator[Diagnostic]:
     """P311, P312: a handler whose causes the child does not fail with, or an earlier pattern takes."""
     for place in survey.places():
         spec = place.spec
@@ -74,12 +74,12 @@ def needless_handlers(survey: Survey) -> Iterator[Fault]:
                 yield from _table(survey, spec, slot.key)
 
 
-def _runs_once(survey: Survey, spec: NodeSpec) -> bool:
+def _runs_once(survey: LintModel, spec: NodeSpec) -> bool:
     """No handler is ever needed then; that has a finding of its own."""
     return survey.walk.number(spec, "attempts") == 1
 
 
-def _table(survey: Survey, spec: NodeSpec, slot: str) -> Iterator[Fault]:
+def _table(survey: LintModel, spec: NodeSpec, slot: str) -> Iterator[Diagnostic]:
     tried = spec.slots["do"][0][1]
     causes = survey.summary(tried).causes & ~UNREPORTED
     earlier: list[str] = []

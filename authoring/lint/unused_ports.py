@@ -5,12 +5,12 @@ from __future__ import annotations
 import posixpath
 from collections.abc import Iterator
 
-from ...files.yaml.document import Document, Fault
+from ...files.yaml.document import Diagnostic, Document
 from ...trees.mission import IN_LIBRARY, MAIN, TreeSpec, called_by
-from .mission_survey import Survey
+from .mission_survey import LintModel
 
 
-def unused_trees(survey: Survey) -> Iterator[Fault]:
+def unused_trees(survey: LintModel) -> Iterator[Diagnostic]:
     """P340: a sub-tree that the mission does not come to."""
     for tree in survey.trees():
         if tree.name in survey.used:
@@ -19,10 +19,10 @@ def unused_trees(survey: Survey) -> Iterator[Fault]:
         message = f"nothing uses the sub-tree {tree.name!r}"
         message += f" but {', '.join(users)}, which nothing uses" if users else ""
         hint = "'library: true' makes a file of sub-trees for others" if len(survey.mission.trees) > 1 else ""
-        yield Fault(tree.mark, f"trees.{tree.name}", message, hint, "P340", "warning")
+        yield Diagnostic(tree.mark, f"trees.{tree.name}", message, hint, "P340", "warning")
 
 
-def unused_ports(survey: Survey) -> Iterator[Fault]:
+def unused_ports(survey: LintModel) -> Iterator[Diagnostic]:
     """P341, P342: an input that nothing in the tree reads, an output that nothing writes."""
     for tree in survey.trees():
         usage = survey.usage[tree.name]
@@ -36,12 +36,12 @@ def unused_ports(survey: Survey) -> Iterator[Fault]:
                 yield _port_fault(tree, port.key, message, "P342")
 
 
-def _port_fault(tree: TreeSpec, key: str, message: str, code: str) -> Fault:
+def _port_fault(tree: TreeSpec, key: str, message: str, code: str) -> Diagnostic:
     mark = tree.places.get(key, tree.mark)
-    return Fault(mark, f"trees.{tree.name}.ports.{key}", message, "", code, "warning")
+    return Diagnostic(mark, f"trees.{tree.name}.ports.{key}", message, "", code, "warning")
 
 
-def unused_files(survey: Survey) -> Iterator[Fault]:
+def unused_files(survey: LintModel) -> Iterator[Diagnostic]:
     """P343: an included file of whose trees none is used."""
     document, names = survey.mission.document, survey.mission.files
     entries = document.data.get("include")
@@ -76,13 +76,13 @@ def _with_included(name: str, documents: dict[str, Document]) -> Iterator[Docume
 
 
 def _normal(entry: str, folder: str) -> str:
-    """The name of an included file as the mission counts it; see `Includes`."""
+    """The name of an included file as the mission counts it; see `IncludeReader`."""
     if entry.startswith(IN_LIBRARY) and not entry.endswith((".yaml", ".yml")):
         return entry
     return posixpath.normpath(posixpath.join(folder, entry))
 
 
-def breakpoints(survey: Survey) -> Iterator[Fault]:
+def breakpoints(survey: LintModel) -> Iterator[Diagnostic]:
     """P344: a breakpoint that was left in the file."""
     for place in survey.places():
         if place.spec.breakpoint is not None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from ...files.yaml.document import Fault, nearest
-from ...trees.flow.key_reading import Read
-from .mission_survey import Survey, Touch, Usage
+from ...files.yaml.document import Diagnostic, suggest_name
+from ...trees.flow.key_reading import KeyRead
+from .mission_survey import KeyAccess, KeyUsage, LintModel
 
 
-def read_before_written(survey: Survey) -> Iterator[Fault]:
+def read_before_written(survey: LintModel) -> Iterator[Diagnostic]:
     """P301, P302: a key that nothing, or not everything on the way, has written."""
     for read in survey.walk.reads.values():
         if not read.missing or not survey.own(read.spec.mark):
@@ -27,22 +27,22 @@ def read_before_written(survey: Survey) -> Iterator[Fault]:
             yield survey.fault(read.spec, message, hint, code="P301", at=read.place, error=True)
 
 
-def _writer(read: Read, writers: Iterable[Touch]) -> str:
+def _writer(read: KeyRead, writers: Iterable[KeyAccess]) -> str:
     spec = next(iter(writers)).spec
     where = f"{spec.name}, line {spec.mark.line}, writes it"
     before = spec.mark < read.spec.places.get(read.place, read.spec.mark)
     return f"{where}, but may fail or be passed by" if before else f"{where}, further down"
 
 
-def _remedy(survey: Survey, read: Read, usage: Usage, writers: list[Touch]) -> str:
+def _remedy(survey: LintModel, read: KeyRead, usage: KeyUsage, writers: list[KeyAccess]) -> str:
     if writers:
         return _writer(read, writers)
     inputs = (port.key for port in survey.mission.trees[read.tree].ports)
     known = [key for key in dict.fromkeys((*inputs, *usage.writes)) if key != read.key]
-    return nearest(read.key, known) if known else f"nothing in {read.tree} writes any key"
+    return suggest_name(read.key, known) if known else f"nothing in {read.tree} writes any key"
 
 
-def never_read(survey: Survey) -> Iterator[Fault]:
+def never_read(survey: LintModel) -> Iterator[Diagnostic]:
     """P303: an output, or an assignment, that nothing reads."""
     for tree in survey.trees():
         usage = survey.usage[tree.name]
@@ -52,6 +52,6 @@ def never_read(survey: Survey) -> Iterator[Fault]:
                 continue
             first = touches[0]
             message = f"{first.at}: {key!r} is written, and nothing in {tree.name} reads it"
-            hint = nearest(key, (read for read in usage.reads if read not in usage.writes))
+            hint = suggest_name(key, (read for read in usage.reads if read not in usage.writes))
             hint = hint if hint.startswith("did you mean") else "an output that nobody needs is left out"
             yield survey.fault(first.spec, message, hint, code="P303", at=first.at)

@@ -13,24 +13,24 @@ from ...trees.node import Node
 from ...trees.ports import PortDeclaration, Required
 from ...trees.skill import Skill
 from ...trees.slots import SlotDeclaration
-from ...trees.values.port_types import Given
+from ...trees.values.port_types import PortValues
 from ...world.causes import Cause
 from ...world.journal import Plain
-from .port_wording import default_words, expression_words, flowing, hand_words, type_words
+from .port_wording import default_words, expression_words, hand_words, type_words, unwrapped
 
 _MOST = 10
 """Optional keys of a node of which all combinations are tried."""
 
 
 @dataclass(frozen=True, slots=True)
-class OneNeeded:
+class RequiredOneOf:
     """Without any of the keys the node is wrong, whatever else is given; `sentence` says so."""
 
     keys: tuple[str, ...]
     sentence: str
 
 
-def one_needed_of(node: type[Node]) -> OneNeeded | None:
+def required_one_of(node: type[Node]) -> RequiredOneOf | None:
     """The keys of which the node needs one, asked of its own rule; None when it needs none so."""
     declaration = node.declaration
     every = (*declaration.ports, *declaration.slots)
@@ -42,13 +42,13 @@ def one_needed_of(node: type[Node]) -> OneNeeded | None:
     cures = tuple(key for key in optional if not _complaint(node, (*required, key)))
     others = [key for key in optional if key not in cures]
     if cures and all(_complaint(node, (*required, *some)) for some in _subsets(others)):
-        return OneNeeded(cures, sentence)
+        return RequiredOneOf(cures, sentence)
     return None
 
 
 def _complaint(node: type[Node], keys: Collection[str]) -> str:
     """What is wrong when just these keys are given, whatever their values; empty when nothing is."""
-    found = node.check_ports(Given(frozenset(keys)))
+    found = node.check_ports(PortValues(frozenset(keys)))
     return next((wrong for wrong in found if isinstance(wrong, str)), "")
 
 
@@ -139,9 +139,9 @@ class NodeEntry:
 
 def node_entry(node: NodeDeclaration, causes: Iterable[Cause], of: type[Node] | None = None) -> NodeEntry:
     """`causes`: all that there are, to tell what a family means. `of`: its class; None for a sub-tree."""
-    needed = one_needed_of(of) if of is not None else None
+    needed = required_one_of(of) if of is not None else None
     known = tuple(causes)
-    doc = flowing(node.doc)
+    doc = unwrapped(node.doc)
     return NodeEntry(
         node.id,
         node.kind,

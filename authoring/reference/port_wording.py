@@ -103,7 +103,7 @@ def hand_words(node: NodeDeclaration) -> str:
             return ""
 
 
-def flowing(doc: str) -> str:
+def unwrapped(doc: str) -> str:
     """A docstring without the line breaks that fit it to the code; paragraphs stay."""
     paragraphs = re.split(r"\n\s*\n", doc)
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)

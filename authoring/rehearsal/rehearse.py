@@ -9,23 +9,23 @@ from typing import cast
 
 from ...errors import PicktreeError
 from ...files.diagnostics.fault_codes import pages
-from ...files.diagnostics.suppressions import silenced
-from ...files.yaml.document import Document, FileError, load_document, nearest
+from ...files.diagnostics.suppressions import apply_suppressions
+from ...files.yaml.document import Document, FileError, load_document, suggest_name
 from ...trees.loading.loader import load_mission
 from ...trees.mission import Mission
 from ...trees.running.builder import build
 from ...trees.status import NodeStatus
 from ...world.journal import Plain
-from .cases.case import Case, CaseFile
+from .cases.case import CaseFile, RehearsalCase
 from .checking.case_checks import examine_cases
-from .stage.answer_choice import Prompter
-from .stage.mission_staging import Staging, scene_of, stage_mission
+from .stage.answer_choice import ScriptedAnswers
+from .stage.mission_staging import StubbedMission, scene_of, stub_mission
 from .stage.rehearsal_world import TICK, RehearsalWorld
 from .stage.trace import Trace
-from .verdict.coverage import Reached, coverage
+from .verdict.coverage import CoverageRecord, coverage
 from .verdict.rehearsal_result import CaseResult, Rehearsal
 from .verdict.rehearsal_text import short_names
-from .verdict.verdict import Outcome, differences
+from .verdict.verdict import CaseOutcome, differences
 
 MOST_TICKS = 10_000
 """Of a case that does not say how many it may take."""
@@ -46,7 +46,7 @@ def rehearse_files(mission: Path, cases: Path | None = None, names: Collection[s
         raise FileError(found.errors)
     document = found.cases.document
     codes = [page.code for page in pages()]
-    warnings = silenced(found.faults, document.text, str(document.path), codes, complete=False)
+    warnings = apply_suppressions(found.faults, document.text, str(document.path), codes, complete=False)
     return replace(rehearse(loaded, found.cases, names), warnings=warnings)
 
 
@@ -58,9 +58,9 @@ def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> 
     known = [case.name for case in cases.cases]
     for name in names:
         if name not in known:
-            raise PicktreeError(f"{cases.document.path} has no case {name!r}; {nearest(name, known)}")
-    staging = stage_mission(mission, scene_of(mission))
-    reached = Reached()
+            raise PicktreeError(f"{cases.document.path} has no case {name!r}; {suggest_name(name, known)}")
+    staging = stub_mission(mission, scene_of(mission))
+    reached = CoverageRecord()
     results = tuple(
         rehearse_case(staging, case, cases.document, reached)
         for case in cases.cases
@@ -78,7 +78,9 @@ def rehearse(mission: Mission, cases: CaseFile, names: Collection[str] = ()) -> 
     )
 
 
-def rehearse_case(staging: Staging, case: Case, document: Document, reached: Reached) -> CaseResult:
+def rehearse_case(
+    staging: StubbedMission, case: RehearsalCase, document: Document, reached: CoverageRecord
+) -> CaseResult:
     """Rehearse one case, and add what it reaches."""
     world = _world(staging, case)
     parameters = cast("Mapping[str, Plain]", case.parameters)
@@ -96,7 +98,7 @@ def rehearse_case(staging: Staging, case: Case, document: Document, reached: Rea
         world.clock.ticks += 1
     if trace.tick == case.halt_after and tree.status is NodeStatus.RUNNING:
         trace.flush(tree.halt().writes)
-    outcome = Outcome(trace.tick, tree.status, tree.failure, tree, world)
+    outcome = CaseOutcome(trace.tick, tree.status, tree.failure, tree, world)
     reached.take(staging, trace)
     return CaseResult(
         name=case.name,
@@ -115,9 +117,9 @@ def rehearse_case(staging: Staging, case: Case, document: Document, reached: Rea
     )
 
 
-def _world(staging: Staging, case: Case) -> RehearsalWorld:
+def _world(staging: StubbedMission, case: RehearsalCase) -> RehearsalWorld:
     played = (role.path for role in staging.roles.all if role.played)
-    world = RehearsalWorld(staging.scene, Prompter(case.scripts), Trace(played))
+    world = RehearsalWorld(staging.scene, ScriptedAnswers(case.scripts), Trace(played))
     world.belief.change(case.objects)
     world.belief.pin(case.facts)
     return world

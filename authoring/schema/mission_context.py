@@ -5,29 +5,29 @@ from __future__ import annotations
 from ...errors import PicktreeError
 from ...files.yaml.document import Document
 from ...trees.loading.loader import examine
-from ...trees.loading.registry import Registry
-from ...trees.loading.scene_names import Surroundings, load_surroundings
+from ...trees.loading.registry import NodeRegistry
+from ...trees.loading.scene_names import SceneNames, load_surroundings
 from ...trees.loading.tree_ports import TreePorts
 from ...trees.mission import Mission
 from ...trees.ports import NameKind, PortDeclaration
-from ...trees.values.fault_collector import Faults
+from ...trees.values.fault_collector import MissionDiagnostics
 from ...world.scene.loading.scene_loading import scene_names
-from .mission_schema import Particular
-from .port_schema import Known
+from .mission_schema import MissionSpecifics
+from .port_schema import ProposedNames
 
 
-def any_mission() -> Particular:
+def any_mission() -> MissionSpecifics:
     """The names of the shipped scenes are proposed; others are as good."""
     names: dict[NameKind, dict[str, None]] = {}
     for scene in scene_names():
         for kind, found in load_surroundings(scene).names.items():
             names.setdefault(kind, {}).update(dict.fromkeys(found))
-    return Particular(
-        scenes=scene_names(), known=Known({kind: tuple(found) for kind, found in names.items()})
+    return MissionSpecifics(
+        scenes=scene_names(), known=ProposedNames({kind: tuple(found) for kind, found in names.items()})
     )
 
 
-def one_mission(document: Document, registry: Registry) -> Particular:
+def one_mission(document: Document, registry: NodeRegistry) -> MissionSpecifics:
     """Of a mission file, which may be faulty. Its plug-ins' nodes are added to the registry.
 
     Raises PicktreeError for a plug-in that fails.
@@ -41,17 +41,17 @@ def one_mission(document: Document, registry: Registry) -> Particular:
             if isinstance(plugin, str) and plugin:
                 registry.add_plugin(plugin, file.path.parent)
         bodies = file.data.get("trees")
-        declared = TreePorts(file, Faults())
+        declared = TreePorts(file, MissionDiagnostics())
         for name, body in (bodies if isinstance(bodies, dict) else {}).items():
             trees[name] = declared.of(name, body)
     # A name that a node has already is a fault, and no tree.
     trees = {name: ports for name, ports in trees.items() if registry.find(name) is None}
     known = _known(mission)
-    names = Known(known.names, all=True) if known else Known()
-    return Particular(True, scene_names(), trees, names)
+    names = ProposedNames(known.names, all=True) if known else ProposedNames()
+    return MissionSpecifics(True, scene_names(), trees, names)
 
 
-def _known(mission: Mission) -> Surroundings | None:
+def _known(mission: Mission) -> SceneNames | None:
     if mission.scene is None:
         return None
     try:

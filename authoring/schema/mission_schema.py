@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from ...trees.loading.registry import Registry
+from ...trees.loading.registry import NodeRegistry
 from ...trees.mission import MAIN
 from ...trees.ports import PortDeclaration
 from ...trees.values.port_types import NAMES_IN_FILES
 from ...world.causes import OUR_PREFIXES, Cause
-from ..reference.node_reference import one_needed_of
+from ..reference.node_reference import required_one_of
 from .node_schema import (
-    Ids,
+    NodeIds,
     bare_docs,
     common_definitions,
     common_properties,
@@ -20,7 +20,7 @@ from .node_schema import (
     node_schema,
     tree_schema,
 )
-from .port_schema import Known
+from .port_schema import ProposedNames
 from .schema_parts import DRAFT, ID_PATTERN, Schema, escaped, header, if_bare, ref
 
 
@@ -60,7 +60,7 @@ _TYPES = (*NAMES_IN_FILES, *(f"list of {name}" for name in NAMES_IN_FILES))
 
 
 @dataclass(frozen=True, slots=True)
-class Particular:
+class MissionSpecifics:
     """What is known of a mission: its sub-trees with their ports, and the names of its scene and robot.
 
     closed: there are no other sub-trees, nodes and causes than those that are known.
@@ -72,17 +72,19 @@ class Particular:
     trees: Mapping[str, tuple[PortDeclaration, ...]] = field(
         default_factory=dict[str, "tuple[PortDeclaration, ...]"]
     )
-    known: Known = field(default_factory=Known)
+    known: ProposedNames = field(default_factory=ProposedNames)
 
 
-def mission_schema(registry: Registry, particular: Particular) -> Schema:
+def mission_schema(registry: NodeRegistry, particular: MissionSpecifics) -> Schema:
     """JSON Schema of a mission that may use the registry's nodes."""
     declared = registry.declarations()
     classes = {name: node for name in registry.ids() if (node := registry.find(name)) is not None}
-    together = {name: one_needed_of(node) for name, node in classes.items()}
+    together = {name: required_one_of(node) for name, node in classes.items()}
     needing = [node.id for node in declared if needs_body(node, together[node.id])]
     needing += [name for name, ports in particular.trees.items() if any(p.required for p in ports)]
-    ids = Ids(tuple(node.id for node in declared), tuple(particular.trees), tuple(needing), particular.closed)
+    ids = NodeIds(
+        tuple(node.id for node in declared), tuple(particular.trees), tuple(needing), particular.closed
+    )
     single = ids.single()
     definitions: dict[str, Schema] = {
         "tree": _tree(ids),
@@ -181,7 +183,7 @@ def _trees() -> Schema:
     }
 
 
-def _tree(ids: Ids) -> Schema:
+def _tree(ids: NodeIds) -> Schema:
     ports: Schema = {
         "type": ["object", "null"],
         "description": "What is handed to the tree, by name: type, default, unit, documentation.",

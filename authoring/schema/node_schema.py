@@ -9,10 +9,10 @@ from ...trees.declaration import BREAKPOINT, COMMON_KEYS, POSTCONDITIONS, PRECON
 from ...trees.ports import PortDeclaration
 from ...trees.slots import SlotDeclaration
 from ...world.causes import Cause
-from ..reference.node_reference import OneNeeded
-from ..reference.port_wording import COMMON_DOCS, flowing, hand_words, uses_words
+from ..reference.node_reference import RequiredOneOf
+from ..reference.port_wording import COMMON_DOCS, hand_words, unwrapped, uses_words
 from .draft_07 import schemas
-from .port_schema import Known, port_schema
+from .port_schema import ProposedNames, port_schema
 from .schema_parts import ID_PATTERN, NAME_PATTERN, Schema, escaped, if_bare, one_needed, ref
 
 _END = r"(?![\s\S])"
@@ -20,7 +20,7 @@ _WORD = "[A-Za-z0-9_]*"
 
 
 @dataclass(frozen=True, slots=True)
-class Ids:
+class NodeIds:
     """`closed`: there are no other sub-trees and nodes than these; else a plain ID may be one."""
 
     nodes: tuple[str, ...]
@@ -110,7 +110,9 @@ def common_properties() -> dict[str, Schema]:
     return {key: ref(f"key.{key}") for key in COMMON_KEYS}
 
 
-def node_schema(node: NodeDeclaration, needed: OneNeeded | None, ids: Ids, known: Known) -> Schema:
+def node_schema(
+    node: NodeDeclaration, needed: RequiredOneOf | None, ids: NodeIds, known: ProposedNames
+) -> Schema:
     """What may stand under the node's ID."""
     main = node.slot("do")
     properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in node.ports}
@@ -122,7 +124,7 @@ def node_schema(node: NodeDeclaration, needed: OneNeeded | None, ids: Ids, known
     required += [s.key for s in node.slots if s.required and s is not main]
     found: Schema = {
         "title": node.id,
-        "description": flowing(node.doc),
+        "description": unwrapped(node.doc),
         "markdownDescription": node_markdown(node),
         "properties": properties,
     }
@@ -137,7 +139,7 @@ def node_schema(node: NodeDeclaration, needed: OneNeeded | None, ids: Ids, known
     return found | ({"required": required} if required else {})
 
 
-def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: Known) -> Schema:
+def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: ProposedNames) -> Schema:
     """What may stand under the name of a sub-tree of the mission."""
     required = [p.key for p in ports if p.required]
     properties: dict[str, Schema] = {port.key: port_schema(port, known) for port in ports}
@@ -151,7 +153,7 @@ def tree_schema(name: str, ports: tuple[PortDeclaration, ...], known: Known) -> 
     }
 
 
-def needs_body(node: NodeDeclaration, needed: OneNeeded | None) -> bool:
+def needs_body(node: NodeDeclaration, needed: RequiredOneOf | None) -> bool:
     """Whether a bare ID is not enough."""
     keys = (*node.ports, *node.slots)
     return needed is not None or any(key.required for key in keys)
@@ -181,7 +183,7 @@ def slot_schema(slot: SlotDeclaration) -> Schema:
 
 def node_markdown(node: NodeDeclaration) -> str:
     """What hovering over the node shows."""
-    parts = [flowing(node.doc)]
+    parts = [unwrapped(node.doc)]
     if node.causes:
         parts.append("Fails with " + ", ".join(_cause(cause.name, cause) for cause in node.causes) + ".")
     if node.uses:
@@ -195,7 +197,7 @@ def _cause(name: str, cause: object) -> str:
     return f"`{name}`" if isinstance(cause, Cause) else f"`{name}.*`"
 
 
-def _with_main(node: NodeDeclaration, main: SlotDeclaration, ids: Ids, *, ported: bool) -> Schema:
+def _with_main(node: NodeDeclaration, main: SlotDeclaration, ids: NodeIds, *, ported: bool) -> Schema:
     """The forms in which the children may stand: under `do`, as a list, or as the one key that is a node.
 
     ported: some port must be given, so that the children cannot stand by themselves.

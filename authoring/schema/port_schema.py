@@ -23,14 +23,14 @@ _EXAMPLES: dict[str, list[str]] = {"object": ["{item}"], "bin": ["{item.destinat
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class ProposedNames:
     """Names of cameras, poses, bins: those of the mission's scene and robot (`all`), or a few to propose."""
 
     names: Mapping[NameKind, tuple[str, ...]] = field(default_factory=dict[NameKind, tuple[str, ...]])
     all: bool = False
 
 
-def port_schema(port: PortDeclaration, known: Known) -> Schema:
+def port_schema(port: PortDeclaration, known: ProposedNames) -> Schema:
     """A port of a node or of a sub-tree."""
     described: Schema = {"description": port.doc} if port.doc else {}
     described["markdownDescription"] = port_markdown(port)
@@ -56,7 +56,7 @@ def port_markdown(port: PortDeclaration) -> str:
     return f"{port.doc}\n\n*{line}*" if port.doc else f"*{line}*"
 
 
-def _input(port: PortDeclaration, known: Known) -> Schema:
+def _input(port: PortDeclaration, known: ProposedNames) -> Schema:
     kind = port.type.name
     literal = _list(port, known) if port.type.many else _literal(port, known)
     if "anyOf" in literal:
@@ -70,7 +70,7 @@ def _input(port: PortDeclaration, known: Known) -> Schema:
     return literal | ({"examples": examples} if examples else {})
 
 
-def _literal(port: PortDeclaration, known: Known) -> Schema:
+def _literal(port: PortDeclaration, known: ProposedNames) -> Schema:
     """A literal, or a reference where one stands by itself."""
     choices = _choices(port, known)
     if choices is not None:
@@ -104,7 +104,7 @@ def _literal(port: PortDeclaration, known: Known) -> Schema:
             return {"pattern": text["pattern"], "patternErrorMessage": text["patternErrorMessage"]}
 
 
-def _list(port: PortDeclaration, known: Known) -> Schema:
+def _list(port: PortDeclaration, known: ProposedNames) -> Schema:
     item = _item(port, _choices(port, known))
     return reference() | {"type": ["string", "array"], "items": item}
 
@@ -136,7 +136,7 @@ def _or_reference(kind: str, said: str) -> Schema:
     return reference() | {"type": ["string", kind], "patternErrorMessage": said}
 
 
-def _choices(port: PortDeclaration, known: Known) -> Sequence[Plain] | None:
+def _choices(port: PortDeclaration, known: ProposedNames) -> Sequence[Plain] | None:
     if port.choices is not None:
         return port.choices
     if port.names is not None and known.all and port.names in known.names:

@@ -7,17 +7,17 @@ from pathlib import Path
 from ...files.marks import FileError
 from ...files.yaml.document import read_document, read_text
 from ...trees.loading.loader import examine
-from ...trees.loading.registry import Registry
+from ...trees.loading.registry import NodeRegistry
 from .export.mission_export import mission_to_xml
 from .importing.mission_import import xml_to_mission
 
 
-def convert(path: Path, registry: Registry | None = None) -> str:
+def convert(path: Path, registry: NodeRegistry | None = None) -> str:
     """A mission file as XML, an XML file as a mission. Raises FileError with all that is wrong with it."""
     return convert_text(read_text(path), path, registry)
 
 
-def convert_text(text: str, path: Path, registry: Registry | None = None) -> str:
+def convert_text(text: str, path: Path, registry: NodeRegistry | None = None) -> str:
     """As `convert`, of a text that was read already."""
     if text.lstrip().startswith("<"):
         return xml_to_mission(text, path, registry)

@@ -19,7 +19,7 @@ _STORE = 100 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class ClusterNode:
     """A machine of the cluster."""
 
     id: str
@@ -45,10 +45,10 @@ def connect(address: str | None, workers: int | None, folder: Path) -> None:
         raise PicktreeError(f"the Ray cluster at {address} cannot be used: {_first_line(error)}") from None
 
 
-def nodes() -> tuple[Node, ...]:
+def nodes() -> tuple[ClusterNode, ...]:
     """Those that are there now and have CPUs to give."""
     made = (
-        Node(str(n["NodeID"]), str(n["NodeManagerAddress"]), int(n["Resources"].get("CPU", 0)))
+        ClusterNode(str(n["NodeID"]), str(n["NodeManagerAddress"]), int(n["Resources"].get("CPU", 0)))
         for n in ray.nodes()
         if n["Alive"]
     )

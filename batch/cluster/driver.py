@@ -19,8 +19,8 @@ import ray
 
 from ...errors import PicktreeError
 from .connection import connect
-from .messages import STOP, News, Refused, Said, Settings
-from .worker_pool import Crew
+from .messages import STOP, ClusterRefusal, ClusterSettings, News, Said
+from .worker_pool import WorkerPool
 
 _JOIN = 45.0
 """Wall s within which this process is part of the cluster."""
@@ -30,7 +30,7 @@ _LAST = 15.0
 
 def main(batch: Connection) -> None:
     """Serve the batch at the other end until that is gone."""
-    settings: Settings = batch.recv()
+    settings: ClusterSettings = batch.recv()
     os.chdir(settings.folder)  # Ray has its workers look for modules where it is started
     try:
         try:
@@ -40,7 +40,7 @@ def main(batch: Connection) -> None:
             settings.output.unlink(missing_ok=True)  # the batch may be gone
         except PicktreeError as error:
             with suppress(OSError):
-                batch.send(Refused(str(error)))
+                batch.send(ClusterRefusal(str(error)))
     finally:
         ray.shutdown()
         os.chdir("/")
@@ -59,7 +59,7 @@ def _in_time(batch: Connection, address: str | None) -> Generator[None]:
                 f"the Ray cluster at {address} does not have this machine as a node, "
                 f"by the address that it goes by: ray start --address={address} --num-cpus=0"
             )
-        batch.send(Refused(reason))
+        batch.send(ClusterRefusal(reason))
         os._exit(1)
 
     timer = threading.Timer(_JOIN, give_up)
@@ -70,12 +70,12 @@ def _in_time(batch: Connection, address: str | None) -> Generator[None]:
         timer.cancel()
 
 
-async def _serve(batch: Connection, settings: Settings) -> None:
+async def _serve(batch: Connection, settings: ClusterSettings) -> None:
     def tell(news: News) -> None:
         with suppress(OSError):  # the batch is gone, as its end of the connection tells
             batch.send(news)
 
-    crew = Crew(settings.here, settings.workers, tell)
+    crew = WorkerPool(settings.here, settings.workers, tell)
     gone = asyncio.Event()
     loop = asyncio.get_running_loop()
 
@@ -98,7 +98,7 @@ async def _serve(batch: Connection, settings: Settings) -> None:
         await service
 
 
-async def _work(crew: Crew) -> None:
+async def _work(crew: WorkerPool) -> None:
     await crew.gather()
     await crew.watch()
 

@@ -20,7 +20,7 @@ _NOT_OF_WORKERS: Final = "batch/report"
 
 
 @dataclass(frozen=True, slots=True)
-class Installed:
+class Installation:
     """Equal on two machines that give the same rows for the same job, as far as this can be told."""
 
     versions: Mapping[str, str]
@@ -29,7 +29,7 @@ class Installed:
     """Beginning of the SHA-256 of each file of picktree, by its path."""
 
 
-def installed() -> Installed:
+def installed() -> Installation:
     """Here."""
     plugins = {entry.dist.name: entry.dist.version for entry in entry_points(group=GROUP) if entry.dist}
     of_workers = (
@@ -40,13 +40,13 @@ def installed() -> Installed:
     )
     python = "{}.{}".format(*sys.version_info)
     glibc = os.confstr("CS_GNU_LIBC_VERSION") or ""
-    return Installed(
+    return Installation(
         {"python": python, "glibc": glibc.removeprefix("glibc "), **versions(), **plugins},
         {**sources(), **hashes(of_workers)},
     )
 
 
-def difference(here: Installed, there: Installed) -> str:
+def difference(here: Installation, there: Installation) -> str:
     """Why no job is given there; empty when nothing speaks against it."""
     names = sorted({*here.versions, *there.versions})
     others = [

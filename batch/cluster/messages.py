@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from ..workers.executor import Event, Order
-from .installation import Installed
+from ..workers.executor import Event, JobOrder
+from .installation import Installation
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class ClusterSettings:
     """The first word of the batch."""
 
     address: str | None
@@ -22,7 +22,7 @@ class Settings:
     """Of this process alone."""
     output: Path
     """File with what this process prints."""
-    here: Installed
+    here: Installation
     """What the batch's own machine has."""
 
 
@@ -30,20 +30,20 @@ class Settings:
 class Task:
     """An order to be seen to."""
 
-    order: Order
+    order: JobOrder
     token: str
     """What stands in the file `TOKEN` of the order's folder."""
 
 
 @dataclass(frozen=True, slots=True)
-class Workers:
+class WorkerCount:
     """How many there are now, with those that are about to be started."""
 
     count: int
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class ClusterRefusal:
     """It cannot be, and why: the batch is over."""
 
     reason: str
@@ -55,5 +55,5 @@ TOKEN: Final = ".from-the-batch"
 """A file in the folder of an order: a worker that can take it away sees the same folder as the batch."""
 Said: TypeAlias = Task | Literal["stop"]
 """By the batch, after its settings; that it is gone is told by the end of the connection."""
-News: TypeAlias = Workers | Refused | Event
+News: TypeAlias = WorkerCount | ClusterRefusal | Event
 """For the batch."""

@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from ..workers.executor import Event, Failed, Order, Stopped
+from ..workers.executor import Event, JobFailed, JobOrder, JobStopped
 from ..workers.local_executor import LocalExecutor
-from .installation import Installed, installed
+from .installation import Installation, installed
 from .messages import TOKEN, Task
 
 _LOOK = 0.02
@@ -29,7 +29,7 @@ _PREFIX: Final = "picktree-foreman-"
 
 
 @dataclass(frozen=True, slots=True)
-class File:
+class ResultFile:
     """One that is to be brought to the batch's machine."""
 
     name: str
@@ -38,15 +38,15 @@ class File:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class TaskReport:
     """What came of a task."""
 
     event: Event
-    files: tuple[File, ...]
+    files: tuple[ResultFile, ...]
     """Nothing when they are where they belong."""
 
 
-class Foreman:
+class NodeWorker:
     """An actor of Ray: all methods are called from afar, one after the other but for `stop`."""
 
     def __init__(self) -> None:
@@ -58,28 +58,30 @@ class Foreman:
         self._executor = LocalExecutor(1)
         self._stopped: set[Path] = set()
 
-    async def installed(self) -> Installed:
+    async def installed(self) -> Installation:
         """What this machine has."""
         return installed()
 
     async def is_there(self) -> None:
         """It is, when this can be asked."""
 
-    async def carry_out(self, task: Task, recipe: bytes) -> Report:
+    async def carry_out(self, task: Task, recipe: bytes) -> TaskReport:
         """In the order's folder when this machine sees that, else in one of its own."""
         order = task.order
         shared = _takes_token(task)
         try:
             own = order if shared else self._moved(order, recipe)
         except OSError as error:
-            return Report(Failed(order, f"its node cannot write to {self._place}: {error.strerror}"), ())
+            return TaskReport(
+                JobFailed(order, f"its node cannot write to {self._place}: {error.strerror}"), ()
+            )
         if order.folder in self._stopped:
-            return Report(Stopped(order), ())
+            return TaskReport(JobStopped(order), ())
         with _no_signal_blocked():
             self._executor.submit(own)
         while not (events := self._executor.wait(0.0)):
             await asyncio.sleep(_LOOK)
-        return Report(replace(events[0], order=order), () if shared else _files(own.folder))
+        return TaskReport(replace(events[0], order=order), () if shared else _files(own.folder))
 
     async def stop(self, folder: Path) -> None:
         """Break off the order of that folder, which may still be on its way."""
@@ -101,7 +103,7 @@ class Foreman:
         self._executor.close()
         shutil.rmtree(self._place, ignore_errors=True)
 
-    def _moved(self, order: Order, recipe: bytes) -> Order:
+    def _moved(self, order: JobOrder, recipe: bytes) -> JobOrder:
         file = self._place / order.recipe.name
         if not file.is_file():
             file.write_bytes(recipe)
@@ -132,9 +134,9 @@ def _takes_token(task: Task) -> bool:
     return True
 
 
-def _files(folder: Path) -> tuple[File, ...]:
+def _files(folder: Path) -> tuple[ResultFile, ...]:
     return tuple(
-        File(str(path.relative_to(folder)), path.stat().st_size)
+        ResultFile(str(path.relative_to(folder)), path.stat().st_size)
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     )

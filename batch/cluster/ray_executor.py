@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Final
 
 from ...errors import PicktreeError
-from ...logs.optional_libraries import extra
-from ..workers.executor import Event, Failed, Order
+from ...logs.optional_libraries import optional_import
+from ..workers.executor import Event, JobFailed, JobOrder
 from .installation import installed
-from .messages import STOP, TOKEN, News, Refused, Said, Settings, Task, Workers
+from .messages import STOP, TOKEN, ClusterRefusal, ClusterSettings, News, Said, Task, WorkerCount
 
 _START = 180.0
 """Wall s that a cluster has for being there, beyond what the driver itself waits."""
@@ -53,18 +53,18 @@ class RayExecutor:
         `slots`: at most so many workers; by default one for each CPU of the cluster. Raises PicktreeError
         when there is no such cluster, a node of it would run something else, or ray is not installed.
         """
-        with extra("ray", "ray", "A batch on a Ray cluster"):
+        with optional_import("ray", "ray", "A batch on a Ray cluster"):
             if find_spec("ray") is None:
                 raise ModuleNotFoundError("No module named 'ray'", name="ray")
         self._where = f"the Ray cluster at {address}" if address else "the Ray cluster of this batch"
         self._folder = _short_folder()
         self._output = self._folder.with_suffix(".out")
-        self._orders: dict[Path, Order] = {}
+        self._orders: dict[Path, JobOrder] = {}
         self._lost: list[Event] = []
         self._slots = 0
         self._batch, self._driver = self._begun(own=address is None)
         try:
-            self._say(Settings(address, slots, self._folder, self._output, installed()))
+            self._say(ClusterSettings(address, slots, self._folder, self._output, installed()))
             until = time.monotonic() + _START
             while not self._slots and time.monotonic() < until:
                 self._hear(self._heard(1.0))
@@ -85,7 +85,7 @@ class RayExecutor:
         """Changes when nodes join and go."""
         return self._slots
 
-    def submit(self, order: Order) -> None:
+    def submit(self, order: JobOrder) -> None:
         folder = order.folder.absolute()
         token = secrets.token_hex(16)
         self._orders[folder] = order
@@ -93,7 +93,7 @@ class RayExecutor:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / TOKEN).write_text(token)
         except OSError as error:
-            self._lost.append(Failed(order, f"{folder}: {error.strerror}"))
+            self._lost.append(JobFailed(order, f"{folder}: {error.strerror}"))
             return
         self._say(Task(replace(order, folder=folder, recipe=order.recipe.absolute()), token))
 
@@ -140,7 +140,7 @@ class RayExecutor:
             )
         return Connection(ours.detach()), process
 
-    def _say(self, said: Said | Settings) -> None:
+    def _say(self, said: Said | ClusterSettings) -> None:
         with suppress(OSError):  # `wait` finds out
             self._batch.send(said)
 
@@ -157,10 +157,10 @@ class RayExecutor:
         match news:
             case None:
                 return None
-            case Workers(count):
+            case WorkerCount(count):
                 self._slots = count
                 return None
-            case Refused(reason):
+            case ClusterRefusal(reason):
                 raise PicktreeError(reason)
             case _:
                 return replace(news, order=self._orders.pop(news.order.folder))

@@ -6,21 +6,21 @@ import ray
 from ray.exceptions import OutOfMemoryError, RayError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from .connection import Node
-from .installation import Installed
+from .connection import ClusterNode
+from .installation import Installation
 from .messages import Task
-from .node_worker import Foreman, Report
+from .node_worker import NodeWorker, TaskReport
 
-__all__ = ["Hired", "RayError", "reason"]
+__all__ = ["RayError", "WorkerHandle", "reason"]
 
 
-class Hired:
+class WorkerHandle:
     """Takes one CPU of a node. All methods raise RayError when the foreman is gone."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: ClusterNode) -> None:
         self.node = node
         self._actor = (
-            ray.remote(Foreman)
+            ray.remote(NodeWorker)
             .options(
                 num_cpus=1,
                 max_restarts=0,  # who tries again is the batch
@@ -30,14 +30,14 @@ class Hired:
             .remote()
         )
 
-    async def installed(self) -> Installed:
+    async def installed(self) -> Installation:
         return await self._actor.installed.remote()
 
     async def is_there(self) -> None:
         """Nothing, unless it is gone."""
         await self._actor.is_there.remote()
 
-    async def carry_out(self, task: Task, recipe: ray.ObjectRef[bytes]) -> Report:
+    async def carry_out(self, task: Task, recipe: ray.ObjectRef[bytes]) -> TaskReport:
         return await self._actor.carry_out.remote(task, recipe)
 
     def stop(self, task: Task) -> None:
@@ -62,7 +62,7 @@ def shared(content: bytes) -> ray.ObjectRef[bytes]:
     return ray.put(content)
 
 
-def reason(error: RayError, node: Node) -> str:
+def reason(error: RayError, node: ClusterNode) -> str:
     """Why a foreman does not answer, in a few words."""
     if isinstance(error, OutOfMemoryError):
         return f"Ray ended its worker: the node {node.address} ran out of memory"

@@ -12,18 +12,18 @@ from pathlib import Path
 import ray
 
 from ...errors import PicktreeError
-from ..workers.executor import Event, Failed, Order, Stopped
-from .connection import Node, nodes
-from .installation import Installed, difference
-from .messages import News, Task, Workers
-from .node_worker import File
-from .worker_handle import Hired, RayError, reason, shared
+from ..workers.executor import Event, JobFailed, JobOrder, JobStopped
+from .connection import ClusterNode, nodes
+from .installation import Installation, difference
+from .messages import News, Task, WorkerCount
+from .node_worker import ResultFile
+from .worker_handle import RayError, WorkerHandle, reason, shared
 
 _PIECE = 4 << 20
 """Bytes that are on their way at once."""
 
 
-async def bring(hired: Hired, files: tuple[File, ...], folder: Path) -> None:
+async def fetch_files(hired: WorkerHandle, files: tuple[ResultFile, ...], folder: Path) -> None:
     """Into `folder`, which takes its name when everything has arrived.
 
     Raises OSError when they cannot be written, RayError when the node is gone.
@@ -68,21 +68,21 @@ _TRIES = 3
 class _Post:
     """A node, and who serves there."""
 
-    node: Node
+    node: ClusterNode
     slots: list[asyncio.Task[None]] = field(default_factory=list[asyncio.Task[None]])
     met: bool = False
     refused: str = ""
 
 
-class Crew:
+class WorkerPool:
     """Tells what comes of its tasks by `tell`, from within the loop that it is used in."""
 
-    def __init__(self, here: Installed, limit: int | None, tell: Callable[[News], None]) -> None:
+    def __init__(self, here: Installation, limit: int | None, tell: Callable[[News], None]) -> None:
         """`limit`: at most so many foremen."""
         self._here, self._limit, self._tell = here, limit, tell
         self._tasks: asyncio.Queue[Task] = asyncio.Queue()
         self._posts: dict[str, _Post] = {}
-        self._under_way: dict[Path, tuple[Task, Hired]] = {}
+        self._under_way: dict[Path, tuple[Task, WorkerHandle]] = {}
         self._stopping: set[Path] = set()
         self._recipes: dict[Path, ray.ObjectRef[bytes]] = {}
         self._slots: set[asyncio.Task[None]] = set()
@@ -127,7 +127,7 @@ class Crew:
     def stop(self) -> None:
         """Break off all that is under way."""
         while not self._tasks.empty():
-            self._tell(Stopped(self._tasks.get_nowait().order))
+            self._tell(JobStopped(self._tasks.get_nowait().order))
         for folder, (task, hired) in self._under_way.items():
             self._stopping.add(folder)
             hired.stop(task)
@@ -139,7 +139,7 @@ class Crew:
             slot.cancel()
         await asyncio.gather(*self._slots, return_exceptions=True)
 
-    def _hire(self, there: tuple[Node, ...]) -> None:
+    def _hire(self, there: tuple[ClusterNode, ...]) -> None:
         """As many as there should be, spread over the nodes that are there."""
         for gone in {*self._posts} - {node.id for node in there}:
             del self._posts[gone]
@@ -162,13 +162,13 @@ class Crew:
         count = sum(not slot.done() for post in serving for slot in post.slots)
         if self._told not in (None, count):
             self._told = count
-            self._tell(Workers(count))
+            self._tell(WorkerCount(count))
 
     async def _serve(self, post: _Post) -> None:
         """One slot of a node: a foreman, and another one when it is lost, while the node is there."""
         lost = 0
         while not post.refused:
-            hired, idle = Hired(post.node), False
+            hired, idle = WorkerHandle(post.node), False
             try:
                 self._meet(post, difference(self._here, await hired.installed()))
                 lost = 0
@@ -195,7 +195,7 @@ class Crew:
         if refused:
             self._count()
 
-    async def _see_to(self, task: Task, hired: Hired) -> None:
+    async def _see_to(self, task: Task, hired: WorkerHandle) -> None:
         """Raises RayError when the foreman is lost; the task is not, even so."""
         order = task.order
         self._under_way[order.folder] = (task, hired)
@@ -207,29 +207,29 @@ class Crew:
         finally:
             del self._under_way[order.folder]
             if order.folder in self._stopping:
-                self._tell(Stopped(order))
+                self._tell(JobStopped(order))
             elif event is not None:
                 self._tell(event)
             else:  # it was lost before it had anything to do
                 self._tasks.put_nowait(task)
 
-    async def _outcome(self, task: Task, hired: Hired) -> Event:
+    async def _outcome(self, task: Task, hired: WorkerHandle) -> Event:
         order = task.order
         try:
             async with asyncio.timeout(order.wall + _SLACK):
                 report = await hired.carry_out(task, self._recipe(order))
                 if report.files:
-                    await bring(hired, report.files, order.folder)
+                    await fetch_files(hired, report.files, order.folder)
         except TimeoutError:
             hired.kill()
-            return Failed(order, f"its worker on the node {hired.node.address} does not answer")
+            return JobFailed(order, f"its worker on the node {hired.node.address} does not answer")
         except RayError as error:
-            return Failed(order, reason(error, hired.node))
+            return JobFailed(order, reason(error, hired.node))
         except OSError as error:
-            return Failed(order, f"{error.filename or order.folder}: {error.strerror}")
+            return JobFailed(order, f"{error.filename or order.folder}: {error.strerror}")
         return report.event
 
-    def _recipe(self, order: Order) -> ray.ObjectRef[bytes]:
+    def _recipe(self, order: JobOrder) -> ray.ObjectRef[bytes]:
         if order.recipe not in self._recipes:
             self._recipes[order.recipe] = shared(order.recipe.read_bytes())
         return self._recipes[order.recipe]
@@ -240,7 +240,7 @@ class Crew:
                 self._under_way[folder][1].kill()
 
 
-def _spread(there: list[Node], limit: int | None) -> Mapping[Node, int]:
+def _spread(there: list[ClusterNode], limit: int | None) -> Mapping[ClusterNode, int]:
     """How many foremen on which node: one after the other, while there are CPUs."""
     found = dict.fromkeys(there, 0)
     left = sum(node.cpus for node in there)
@@ -253,7 +253,7 @@ def _spread(there: list[Node], limit: int | None) -> Mapping[Node, int]:
     return found
 
 
-async def _dismiss(hired: Hired, *, idle: bool) -> None:
+async def _dismiss(hired: WorkerHandle, *, idle: bool) -> None:
     if idle:
         with suppress(RayError, TimeoutError):
             async with asyncio.timeout(_LEAVE):

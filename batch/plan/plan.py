@@ -24,7 +24,7 @@ Keep: TypeAlias = Literal["all", "failures", "none"]
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class JobLimits:
     """Of one job."""
 
     simulated: float = 3600.0
@@ -51,7 +51,7 @@ class Variant:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class BatchPlan:
     """A batch as it was asked for. Paths are absolute."""
 
     name: str
@@ -63,7 +63,7 @@ class Plan:
     """Values to be tried, by parameter of the mission or port of its nodes."""
     backend: Backend = "physics"
     verify: bool = False
-    limits: Limits = Limits()
+    limits: JobLimits = JobLimits()
     keep: Keep = "failures"
 
     def variants(self) -> Iterator[Variant]:
@@ -110,7 +110,7 @@ class Job:
         return folder / RECIPES / f"{self.recipe}.zip"
 
 
-def jobs_of(plan: Plan, folder: Path) -> tuple[Job, ...]:
+def jobs_of(plan: BatchPlan, folder: Path) -> tuple[Job, ...]:
     """Every job of a checked plan, seeds together by variant. What they run is put into the batch's `folder`.
 
     Raises FileError for a file that was edited since it was checked, PicktreeError when one cannot be
@@ -143,7 +143,7 @@ def _content(variant: Variant, recipe: Recipe) -> str:
     return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
 
-def _request(plan: Plan, variant: Variant) -> RunRequest:
+def _request(plan: BatchPlan, variant: Variant) -> RunRequest:
     return RunRequest(
         mission=variant.mission,
         scene=variant.scene,
@@ -156,16 +156,16 @@ def _request(plan: Plan, variant: Variant) -> RunRequest:
 
 
 NAME = "plan.json"
-_ADAPTER = TypeAdapter(Plan)
+_ADAPTER = TypeAdapter(BatchPlan)
 
 
-def write_plan(plan: Plan, folder: Path) -> None:
+def write_plan(plan: BatchPlan, folder: Path) -> None:
     """Raises PicktreeError when it cannot be written."""
     with whole([folder / NAME], folder / NAME) as (beside,):
         beside.write_bytes(_ADAPTER.dump_json(plan, indent=1))
 
 
-def read_plan(folder: Path) -> Plan:
+def read_plan(folder: Path) -> BatchPlan:
     """Raises PicktreeError when there is none."""
     try:
         return _ADAPTER.validate_json((folder / NAME).read_bytes())

@@ -10,13 +10,13 @@ from pydantic import ValidationError
 
 from ...authoring.checking.check import MissionCheck, check_mission
 from ...errors import PicktreeError
-from ...files.models.validation import Checker
-from ...files.yaml.document import Document, Fault, FileError, open_document
+from ...files.models.validation import DocumentChecker
+from ...files.yaml.document import Diagnostic, Document, FileError, open_document
 from ...simulation.fault_files.fault_loading import load_faults
-from ...trees.loading.scene_names import Surroundings, load_surroundings
+from ...trees.loading.scene_names import SceneNames, load_surroundings
 from ...trees.running.run_settings import read_settings
 from ...world.scene.loading.scene_loading import scene_names
-from .plan import Limits, Plan
+from .plan import BatchPlan, JobLimits
 from .plan_schema import NO_FAULTS, PlanFile
 
 
@@ -24,11 +24,11 @@ from .plan_schema import NO_FAULTS, PlanFile
 class PlanCheck:
     """What was found in a plan file and in the files that it names. `plan` is None when there are errors."""
 
-    plan: Plan | None
-    faults: tuple[Fault, ...]
+    plan: BatchPlan | None
+    faults: tuple[Diagnostic, ...]
 
 
-def load_plan(path: Path) -> Plan:
+def load_plan(path: Path) -> BatchPlan:
     """Raises FileError with all faults of the plan and of every file that it names."""
     found = check_plan_file(open_document(path, "plan"))
     if found.plan is None:
@@ -36,7 +36,7 @@ def load_plan(path: Path) -> Plan:
     return found.plan
 
 
-def plan_of(words: Mapping[str, object]) -> Plan:
+def plan_of(words: Mapping[str, object]) -> BatchPlan:
     """The plan that these keys of a plan file amount to; their paths are absolute.
 
     Raises FileError with all faults of what they name, PicktreeError for a key or setting that does not fit.
@@ -56,14 +56,14 @@ def plan_of(words: Mapping[str, object]) -> Plan:
     return plan
 
 
-def check_plan(document: Document) -> Iterable[Fault]:
+def check_plan(document: Document) -> Iterable[Diagnostic]:
     """Everything that can be said of a document of kind `plan`."""
     return check_plan_file(document).faults
 
 
 def check_plan_file(document: Document) -> PlanCheck:
     """Everything that can be said of a document of kind `plan`; never raises for what stands in it."""
-    check = Checker(document)
+    check = DocumentChecker(document)
     file = check.read(PlanFile)
     if check.faults:
         return PlanCheck(None, tuple(check.faults))
@@ -78,9 +78,9 @@ def check_plan_file(document: Document) -> PlanCheck:
     return PlanCheck(None if wrong else plan, tuple(faults))
 
 
-def check_files_of(plan: Plan) -> Iterator[Fault]:
+def check_files_of(plan: BatchPlan) -> Iterator[Diagnostic]:
     """The errors in missions, scenes, robots and faults files that the plan names, each once."""
-    seen: dict[Fault, None] = {}
+    seen: dict[Diagnostic, None] = {}
     for scene in plan.scenes:
         for mission in plan.missions:
             seen.update(dict.fromkeys(_faults_of_mission(mission, scene)))
@@ -93,14 +93,14 @@ def check_files_of(plan: Plan) -> Iterator[Fault]:
     yield from (fault for fault in seen if fault.severity == "error")
 
 
-def check_settings(plan: Plan) -> None:
+def check_settings(plan: BatchPlan) -> None:
     """Raises PicktreeError for the first setting that does not fit one of the missions."""
     for name in plan.settings:
         for message in _misfits(plan, name):
             raise PicktreeError(message)
 
 
-def _faults_of_mission(mission: Path, scene: str | None) -> Iterable[Fault]:
+def _faults_of_mission(mission: Path, scene: str | None) -> Iterable[Diagnostic]:
     try:
         check = _checked(mission, scene)
     except FileError as error:
@@ -109,11 +109,11 @@ def _faults_of_mission(mission: Path, scene: str | None) -> Iterable[Fault]:
 
 
 def _checked(mission: Path, scene: str | None) -> MissionCheck:
-    known: Surroundings | None = load_surroundings(scene) if scene is not None else None
+    known: SceneNames | None = load_surroundings(scene) if scene is not None else None
     return check_mission(open_document(mission, "mission"), known=known)
 
 
-def _misfits(plan: Plan, name: str) -> Iterator[str]:
+def _misfits(plan: BatchPlan, name: str) -> Iterator[str]:
     """What is wrong with a setting, for the first mission that it does not fit."""
     for path in plan.missions:
         mission = _checked(path, plan.scenes[0]).mission
@@ -128,12 +128,12 @@ def _misfits(plan: Plan, name: str) -> Iterator[str]:
                 return
 
 
-def _plan(file: PlanFile, source: Path) -> Plan:
+def _plan(file: PlanFile, source: Path) -> BatchPlan:
     folder = source.parent.absolute()
     settings = {
         name: tuple(values) if isinstance(values, list) else (values,) for name, values in file.set.items()
     }
-    return Plan(
+    return BatchPlan(
         name=file.name or source.stem,
         missions=tuple(folder / mission for mission in file.missions),
         seeds=file.seeds,
@@ -142,7 +142,7 @@ def _plan(file: PlanFile, source: Path) -> Plan:
         settings=settings,
         backend=file.backend,
         verify=file.verify,
-        limits=Limits(file.limit, file.wall_limit, file.memory, file.disk),
+        limits=JobLimits(file.limit, file.wall_limit, file.memory, file.disk),
         keep=file.keep,
     )
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, cast
 from pydantic import BeforeValidator, Field, Strict, WithJsonSchema
 
 from ...errors import PicktreeError
-from ...files.models.validation import FileModel, Flag, Wrong, describe, quantity
+from ...files.models.validation import FileModel, Flag, InvalidValue, describe, quantity
 
 if TYPE_CHECKING:
     from ...authoring.schema.schema_parts import Schema
@@ -51,7 +51,7 @@ NO_FAULTS = "none"
 def _seeds(value: object) -> tuple[int, ...]:
     parts: list[object] = cast("list[object]", value) if isinstance(value, list) else [value]
     if not parts or any(isinstance(part, bool) or not isinstance(part, int | str) for part in parts):
-        raise Wrong(
+        raise InvalidValue(
             f"{describe(cast('object', value))} is no list of seeds",
             "as 0:100 (half open) or [3, 7]",
             code="P801",
@@ -59,7 +59,7 @@ def _seeds(value: object) -> tuple[int, ...]:
     try:
         return parse_seeds(",".join(map(str, parts)))
     except PicktreeError as error:
-        raise Wrong(str(error), code="P801") from None
+        raise InvalidValue(str(error), code="P801") from None
 
 
 def _memory(value: object) -> int:
@@ -73,13 +73,13 @@ def _disk(value: object) -> int:
 def _bytes(value: object, of: str) -> int:
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*", value) if isinstance(value, str) else None
     if match is None or match[2] not in _BYTES:
-        raise Wrong(f"{describe(value)} is no amount of {of}", "as 2 GB", code="P801")
+        raise InvalidValue(f"{describe(value)} is no amount of {of}", "as 2 GB", code="P801")
     return round(float(match[1]) * _BYTES[match[2]])
 
 
 def _setting(value: object) -> str:
     if not isinstance(value, str | int | float):
-        raise Wrong(
+        raise InvalidValue(
             f"{describe(value)} is no value of a port", "a text, a number, true or false", code="P801"
         )
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -17,7 +17,7 @@ from ...errors import PicktreeError
 from ..plan.plan import read_plan
 from ..results.store import NAME, Store
 from ..results.views import CELL
-from ..statistics.findings import Worst
+from ..statistics.findings import WorstJob
 from ..statistics.rates import rate
 from ..statistics.summary import summarise
 
@@ -30,7 +30,7 @@ MOST_JOBS = 5_000
 class Linked:
     """A job that missed its goal, and the page that shows it."""
 
-    job: Worst
+    job: WorstJob
     report: Path | None
 
 
@@ -98,7 +98,7 @@ def _jobs(folder: Path, store: Store, output: Path) -> list[dict[str, Any]]:
     ]
 
 
-def _linked(folder: Path, worst: tuple[Worst, ...], runs: int) -> list[Linked]:
+def _linked(folder: Path, worst: tuple[WorstJob, ...], runs: int) -> list[Linked]:
     found: list[Linked] = []
     made = 0
     for job in worst:

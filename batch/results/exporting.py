@@ -13,7 +13,7 @@ from ...analysis.export.tables.columns import Cell
 from ...analysis.export.tables.csv_file import said
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
-from ...logs.optional_libraries import extra
+from ...logs.optional_libraries import optional_import
 from .store import Store
 from .tables import TABLES, TableOf
 
@@ -23,7 +23,7 @@ _Write: TypeAlias = Callable[[Path, TableOf, Rows], int]
 
 
 @dataclass(frozen=True, slots=True)
-class Exported:
+class ExportedTables:
     """What was written: rows by file."""
 
     form: Form
@@ -41,7 +41,7 @@ class Exported:
         return json.dumps(said, ensure_ascii=False, indent=2) + "\n"
 
 
-def export(store: Store, form: Form, output: Path) -> Exported:
+def export(store: Store, form: Form, output: Path) -> ExportedTables:
     """Write every table to the folder `output`: all of them whole, or none.
 
     Raises PicktreeError when it cannot be written or a library is missing.
@@ -55,13 +55,13 @@ def export(store: Store, form: Form, output: Path) -> Exported:
         output.mkdir(parents=True, exist_ok=True)
         with store.reading() as rows:
             counts = [write(path, table, rows(table)) for path, table in zip(beside, TABLES, strict=True)]
-    return Exported(form, output, dict(zip(paths, counts, strict=True)))
+    return ExportedTables(form, output, dict(zip(paths, counts, strict=True)))
 
 
 def _writer(form: Form) -> _Write:
     if form == "csv":
         return _write_csv
-    with extra("parquet", "pyarrow", "An export to Parquet"):
+    with optional_import("parquet", "pyarrow", "An export to Parquet"):
         from .parquet_tables import write_parquet
     return write_parquet
 

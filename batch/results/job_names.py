@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...errors import PicktreeError
-from ...files.value_wording import nearest
+from ...files.value_wording import suggest_name
 from ..plan.plan import Job
 from .store import NAME, Store
 
@@ -32,7 +32,7 @@ def choose_label(wanted: str, labels: Sequence[str], where: str, folder: Path, a
     exact = [label for label in labels if label == wanted]
     fitting = exact or [label for label in labels if wanted in label]
     if len(fitting) != 1:
-        hint = nearest(wanted, labels) if wanted and not fitting else "one of " + "; ".join(labels)
+        hint = suggest_name(wanted, labels) if wanted and not fitting else "one of " + "; ".join(labels)
         raise PicktreeError(f"{where}: name one recipe as {folder}@LABEL{after} ({hint})")
     return fitting[0]
 

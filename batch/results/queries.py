@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 from ...analysis.export.tables.columns import Cell
 from ...errors import PicktreeError
-from ...files.value_wording import nearest
+from ...files.value_wording import suggest_name
 from .tables import TABLES, TableOf
 from .views import VIEWS
 
@@ -23,7 +23,7 @@ Read: TypeAlias = Callable[[TableOf], Iterator[tuple[Cell, ...]]]
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class QueryResult:
     """The answer to a query."""
 
     columns: tuple[str, ...]
@@ -59,20 +59,20 @@ class Table:
         return json.dumps({"columns": self.columns, "rows": rows}, ensure_ascii=False) + "\n"
 
 
-def answered(path: Path, sql: str) -> Table:
+def run_query(path: Path, sql: str) -> QueryResult:
     """What a SELECT answers. Raises PicktreeError for faulty SQL, and for what would change anything."""
     try:
         with closing(_connection(path)) as connection:
             cursor = connection.execute(sql)
             if cursor.description is None:
                 raise PicktreeError("the query cannot be answered: it is no SELECT")
-            return Table(tuple(column[0] for column in cursor.description), tuple(cursor.fetchall()))
+            return QueryResult(tuple(column[0] for column in cursor.description), tuple(cursor.fetchall()))
     except (sqlite3.Error, sqlite3.Warning) as error:
         raise PicktreeError(f"the query cannot be answered: {_in_words(error)}") from None
 
 
 @contextmanager
-def reading(path: Path) -> Generator[Read]:
+def read_tables(path: Path) -> Generator[Read]:
     """The rows of each table, all as they are at one moment: in the order of the jobs, those of a job as they
     were recorded. Raises PicktreeError when they cannot be read."""
     with closing(_connection(path)) as connection:
@@ -108,10 +108,10 @@ def _in_words(error: Exception) -> str:
     match missing:
         case "no such table":
             known = [*(table.name for table in TABLES), *(view.name for view in VIEWS)]
-            return f"{said} ({nearest(name, known)})"
+            return f"{said} ({suggest_name(name, known)})"
         case "no such column":
             columns = sorted({column.name for table in TABLES for column in table.columns})
-            hint = nearest(name.rpartition(".")[2], columns)
+            hint = suggest_name(name.rpartition(".")[2], columns)
             return f"{said} ({hint})" if hint.startswith("did") else said  # there are too many to list
         case "attempt to write a readonly database":
             return "it would change the results; a query only reads them"

@@ -18,7 +18,7 @@ JobStatus: TypeAlias = RunStatus | Literal["crashed"]
 
 
 @dataclass(frozen=True, slots=True)
-class ItemRow:
+class JobItemRow:
     """One true item, and where the scorer found it. `x`, `y`: in the world, m, when it arrived."""
 
     item: str
@@ -35,7 +35,7 @@ class ItemRow:
 
 
 @dataclass(frozen=True, slots=True)
-class PickRow:
+class JobPickRow:
     """One closing of the fingers."""
 
     time: float
@@ -45,7 +45,7 @@ class PickRow:
 
 
 @dataclass(frozen=True, slots=True)
-class FailureRow:
+class JobFailureRow:
     """One failure with what became of it; see `logs.explaining`."""
 
     time: float
@@ -89,7 +89,7 @@ class PlantedRow:
 
 
 @dataclass(frozen=True, slots=True)
-class PlanRow:
+class JobPlanRow:
     """One request to the planner."""
 
     time: float
@@ -102,7 +102,7 @@ class PlanRow:
 
 
 @dataclass(frozen=True, slots=True)
-class TimingRow:
+class JobTimingRow:
     """Simulated s that a run spent in one phase."""
 
     phase: Phase
@@ -151,13 +151,13 @@ class JobRows:
     """Everything that is kept of one job."""
 
     job: JobRow
-    items: tuple[ItemRow, ...] = ()
-    picks: tuple[PickRow, ...] = ()
-    failures: tuple[FailureRow, ...] = ()
+    items: tuple[JobItemRow, ...] = ()
+    picks: tuple[JobPickRow, ...] = ()
+    failures: tuple[JobFailureRow, ...] = ()
     episodes: tuple[EpisodeRow, ...] = ()
     planted: tuple[PlantedRow, ...] = ()
-    plans: tuple[PlanRow, ...] = ()
-    timings: tuple[TimingRow, ...] = ()
+    plans: tuple[JobPlanRow, ...] = ()
+    timings: tuple[JobTimingRow, ...] = ()
     versions: dict[str, str] = field(default_factory=dict[str, str])
 
     def to_json(self) -> bytes:

@@ -11,30 +11,30 @@ from pathlib import Path
 
 from ...errors import PicktreeError
 from ..plan.plan import Job, Variant
-from .queries import Read, Table, answered, reading
+from .queries import QueryResult, Read, read_tables, run_query
 from .rows import (
     CrashRow,
     EpisodeRow,
-    FailureRow,
-    ItemRow,
+    JobFailureRow,
+    JobItemRow,
+    JobPickRow,
+    JobPlanRow,
     JobRow,
     JobRows,
-    PickRow,
-    PlanRow,
+    JobTimingRow,
     PlantedRow,
-    TimingRow,
 )
 from .tables import VERSION, schema
 
 NAME = "results.sqlite"
 _CHILDREN = {
-    "items": ItemRow,
-    "picks": PickRow,
-    "failures": FailureRow,
+    "items": JobItemRow,
+    "picks": JobPickRow,
+    "failures": JobFailureRow,
     "episodes": EpisodeRow,
     "planted": PlantedRow,
-    "plans": PlanRow,
-    "timings": TimingRow,
+    "plans": JobPlanRow,
+    "timings": JobTimingRow,
 }
 
 
@@ -213,13 +213,13 @@ class Store:
                 f"mend that, and go on with --resume {self.path.parent}"
             ) from None
 
-    def query(self, sql: str) -> Table:
+    def query(self, sql: str) -> QueryResult:
         """What a SELECT answers; nothing can be changed by it. Raises PicktreeError for faulty SQL."""
-        return answered(self.path, sql)
+        return run_query(self.path, sql)
 
     def reading(self) -> AbstractContextManager[Read]:
         """See `answers.reading`."""
-        return reading(self.path)
+        return read_tables(self.path)
 
     def _insert(self, table: str, kind: type, job: str, rows: Sequence[object]) -> None:
         names = [field.name for field in fields(kind)]

@@ -18,7 +18,7 @@ def cell_of(coordinate: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class SqlView:
     name: str
     question: str
     select: str
@@ -28,7 +28,7 @@ class View:
 
 
 VIEWS = (
-    View(
+    SqlView(
         "success",
         "how often did each recipe reach its goal?",
         """
@@ -36,14 +36,14 @@ VIEWS = (
            sum(status = 'crashed') AS crashed, avg(sim_seconds) AS mean_sim_seconds
     FROM jobs WHERE status <> 'waiting' GROUP BY variant ORDER BY min(number)""",
     ),
-    View(
+    SqlView(
         "picks_an_hour",
         "how many objects does each job hold in a simulated hour?",
         """
     SELECT job, variant, seed, picks_held * 3600.0 / sim_seconds AS rate
     FROM jobs WHERE sim_seconds > 0 AND picks_held IS NOT NULL""",
     ),
-    View(
+    SqlView(
         "cycle_time",
         "where does each recipe spend its time?",
         """
@@ -53,7 +53,7 @@ VIEWS = (
     FROM timings JOIN jobs USING (job) JOIN held USING (variant)
     GROUP BY variant, phase ORDER BY min(number), sum(seconds) DESC""",
     ),
-    View(
+    SqlView(
         "first_try",
         "how often does the first grasp at an object hold?",
         """
@@ -64,7 +64,7 @@ VIEWS = (
            avg(CASE try WHEN 1 THEN held END) AS share, count(*) AS tries
     FROM tries JOIN jobs USING (job) GROUP BY variant ORDER BY min(number)""",
     ),
-    View(
+    SqlView(
         "causes",
         "why do things fail, the most frequent first?",
         """
@@ -72,7 +72,7 @@ VIEWS = (
            count(DISTINCT job) AS jobs, sum(seconds_lost) AS seconds_lost
     FROM failures GROUP BY cause ORDER BY count(*) DESC, cause""",
     ),
-    View(
+    SqlView(
         "causes_by_recipe",
         "why does each recipe fail?",
         """
@@ -80,7 +80,7 @@ VIEWS = (
            count(DISTINCT job) AS jobs, sum(seconds_lost) AS seconds_lost
     FROM failures JOIN jobs USING (job) GROUP BY variant, cause ORDER BY min(number), count(*) DESC""",
     ),
-    View(
+    SqlView(
         "cures",
         "for each cause of a job, what was tried last against it, and with which success?",
         """
@@ -90,7 +90,7 @@ VIEWS = (
            sum(CASE ended WHEN 'cured' THEN tries ELSE 0 END) AS tries_cured, sum(seconds) AS seconds
     FROM episodes GROUP BY job, cause, handler""",
     ),
-    View(
+    SqlView(
         "cures_by_recipe",
         "against which causes does each recipe know a cure?",
         """
@@ -100,7 +100,7 @@ VIEWS = (
     FROM cures JOIN jobs USING (job) GROUP BY variant, cause, handler
     ORDER BY min(number), cause, sum(cured) DESC, sum(seen) DESC, handler""",
     ),
-    View(
+    SqlView(
         "cures_by_cause",
         "how many troubles of each cause are cured, with Wilson's 95 % interval, and what do they cost?",
         f"""
@@ -118,7 +118,7 @@ VIEWS = (
            tries_a_cure, seconds, jobs
     FROM shares ORDER BY seconds DESC, seen DESC, cause""",
     ),
-    View(
+    SqlView(
         "planted_seen",
         "as what is each kind of planted fault seen first, and is that cured?",
         """
@@ -126,7 +126,7 @@ VIEWS = (
     FROM planted JOIN jobs USING (job) GROUP BY variant, fault, cause, ended
     ORDER BY min(number), fault, count(*) DESC, cause, ended""",
     ),
-    View(
+    SqlView(
         "failures_by_seed",
         "which seeds are hard for every recipe?",
         """
@@ -135,19 +135,19 @@ VIEWS = (
            sum(items_total - items_sorted) AS missed
     FROM jobs WHERE status <> 'waiting' GROUP BY seed ORDER BY missed DESC, failures DESC, seed""",
     ),
-    View(
+    SqlView(
         "sorted_by_form",
         "which forms are sorted?",
         """
     SELECT form, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items GROUP BY form""",
     ),
-    View(
+    SqlView(
         "sorted_by_colour",
         "which colours are sorted?",
         """
     SELECT colour, count(*) AS items, sum(verdict = 'sorted') AS sorted FROM items GROUP BY colour""",
     ),
-    View(
+    SqlView(
         "sorted_by_place",
         "where on the table are items sorted, in cells of 5 cm?",
         f"""
@@ -155,7 +155,7 @@ VIEWS = (
            count(*) AS items, sum(verdict = 'sorted') AS sorted
     FROM items GROUP BY 1, 2 ORDER BY 1, 2""",
     ),
-    View(
+    SqlView(
         "slowest",
         "which jobs took the most simulated time for a pick?",
         """
@@ -163,7 +163,7 @@ VIEWS = (
            look_at, folder
     FROM jobs WHERE picks_held > 0 ORDER BY seconds_a_pick DESC, number""",
     ),
-    View(
+    SqlView(
         "worst",
         "which jobs missed their goal, the most items missed first?",
         """

@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from ...logs.schema.arithmetic_record import departure
-from .differences import Difference, Outcome, Recipe, paired_difference, read_recipe, unpaired_difference
+from .differences import (
+    JobOutcome,
+    MeanDifference,
+    RecipeOutcomes,
+    paired_difference,
+    read_recipe,
+    unpaired_difference,
+)
 from .rates import (
     SIGNIFICANT,
     Interval,
@@ -34,7 +41,7 @@ class Criterion:
     words: str
     """What the better one does."""
     more_is_better: bool
-    difference: Difference
+    difference: MeanDifference
     """In a share, for `goal`; else of a job."""
     adjusted: float = 1.0
     """The p value by Holm's method, over all criteria."""
@@ -52,13 +59,13 @@ class CauseChange:
     """Failures of one cause, of a job."""
 
     cause: str
-    difference: Difference
+    difference: MeanDifference
     adjusted: float = 1.0
     """The p value by Holm's method, over all causes: they explain and do not decide."""
 
 
 @dataclass(frozen=True, slots=True)
-class Changed:
+class ChangedSeed:
     """A seed on which one recipe succeeded and the other did not."""
 
     seed: int
@@ -72,7 +79,7 @@ class Changed:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class RecipeComparison:
     label_a: str
     label_b: str
     success_a: Rate
@@ -82,7 +89,7 @@ class Comparison:
     criteria: tuple[Criterion, ...]
     causes: tuple[CauseChange, ...]
     """The clearest first."""
-    changed: tuple[Changed, ...]
+    changed: tuple[ChangedSeed, ...]
     shared: int
     """Seeds that both have."""
     alone: int
@@ -99,7 +106,7 @@ class Comparison:
         return next(criterion for criterion in self.criteria if criterion.name == name)
 
 
-def compare(a: str, b: str, *, unpaired: bool = False) -> Comparison:
+def compare(a: str, b: str, *, unpaired: bool = False) -> RecipeComparison:
     """`a` and `b` are batches' folders, or FOLDER@LABEL for one recipe of several.
 
     They are paired by seed, unless they share less than half of their seeds, or `unpaired` says so. Raises
@@ -108,7 +115,7 @@ def compare(a: str, b: str, *, unpaired: bool = False) -> Comparison:
     return compare_recipes(read_recipe(a), read_recipe(b), unpaired=unpaired)
 
 
-def compare_recipes(a: Recipe, b: Recipe, *, unpaired: bool = False) -> Comparison:
+def compare_recipes(a: RecipeOutcomes, b: RecipeOutcomes, *, unpaired: bool = False) -> RecipeComparison:
     shared = sorted(set(a.outcomes) & set(b.outcomes))
     by_seed = not unpaired and len(shared) >= _ENOUGH * min(len(a.outcomes), len(b.outcomes))
     pairs = [(a.outcomes[seed], b.outcomes[seed]) for seed in shared]
@@ -118,7 +125,7 @@ def compare_recipes(a: Recipe, b: Recipe, *, unpaired: bool = False) -> Comparis
         else (list(a.outcomes.values()), list(b.outcomes.values()))
     )
 
-    def difference(value: Callable[[Outcome], float | None]) -> Difference:
+    def difference(value: Callable[[JobOutcome], float | None]) -> MeanDifference:
         if by_seed:
             both = ((value(x), value(y)) for x, y in pairs)
             return paired_difference([(x, y) for x, y in both if x is not None and y is not None])
@@ -126,7 +133,7 @@ def compare_recipes(a: Recipe, b: Recipe, *, unpaired: bool = False) -> Comparis
 
     rate_a, rate_b = (rate(sum(x.success for x in side), len(side)) for side in (of_a, of_b))
     table = paired([(x.success, y.success) for x, y in pairs]) if by_seed else None
-    return Comparison(
+    return RecipeComparison(
         a.label,
         b.label,
         rate_a,
@@ -141,7 +148,7 @@ def compare_recipes(a: Recipe, b: Recipe, *, unpaired: bool = False) -> Comparis
     )
 
 
-def _departure(a: Recipe, b: Recipe) -> str:
+def _departure(a: RecipeOutcomes, b: RecipeOutcomes) -> str:
     """Of the jobs of B from those of A, or of some jobs of one from the others of it."""
     sides = ((a, b, "in B"), (a, a, "in other jobs of A"), (b, b, "in other jobs of B"))
     said = (
@@ -154,7 +161,7 @@ def _departure(a: Recipe, b: Recipe) -> str:
 
 
 def _criteria(
-    goal: Difference, difference: Callable[[Callable[[Outcome], float | None]], Difference]
+    goal: MeanDifference, difference: Callable[[Callable[[JobOutcome], float | None]], MeanDifference]
 ) -> tuple[Criterion, ...]:
     found = (
         Criterion("goal", "reaches the goal more often", True, goal),
@@ -167,19 +174,19 @@ def _criteria(
     return tuple(replace(c, adjusted=p_value) for c, p_value in zip(found, adjusted, strict=True))
 
 
-def _goal(a: Rate, b: Rate, table: Paired | None) -> Difference:
+def _goal(a: Rate, b: Rate, table: Paired | None) -> MeanDifference:
     interval: Interval
     if table is not None:
         interval, p_value = difference_of_paired_rates(table), table.p_value
     else:
         interval, p_value = difference_of_rates(a, b), equal_rates_p(a, b)
-    return Difference(a.share, b.share, interval, p_value, min(a.total, b.total))
+    return MeanDifference(a.share, b.share, interval, p_value, min(a.total, b.total))
 
 
 def _causes(
-    a: Iterable[Outcome],
-    b: Iterable[Outcome],
-    difference: Callable[[Callable[[Outcome], float | None]], Difference],
+    a: Iterable[JobOutcome],
+    b: Iterable[JobOutcome],
+    difference: Callable[[Callable[[JobOutcome], float | None]], MeanDifference],
 ) -> tuple[CauseChange, ...]:
     names = sorted({cause for outcome in (*a, *b) for cause in outcome.causes})
     found = [difference(lambda outcome, cause=cause: outcome.causes.get(cause, 0)) for cause in names]
@@ -188,12 +195,12 @@ def _causes(
     return tuple(sorted(changes, key=lambda c: (c.difference.p_value, -abs(c.difference.mean), c.cause)))
 
 
-def _changed(x: Outcome, y: Outcome, a: Recipe, b: Recipe) -> Changed:
+def _changed(x: JobOutcome, y: JobOutcome, a: RecipeOutcomes, b: RecipeOutcomes) -> ChangedSeed:
     folders = [
         str((recipe.folder / o.folder).absolute()) if o.folder else "" for recipe, o in ((a, x), (b, y))
     ]
     sides: tuple[Side, Side] = ("A", "B")
-    return Changed(
+    return ChangedSeed(
         x.seed,
         "A" if x.success else "B",
         (folders[0], folders[1]) if all(folders) else None,

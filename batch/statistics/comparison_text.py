@@ -8,8 +8,8 @@ import shlex
 from collections.abc import Iterator
 from typing import Any
 
-from .comparison import Changed, Comparison
-from .differences import Difference
+from .comparison import ChangedSeed, RecipeComparison
+from .differences import MeanDifference
 from .rates import SIGNIFICANT
 
 _TITLES = {
@@ -22,16 +22,16 @@ _TITLES = {
 _MOST_CAUSES = 8
 
 
-def text_of(found: Comparison, program: str = "picktree") -> str:
+def text_of(found: RecipeComparison, program: str = "picktree") -> str:
     """For a terminal, without a line's end. `program`: what to type for picktree, in commands to copy."""
     return "\n".join(_lines(found, program))
 
 
-def json_text_of(found: Comparison) -> str:
+def json_text_of(found: RecipeComparison) -> str:
     return json.dumps(_json(found), ensure_ascii=False, indent=2, allow_nan=False) + "\n"
 
 
-def _lines(found: Comparison, program: str) -> Iterator[str]:
+def _lines(found: RecipeComparison, program: str) -> Iterator[str]:
     yield f"A  {found.label_a}: goal reached {found.success_a}"
     yield f"B  {found.label_b}: goal reached {found.success_b}"
     table = found.paired
@@ -75,7 +75,7 @@ def _row(title: str, a: str, b: str, difference: str, p_value: str, adjusted: st
     return f"{title:<22} {a:>8} {b:>8}  {difference:<28} {p_value:>7} {adjusted:>7}"
 
 
-def _difference_row(title: str, found: Difference, adjusted: float, scale: float = 1.0) -> str:
+def _difference_row(title: str, found: MeanDifference, adjusted: float, scale: float = 1.0) -> str:
     digits = 1 if scale != 1.0 else 2
 
     def said(value: float | None) -> str:
@@ -94,14 +94,14 @@ def _p(value: float) -> str:
     return f"{value:.3f}" if value >= 0.001 else "< 0.001"
 
 
-def _changed_lines(changed: Changed, program: str) -> Iterator[str]:
+def _changed_lines(changed: ChangedSeed, program: str) -> Iterator[str]:
     said = f"  seed {changed.seed}: {changed.winner} alone reached its goal"
     yield f"{said}; {changed.parting}" if changed.parting else said
     if changed.logs is not None:
         yield f"    {program} diff {shlex.join(changed.logs)}"
 
 
-def _json(found: Comparison) -> dict[str, Any]:
+def _json(found: RecipeComparison) -> dict[str, Any]:
     table = found.paired
     return {
         "a": found.label_a,
@@ -132,7 +132,7 @@ def _json(found: Comparison) -> dict[str, Any]:
     }
 
 
-def _difference_json(found: Difference) -> dict[str, Any]:
+def _difference_json(found: MeanDifference) -> dict[str, Any]:
     finite = math.isfinite(found.interval.low)
     return {
         "a": found.a,

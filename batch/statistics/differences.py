@@ -22,7 +22,7 @@ from .rates import CONFIDENCE, Interval
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class JobOutcome:
     """Of one job; None where it crashed before it could be told."""
 
     job: str
@@ -57,18 +57,18 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
+class RecipeOutcomes:
     """One recipe of a batch, and what came of its jobs, by seed."""
 
     label: str
     """With the batch's folder, as it is named on the command line."""
     folder: Path
-    outcomes: Mapping[int, Outcome]
+    outcomes: Mapping[int, JobOutcome]
     arithmetics: tuple[Arithmetic, ...] = ()
     """Of the processes that computed its jobs, without repetition."""
 
 
-def read_recipe(where: str) -> Recipe:
+def read_recipe(where: str) -> RecipeOutcomes:
     """`where`: a batch's folder, or FOLDER@LABEL for one recipe of several.
 
     Raises PicktreeError when there is no such recipe, or none of its jobs was run.
@@ -87,14 +87,14 @@ def read_recipe(where: str) -> Recipe:
     for job, cause, count in failures:
         causes.setdefault(job, Counter())[cause] = count
     found = {
-        seed: Outcome(job, seed, bool(success), *rest, causes=causes.get(job, Counter()))
+        seed: JobOutcome(job, seed, bool(success), *rest, causes=causes.get(job, Counter()))
         for variant, job, seed, success, *rest in jobs
         if variant == label
     }
     if not found:
         raise PicktreeError(f"{where}: none of its jobs was run: there is nothing to compare")
     name = folder.absolute().name
-    return Recipe(
+    return RecipeOutcomes(
         name if len(labels) == 1 else f"{name}@{label}",
         folder,
         found,
@@ -122,7 +122,7 @@ _Numbers: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class MeanDifference:
     """Mean of B less that of A."""
 
     a: float | None
@@ -140,14 +140,14 @@ class Difference:
         return self.b - self.a if self.a is not None and self.b is not None else 0.0
 
 
-def paired_difference(pairs: Sequence[tuple[float, float]]) -> Difference:
+def paired_difference(pairs: Sequence[tuple[float, float]]) -> MeanDifference:
     """Of values of A and B for the same seed.
 
     The test swaps A and B within pairs, which changes nothing when both are one recipe. Pairs that are equal
     do not count for it.
     """
     if not pairs:
-        return Difference(None, None, Interval(-math.inf, math.inf), 1.0, 0)
+        return MeanDifference(None, None, Interval(-math.inf, math.inf), 1.0, 0)
     values = np.array(pairs, dtype=float)
     apart = values[:, 1] - values[:, 0]
     changed = apart[apart != 0.0]
@@ -156,21 +156,21 @@ def paired_difference(pairs: Sequence[tuple[float, float]]) -> Difference:
         p_value = _p_value((changed,), _mean, "samples")
     mean_a, mean_b = (float(mean) for mean in values.mean(axis=0))
     interval = _interval((apart,), _mean)
-    return Difference(mean_a, mean_b, interval, p_value, len(pairs))
+    return MeanDifference(mean_a, mean_b, interval, p_value, len(pairs))
 
 
-def unpaired_difference(a: Sequence[float], b: Sequence[float]) -> Difference:
+def unpaired_difference(a: Sequence[float], b: Sequence[float]) -> MeanDifference:
     """Of values of independent jobs. The test hands the jobs out to A and B anew."""
     one, other = np.array(a, dtype=float), np.array(b, dtype=float)
     mean_a = float(one.mean()) if len(one) else None
     mean_b = float(other.mean()) if len(other) else None
     count = min(len(one), len(other))
     if not count:
-        return Difference(mean_a, mean_b, Interval(-math.inf, math.inf), 1.0, 0)
+        return MeanDifference(mean_a, mean_b, Interval(-math.inf, math.inf), 1.0, 0)
     p_value = 1.0
     if len({*one.tolist(), *other.tolist()}) > 1:
         p_value = _p_value((one, other), _apart, "independent")
-    return Difference(mean_a, mean_b, _interval((one, other), _apart), p_value, count)
+    return MeanDifference(mean_a, mean_b, _interval((one, other), _apart), p_value, count)
 
 
 def _mean(values: _Numbers, axis: int = -1) -> Any:

@@ -42,7 +42,7 @@ class Spread:
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
+class RecipeSummary:
     """One variant of the plan over its seeds."""
 
     label: str
@@ -60,7 +60,7 @@ class Recipe:
 
 
 @dataclass(frozen=True, slots=True)
-class CauseCount:
+class CauseTotal:
     cause: str
     failures: int
     cured: int
@@ -78,7 +78,7 @@ class Share:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class TableCellShare:
     """Of the items that arrived in one cell of the table: sorted. Its corner with least x and y, m, world."""
 
     x: float
@@ -91,11 +91,11 @@ class Breakdown:
     """Of one recipe, or of all together (`label` is empty)."""
 
     label: str
-    causes: tuple[CauseCount, ...]
+    causes: tuple[CauseTotal, ...]
     """The most frequent first."""
     forms: tuple[Share, ...]
     colours: tuple[Share, ...]
-    places: tuple[Place, ...]
+    places: tuple[TableCellShare, ...]
     cures: tuple[episode_counts.CauseCount, ...] = ()
     """What was seen, tried and cured, what cost the most time first; see `logs.episodes.episode`."""
     planted: tuple[PlantedCount, ...] = ()
@@ -103,7 +103,7 @@ class Breakdown:
 
 
 @dataclass(frozen=True, slots=True)
-class Worst:
+class WorstJob:
     """A job that missed its goal."""
 
     job: str
@@ -121,13 +121,13 @@ class BatchSummary:
     folder: Path
     total: int
     waiting: int
-    recipes: tuple[Recipe, ...]
+    recipes: tuple[RecipeSummary, ...]
     together: Breakdown
     by_recipe: tuple[Breakdown, ...]
-    worst: tuple[Worst, ...]
+    worst: tuple[WorstJob, ...]
 
     @property
-    def causes(self) -> tuple[CauseCount, ...]:
+    def causes(self) -> tuple[CauseTotal, ...]:
         return self.together.causes
 
     @property
@@ -239,7 +239,7 @@ def _shares(shares: tuple[Share, ...]) -> str:
     return ", ".join(f"{s.label} {s.rate.successes} of {s.rate.total}" for s in shares)
 
 
-def _worst_places(places: tuple[Place, ...]) -> str:
+def _worst_places(places: tuple[TableCellShare, ...]) -> str:
     lacking = [p for p in places if p.rate.successes < p.rate.total]
     if not lacking:
         return "all, everywhere"
@@ -249,7 +249,7 @@ def _worst_places(places: tuple[Place, ...]) -> str:
     return "; ".join(said) + more
 
 
-def _recipe_json(recipe: Recipe) -> dict[str, Any]:
+def _recipe_json(recipe: RecipeSummary) -> dict[str, Any]:
     spread = recipe.picks_an_hour
     return {
         "label": recipe.label,

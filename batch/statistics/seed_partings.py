@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...analysis.compare.alignment import Alignment, align
-from ...analysis.compare.divergence import Parting
+from ...analysis.compare.divergence import Divergence
 from ...analysis.compare.message_fields import value_text
 from ...analysis.compare.run_settings import value_changes
 from ...analysis.compare.text.divergence_text import HOW
@@ -20,19 +20,19 @@ from ..results.store import NAME, Store
 from ..workers.executor import Executor
 from ..workers.local_executor import LocalExecutor
 from ..workers.rerun_job import remake_into
-from .comparison import Changed, Comparison, Side
-from .differences import Recipe
+from .comparison import ChangedSeed, RecipeComparison, Side
+from .differences import RecipeOutcomes
 
 
-def with_partings(
-    found: Comparison,
-    a: Recipe,
-    b: Recipe,
+def with_divergences(
+    found: RecipeComparison,
+    a: RecipeOutcomes,
+    b: RecipeOutcomes,
     most: int,
     *,
     remake: bool = False,
     say: Callable[[str], None] = lambda text: None,
-) -> Comparison:
+) -> RecipeComparison:
     """With the place where the runs part, for up to `most` of the seeds that changed sides.
 
     `remake`: logs that were not kept are made again for it, and dropped afterwards; `say` is told which.
@@ -48,9 +48,9 @@ def with_partings(
 
 @contextmanager
 def _logs(
-    changed: Changed, a: Recipe, b: Recipe, executor: Executor, say: Callable[[str], None]
+    changed: ChangedSeed, a: RecipeOutcomes, b: RecipeOutcomes, executor: Executor, say: Callable[[str], None]
 ) -> Generator[tuple[Path, Path]]:
-    def log(recipe: Recipe, side: Side, scratch: Path) -> Path:
+    def log(recipe: RecipeOutcomes, side: Side, scratch: Path) -> Path:
         outcome = recipe.outcomes[changed.seed]
         kept = recipe.folder / outcome.folder
         if outcome.folder and kept.is_dir():
@@ -67,12 +67,12 @@ def _logs(
 def _said(log_a: Path, log_b: Path) -> str:
     try:
         with Run(log_a) as a, Run(log_b) as b:
-            return parting_line(align(a, b), a)
+            return divergence_line(align(a, b), a)
     except PicktreeError as error:
         return f"they cannot be aligned: {error}"
 
 
-def parting_line(found: Alignment, a: Run) -> str:
+def divergence_line(found: Alignment, a: Run) -> str:
     """Where they part, and where something first ends otherwise, when they part in something else before."""
     parting = found.parting
     if parting is None:
@@ -88,7 +88,7 @@ def parting_line(found: Alignment, a: Run) -> str:
     return said
 
 
-def _what(parting: Parting) -> str:
+def _what(parting: Divergence) -> str:
     a, b = parting.a, parting.b
     match parting.how:
         case "inputs" if a is not None and b is not None:

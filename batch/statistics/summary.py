@@ -9,7 +9,16 @@ from typing import Any
 from ...logs.episodes.episode_counts import CureCount, PlantedCount, added_cures, added_planted, by_cause
 from ..results.store import Store
 from ..results.views import CELL, cell_of
-from .findings import BatchSummary, Breakdown, CauseCount, Place, Recipe, Share, Spread, Worst
+from .findings import (
+    BatchSummary,
+    Breakdown,
+    CauseTotal,
+    RecipeSummary,
+    Share,
+    Spread,
+    TableCellShare,
+    WorstJob,
+)
 from .rates import Rate, rate
 
 _WORST = 10
@@ -30,11 +39,11 @@ def summarise(store: Store) -> BatchSummary:
         recipes,
         together,
         by_recipe,
-        tuple(Worst(*row) for row in worst),
+        tuple(WorstJob(*row) for row in worst),
     )
 
 
-def _recipes(store: Store) -> tuple[Recipe, ...]:
+def _recipes(store: Store) -> tuple[RecipeSummary, ...]:
     counts = _rows(
         store,
         "SELECT variant, count(*), sum(status = 'success'), sum(status = 'crashed'), "
@@ -53,7 +62,7 @@ def _recipes(store: Store) -> tuple[Recipe, ...]:
         if seconds is not None:
             spent[variant][phase] = seconds
     return tuple(
-        Recipe(
+        RecipeSummary(
             label,
             rate(successes, jobs),
             rate(items_sorted, items_total),
@@ -68,8 +77,8 @@ def _recipes(store: Store) -> tuple[Recipe, ...]:
 
 def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...], Breakdown]:
     """Of each recipe, and of all together."""
-    causes: list[tuple[str, CauseCount]] = [
-        (variant, CauseCount(*row))
+    causes: list[tuple[str, CauseTotal]] = [
+        (variant, CauseTotal(*row))
         for variant, *row in _rows(
             store,
             "SELECT variant, cause, failures, cured, jobs, coalesce(seconds_lost, 0) FROM causes_by_recipe",
@@ -95,7 +104,10 @@ def _breakdowns(store: Store, labels: list[str]) -> tuple[tuple[Breakdown, ...],
             _added_causes(cause for variant, cause in causes if wanted(variant)),
             tuple(Share(name, r) for (name,), r in _added(forms, wanted)),
             tuple(Share(name, r) for (name,), r in _added(colours, wanted)),
-            tuple(Place(round(i * CELL, 9), round(j * CELL, 9), r) for (i, j), r in _added(places, wanted)),
+            tuple(
+                TableCellShare(round(i * CELL, 9), round(j * CELL, 9), r)
+                for (i, j), r in _added(places, wanted)
+            ),
             by_cause(added_cures(cure for variant, cure in cures if wanted(variant))),
             added_planted(fault for variant, fault in planted if wanted(variant)),
         )
@@ -116,12 +128,12 @@ def _added(
     return [(key, rate(good, total)) for key, (total, good) in counts.items()]
 
 
-def _added_causes(causes: Iterable[CauseCount]) -> tuple[CauseCount, ...]:
+def _added_causes(causes: Iterable[CauseTotal]) -> tuple[CauseTotal, ...]:
     """The most frequent first. A job is of one recipe, so that jobs add up, too."""
-    sums: dict[str, CauseCount] = {}
+    sums: dict[str, CauseTotal] = {}
     for c in causes:
-        b = sums.get(c.cause, CauseCount(c.cause, 0, 0, 0, 0.0))
-        sums[c.cause] = CauseCount(
+        b = sums.get(c.cause, CauseTotal(c.cause, 0, 0, 0, 0.0))
+        sums[c.cause] = CauseTotal(
             c.cause,
             b.failures + c.failures,
             b.cured + c.cured,

@@ -15,11 +15,11 @@ from typing import Literal, Protocol, TypeAlias
 from ...analysis.run import Run
 from ...errors import PicktreeError
 from ...session.session import LOG
-from ..plan.plan import Job, Plan, jobs_of, read_plan, write_plan
+from ..plan.plan import BatchPlan, Job, jobs_of, read_plan, write_plan
 from ..results.rows import CrashRow, JobRow, JobRows
 from ..results.store import NAME, Store
 from . import job_output
-from .executor import Event, Executor, Failed, Finished, Order, Stopped
+from .executor import Event, Executor, JobFailed, JobFinished, JobOrder, JobStopped
 
 _JOBS = "jobs"
 
@@ -28,7 +28,7 @@ def try_folder(batch: Path, job: str, attempt: int) -> Path:
     return batch / _JOBS / f"{job}-{attempt}"
 
 
-def result_of(order: Order) -> JobRows | None:
+def result_of(order: JobOrder) -> JobRows | None:
     """What the try came to; None when it came to nothing, or nothing that can be read."""
     try:
         return JobRows.from_json(order.result.read_bytes(), order.result)
@@ -36,13 +36,13 @@ def result_of(order: Order) -> JobRows | None:
         return None
 
 
-def run_folder(order: Order, batch: Path) -> str:
+def run_folder(order: JobOrder, batch: Path) -> str:
     """Of the run with its log, below the batch's folder; empty when there is none."""
     log = _log(order)
     return str(log.parent.relative_to(batch)) if log else ""
 
 
-def lost(order: Order, reason: str, batch: Path, *, kept: bool) -> CrashRow:
+def lost_attempt(order: JobOrder, reason: str, batch: Path, *, kept: bool) -> CrashRow:
     """A try that came to no result, with the last tick that its log tells of.
 
     Its folder: of the run, or of the try where no log was begun but something was printed.
@@ -55,7 +55,7 @@ def lost(order: Order, reason: str, batch: Path, *, kept: bool) -> CrashRow:
     return CrashRow(order.attempt, reason, _last_tick(order), folder)
 
 
-def crashed(crash: CrashRow) -> JobRow:
+def crashed_job(crash: CrashRow) -> JobRow:
     """A job whose last try was lost."""
     return JobRow(
         status="crashed",
@@ -77,11 +77,11 @@ def crashed(crash: CrashRow) -> JobRow:
     )
 
 
-def _log(order: Order) -> Path | None:
+def _log(order: JobOrder) -> Path | None:
     return next(iter(sorted(order.folder.glob(f"*/{LOG}"))), None)
 
 
-def _last_tick(order: Order) -> int | None:
+def _last_tick(order: JobOrder) -> int | None:
     log = _log(order)
     if log is None:
         return None
@@ -102,7 +102,7 @@ Stop: TypeAlias = Literal["no", "finish", "now"]
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class RecordedJob:
     """A job that was recorded."""
 
     job: Job
@@ -111,11 +111,11 @@ class Ended:
     """Of its failures, each once."""
 
 
-class Onlooker(Protocol):
+class BatchWatcher(Protocol):
     """Whoever follows a batch; nothing that it does changes it."""
 
     def started(self, total: int, done: Sequence[JobRow], workers: int) -> None: ...
-    def ended(self, ended: Ended) -> None: ...
+    def ended(self, ended: RecordedJob) -> None: ...
     def tried_again(self, job: Job, reason: str) -> None: ...
     def stopping(self, under_way: int) -> None: ...
     def waiting(self) -> None:
@@ -127,7 +127,7 @@ class Batch:
     """One batch in its folder. A context manager: it holds the folder, so that no other process runs it."""
 
     def __init__(
-        self, folder: Path, plan: Plan, jobs: tuple[Job, ...], store: Store, lock: ExitStack
+        self, folder: Path, plan: BatchPlan, jobs: tuple[Job, ...], store: Store, lock: ExitStack
     ) -> None:
         self.folder, self.plan, self.jobs, self.store = folder, plan, jobs, store
         self._place = folder.absolute()
@@ -137,7 +137,7 @@ class Batch:
         self._full = False
 
     @classmethod
-    def create(cls, folder: Path, plan: Plan) -> Batch:
+    def create(cls, folder: Path, plan: BatchPlan) -> Batch:
         """A new batch of a checked plan. Raises PicktreeError when the folder holds one already."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -163,7 +163,7 @@ class Batch:
             return cls(folder, plan, store.jobs(), store, lock.pop_all())
 
     @classmethod
-    def _made(cls, folder: Path, plan: Plan, lock: ExitStack) -> Batch:
+    def _made(cls, folder: Path, plan: BatchPlan, lock: ExitStack) -> Batch:
         jobs = jobs_of(plan, folder)
         write_plan(plan, folder)
         return cls(folder, plan, jobs, Store.create(folder / NAME, jobs), lock.pop_all())
@@ -187,7 +187,7 @@ class Batch:
         """Break off what is under way. A signal may call it."""
         self._stop = "now"
 
-    def run(self, executor: Executor, onlooker: Onlooker) -> bool:
+    def run(self, executor: Executor, onlooker: BatchWatcher) -> bool:
         """Run all that is to do. False when it was stopped before the end.
 
         Raises PicktreeError when results cannot be written, or the disk is full; --resume goes on.
@@ -196,7 +196,7 @@ class Batch:
         to_do, tried = self.store.to_do(), self.store.lost_tries()
         waiting = deque((job, 1 + tried.get(job.id, 0)) for job in self.jobs if job.id in to_do)
         onlooker.started(len(self.jobs), self.store.recorded(), executor.slots)
-        under_way: dict[str, Order] = {}
+        under_way: dict[str, JobOrder] = {}
         told: Stop = "no"
         while waiting or under_way:
             if self._stop != told:
@@ -230,7 +230,7 @@ class Batch:
             )
         return not waiting
 
-    def _dealt_with(self, event: Event, onlooker: Onlooker) -> Ended | None:
+    def _dealt_with(self, event: Event, onlooker: BatchWatcher) -> RecordedJob | None:
         """What is recorded of it; None when its job is still to do."""
         order = event.order
         job = self._by_id[order.job]
@@ -238,29 +238,29 @@ class Batch:
         if rows is not None:
             return self._record(job, order, rows)
         match event:
-            case Stopped() if self._stop == "now":
+            case JobStopped() if self._stop == "now":
                 shutil.rmtree(order.folder, ignore_errors=True)
                 return None
-            case Stopped():
+            case JobStopped():
                 reason = "it was interrupted, by itself or from outside"
-            case Finished():
+            case JobFinished():
                 reason = f"{order.result}: its result is missing or damaged"
-            case Failed():
+            case JobFailed():
                 reason = event.reason
         if not self._room():
             shutil.rmtree(order.folder, ignore_errors=True)
             if not self._room():  # it was not this job that filled the disk
                 return None
-        crash = lost(order, reason, self._place, kept=self.plan.keep != "none")
+        crash = lost_attempt(order, reason, self._place, kept=self.plan.keep != "none")
         if order.attempt >= TRIES:
-            return self._record(job, order, JobRows(crashed(crash)), crash)
+            return self._record(job, order, JobRows(crashed_job(crash)), crash)
         self.store.lose(job.id, crash)
         if not crash.folder:
             shutil.rmtree(order.folder, ignore_errors=True)
         onlooker.tried_again(job, reason)
         return None
 
-    def _record(self, job: Job, order: Order, rows: JobRows, crash: CrashRow | None = None) -> Ended:
+    def _record(self, job: Job, order: JobOrder, rows: JobRows, crash: CrashRow | None = None) -> RecordedJob:
         keep = self.plan.keep
         kept = keep == "all" or (keep == "failures" and rows.job.status != "success")
         row = rows.job if crash else replace(rows.job, folder=run_folder(order, self._place) if kept else "")
@@ -269,9 +269,9 @@ class Batch:
             lost_before = attempt < order.attempt and keep != "none"
             if not lost_before and not (attempt == order.attempt and row.folder):
                 shutil.rmtree(try_folder(self._place, job.id, attempt), ignore_errors=True)
-        return Ended(job, row, tuple(dict.fromkeys(failure.cause for failure in rows.failures)))
+        return RecordedJob(job, row, tuple(dict.fromkeys(failure.cause for failure in rows.failures)))
 
-    def _begun(self, job: Job, attempt: int) -> Order:
+    def _begun(self, job: Job, attempt: int) -> JobOrder:
         """What an earlier try left that was broken off, or is done again, goes."""
         order = self._order(job, attempt)
         if attempt == 1:
@@ -280,10 +280,10 @@ class Batch:
             shutil.rmtree(try_folder(self._place, job.id, later), ignore_errors=True)
         return order
 
-    def _order(self, job: Job, attempt: int) -> Order:
+    def _order(self, job: Job, attempt: int) -> JobOrder:
         folder, limits = try_folder(self._place, job.id, attempt), self.plan.limits
         recipe = job.recipe_in(self._place)
-        return Order(job.id, attempt, recipe, job.seed, folder, limits.wall, limits.memory, limits.disk)
+        return JobOrder(job.id, attempt, recipe, job.seed, folder, limits.wall, limits.memory, limits.disk)
 
     def _take_in(self) -> None:
         """Record what workers had finished when the batch was ended before it could."""

@@ -9,7 +9,7 @@ from typing import Protocol, TypeAlias
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class JobOrder:
     """One try at a job, as it is sent to a worker."""
 
     job: str
@@ -35,28 +35,28 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True)
-class Finished:
+class JobFinished:
     """The worker wrote the try's result."""
 
-    order: Order
+    order: JobOrder
 
 
 @dataclass(frozen=True, slots=True)
-class Failed:
+class JobFailed:
     """There is no result, and why: an exception, a lost worker, a limit."""
 
-    order: Order
+    order: JobOrder
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
-class Stopped:
+class JobStopped:
     """The try was broken off because the batch was told to stop."""
 
-    order: Order
+    order: JobOrder
 
 
-Event: TypeAlias = Finished | Failed | Stopped
+Event: TypeAlias = JobFinished | JobFailed | JobStopped
 
 
 class Executor(Protocol):
@@ -67,7 +67,7 @@ class Executor(Protocol):
         """How many orders can be under way at once."""
         ...
 
-    def submit(self, order: Order) -> None:
+    def submit(self, order: JobOrder) -> None:
         """Begin with it; only while fewer than `slots` are under way."""
         ...
 

@@ -31,12 +31,12 @@ from ...errors import PicktreeError
 from ...session.resume.recipe_archive import RecipeFile
 from ...session.session import Session
 from . import job_output
-from .executor import Event, Failed, Finished, Order, Stopped
+from .executor import Event, JobFailed, JobFinished, JobOrder, JobStopped
 from .processes import die_with_parent, end_children, how_it_ended, resident
-from .result_rows import harvest
+from .result_rows import collect_run_rows
 
 
-def carry_out(order: Order) -> Event:
+def run_attempt(order: JobOrder) -> Event:
     """Run it and write the result's rows. Never raises for what a run does."""
     try:
         order.folder.mkdir(parents=True, exist_ok=True)
@@ -44,22 +44,22 @@ def carry_out(order: Order) -> Event:
             session = Session(kept.recipe(order.seed), out=order.folder)
             result = session.run()
             if result.status == "interrupted":
-                return Stopped(order)
-            rows = harvest(session, result.folder, order.attempt)
+                return JobStopped(order)
+            rows = collect_run_rows(session, result.folder, order.attempt)
         _write_whole(order, rows.to_json())
     except KeyboardInterrupt:
-        return Stopped(order)
+        return JobStopped(order)
     except SystemExit as end:
-        return Failed(order, f"it called sys.exit({end.code!r})")
+        return JobFailed(order, f"it called sys.exit({end.code!r})")
     except PicktreeError as error:
         print(error, file=sys.stderr)
-        return Failed(order, _one_line(str(error)))
+        return JobFailed(order, _one_line(str(error)))
     except BaseException as error:  # noqa: BLE001 - one job's fault must not cost another
         traceback.print_exc(file=sys.stderr)
         said = _one_line(str(error))
         place = job_output.place_of(error)
-        return Failed(order, f"{type(error).__name__}{f': {said}' if said else ''}, at {place}")
-    return Finished(order)
+        return JobFailed(order, f"{type(error).__name__}{f': {said}' if said else ''}, at {place}")
+    return JobFinished(order)
 
 
 def _one_line(text: str) -> str:
@@ -68,7 +68,7 @@ def _one_line(text: str) -> str:
     return re.sub(unpacked, "", text.strip().partition("\n")[0])
 
 
-def _write_whole(order: Order, data: bytes) -> None:
+def _write_whole(order: JobOrder, data: bytes) -> None:
     beside = order.result.with_suffix(".part")
     try:
         with beside.open("wb") as file:
@@ -87,10 +87,10 @@ _LAST_WORDS = 2.0
 _TEMPORARY = "tmp"
 
 
-class Contained:
+class JobProcess:
     """A try under way, in a process forked from this one. `end` may be called at any time."""
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: JobOrder) -> None:
         self._order = order
         self._began = time.monotonic()
         self._heard, tell = Pipe(duplex=False)
@@ -117,7 +117,7 @@ class Contained:
         if said is not None:
             return said
         place = job_output.last_place(self._order.folder)
-        return Failed(self._order, f"{reason or how}, at {place}" if place else reason or how)
+        return JobFailed(self._order, f"{reason or how}, at {place}" if place else reason or how)
 
     def end(self) -> None:
         """End it with everything that it left."""
@@ -171,15 +171,15 @@ class Contained:
         return ""
 
 
-def _live(order: Order, tell: Connection, parent: int) -> NoReturn:
+def _live(order: JobOrder, tell: Connection, parent: int) -> NoReturn:
     """The process of the job, from its first to its last breath."""
     code = 1
     try:
         try:
             _settle_in(order, parent)
-            event = carry_out(order)
+            event = run_attempt(order)
         except OSError as error:
-            event = Failed(order, f"{order.folder}: nothing can be written there: {error.strerror}")
+            event = JobFailed(order, f"{order.folder}: nothing can be written there: {error.strerror}")
         job_output.flush()
         tell.send(event)
         code = 0
@@ -188,7 +188,7 @@ def _live(order: Order, tell: Connection, parent: int) -> NoReturn:
         os._exit(code)
 
 
-def _settle_in(order: Order, parent: int) -> None:
+def _settle_in(order: JobOrder, parent: int) -> None:
     os.setsid()
     die_with_parent(signal.SIGKILL)
     if os.getppid() != parent:

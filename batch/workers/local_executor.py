@@ -16,7 +16,7 @@ from multiprocessing.process import BaseProcess
 from types import FrameType
 from typing import NoReturn
 
-from .executor import Event, Failed, Order, Stopped
+from .executor import Event, JobFailed, JobOrder, JobStopped
 from .job_output import silence
 from .processes import die_with_parent, how_it_ended, take_in_orphans
 
@@ -54,13 +54,13 @@ def serve(orders: Connection) -> None:
     os._exit(0)  # without the farewells of libraries, which would stand in the batch's output
 
 
-def _seen_to(order: Order) -> Event:
-    from .job_process import Contained
+def _seen_to(order: JobOrder) -> Event:
+    from .job_process import JobProcess
 
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
     before = signal.signal(signal.SIGTERM, _told)
     try:
-        under_way = Contained(order)
+        under_way = JobProcess(order)
         try:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
             return under_way.event()
@@ -112,7 +112,7 @@ _GRACE = 5.0
 class _Worker:
     process: BaseProcess
     orders: Connection
-    order: Order | None = None
+    order: JobOrder | None = None
     stopped_at: float | None = None
 
 
@@ -134,7 +134,7 @@ class LocalExecutor:
     def slots(self) -> int:
         return self._slots
 
-    def submit(self, order: Order) -> None:
+    def submit(self, order: JobOrder) -> None:
         worker = next((w for w in self._workers if w.order is None), None)
         if worker is None:
             if len(self._workers) >= self._slots:
@@ -199,8 +199,8 @@ class LocalExecutor:
         if order is None:
             return []
         if worker.stopped_at is not None:
-            return [Stopped(order)]
-        return [Failed(order, f"its worker {how_it_ended(code)}")]
+            return [JobStopped(order)]
+        return [JobFailed(order, f"its worker {how_it_ended(code)}")]
 
 
 def _started() -> _Worker:

@@ -17,7 +17,7 @@ from ..plan.plan import Job, read_plan
 from ..results.job_names import find_job, split
 from ..results.rows import JobRows
 from ..results.store import NAME, Store
-from .executor import Event, Executor, Failed, Finished, Order
+from .executor import Event, Executor, JobFailed, JobFinished, JobOrder
 from .local_executor import LocalExecutor
 
 _LOOK = 0.5
@@ -25,7 +25,7 @@ _LOOK = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Remade:
+class RerunJob:
     """A job that was run again, beside what was recorded of it."""
 
     job: Job
@@ -83,7 +83,7 @@ class Remade:
         return json.dumps(said, ensure_ascii=False, indent=2) + "\n"
 
 
-def remake(where: str, out: Path | None = None, executor: Executor | None = None) -> Remade:
+def rerun_job(where: str, out: Path | None = None, executor: Executor | None = None) -> RerunJob:
     """Run the job that `where` names (FOLDER@JOB, see `naming`) again.
 
     The log goes to a folder in `out`. Without it, it goes where the batch would have kept it, and the batch
@@ -105,7 +105,7 @@ def remake_into(store: Store, job: Job, scratch: Path, executor: Executor) -> Pa
     return found.log
 
 
-def _remake(store: Store, job: Job, where: str, out: Path | None, executor: Executor) -> Remade:
+def _remake(store: Store, job: Job, where: str, out: Path | None, executor: Executor) -> RerunJob:
     folder = store.path.parent
     before = store.row(job.id)
     if before is None:
@@ -115,14 +115,16 @@ def _remake(store: Store, job: Job, where: str, out: Path | None, executor: Exec
     limits = read_plan(folder).limits
     shutil.rmtree(scratch, ignore_errors=True)
     try:
-        order = Order(job.id, 1, job.recipe_in(folder), job.seed, scratch, limits.wall, limits.memory)
+        order = JobOrder(job.id, 1, job.recipe_in(folder), job.seed, scratch, limits.wall, limits.memory)
         event = _carried_out(order, executor)
         rows = JobRows.from_json(order.result.read_bytes(), order.result) if order.result.is_file() else None
         digest = rows.job.digest if rows else ""
         same = bool(digest) and digest == before.digest
         run = next(iter(sorted(log.parent for log in scratch.glob(f"*/{LOG}"))), None)
         if run is None:
-            raise PicktreeError(f"{where}: {event.reason if isinstance(event, Failed) else 'it left no log'}")
+            raise PicktreeError(
+                f"{where}: {event.reason if isinstance(event, JobFailed) else 'it left no log'}"
+            )
         log: Path | None = None
         if out is not None:
             log = _moved(run, out / run.name)
@@ -137,24 +139,24 @@ def _remake(store: Store, job: Job, where: str, out: Path | None, executor: Exec
         raise PicktreeError(f"{where}: the log cannot be written: {reason}") from None
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
-    return Remade(
+    return RerunJob(
         job,
         before.status,
         before.digest,
         rows.job.status if rows else "crashed",
         digest,
-        event.reason if isinstance(event, Failed) else "",
+        event.reason if isinstance(event, JobFailed) else "",
         log or kept,
         log is None,
         () if same or rows is None else tuple(_otherwise(store.versions(job.id), rows.versions)),
     )
 
 
-def _carried_out(order: Order, executor: Executor) -> Event:
+def _carried_out(order: JobOrder, executor: Executor) -> Event:
     executor.submit(order)
     while True:
         for event in executor.wait(_LOOK):
-            if not isinstance(event, Finished | Failed):
+            if not isinstance(event, JobFinished | JobFailed):
                 raise KeyboardInterrupt
             return event
 

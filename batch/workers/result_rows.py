@@ -15,15 +15,15 @@ from ...simulation.scoring.scorer import score
 from ...world.values import ObjectId, Vector3
 from ..results.rows import (
     EpisodeRow,
-    FailureRow,
-    ItemRow,
+    JobFailureRow,
+    JobItemRow,
+    JobPickRow,
+    JobPlanRow,
     JobRow,
     JobRows,
+    JobTimingRow,
     Phase,
-    PickRow,
-    PlanRow,
     PlantedRow,
-    TimingRow,
 )
 
 _PHASES: dict[str, Phase] = {
@@ -36,7 +36,7 @@ _PHASES: dict[str, Phase] = {
 """What a leaf's time counts as outside of recovery."""
 
 
-def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
+def collect_run_rows(session: Session, folder: Path, attempts: int) -> JobRows:
     """Of a session that has ended; `folder` is the run's own."""
     with Run(folder) as run:
         result = run.result
@@ -63,9 +63,9 @@ def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
                 look_at=f"{look[0].time:.2f} s: {look[0].why}" if look else "",
             ),
             items=tuple(_items(session, run)),
-            picks=tuple(PickRow(p.time, p.object, p.held, p.node) for p in run.picks),
+            picks=tuple(JobPickRow(p.time, p.object, p.held, p.node) for p in run.picks),
             failures=tuple(
-                FailureRow(
+                JobFailureRow(
                     f.time,
                     f.node,
                     f.cause,
@@ -97,7 +97,7 @@ def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
                 for p in explanation.recovery.planted
             ),
             plans=tuple(
-                PlanRow(at.time, p.request, p.planner, p.outcome, p.checks, p.thinking, p.duration)
+                JobPlanRow(at.time, p.request, p.planner, p.outcome, p.checks, p.thinking, p.duration)
                 for at in run.plans
                 for p in (at.record,)
             ),
@@ -110,13 +110,13 @@ def harvest(session: Session, folder: Path, attempts: int) -> JobRows:
         )
 
 
-def _items(session: Session, run: Run) -> Iterator[ItemRow]:
+def _items(session: Session, run: Run) -> Iterator[JobItemRow]:
     arrivals = _arrivals(run, {body.id for body in session.hardware.truth()})
     scores = {item.id: item for item in score(session.hardware.truth(), session.scene).items}
     for body in session.hardware.truth():
         judged = scores[body.id]
         arrived, (x, y, _) = arrivals.get(body.id, (0.0, body.pose.position))
-        yield ItemRow(
+        yield JobItemRow(
             str(body.id),
             body.kind,
             body.form,
@@ -142,7 +142,7 @@ def _arrivals(run: Run, wanted: set[ObjectId]) -> dict[ObjectId, tuple[float, Ve
     return found
 
 
-def _timings(run: Run, failures: Sequence[FailureStory]) -> tuple[TimingRow, ...]:
+def _timings(run: Run, failures: Sequence[FailureStory]) -> tuple[JobTimingRow, ...]:
     """Simulated s by phase. Planning within a skill counts as thinking, a handler's time as recovery."""
     spent: defaultdict[Phase, float] = defaultdict(float)
     parents = {visit.parent for visit in run.visits}
@@ -157,7 +157,7 @@ def _timings(run: Run, failures: Sequence[FailureStory]) -> tuple[TimingRow, ...
         thinking = min(thinking, leaf.duration)
         spent["think"] += thinking
         spent[_PHASES.get(leaf.id, "other")] += leaf.duration - thinking
-    return tuple(TimingRow(phase, round(seconds, 6)) for phase, seconds in spent.items() if seconds > 0)
+    return tuple(JobTimingRow(phase, round(seconds, 6)) for phase, seconds in spent.items() if seconds > 0)
 
 
 def _within(visit: Visit, time: float) -> bool:

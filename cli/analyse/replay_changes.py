@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from ...analysis.compare.message_fields import short_names
-from ...analysis.replay.cursor import Changes, Cursor
-from ...logs.run_log import At
-from ...logs.schema.records import Plan, Transition
+from ...analysis.replay.cursor import Cursor, CursorChanges
+from ...logs.run_log import Stamped
+from ...logs.schema.records import Plan, TransitionRecord
 from ...logs.visits import HALTED, Visit
 from ...trees.values.port_types import show
 from ...world.causes import known_causes
@@ -19,7 +19,7 @@ _CANDIDATES = 5
 """Of a choice that are named."""
 
 
-def change_lines(cursor: Cursor, changes: Changes, most: int | None = None) -> Iterator[str]:
+def change_lines(cursor: Cursor, changes: CursorChanges, most: int | None = None) -> Iterator[str]:
     """What happened, in the order of time; the last `most` of it."""
     since = cursor.run.ticks.times[changes.since] if changes.since >= 0 else None
     alone = changes.to - changes.since == 1
@@ -35,7 +35,7 @@ def change_lines(cursor: Cursor, changes: Changes, most: int | None = None) -> I
         yield f"  {text}" if alone else f"  {time:7.2f} s  {text}"
 
 
-def _happened(cursor: Cursor, changes: Changes) -> list[tuple[float, str]]:
+def _happened(cursor: Cursor, changes: CursorChanges) -> list[tuple[float, str]]:
     """Each with its simulated time, s; what is of one tick in the order in which it is thought of."""
     names = short_names(node.path for node in cursor.nodes)
     told = [(move.time, _move(move.transition, names)) for move in changes.moves]
@@ -61,7 +61,7 @@ def _by(path: str, names: Mapping[str, str]) -> str:
     return f", by {names.get(path, path)}" if path else ""
 
 
-def _move(transition: Transition, names: Mapping[str, str]) -> str:
+def _move(transition: TransitionRecord, names: Mapping[str, str]) -> str:
     mark, name = MARKS[transition.status][0], names.get(transition.path, transition.path)
     if transition.status == "RUNNING":
         read = ", ".join(f"{port} {show(value)}" for port, value in transition.inputs.items())
@@ -72,7 +72,7 @@ def _move(transition: Transition, names: Mapping[str, str]) -> str:
     return f"{mark} {name} ends in {transition.status}" + (f": {said}" if said else "")
 
 
-def _plan(at: At[Plan]) -> str:
+def _plan(at: Stamped[Plan]) -> str:
     plan = at.record
     said = f": {plan.message}" if plan.message else ""
     found = f", {plan.duration:.2f} s of motion" if plan.path else ""

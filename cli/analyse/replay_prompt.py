@@ -9,9 +9,9 @@ from typing import Literal, TextIO, TypeAlias
 
 from ...analysis.compare.message_fields import short_names
 from ...analysis.replay.cursor import Cursor, Edge
-from ...analysis.replay.node_names import fitting
+from ...analysis.replay.node_names import find_nodes
 from ...errors import PicktreeError
-from ..terminal.command_prompt import Command, Prompt
+from ..terminal.command_prompt import Command, CommandPrompt
 from ..terminal.progress import tree_rows
 from . import replay_changes, replay_views
 
@@ -29,21 +29,21 @@ When: TypeAlias = Literal["before", "after"]
 
 
 @dataclass(frozen=True, slots=True)
-class Breakpoint:
+class ReplayBreakpoint:
     """Where `continue` stops: at the beginning of a node, or at its end."""
 
     path: str
     when: When
 
 
-class ReplayPrompt(Prompt):
+class ReplayPrompt(CommandPrompt):
     """Carries out commands on a cursor. `since` is the tick that was shown before."""
 
     def __init__(self, cursor: Cursor, read: Callable[[str], str], out: TextIO) -> None:
         super().__init__(read, out)
         self.cursor = cursor
         self.since: int | None = None
-        self._breakpoints: dict[int, Breakpoint] = {}
+        self._breakpoints: dict[int, ReplayBreakpoint] = {}
         self._made = 0
         self.offer(
             Command("step [N]", "a tick on, or N", lambda n: self._step(n, 1)),
@@ -169,9 +169,9 @@ class ReplayPrompt(Prompt):
         name, after = _without(text, "after")
         name, _ = _without(name, "before")
         when: When = "after" if after else "before"
-        for node in fitting(name, self.cursor.nodes):
+        for node in find_nodes(name, self.cursor.nodes):
             self._made += 1
-            self._breakpoints[self._made] = Breakpoint(node.path, when)
+            self._breakpoints[self._made] = ReplayBreakpoint(node.path, when)
             self._say(f"{self._made}: {when} {node.path}")
         return False
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from ...analysis.replay.cursor import Cursor
-from ...analysis.replay.node_names import one_fitting
-from ...logs.schema.records import NodeStatus, TreeNode, Values
+from ...analysis.replay.node_names import find_node
+from ...logs.schema.records import NodeStatusRecord, TreeNode, Values
 from ...logs.visits import Visit
 from ...trees.values.port_types import show
 from ..terminal.belief_text import belief_line
@@ -25,7 +25,7 @@ def place(cursor: Cursor) -> str:
 def tree_lines(cursor: Cursor, text: str) -> Iterator[str]:
     """A line for each node, or for those from the one that `text` means down."""
     nodes = cursor.tree.nodes
-    top = one_fitting(text, nodes).path if text else ""
+    top = find_node(text, nodes).path if text else ""
     indent = top.count("/")
     status = _by_path(cursor)
     for node in nodes:
@@ -46,7 +46,7 @@ def where_lines(cursor: Cursor) -> Iterator[str]:
 
 def node_lines(cursor: Cursor, text: str) -> Iterator[str]:
     """What one node is, what it read when it began, and how it ended."""
-    node = one_fitting(text or cursor.tick.record.tip or cursor.tree.nodes[0].path, cursor.tree.nodes)
+    node = find_node(text or cursor.tick.record.tip or cursor.tree.nodes[0].path, cursor.tree.nodes)
     one = _by_path(cursor)[node.path]
     yield f"{node.path}: {node.id}, {one.status}"
     visit = cursor.last_visit(node.path)
@@ -130,24 +130,24 @@ def moved(cursor: Cursor) -> frozenset[str]:
     return frozenset(move.transition.path for move in cursor.changes().moves)
 
 
-def statuses(cursor: Cursor) -> Sequence[NodeStatus]:
+def statuses(cursor: Cursor) -> Sequence[NodeStatusRecord]:
     """Of all nodes of the tree; idle where the tick does not tell."""
     known = {node.path: node for node in cursor.tick.record.nodes}
     return [known.get(node.path) or _idle(node) for node in cursor.tree.nodes]
 
 
-def _by_path(cursor: Cursor) -> Mapping[str, NodeStatus]:
+def _by_path(cursor: Cursor) -> Mapping[str, NodeStatusRecord]:
     return {node.path: node for node in statuses(cursor)}
 
 
-def _idle(node: TreeNode) -> NodeStatus:
-    return NodeStatus(node.path, node.id, "IDLE", ticked=False)
+def _idle(node: TreeNode) -> NodeStatusRecord:
+    return NodeStatusRecord(node.path, node.id, "IDLE", ticked=False)
 
 
-def _mark(node: NodeStatus) -> str:
+def _mark(node: NodeStatusRecord) -> str:
     return MARKS[node.status][0]
 
 
-def _said(node: NodeStatus, lead: str) -> str:
+def _said(node: NodeStatusRecord, lead: str) -> str:
     said = f"{node.cause}: {node.message}" if node.cause else node.message
     return f"{lead}{said}" if said else ""

@@ -53,11 +53,11 @@ def resim(
 
     if (Path(log) / NAME).is_file():
         raise PicktreeError(f"{log} is a batch: name one of its jobs, as {log}@seed=7")
-    from ...analysis.resim.changes import Changes
+    from ...analysis.resim.changes import RunChanges
     from ...analysis.resim.resim import resimulate
 
-    changes = Changes(mission, scene, settings, faults, no_faults, seed)
-    progress = Progress()
+    changes = RunChanges(mission, scene, settings, faults, no_faults, seed)
+    progress = ResimProgress()
     try:
         found = resimulate(log, changes=changes, until=until, out=out, progress=progress.at)
     finally:
@@ -74,7 +74,7 @@ def resim(
 
 
 def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bool) -> None:
-    from ...batch.workers.rerun_job import remake
+    from ...batch.workers.rerun_job import rerun_job
     from ...errors import PicktreeError
 
     if not alone:
@@ -82,10 +82,10 @@ def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bo
             f"a job of a batch is run again as it was: for changes, first have its log by resim {where}, "
             "then give that log"
         )
-    progress = Progress()
+    progress = ResimProgress()
     try:
         progress.say("running it again")
-        found = remake(where, out)
+        found = rerun_job(where, out)
     finally:
         progress.clear()
     if answer is None:
@@ -97,7 +97,7 @@ def _job_again(where: str, out: Path | None, answer: TextIO | None, *, alone: bo
         raise typer.Exit(1)
 
 
-class Progress:
+class ResimProgress:
     """One line on a terminal that says how far it is; nothing elsewhere."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from ..run.run import parse_parameters
 from ..terminal.output import keep_stdout, painter
 
 if TYPE_CHECKING:
-    from ..terminal.progress import View
+    from ..terminal.progress import RunDisplay
 
 
 def whatif(
@@ -45,10 +45,10 @@ def whatif(
 
     if faults is not None and no_faults:
         raise PicktreeError("--faults and --no-faults exclude each other")
-    from ...analysis.resim.changes import Changes
+    from ...analysis.resim.changes import RunChanges
     from ...analysis.resim.whatif import what_if
 
-    changes = Changes(mission, None, settings, faults, no_faults)
+    changes = RunChanges(mission, None, settings, faults, no_faults)
     with _view() as view:
         found = what_if(log, at, changes=changes, out=out, watcher=view)
     if found.warnings:
@@ -66,10 +66,10 @@ def whatif(
         raise typer.Exit(1)
 
 
-def _view() -> View:
+def _view() -> RunDisplay:
     from rich.console import Console
 
-    from ..terminal.progress import LinesView, LiveView
+    from ..terminal.progress import LinesDisplay, LiveDisplay
 
     console = Console(stderr=True, highlight=False)
-    return LiveView(console) if console.is_terminal else LinesView(console)
+    return LiveDisplay(console) if console.is_terminal else LinesDisplay(console)

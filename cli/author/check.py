@@ -27,14 +27,14 @@ def check(
     ] = None,
 ) -> None:
     """Check files of any kind: all faults of all files at once. Exit code 2: there are errors."""
-    from ...files.diagnostics.file_checks import Given, check_files
+    from ...files.diagnostics.file_checks import UnsavedText, check_files
     from ...files.yaml.reader import MAX_BYTES
     from .file_kinds import CHECKS
 
-    def given(name: str) -> Path | Given:
+    def given(name: str) -> Path | UnsavedText:
         if name != "-":
             return Path(name)
-        return Given(stdin_filename or Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1))
+        return UnsavedText(stdin_filename or Path("<stdin>"), sys.stdin.buffer.read(MAX_BYTES + 1))
 
     report = check_files([given(name) for name in files], CHECKS)
     match format_:

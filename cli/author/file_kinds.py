@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from ...files.yaml.document import Document, Fault, FileError, open_document
+from ...files.yaml.document import Diagnostic, Document, FileError, open_document
 from ...robots.loading import check_robot
 from ...world.scene.loading.scene_loading import check_scene
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ...files.diagnostics.file_checks import Check
 
 
-def check_cell(document: Document) -> tuple[Fault, ...]:
+def check_cell(document: Document) -> tuple[Diagnostic, ...]:
     """Everything that can be said of a document of kind `scene`, and of the robot file that it names."""
     scene = check_scene(document)
     if scene.robot is None:
@@ -24,35 +24,35 @@ def check_cell(document: Document) -> tuple[Fault, ...]:
         return (*scene.faults, *error.faults)
 
 
-def _mission(document: Document) -> Iterable[Fault]:
+def _mission(document: Document) -> Iterable[Diagnostic]:
     from ...authoring.checking.check import check_mission
 
     return check_mission(document).faults
 
 
-def _scene(document: Document) -> Iterable[Fault]:
+def _scene(document: Document) -> Iterable[Diagnostic]:
     return check_cell(document)
 
 
-def _robot(document: Document) -> Iterable[Fault]:
+def _robot(document: Document) -> Iterable[Diagnostic]:
     from ...robots.loading import check_robot
 
     return check_robot(document).faults
 
 
-def _faults(document: Document) -> Iterable[Fault]:
+def _faults(document: Document) -> Iterable[Diagnostic]:
     from ...simulation.fault_files.fault_loading import check_faults
 
     return check_faults(document).faults
 
 
-def _cases(document: Document) -> Iterable[Fault]:
+def _cases(document: Document) -> Iterable[Diagnostic]:
     from ...authoring.rehearsal.checking.case_checks import check_cases
 
     return check_cases(document)
 
 
-def _plan(document: Document) -> Iterable[Fault]:
+def _plan(document: Document) -> Iterable[Diagnostic]:
     from ...batch.plan.plan_loading import check_plan
 
     return check_plan(document)

@@ -20,7 +20,7 @@ _TEMPLATES: Final = Path(__file__).parent / "templates"
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class StarterFile:
     """A file of a start: its name within the folder, what it is for, and of which kind of file it is the
     schema."""
 
@@ -35,23 +35,23 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class StarterFiles:
     """The files of a start, in the order in which they are read, and the commands to type next.
 
     In a command `{.}` stands for the folder, `{}` for the way into it, MISSION for a mission of the user's.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[StarterFile, ...]
     commands: tuple[str, ...]
 
 
-STARTS: Final[Mapping[StartKind, Start]] = {
-    "mission": Start(
+STARTS: Final[Mapping[StartKind, StarterFiles]] = {
+    "mission": StarterFiles(
         (
-            Part("mission.yaml", "the trees of nodes"),
-            Part("cases/mission.yaml", "what must happen when skills fail"),
-            Part("schemas/mission.json", "for editors: completion, explanations, errors", "mission"),
-            Part("schemas/cases.json", "the same for the cases", "cases"),
+            StarterFile("mission.yaml", "the trees of nodes"),
+            StarterFile("cases/mission.yaml", "what must happen when skills fail"),
+            StarterFile("schemas/mission.json", "for editors: completion, explanations, errors", "mission"),
+            StarterFile("schemas/cases.json", "the same for the cases", "cases"),
         ),
         (
             "check {.}",
@@ -61,20 +61,20 @@ STARTS: Final[Mapping[StartKind, Start]] = {
             "run {}mission.yaml",
         ),
     ),
-    "scene": Start(
+    "scene": StarterFiles(
         (
-            Part("scene.yaml", "table, bins, camera, items, and where they belong"),
-            Part("schemas/scene.json", "for editors: completion, explanations, errors", "scene"),
+            StarterFile("scene.yaml", "table, bins, camera, items, and where they belong"),
+            StarterFile("schemas/scene.json", "for editors: completion, explanations, errors", "scene"),
         ),
         ("check {}scene.yaml", "run MISSION --scene {}scene.yaml --backend kinematic"),
     ),
-    "plugin": Start(
+    "plugin": StarterFiles(
         (
-            Part("lift.py", "the skill: its ports, its causes, what it does"),
-            Part("lift.yaml", "a mission that uses it"),
-            Part("cases/lift.yaml", "what must happen when it fails"),
-            Part("schemas/lift.json", "for editors; it knows the skill", "mission"),
-            Part("schemas/cases.json", "the same for the cases", "cases"),
+            StarterFile("lift.py", "the skill: its ports, its causes, what it does"),
+            StarterFile("lift.yaml", "a mission that uses it"),
+            StarterFile("cases/lift.yaml", "what must happen when it fails"),
+            StarterFile("schemas/lift.json", "for editors; it knows the skill", "mission"),
+            StarterFile("schemas/cases.json", "the same for the cases", "cases"),
         ),
         (
             "check {.}",
@@ -86,7 +86,7 @@ STARTS: Final[Mapping[StartKind, Start]] = {
 }
 
 
-def write_start(kind: StartKind, folder: Path) -> tuple[Part, ...]:
+def write_start(kind: StartKind, folder: Path) -> tuple[StarterFile, ...]:
     """Write the files of a start into the folder, which is made where there is none; what was written.
 
     Schemas that are there already stay as they are. Raises PicktreeError, and then nothing was written, when
@@ -120,7 +120,7 @@ def _make_folder(folder: Path, undo: list[Callable[[], None]]) -> None:
     undo.append(folder.rmdir)
 
 
-def _text(kind: StartKind, part: Part) -> str:
+def _text(kind: StartKind, part: StarterFile) -> str:
     match part.schema:
         case "":
             return (_TEMPLATES / kind / part.name).read_text(encoding="utf-8")
@@ -138,9 +138,9 @@ def _mission_schema(kind: StartKind) -> str:
     from ...authoring.schema.mission_context import any_mission
     from ...authoring.schema.mission_schema import mission_schema
     from ...authoring.schema.schema_parts import to_text
-    from ...trees.loading.registry import Registry
+    from ...trees.loading.registry import NodeRegistry
 
-    registry = Registry()
+    registry = NodeRegistry()
     if kind == "plugin":
         registry.add_plugin("lift.py", _TEMPLATES / kind)
     return to_text(mission_schema(registry, any_mission()))

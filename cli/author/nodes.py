@@ -10,7 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from ...trees.declaration import NodeDeclaration
-    from ...trees.loading.registry import Registry
+    from ...trees.loading.registry import NodeRegistry
 
 
 def nodes(
@@ -59,16 +59,16 @@ def nodes(
 
 def _named(name: str, declared: tuple[NodeDeclaration, ...]) -> NodeDeclaration:
     from ...errors import PicktreeError
-    from ...files.value_wording import nearest
+    from ...files.value_wording import suggest_name
 
     for node in declared:
         if node.id == name:
             return node
-    hint = nearest(name, [node.id for node in declared])
+    hint = suggest_name(name, [node.id for node in declared])
     raise PicktreeError(f"there is no node {name!r}" + (f" ({hint})" if hint else ""))
 
 
-def _sub_trees(path: Path, known: Registry) -> tuple[NodeDeclaration, ...]:
+def _sub_trees(path: Path, known: NodeRegistry) -> tuple[NodeDeclaration, ...]:
     """The mission's sub-trees as nodes; the nodes of its plug-ins are added to `known`."""
     from ...authoring.schema.mission_context import one_mission
     from ...files.yaml.document import open_document

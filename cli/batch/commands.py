@@ -106,14 +106,14 @@ def compare(
     from ...batch.statistics.comparison import compare_recipes
     from ...batch.statistics.comparison_text import json_text_of, text_of
     from ...batch.statistics.differences import read_recipe
-    from ...batch.statistics.seed_partings import with_partings
-    from ..analyse.resim import Progress
+    from ...batch.statistics.seed_partings import with_divergences
+    from ..analyse.resim import ResimProgress
 
     answer = keep_stdout() if json else None
     recipes = read_recipe(a), read_recipe(b)
-    progress = Progress()
+    progress = ResimProgress()
     try:
-        found = with_partings(
+        found = with_divergences(
             compare_recipes(*recipes, unpaired=unpaired),
             *recipes,
             partings,

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, Self, TextIO
 
-from .progress_text import Count
+from .progress_text import BatchCount
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...batch.plan.plan import Job
     from ...batch.results.rows import JobRow
     from ...batch.statistics.summary import BatchSummary
-    from ...batch.workers.batch import Ended
+    from ...batch.workers.batch import RecordedJob
 
 _PERIOD = 1.0
 """Wall s between two pictures of the live table."""
@@ -27,13 +27,13 @@ _SHOWN = 8
 """Last failures that the live table shows."""
 
 
-class Progress(Protocol):
+class BatchDisplay(Protocol):
     """An onlooker of a batch that holds the terminal while it is entered."""
 
     def __enter__(self) -> Self: ...
     def __exit__(self, *_: object) -> None: ...
     def started(self, total: int, done: Sequence[JobRow], workers: int) -> None: ...
-    def ended(self, ended: Ended) -> None: ...
+    def ended(self, ended: RecordedJob) -> None: ...
     def tried_again(self, job: Job, reason: str) -> None: ...
     def stopping(self, under_way: int) -> None: ...
     def waiting(self) -> None: ...
@@ -44,7 +44,7 @@ class Lines:
 
     def __init__(self, console: Console, folder: Path) -> None:
         self._console, self._folder = console, folder
-        self._count = Count()
+        self._count = BatchCount()
         self._said = 0
 
     def __enter__(self) -> Self:
@@ -58,7 +58,7 @@ class Lines:
         before = f", {len(done)} done before" if done else ""
         self._line(f"{_counted(total, 'job')}{before}, {_counted(workers, 'worker')}; in {self._folder}")
 
-    def ended(self, ended: Ended) -> None:
+    def ended(self, ended: RecordedJob) -> None:
         self._count.end(ended.row)
         if ended.row.status != "success":
             self._line(_failure(ended))
@@ -86,7 +86,7 @@ class LiveTable:
 
         self._console, self._folder = console, folder
         self._live = Live(console=console, auto_refresh=False, transient=True)
-        self._count = Count()
+        self._count = BatchCount()
         self._workers = 0
         self._stopping = ""
         self._news: list[str] = []
@@ -104,7 +104,7 @@ class LiveTable:
         self._workers = workers
         self._draw()
 
-    def ended(self, ended: Ended) -> None:
+    def ended(self, ended: RecordedJob) -> None:
         self._count.end(ended.row)
         if ended.row.status != "success":
             self._news = [*self._news, _failure(ended)][-_SHOWN:]
@@ -156,7 +156,7 @@ class EventLines:
     def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
         self._say("started", total=total, done=len(done), workers=workers)
 
-    def ended(self, ended: Ended) -> None:
+    def ended(self, ended: RecordedJob) -> None:
         row = ended.row
         self._say(
             "ended",
@@ -186,10 +186,10 @@ class EventLines:
         self._stream.flush()
 
 
-class WhileRead:
+class UnlessPipeClosed:
     """Another's words, for as long as somebody reads them: a reader who leaves does not end a batch."""
 
-    def __init__(self, inner: Progress, stream: TextIO) -> None:
+    def __init__(self, inner: BatchDisplay, stream: TextIO) -> None:
         self._inner, self._stream = inner, stream
         self._read = True
 
@@ -203,7 +203,7 @@ class WhileRead:
     def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
         self._say(self._inner.started, total, done, workers)
 
-    def ended(self, ended: Ended) -> None:
+    def ended(self, ended: RecordedJob) -> None:
         self._say(self._inner.ended, ended)
 
     def tried_again(self, job: Job, reason: str) -> None:
@@ -234,10 +234,10 @@ def discard(stream: TextIO) -> None:
     os.close(nothing)
 
 
-def progress(folder: Path, answer: TextIO | None) -> Progress:
+def progress(folder: Path, answer: TextIO | None) -> BatchDisplay:
     """A live table on a terminal, lines elsewhere; events where there is an `answer`."""
     if answer is not None:
-        return WhileRead(EventLines(answer), answer)
+        return UnlessPipeClosed(EventLines(answer), answer)
     from rich.console import Console
 
     class Plain(Console):
@@ -247,10 +247,10 @@ def progress(folder: Path, answer: TextIO | None) -> Progress:
 
     console = Plain(highlight=False)
     shown = LiveTable(console, folder) if console.is_terminal else Lines(console, folder)
-    return WhileRead(shown, sys.stdout)
+    return UnlessPipeClosed(shown, sys.stdout)
 
 
-def _failure(ended: Ended) -> str:
+def _failure(ended: RecordedJob) -> str:
     row, job = ended.row, ended.job
     why = row.root_cause or ", ".join(ended.causes) or row.message
     return f"seed {job.seed}: {row.status}" + (f", {why}" if why else "") + f" ({job.variant.label})"

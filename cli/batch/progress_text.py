@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _DAY = 86400.0
 
 
-class Count:
+class BatchCount:
     """`clock`: wall s, for tests."""
 
     def __init__(self, clock: Callable[[], float] = time.time) -> None:

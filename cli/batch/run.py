@@ -19,7 +19,7 @@ from ..terminal.output import keep_stdout, program
 
 if TYPE_CHECKING:
     from ...batch.cluster.ray_executor import RayExecutor
-    from ...batch.plan.plan import Plan
+    from ...batch.plan.plan import BatchPlan
     from ...batch.statistics.summary import BatchSummary
     from ...batch.workers.batch import Batch
     from ...batch.workers.executor import Executor
@@ -34,7 +34,7 @@ _OF_A_MATRIX = (
 
 def run(
     context: typer.Context,
-    plan: Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="Plan file.")] = None,
+    plan: Annotated[Path | None, typer.Argument(metavar="[PLAN]", help="BatchPlan file.")] = None,
     mission: Annotated[
         list[Path] | None,
         typer.Option(metavar="FILE", help="Instead of a plan: missions to be tried."),
@@ -196,7 +196,7 @@ def _show(folder: Path, summary: BatchSummary, complete: bool) -> None:
     sys.stdout.flush()
 
 
-def _new_folder(plan: Plan) -> Path:
+def _new_folder(plan: BatchPlan) -> Path:
     stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
     return Path("runs") / f"batch-{plan.name.replace('/', '-')}-{stamp}"
 

@@ -10,7 +10,7 @@ import typer
 from ..terminal.output import keep_stdout, program
 
 if TYPE_CHECKING:
-    from ..terminal.progress import View
+    from ..terminal.progress import RunDisplay
 
 
 def calibrate(
@@ -62,11 +62,11 @@ def calibrate(
     answer = keep_stdout() if json else None
 
     from ...commissioning.calibrate.corrected_scene import parse_place
-    from ...commissioning.calibrate.job import CalibrationAsked
+    from ...commissioning.calibrate.job import CalibrationRequest
     from ...commissioning.calibrate.job import calibrate as calibrated
 
     place = parse_place(at) if at else None
-    asked = CalibrationAsked(
+    asked = CalibrationRequest(
         scene, tuple(camera or ()), tcp, target, place, robot, seed, views, output, replace, out
     )
     with _view() as view:
@@ -82,10 +82,10 @@ def calibrate(
         raise typer.Exit(1)
 
 
-def _view() -> View:
+def _view() -> RunDisplay:
     from rich.console import Console
 
-    from ..terminal.progress import LinesView, LiveView
+    from ..terminal.progress import LinesDisplay, LiveDisplay
 
     console = Console(stderr=True, highlight=False)
-    return LiveView(console) if console.is_terminal else LinesView(console)
+    return LiveDisplay(console) if console.is_terminal else LinesDisplay(console)

@@ -59,11 +59,11 @@ def plan(
 
     from ...analysis.render.viewpoint import parse_size, parse_view
     from ...commissioning.plan_trial.target_syntax import quantity
-    from ...commissioning.plan_trial.trial import PlanAsked, plan_in_scene
+    from ...commissioning.plan_trial.trial import PlanQuery, plan_in_scene
     from ...planning.requests import BUDGET
 
     found = plan_in_scene(
-        PlanAsked(
+        PlanQuery(
             scene,
             to,
             begin,

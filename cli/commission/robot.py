@@ -40,7 +40,7 @@ def new(
     """Propose a robot file for a URDF: joints and limits, gripper and TCP, poses, self-collisions."""
     answer = keep_stdout() if json else None
     from ...analysis.render.snapshot import draw_robot
-    from ...commissioning.robot_setup.proposal import Wish, propose
+    from ...commissioning.robot_setup.proposal import ProposalRequest, propose
     from ...commissioning.robot_setup.summary import summary_of_new
     from ...errors import PicktreeError
     from ...files.atomic_write import whole
@@ -49,7 +49,7 @@ def new(
         raise PicktreeError(f"{output} is there already; --force writes over it")
     if mount is not None and gripper is None:
         raise PicktreeError("--mount says where --gripper goes; give --gripper URDF[:LINK], too")
-    proposal = propose(Wish(urdf, output, gripper, mount, base, tip, samples, seed))
+    proposal = propose(ProposalRequest(urdf, output, gripper, mount, base, tip, samples, seed))
     with whole([output] if picture is None else [output, picture], output) as beside:
         beside[0].write_text(proposal.text, encoding="utf-8")
         if picture is not None:

@@ -6,19 +6,19 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TextIO
 
-from ...analysis.replay.node_names import fitting, one_fitting
+from ...analysis.replay.node_names import find_node, find_nodes
 from ...errors import PicktreeError
 from ...files.expressions.expression import Expression, ExpressionError
 from ...trees.node import Node
-from ...trees.running.debugger import Breakpoint, Debugger, Stop, When
-from ...trees.running.runner import Tree
+from ...trees.running.debugger import Breakpoint, Debugger, DebuggerStop, When
+from ...trees.running.runner import BehaviourTree
 from ...trees.runtime import evaluate
 from ...trees.status import NodeStatus
 from ...trees.values.port_types import show
 from ...trees.values.references import Constant
 from ...world.causes import Failure
 from ..terminal.belief_text import belief_line
-from ..terminal.command_prompt import Command, Prompt
+from ..terminal.command_prompt import Command, CommandPrompt
 
 MARKS: Mapping[NodeStatus, str] = {
     NodeStatus.IDLE: "·",
@@ -29,7 +29,7 @@ MARKS: Mapping[NodeStatus, str] = {
 }
 
 
-def place(tree: Tree, stop: Stop) -> str:
+def place(tree: BehaviourTree, stop: DebuggerStop) -> str:
     """Where the run stands still, in a line."""
     now = f"{tree.root.world.clock.now:.2f} s"
     if not stop.path:
@@ -41,13 +41,13 @@ def place(tree: Tree, stop: Stop) -> str:
     return f"{now}, after {stop.path}: {how}" + (f", {_said(node)}" if _said(node) else "")
 
 
-def deepest(tree: Tree) -> Node:
+def deepest(tree: BehaviourTree) -> Node:
     """The node that runs and below which none does; the root when none runs."""
     running = [node for node in tree.nodes if node.state is NodeStatus.RUNNING]
     return running[-1] if running else tree.root
 
 
-def tree_lines(tree: Tree, top: Node, stop: Stop) -> Iterator[str]:
+def tree_lines(tree: BehaviourTree, top: Node, stop: DebuggerStop) -> Iterator[str]:
     """A line for each node from `top` down, the one of the stop marked."""
     indent = top.path.count("/")
     for node in tree.nodes:
@@ -59,7 +59,7 @@ def tree_lines(tree: Tree, top: Node, stop: Stop) -> Iterator[str]:
         yield f"{margin}{'  ' * (node.path.count('/') - indent)}{MARKS[node.state]} {name}{said}"
 
 
-def where_lines(tree: Tree, stop: Stop) -> Iterator[str]:
+def where_lines(tree: BehaviourTree, stop: DebuggerStop) -> Iterator[str]:
     """The nodes from the root to where the run stands."""
     end = stop.path or deepest(tree).path
     for node in tree.nodes:
@@ -68,11 +68,11 @@ def where_lines(tree: Tree, stop: Stop) -> Iterator[str]:
             yield f"{MARKS[node.state]} {node.path} is {node.state}{said}"
 
 
-def node_lines(node: Node, stop: Stop, breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
+def node_lines(node: Node, stop: DebuggerStop, breakpoints: Mapping[int, Breakpoint]) -> Iterator[str]:
     """What one node is, what its ports hold, and why it failed."""
     yield f"{node.path}: {node.wiring.id}, {node.kind}, {node.state}"
     # A node that is about to start still has the inputs of its last activation.
-    unread = node.state is NodeStatus.IDLE or stop == Stop("before", node.path)
+    unread = node.state is NodeStatus.IDLE or stop == DebuggerStop("before", node.path)
     ports = {port.key: port for port in node.declaration.ports}
     for key in dict.fromkeys((*ports, *node.wiring.ports)):
         wired = node.wiring.ports.get(key)
@@ -96,7 +96,7 @@ def node_lines(node: Node, stop: Stop, breakpoints: Mapping[int, Breakpoint]) ->
         yield f"  says: {node.feedback_message}"
 
 
-def blackboard_lines(tree: Tree, part: str) -> Iterator[str]:
+def blackboard_lines(tree: BehaviourTree, part: str) -> Iterator[str]:
     """The keys that contain `part`, with their values; one alone is shown whole."""
     board = tree.blackboard
     keys = sorted(key for key in board if part in key)
@@ -107,7 +107,7 @@ def blackboard_lines(tree: Tree, part: str) -> Iterator[str]:
         yield f"{key} = {value!r}" if len(keys) == 1 else f"{key} = {_value(value)}"
 
 
-def belief_lines(tree: Tree, part: str) -> Iterator[str]:
+def belief_lines(tree: BehaviourTree, part: str) -> Iterator[str]:
     """The objects whose id contains `part`, as the robot believes them."""
     world = tree.root.world
     objects = [o for o in world.scene.objects if part in o.id]
@@ -173,7 +173,7 @@ class _Named:
     id: str
 
 
-class DebugPrompt(Prompt):
+class DebugPrompt(CommandPrompt):
     """Reads commands at a stop until one of them lets the run go on.
 
     At the end of the input the run goes on without another stop, so that a script need not say so. An
@@ -182,7 +182,7 @@ class DebugPrompt(Prompt):
 
     def __init__(self, read: Callable[[str], str], out: TextIO) -> None:
         super().__init__(read, out)
-        self._stop = Stop("tick")
+        self._stop = DebuggerStop("tick")
         self._debugger: Debugger | None = None
         self.offer(
             Command("tree [PATH]", "the nodes with their statuses; PATH: those below it", self._show_tree),
@@ -202,7 +202,7 @@ class DebugPrompt(Prompt):
             Command("help [COMMAND]", "this", self.show_help),
         )
 
-    def __call__(self, debugger: Debugger, stop: Stop) -> None:
+    def __call__(self, debugger: Debugger, stop: DebuggerStop) -> None:
         self._debugger, self._stop = debugger, stop
         self._say(place(debugger.tree, stop))
         if not self.converse():
@@ -225,7 +225,7 @@ class DebugPrompt(Prompt):
                 return super().arguments(command)
 
     @property
-    def _tree(self) -> Tree:
+    def _tree(self) -> BehaviourTree:
         return self._debug.tree
 
     @property
@@ -314,10 +314,10 @@ class DebugPrompt(Prompt):
     # Nodes by name.
 
     def _one(self, text: str) -> Node:
-        return self._tree.find(one_fitting(text, self._names).path)
+        return self._tree.find(find_node(text, self._names).path)
 
     def _fitting(self, text: str) -> Sequence[Node]:
-        return [self._tree.find(named.path) for named in fitting(text, self._names)]
+        return [self._tree.find(named.path) for named in find_nodes(text, self._names)]
 
     @property
     def _names(self) -> Sequence[_Named]:

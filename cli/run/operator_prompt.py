@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TextIO
 
-from ...cell.operator_desk import Question
+from ...cell.operator_desk import OperatorQuestion
 
 
 class PersonAtTerminal:
@@ -25,7 +25,7 @@ class PersonAtTerminal:
     ) -> None:
         self._out, self._aside, self._read = out, aside, read
 
-    def answer(self, question: Question) -> str | None:
+    def answer(self, question: OperatorQuestion) -> str | None:
         """None when the person leaves (end of the input): the run ends `paused`."""
         with self._aside():
             self._say("", f"Help is wanted: {question.reason}", f"  {question.situation}")

@@ -16,7 +16,7 @@ from ..terminal.output import keep_stdout, program
 if TYPE_CHECKING:
     from ...logs.recording.recorder import Listener
     from ...trees.running.debugger import Debugger
-    from ..terminal.progress import View
+    from ..terminal.progress import RunDisplay
 
 
 def run(
@@ -108,8 +108,8 @@ def run(
     seconds = None if limit is None else parse_limit(limit)
 
     from ...logs.recording.rotation import Rotation
-    from ...session.live.live_view import Paced
-    from ...session.observer import GivenAnswers
+    from ...session.live.live_view import WallClockPacer
+    from ...session.observer import PresetAnswers
     from ...session.recipe import LIMIT
     from ...session.session import RunRequest, Session
     from .operator_prompt import person
@@ -125,7 +125,7 @@ def run(
             print(resumption.told, file=sys.stderr, flush=True)
         view = stack.enter_context(_view(to_stderr=json, lines=debug))
         live_view = stack.enter_context(_live_view(live, live_port))
-        watcher = view if pace is None else Paced(view, pace)
+        watcher = view if pace is None else WallClockPacer(view, pace)
         debugger = _debugger(to_stderr=json) if debug else None
         operator = person(sys.stderr if json else sys.stdout, view.aside)
         if resumption is not None:
@@ -146,7 +146,7 @@ def run(
                 limit=LIMIT if seconds is None else seconds,
                 rotation=rotation,
             )
-            given = GivenAnswers(answers or (), operator)
+            given = PresetAnswers(answers or (), operator)
             session = Session(request, watcher, debugger, listener=live_view, operator=given)
         result = session.run()
     if answer is None:
@@ -217,11 +217,11 @@ def _live_view(wanted: bool, port: int) -> Generator[Listener | None]:
     if not wanted:
         yield None
         return
-    from ...logs.optional_libraries import extra
+    from ...logs.optional_libraries import optional_import
 
-    with extra("live", "foxglove", "A live view"):
-        from ...session.live.live_view import LiveView
-    with LiveView(port) as live_view:
+    with optional_import("live", "foxglove", "A live view"):
+        from ...session.live.live_view import LiveServer
+    with LiveServer(port) as live_view:
         print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
         yield live_view
 
@@ -233,11 +233,11 @@ def _debugger(*, to_stderr: bool) -> Debugger:
     return Debugger(debug_prompt(sys.stderr if to_stderr else sys.stdout))
 
 
-def _view(*, to_stderr: bool, lines: bool) -> View:
+def _view(*, to_stderr: bool, lines: bool) -> RunDisplay:
     """`lines`: no live view, whatever the terminal, because somebody types into it."""
     from rich.console import Console
 
-    from ..terminal.progress import LinesView, LiveView
+    from ..terminal.progress import LinesDisplay, LiveDisplay
 
     console = Console(stderr=to_stderr, highlight=False)
-    return LiveView(console) if console.is_terminal and not lines else LinesView(console)
+    return LiveDisplay(console) if console.is_terminal and not lines else LinesDisplay(console)

@@ -7,7 +7,7 @@ from typing import Protocol
 from ...world.values import Pose
 
 
-class Believed(Protocol):
+class BelievedLike(Protocol):
     @property
     def id(self) -> str: ...
     @property
@@ -28,7 +28,7 @@ class Believed(Protocol):
     def confidence(self) -> float: ...
 
 
-def belief_line(o: Believed, now: float) -> str:
+def belief_line(o: BelievedLike, now: float) -> str:
     """`now` in simulated s."""
     x, y, z = o.pose.position
     place = "in the hand" if o.attached else o.place or "somewhere"

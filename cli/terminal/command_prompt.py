@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TextIO, TypeVar
 
 from ...errors import PicktreeError
-from ...files.value_wording import nearest
+from ...files.value_wording import suggest_name
 
 Out = TypeVar("Out", bound=TextIO)
 
@@ -24,7 +24,7 @@ class Command:
     short: str = ""
 
 
-class Prompt:
+class CommandPrompt:
     """Reads commands until one of them leaves the prompt. An empty line repeats the last command.
 
     `read` shows the text of a prompt and gives a line; it raises EOFError at the end of the input.
@@ -110,7 +110,7 @@ class Prompt:
         if fitting:
             self._say(f"{word!r} may be {', '.join(fitting)}")
         else:
-            hint = nearest(word, self._commands)
+            hint = suggest_name(word, self._commands)
             hint = hint if hint.startswith("did you mean") else "`help` lists the commands"
             self._say(f"no command {word!r} ({hint})")
         return ""
@@ -144,7 +144,7 @@ def line_reader(out: TextIO) -> Callable[[str], str]:
     return read
 
 
-def complete_with(prompt: Prompt) -> None:
+def complete_with(prompt: CommandPrompt) -> None:
     """Let Tab complete the lines that are typed for this prompt."""
     try:
         import readline

@@ -30,7 +30,7 @@ MARKS = {
 }
 
 
-class View(Protocol):
+class RunDisplay(Protocol):
     """A watcher of a session that holds the terminal while it is entered."""
 
     def __enter__(self) -> Self: ...
@@ -47,7 +47,7 @@ class View(Protocol):
         ...
 
 
-class LinesView:
+class LinesDisplay:
     """One line for each item done and each failed leaf, and one when nothing happened for long."""
 
     def __init__(self, console: Console) -> None:
@@ -96,7 +96,7 @@ class LinesView:
         self._console.print(text, markup=False, soft_wrap=True)
 
 
-class LiveView:
+class LiveDisplay:
     """The tree with its statuses, redrawn a few times a second of the wall clock, and gone at the end."""
 
     def __init__(self, console: Console) -> None:
@@ -157,7 +157,7 @@ def deepest_running(nodes: Sequence[NodeReport]) -> str:
     return next((node.path for node in reversed(nodes) if node.status == "RUNNING"), "nothing")
 
 
-class Shown(Protocol):
+class ShownNode(Protocol):
     """A node of the tree: of a mission that runs, or of a log."""
 
     @property
@@ -189,7 +189,7 @@ class Status(Protocol):
 
 
 def tree_rows(
-    structure: Sequence[Shown], nodes: Sequence[Status], room: int, also: Collection[str] = ()
+    structure: Sequence[ShownNode], nodes: Sequence[Status], room: int, also: Collection[str] = ()
 ) -> list[Text]:
     """A row for each node that runs or has a running parent, and for the paths `also`; at most `room` of
     them: the running ones and those nearest to the last of them are kept."""
@@ -210,14 +210,14 @@ def tree_rows(
     return [_row(shown[index], reports[shown[index].path], depths[shown[index].path]) for index in kept]
 
 
-def _depths(structure: Sequence[Shown]) -> Mapping[str, int]:
+def _depths(structure: Sequence[ShownNode]) -> Mapping[str, int]:
     depths: dict[str, int] = {}
     for info in structure:
         depths[info.path] = depths[info.parent] + 1 if info.parent else 0
     return depths
 
 
-def _row(info: Shown, report: Status, depth: int) -> Text:
+def _row(info: ShownNode, report: Status, depth: int) -> Text:
     mark, style = MARKS[report.status]
     row = Text("  " * depth, no_wrap=True)
     row.append(f"{mark} {info.id}", style=style)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import yaml
 
-from ...calibration.estimate import CameraFound, Estimate
+from ...calibration.estimate import CalibrationEstimate, CameraEstimate
 from ...calibration.targets import targets
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
@@ -35,7 +35,7 @@ AHEAD = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class TargetPlacement:
     """Where a target is put, m and rad."""
 
     x: float
@@ -43,20 +43,20 @@ class Place:
     yaw: float = YAW
 
 
-def parse_place(text: str) -> Place:
+def parse_place(text: str) -> TargetPlacement:
     """`0.5,0,20deg`: x and y, and the yaw if need be. Raises PicktreeError.
 
     >>> parse_place("500 mm,0")
-    Place(x=0.5, y=0.0, yaw=0.3490658503988659)
+    TargetPlacement(x=0.5, y=0.0, yaw=0.3490658503988659)
     """
     parts = text.split(",")
     if len(parts) not in (2, 3):
         raise PicktreeError(f"--at {text}: write X,Y or X,Y,YAW, as in --at 0.5,0,20deg")
     x, y, *yaw = (quantity("--at", part.strip(), unit) for part, unit in zip(parts, ("m", "m", "rad")))  # noqa: B905
-    return Place(x, y, yaw[0] if yaw else YAW)
+    return TargetPlacement(x, y, yaw[0] if yaw else YAW)
 
 
-def staged(name: str, place: Place | None) -> SceneDescription:
+def staged(name: str, place: TargetPlacement | None) -> SceneDescription:
     """The scene without its items, and with one target more where it has none. It stands without `name`: its
     text is whole, for the log. Raises PicktreeError."""
     path = find_file(name, SHIPPED, Path.cwd(), "scene")
@@ -76,7 +76,7 @@ def _base(path: Path) -> str:
     return path.stem if path.parent == SHIPPED else str(path.resolve())
 
 
-def _target(scene: SceneDescription, place: Place) -> dict[str, object]:
+def _target(scene: SceneDescription, place: TargetPlacement) -> dict[str, object]:
     table = table_of(scene)
     ground = 0.0 if table is None else top(table.shape, table.pose)
     return {
@@ -87,12 +87,12 @@ def _target(scene: SceneDescription, place: Place) -> dict[str, object]:
     }
 
 
-def _middle(scene: SceneDescription) -> Place:
+def _middle(scene: SceneDescription) -> TargetPlacement:
     """Of where items lie, for there cameras look and the arm reaches."""
     for load in scene.loads:
         (x0, y0), (x1, y1) = load.area
-        return Place((x0 + x1) / 2, (y0 + y1) / 2)
-    return Place(AHEAD, 0.0)
+        return TargetPlacement((x0 + x1) / 2, (y0 + y1) / 2)
+    return TargetPlacement(AHEAD, 0.0)
 
 
 DIGITS = 7
@@ -118,7 +118,13 @@ def output_file(scene: str, wanted: Path | None, *, replace: bool) -> Path:
 
 
 def write(
-    output: Path, name: str, robot: str | None, scene: SceneDescription, found: Estimate, when: str, by: str
+    output: Path,
+    name: str,
+    robot: str | None,
+    scene: SceneDescription,
+    found: CalibrationEstimate,
+    when: str,
+    by: str,
 ) -> None:
     """Write the file. `scene` is the one that was calibrated in, `robot` what stood in for its own. Raises
     PicktreeError when the disk refuses; then nothing remains."""
@@ -129,7 +135,13 @@ def write(
 
 
 def scene_text(
-    output: Path, name: str, robot: str | None, scene: SceneDescription, found: Estimate, when: str, by: str
+    output: Path,
+    name: str,
+    robot: str | None,
+    scene: SceneDescription,
+    found: CalibrationEstimate,
+    when: str,
+    by: str,
 ) -> str:
     """The file's text: `base:` and `calibration:`, the standard deviations beside what they belong to."""
     path = find_file(name, SHIPPED, Path.cwd(), "scene")
@@ -160,7 +172,9 @@ def scene_text(
     return "\n".join(lines) + "\n"
 
 
-def _others_on_hand(scene: SceneDescription, found: Estimate, shift: Pose) -> list[tuple[str, Pose]]:
+def _others_on_hand(
+    scene: SceneDescription, found: CalibrationEstimate, shift: Pose
+) -> list[tuple[str, Pose]]:
     """Cameras on the hand that were calibrated before and not now: they stay where they are on the hand when
     the TCP is corrected."""
     if scene.calibration is None or shift == Pose():
@@ -182,7 +196,7 @@ def _named(path: Path, shipped: Path, output: Path) -> str:
     return beside if "/" in beside or beside.endswith((".yaml", ".yml")) else f"./{beside}"
 
 
-def _sure(camera: CameraFound) -> str:
+def _sure(camera: CameraEstimate) -> str:
     position = ", ".join(f"{1000 * s:.3f}" for s in camera.deviation.position)
     angle = ", ".join(f"{math.degrees(s):.4f}" for s in camera.deviation.angle)
     frame = "TCP" if camera.on_hand else "world"

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
-from ...calibration.estimate import CameraFound, Estimate, ToolFound, estimate
-from ...calibration.observations import SHOT, TOUCH, Evidence, Shot, Touch
-from ...calibration.targets import Target, targets, tips
+from ...calibration.estimate import CalibrationEstimate, CameraEstimate, ToolEstimate, estimate
+from ...calibration.observations import SHOT, TOUCH, CalibrationData, TargetImage, TargetTouch
+from ...calibration.targets import CalibrationTarget, fingertip_corners, targets
 from ...errors import PicktreeError
 from ...logs.run_log import RunLog
 from ...logs.run_result import RunResult, RunStatus
@@ -19,14 +19,14 @@ from ...logs.schema.topics import EVENTS
 from ...robots.loading import load_robot
 from ...robots.model import RobotModel
 from ...robots.tool_frame import rpy_of
-from ...session.observer import Watcher
+from ...session.observer import SessionWatcher
 from ...session.recipe import Recipe
 from ...session.session import Session
 from ...trees.loading.loader import parse_mission
-from ...trees.loading.registry import Registry
+from ...trees.loading.registry import NodeRegistry
 from ...world.journal import Plain
 from ...world.scene.description import SceneDescription
-from .corrected_scene import Place, output_file, staged, write
+from .corrected_scene import TargetPlacement, output_file, staged, write
 
 SHOWN = 4
 """Of what was passed over."""
@@ -46,7 +46,7 @@ class CalibrationAnswer:
     """Views and touches that were passed over, and why."""
     unseen: tuple[str, ...] = ()
     """Cameras that did not see the target."""
-    known: Estimate | None = None
+    known: CalibrationEstimate | None = None
     target_off: tuple[float, float] = (0.0, 0.0)
     """How far the target stood from where it was believed to be: m, rad."""
     output: Path | None = None
@@ -60,7 +60,9 @@ class CalibrationAnswer:
     def missing(self, cameras: tuple[str, ...]) -> CalibrationAnswer:
         return replace(self, unseen=cameras)
 
-    def found(self, known: Estimate, target_off: tuple[float, float], output: Path) -> CalibrationAnswer:
+    def found(
+        self, known: CalibrationEstimate, target_off: tuple[float, float], output: Path
+    ) -> CalibrationAnswer:
         return replace(self, known=known, target_off=target_off, output=output)
 
     def to_text(self, program: str = "picktree") -> str:
@@ -106,7 +108,7 @@ class CalibrationAnswer:
         return json.dumps(answer, indent=2, ensure_ascii=False)
 
 
-def _camera_lines(camera: CameraFound) -> list[str]:
+def _camera_lines(camera: CameraEstimate) -> list[str]:
     sigma = max(camera.deviation.position)
     angle = max(camera.deviation.angle)
     views = f"{camera.shots} views" if camera.on_hand else "one place"
@@ -117,7 +119,7 @@ def _camera_lines(camera: CameraFound) -> list[str]:
     ]
 
 
-def _tool_lines(tool: ToolFound) -> list[str]:
+def _tool_lines(tool: ToolEstimate) -> list[str]:
     sigma = ", ".join(f"{1000 * s:.2f}" for s in tool.deviation)
     if not tool.sure:
         return [f"tool        left as it was: {tool.touches} touches tell it to ± {sigma} mm only"]
@@ -129,7 +131,7 @@ def _tool_lines(tool: ToolFound) -> list[str]:
     ]
 
 
-def _camera_json(camera: CameraFound) -> Plain:
+def _camera_json(camera: CameraEstimate) -> Plain:
     return {
         "on": "hand" if camera.on_hand else "world",
         "at": list(camera.pose.position),
@@ -142,7 +144,7 @@ def _camera_json(camera: CameraFound) -> Plain:
     }
 
 
-def _tool_json(tool: ToolFound) -> Plain:
+def _tool_json(tool: ToolEstimate) -> Plain:
     return {
         "offset": list(tool.offset),
         "sure": tool.sure,
@@ -156,7 +158,7 @@ SKIPPED = "calibration_skipped"
 
 
 @dataclass(frozen=True, slots=True)
-class CalibrationAsked:
+class CalibrationRequest:
     """What `picktree calibrate` is asked."""
 
     scene: str
@@ -165,7 +167,7 @@ class CalibrationAsked:
     touch: bool = True
     """Find the TCP, too."""
     target: str | None = None
-    place: Place | None = None
+    place: TargetPlacement | None = None
     """Where the target is put, where the scene has none."""
     robot: str | None = None
     seed: int = 0
@@ -175,7 +177,7 @@ class CalibrationAsked:
     out: Path | None = None
 
 
-def calibrate(asked: CalibrationAsked, watcher: Watcher | None = None) -> CalibrationAnswer:
+def calibrate(asked: CalibrationRequest, watcher: SessionWatcher | None = None) -> CalibrationAnswer:
     """Run it, and write what it comes to.
 
     Raises PicktreeError for what is no scene, robot, camera or target, for a file that must not be replaced,
@@ -190,14 +192,14 @@ def calibrate(asked: CalibrationAsked, watcher: Watcher | None = None) -> Calibr
     beside = Path.cwd() if asked.robot else Path(scene.source).parent
     robot = load_robot(asked.robot or scene.robot, beside)
     text = mission_text(target.name, cameras, asked.views, touch=asked.touch, all_of_them=not asked.cameras)
-    mission = parse_mission(text, Path("calibrate.yaml"), Registry())
+    mission = parse_mission(text, Path("calibrate.yaml"), NodeRegistry())
     session = Session(Recipe(mission, scene, robot, asked.seed), watcher, out=asked.out)
     result = session.run()
     found = _record(result)
     answer = CalibrationAnswer(asked.scene, asked.seed, result.status, result.folder, found.skipped)
     if result.status != "success":
         return answer.without(result.message or f"the run ended as {result.status}")
-    evidence = Evidence(found.shots, found.touches, tips(RobotModel(robot)))
+    evidence = CalibrationData(found.shots, found.touches, fingertip_corners(RobotModel(robot)))
     answer = answer.missing(tuple(c for c in cameras if all(c != shot.camera for shot in found.shots)))
     try:
         known = estimate(evidence, target.tiles, target.size, target.pose)
@@ -222,7 +224,7 @@ def mission_text(target: str, cameras: Sequence[str], views: int, *, touch: bool
     return "\n".join(lines) + "\n"
 
 
-def _target(scene: SceneDescription, name: str | None) -> Target:
+def _target(scene: SceneDescription, name: str | None) -> CalibrationTarget:
     known = targets(scene.fixtures)
     if name is None and len(known) == 1:
         return known[0]
@@ -247,28 +249,28 @@ def _cameras(scene: SceneDescription, wanted: tuple[str, ...]) -> tuple[str, ...
 
 @dataclass(frozen=True, slots=True)
 class _Recorded:
-    shots: tuple[Shot, ...]
-    touches: tuple[Touch, ...]
+    shots: tuple[TargetImage, ...]
+    touches: tuple[TargetTouch, ...]
     skipped: tuple[str, ...]
 
 
 def _record(result: RunResult) -> _Recorded:
     """What the run's log holds of the target: the estimate is made from the record alone."""
-    shots: list[Shot] = []
-    touches: list[Touch] = []
+    shots: list[TargetImage] = []
+    touches: list[TargetTouch] = []
     skipped: list[str] = []
     with RunLog(result.log) as log:
         for message in log.messages((EVENTS.name,)):
             event = json.loads(message.data)
             if event["kind"] == SHOT:
-                shots.append(Shot.from_plain(event["data"]))
+                shots.append(TargetImage.from_plain(event["data"]))
             elif event["kind"] == TOUCH:
-                touches.append(Touch.from_plain(event["data"]))
+                touches.append(TargetTouch.from_plain(event["data"]))
             elif event["kind"] == SKIPPED:
                 skipped.append(event["message"])
     return _Recorded(tuple(shots), tuple(touches), tuple(skipped))
 
 
-def _off(known: Estimate, target: Target) -> tuple[float, float]:
+def _off(known: CalibrationEstimate, target: CalibrationTarget) -> tuple[float, float]:
     """How far the target stood from where it was believed to be, m and rad."""
     return known.target.distance(target.pose), known.target.angle(target.pose)

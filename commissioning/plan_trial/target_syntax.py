@@ -13,7 +13,7 @@ from ...cell.world import World
 from ...errors import PicktreeError
 from ...files.quantities import parse_quantity
 from ...manipulation.grasp.grasp_candidates import grasp_candidates
-from ...planning.requests import Line, NamedGoal, RegionGoal, Request, Target
+from ...planning.requests import LineGoal, NamedGoal, RegionGoal, Request, Target
 from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.values import Array, Pose
@@ -25,7 +25,7 @@ DOWN = (math.pi, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Attempt:
+class GoalAttempt:
     """One way to do what is wanted: motions, each from where the one before ends."""
 
     name: str
@@ -34,29 +34,31 @@ class Attempt:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class ParsedGoal:
     """`attempts` are in order of preference; `rejected`: why others were ruled out before any planning."""
 
     words: str
-    attempts: tuple[Attempt, ...]
+    attempts: tuple[GoalAttempt, ...]
     rejected: tuple[str, ...] = ()
 
 
-def wanted(world: World, text: str, request: Request, *, line: bool) -> Wanted:
+def parse_goal(world: World, text: str, request: Request, *, line: bool) -> ParsedGoal:
     """What `--to` asks for; `request` has what else is asked of each motion. Raises PicktreeError."""
     if "," in text:
         numbers = text.split(",")
         pose = _pose(numbers)
-        target: Target = Line(pose) if line else RegionGoal(pose, yaw=math.pi if len(numbers) == 3 else 0.0)
+        target: Target = (
+            LineGoal(pose) if line else RegionGoal(pose, yaw=math.pi if len(numbers) == 3 else 0.0)
+        )
         return _single(f"to {text}", replace(request, target=target))
     if text in world.robot.description.named:
         if line:
-            target = Line(world.robot.tcp(world.robot.named(text)))
+            target = LineGoal(world.robot.tcp(world.robot.named(text)))
             return _single(f"to where the tool is in {text}", replace(request, target=target))
         return _single(f"to {text}", replace(request, target=NamedGoal(text)))
     if text in world.scene.bins:
         above = _over(world.scene.bins[text])
-        target = Line(above) if line else RegionGoal(above, yaw=math.pi)
+        target = LineGoal(above) if line else RegionGoal(above, yaw=math.pi)
         return _single(f"over {text}", replace(request, target=target))
     belief = world.scene.find(text)
     if belief is not None:
@@ -66,7 +68,7 @@ def wanted(world: World, text: str, request: Request, *, line: bool) -> Wanted:
     raise PicktreeError(_unknown(world, text))
 
 
-def start(world: World, text: str) -> Array:
+def parse_start(world: World, text: str) -> Array:
     """What `--from` says: a named pose, or a number for each joint. Raises PicktreeError."""
     named, names = world.robot.description.named, world.robot.description.joints
     if "," not in text:
@@ -82,8 +84,8 @@ def start(world: World, text: str) -> Array:
     return np.array([quantity("--from", word, "rad") for word in words])
 
 
-def _single(words: str, request: Request) -> Wanted:
-    return Wanted(words, (Attempt("", (request,)),))
+def _single(words: str, request: Request) -> ParsedGoal:
+    return ParsedGoal(words, (GoalAttempt("", (request,)),))
 
 
 def _over(bin_: Bin) -> Pose:
@@ -91,9 +93,9 @@ def _over(bin_: Bin) -> Pose:
     return Pose.from_rpy((x, y, z + bin_.size[2] + OVER_BIN), DOWN)
 
 
-def _grasp(world: World, belief: BeliefObject, request: Request) -> Wanted:
+def _grasp(world: World, belief: BeliefObject, request: Request) -> ParsedGoal:
     """Over each grasp at which the hand finds room, and straight down onto it."""
-    attempts: list[Attempt] = []
+    attempts: list[GoalAttempt] = []
     rejected: list[str] = []
     for grasp in grasp_candidates(belief, world.robot.description.gripper):
         touched = world.queries.hand_contacts(
@@ -106,15 +108,15 @@ def _grasp(world: World, belief: BeliefObject, request: Request) -> Wanted:
         above = replace(request, target=RegionGoal(over), width=grasp.opening)
         down = replace(
             request,
-            target=Line(grasp.tcp_in_world),
+            target=LineGoal(grasp.tcp_in_world),
             start=None,
             width=grasp.opening,
             allowed=(("gripper", belief.id),),
             scaling=world.handling.slowly,
             clearance=0.0,
         )
-        attempts.append(Attempt(grasp.name, (above, down)))
-    return Wanted(f"onto {belief.id}", tuple(attempts), tuple(rejected))
+        attempts.append(GoalAttempt(grasp.name, (above, down)))
+    return ParsedGoal(f"onto {belief.id}", tuple(attempts), tuple(rejected))
 
 
 def _pose(words: Sequence[str]) -> Pose:

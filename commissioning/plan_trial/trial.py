@@ -10,21 +10,21 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...analysis.render.viewpoint import View
+from ...analysis.render.viewpoint import PictureView
 from ...cell.world import World
-from ...planning.failures.planning_failures import listed
+from ...planning.failures.planning_failures import contact_lines
 from ...planning.kinematics.levenberg_marquardt import is_hinge
-from ...planning.requests import BUDGET, Constraint, NamedGoal, Plan, Request, Upright
+from ...planning.requests import BUDGET, Constraint, MotionPlan, NamedGoal, Request, UprightConstraint
 from ...robots.loading import load_robot
-from ...session.assembly import assemble
+from ...session.assembly import assemble_world
 from ...simulation.backends import build_hardware
 from ...simulation.scoring.truth import TrueBody
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure
 from ...world.scene.loading.scene_loading import load_scene
 from . import trial_picture
-from .target_syntax import Attempt, Wanted, start, wanted
-from .trial_result import Found, PlanAnswer, Refused
+from .target_syntax import GoalAttempt, ParsedGoal, parse_goal, parse_start
+from .trial_result import PlanAnswer, PlanFigures, PlanRefusal
 
 SIGMA = 1e-4
 """Of what is believed exactly: positions, m, and angles, rad."""
@@ -39,7 +39,7 @@ def build(scene: str, robot: str | None, seed: int, *, verify: bool) -> World:
     beside = Path.cwd() if robot else Path(description.source).parent
     arm = load_robot(robot or description.robot, beside)
     hardware = build_hardware("kinematic", description, arm, seed)
-    world = assemble(hardware, description, arm, seed, verify=verify)
+    world = assemble_world(hardware, description, arm, seed, verify=verify)
     for body in hardware.truth():
         if body.present:
             world.scene.put(_believed(world, body), "believed as it is")
@@ -73,7 +73,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class PlanAsked:
+class PlanQuery:
     """What `picktree plan` is asked. m, rad."""
 
     scene: str
@@ -89,19 +89,19 @@ class PlanAsked:
     budget: int = BUDGET
     verify: bool = False
     picture: Path | None = None
-    view: View | None = None
+    view: PictureView | None = None
     size: tuple[int, int] = (1280, 800)
 
 
-def plan_in_scene(asked: PlanAsked) -> PlanAnswer:
+def plan_in_scene(asked: PlanQuery) -> PlanAnswer:
     """Raises PicktreeError for what is no scene, robot, goal or start."""
     world = build(asked.scene, asked.robot, asked.seed, verify=asked.verify)
-    q = start(world, asked.begin) if asked.begin else world.robot.named(HOME)
-    constraints: tuple[Constraint, ...] = () if asked.upright is None else (Upright(asked.upright),)
+    q = parse_start(world, asked.begin) if asked.begin else world.robot.named(HOME)
+    constraints: tuple[Constraint, ...] = () if asked.upright is None else (UprightConstraint(asked.upright),)
     request = Request(
         NamedGoal(HOME), q, constraints=constraints, clearance=asked.clearance, budget=asked.budget
     )
-    goal = wanted(world, asked.to, request, line=asked.line)
+    goal = parse_goal(world, asked.to, request, line=asked.line)
     tried = _tried(world, goal)
     answer = PlanAnswer(
         asked.scene,
@@ -112,24 +112,24 @@ def plan_in_scene(asked: PlanAsked) -> PlanAnswer:
         grasp="" if tried.attempt is None else tried.attempt.name,
         rejected=_counted((*goal.rejected, *tried.rejected)),
     )
-    if isinstance(tried.outcome, Plan):
+    if isinstance(tried.outcome, MotionPlan):
         answer = replace(answer, found=_found(world, tried.outcome))
         if asked.verify:
-            against = [line for one in world.plan.disagreements for line in listed(one.contacts)]
+            against = [line for one in world.plan.disagreements for line in contact_lines(one.contacts)]
             answer = replace(answer, judged=tuple(against))
     elif tried.outcome is not None:
         failure = tried.outcome
         cause = failure.cause
-        refused = Refused(cause.name, failure.message, cause.remedy, failure.evidence)
+        refused = PlanRefusal(cause.name, failure.message, cause.remedy, failure.evidence)
         answer = replace(answer, refused=refused)
     else:
         sentence = f"the hand finds no room at any of {len(goal.rejected)} grasps of {asked.to}"
         if not goal.rejected:
             sentence = f"{asked.to} is wider than the gripper opens"
-        refused = Refused("grasp.no_candidate", sentence, "clear what stands around it", {})
+        refused = PlanRefusal("grasp.no_candidate", sentence, "clear what stands around it", {})
         answer = replace(answer, refused=refused)
     if asked.picture is not None:
-        view = asked.view or View()
+        view = asked.view or PictureView()
         trial_picture.draw(world, q, tried.outcome, answer.asked, asked.picture, view, asked.size)
         answer = replace(answer, picture=str(asked.picture))
     return answer
@@ -139,14 +139,14 @@ def plan_in_scene(asked: PlanAsked) -> PlanAnswer:
 class _Tried:
     """`outcome`: the plan, or the failure of the first attempt; None: there was nothing to attempt."""
 
-    attempt: Attempt | None
-    outcome: Plan | Failure | None
+    attempt: GoalAttempt | None
+    outcome: MotionPlan | Failure | None
     rejected: tuple[str, ...]
 
 
-def _tried(world: World, goal: Wanted) -> _Tried:
+def _tried(world: World, goal: ParsedGoal) -> _Tried:
     """One attempt after the other, until one is planned."""
-    failures: list[tuple[Attempt, Failure]] = []
+    failures: list[tuple[GoalAttempt, Failure]] = []
     for attempt in goal.attempts[:GRASPS]:
         steps = (
             world.plan.solve(attempt.legs[0], node=NODE)
@@ -165,7 +165,7 @@ def _tried(world: World, goal: Wanted) -> _Tried:
     return _Tried(attempt, failure, _told(failures[1:]))
 
 
-def _told(failures: list[tuple[Attempt, Failure]]) -> tuple[str, ...]:
+def _told(failures: list[tuple[GoalAttempt, Failure]]) -> tuple[str, ...]:
     return tuple(failure.message for _, failure in failures)
 
 
@@ -183,11 +183,11 @@ def _returned(steps: Generator[None, None, T]) -> T:
             return end.value
 
 
-def _found(world: World, plan: Plan) -> Found:
+def _found(world: World, plan: MotionPlan) -> PlanFigures:
     quality = world.plan.quality(plan)
     near, own, joint = quality.nearest, quality.itself, quality.joint
     index = world.robot.description.joints.index(joint.joint)
-    return Found(
+    return PlanFigures(
         plan.planner,
         tuple(leg.planner for leg in plan.legs),
         plan.checks,
@@ -209,7 +209,7 @@ def _found(world: World, plan: Plan) -> Found:
     )
 
 
-def _also(asked: PlanAsked) -> str:
+def _also(asked: PlanQuery) -> str:
     words = ""
     if asked.line:
         words += ", straight"

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from ...analysis.render.captions import Caption, Trouble, write
-from ...analysis.render.scene_view import Scenery, Shown
-from ...analysis.render.viewpoint import View
+from ...analysis.render.captions import Caption, CaptionFailure, write
+from ...analysis.render.scene_view import SceneContent, SceneRenderer
+from ...analysis.render.viewpoint import PictureView
 from ...cell.world import World
 from ...files.atomic_write import whole
 from ...logs.meshes.binary_gltf import read_glb, write_glb
 from ...logs.meshes.link_meshes import link_meshes
 from ...logs.recording.images import write_picture
-from ...logs.recording.journal_records import believed
-from ...logs.schema.records import Body, LinkMesh, Part, Scene
-from ...planning.requests import Plan
+from ...logs.recording.journal_records import belief_record
+from ...logs.schema.records import BodyRecord, LinkMesh, PartRecord, Scene
+from ...planning.requests import MotionPlan
 from ...world.causes import Failure
 from ...world.shapes import Sphere
 from ...world.values import Array, Pose
@@ -37,10 +37,10 @@ ON_THE_WAY = 3
 def draw(
     world: World,
     start: Array,
-    outcome: Plan | Failure | None,
+    outcome: MotionPlan | Failure | None,
     asked: str,
     output: Path,
-    view: View,
+    view: PictureView,
     size: tuple[int, int],
 ) -> None:
     """Write the picture. Raises PicktreeError when it cannot be written."""
@@ -48,10 +48,10 @@ def draw(
     width = world.robot.description.gripper.max_width
     robots = _Robots(meshes)
     path: tuple[tuple[float, float, float], ...] = ()
-    marked: tuple[Body, ...] = ()
-    point: tuple[Body, ...] = ()
+    marked: tuple[BodyRecord, ...] = ()
+    point: tuple[BodyRecord, ...] = ()
     caption = Caption(0.0, asked)
-    if isinstance(outcome, Plan):
+    if isinstance(outcome, MotionPlan):
         q = outcome.trajectory.position
         robots.add("", world.robot.link_poses(q[-1], width))
         robots.add("start", _elsewhere(world.robot.link_poses(q[0], width), robots.poses), PALE)
@@ -67,13 +67,13 @@ def draw(
             robots.add("start", _elsewhere(world.robot.link_poses(start, width), robots.poses), PALE)
         marked = tuple(_marked(world, names))
         point = _point(outcome)
-        caption = replace(caption, trouble=Trouble(outcome.cause.name, outcome.message))
+        caption = replace(caption, trouble=CaptionFailure(outcome.cause.name, outcome.message))
     else:
         robots.add("", world.robot.link_poses(start, width))
-    bodies = tuple(believed(o) for o in world.scene.objects)
+    bodies = tuple(belief_record(o) for o in world.scene.objects)
     scene = Scene((*bodies, *point), tuple(_fixed(world)))
-    shown = Shown(robots.poses, scene, Scene(marked, ()), path)
-    picture = Scenery(tuple(robots.meshes), view, size).single(shown)
+    shown = SceneContent(robots.poses, scene, Scene(marked, ()), path)
+    picture = SceneRenderer(tuple(robots.meshes), view, size).single(shown)
     write(picture, caption)
     with whole([output], output) as (beside,):
         output.parent.mkdir(parents=True, exist_ok=True)
@@ -125,13 +125,13 @@ def _meant(failure: Failure, start: Array) -> Array:
     return start
 
 
-def _point(failure: Failure) -> tuple[Body, ...]:
+def _point(failure: Failure) -> tuple[BodyRecord, ...]:
     """A red ball where the failure's point is: of the goal, or where a line stopped."""
     for key in ("point", "first", "at"):
         told = failure.evidence.get(key)
         if isinstance(told, list) and len(told) == 3:
             x, y, z = (float(c) for c in told)
-            return (Body("point", "point", "sphere", "red", Sphere(0.012), Pose((x, y, z))),)
+            return (BodyRecord("point", "point", "sphere", "red", Sphere(0.012), Pose((x, y, z))),)
     return ()
 
 
@@ -150,19 +150,19 @@ def _named(failure: Failure) -> frozenset[str]:
     return frozenset(names)
 
 
-def _marked(world: World, names: frozenset[str]) -> Iterable[Body]:
+def _marked(world: World, names: frozenset[str]) -> Iterable[BodyRecord]:
     """The outlines of named bodies of the scene."""
     for o in world.scene.objects:
         if o.id in names:
-            yield believed(o)
+            yield belief_record(o)
     for part in _fixed(world):
         if part.id.split("/")[0] in names:
-            yield Body(part.id, "fixture", "box", "red", part.shape, part.pose)
+            yield BodyRecord(part.id, "fixture", "box", "red", part.shape, part.pose)
 
 
-def _fixed(world: World) -> Iterable[Part]:
+def _fixed(world: World) -> Iterable[PartRecord]:
     for f in world.scene.fixtures.values():
-        yield Part(f.id, f.colour, f.shape, f.pose, f.holes)
+        yield PartRecord(f.id, f.colour, f.shape, f.pose, f.holes)
     for b in world.scene.bins.values():
         for k, (box, pose) in enumerate(b.parts()):
-            yield Part(f"{b.id}/{k}", b.colour, box, pose)
+            yield PartRecord(f"{b.id}/{k}", b.colour, box, pose)

@@ -16,7 +16,7 @@ DEGREES = frozenset({"turned", "gets"})
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class PlanFigures:
     """The plan's figures; SI units."""
 
     planner: str
@@ -47,7 +47,7 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class PlanRefusal:
     """Why there is no plan."""
 
     cause: str
@@ -67,8 +67,8 @@ class PlanAnswer:
     begins: str
     grasp: str = ""
     """Of an object: the one that was planned for."""
-    found: Found | None = None
-    refused: Refused | None = None
+    found: PlanFigures | None = None
+    refused: PlanRefusal | None = None
     rejected: tuple[str, ...] = ()
     """Why other grasps of an object were not taken."""
     judged: tuple[str, ...] | None = None
@@ -98,7 +98,7 @@ class PlanAnswer:
             lines += ["", f"picture: {self.picture}"]
         return "\n".join(lines)
 
-    def _figures(self, found: Found) -> Iterator[tuple[str, str]]:
+    def _figures(self, found: PlanFigures) -> Iterator[tuple[str, str]]:
         if self.grasp:
             yield "grasp", self.grasp
         legs = f" of {', '.join(found.legs)}" if found.legs else ""
@@ -126,7 +126,7 @@ class PlanAnswer:
         if self.judged is not None:
             yield "judged", "free by the second checker" if not self.judged else "; ".join(self.judged)
 
-    def _why_not(self, refused: Refused) -> list[str]:
+    def _why_not(self, refused: PlanRefusal) -> list[str]:
         lines = [f"no plan: {refused.cause}", f"  {refused.message}", f"  to try: {refused.remedy}"]
         rows = list(_rows(refused.evidence))
         if rows:

@@ -5,25 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ...robots.gripper_mounting import LinkInertia, Mounting
+from ...robots.gripper_mounting import GripperMount, LinkInertia
 from .gripper_measurement import MeasuredGripper
 from .inertias import InertiaFinding
-from .joint_groups import Arm, Hand
+from .joint_groups import ArmGroup, HandGroup
 from .joint_limits import ProposedLimits
 from .named_poses import NamedPose
-from .self_collision import SelfCollision
+from .self_collision import SelfCollisionReport
 
 
 @dataclass(frozen=True, slots=True)
-class Draft:
+class RobotDraft:
     """All that the robot file will say."""
 
     name: str
     urdf: str
     """As the file names it."""
-    arm: Arm
-    hand: Hand
-    mounting: Mounting | None
+    arm: ArmGroup
+    hand: HandGroup
+    mounting: GripperMount | None
     gripper_urdf: str
     limits: tuple[ProposedLimits, ...]
     gripper: MeasuredGripper
@@ -31,5 +31,5 @@ class Draft:
     findings: tuple[InertiaFinding, ...]
     inertias: Mapping[str, LinkInertia]
     poses: tuple[NamedPose, ...] = ()
-    collision: SelfCollision | None = None
+    collision: SelfCollisionReport | None = None
     notes: tuple[str, ...] = ()

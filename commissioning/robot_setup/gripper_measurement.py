@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from ...robots.urdf_tree import MOVING, Skeleton
+from ...robots.urdf_tree import MOVING, UrdfTree
 from ...world.shapes import Box
 from ...world.values import Array, Pose, Vector3
-from .joint_groups import Hand
-from .link_points import Solid
-from .urdf_source import Unsuitable
+from .joint_groups import HandGroup
+from .link_points import LinkGeometry
+from .urdf_source import UnsuitableUrdf
 
 STEPS = 9
 """Openings at which the fingers are looked at."""
@@ -80,9 +80,9 @@ class GripperMeter:
     def __init__(
         self,
         source: str,
-        skeleton: Skeleton,
-        solids: Mapping[str, Solid],
-        hand: Hand,
+        skeleton: UrdfTree,
+        solids: Mapping[str, LinkGeometry],
+        hand: HandGroup,
         behind: tuple[str, ...],
     ) -> None:
         """`behind`: the links of the hand that are fixed to its palm."""
@@ -407,7 +407,7 @@ class GripperMeter:
     def _refuse(self, found: str, missing: str, helps: str = "") -> None:
         link = self._hand.palm
         helps = helps or f"another gripper: --gripper URDF:LINK --mount {link}"
-        raise Unsuitable(self._source, found, missing, helps)
+        raise UnsuitableUrdf(self._source, found, missing, helps)
 
 
 def _hand_boxes(

@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 
 from ...robots.gripper_mounting import LinkInertia
-from ...robots.urdf_tree import MOVING, Skeleton
+from ...robots.urdf_tree import MOVING, UrdfTree
 from ...world.values import Array, Pose, Vector3
-from .link_points import Solid
+from .link_points import LinkGeometry
 
 DENSITY = 1000.0
 """Of a link whose mass nobody gives, kg/m³."""
@@ -40,7 +40,7 @@ class InertiaFinding:
 
 
 def check_inertias(
-    root: ElementTree.Element, skeleton: Skeleton, solids: Mapping[str, Solid]
+    root: ElementTree.Element, skeleton: UrdfTree, solids: Mapping[str, LinkGeometry]
 ) -> tuple[InertiaFinding, ...]:
     """Of all links that joints move, in the order of the file; what stands still may weigh what it likes."""
     found: list[InertiaFinding] = []
@@ -61,7 +61,7 @@ def check_inertias(
 
 
 def _finding(
-    element: ElementTree.Element, name: str, solid: Solid | None, *, moves: bool
+    element: ElementTree.Element, name: str, solid: LinkGeometry | None, *, moves: bool
 ) -> InertiaFinding | None:
     given = _read(element)
     if given is None or given[0] <= 0.0:
@@ -144,13 +144,13 @@ def read_inertia(link: ElementTree.Element) -> LinkInertia | None:
     return None if given is None else _inertia(*given)
 
 
-def _from_solid(solid: Solid | None) -> LinkInertia:
+def _from_solid(solid: LinkGeometry | None) -> LinkInertia:
     if solid is None:
         return LinkInertia(0.01, (0.0, 0.0, 0.0), (1e-6, 1e-6, 1e-6), (0.0, 0.0, 0.0))
     return _scaled(solid, max(DENSITY * solid.volume(), 0.001))
 
 
-def _scaled(solid: Solid, mass: float) -> LinkInertia:
+def _scaled(solid: LinkGeometry, mass: float) -> LinkInertia:
     """Of a box around the link with that mass."""
     low, high = solid.points.min(axis=0), solid.points.max(axis=0)
     x, y, z = (float(s) for s in high - low)

@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...files.value_wording import nearest
-from ...robots.urdf_tree import MOVING, Skeleton, UrdfJoint
-from .urdf_source import Unsuitable
+from ...files.value_wording import suggest_name
+from ...robots.urdf_tree import MOVING, UrdfJoint, UrdfTree
+from .urdf_source import UnsuitableUrdf
 
 FEWEST = 5
 """Joints that an arm needs to put its tool upright at any place and turn it: three, one and one."""
@@ -18,7 +18,7 @@ _JAW = re.compile(r"jaw|gripper|finger|claw", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
-class Hand:
+class HandGroup:
     """Joints that move fingers, all of which hang on `palm`."""
 
     palm: str
@@ -33,7 +33,7 @@ class Hand:
 
 
 @dataclass(frozen=True, slots=True)
-class Arm:
+class ArmGroup:
     """The joints of an arm from the base on, and the link that the last one moves."""
 
     joints: tuple[str, ...]
@@ -42,22 +42,24 @@ class Arm:
 
 
 @dataclass(frozen=True, slots=True)
-class Groups:
+class PlanningGroups:
     """An arm and the hand at its end; None when there is none."""
 
-    arm: Arm
-    hand: Hand | None
+    arm: ArmGroup
+    hand: HandGroup | None
 
 
-def find_groups(source: str, skeleton: Skeleton, base: str | None = None, tip: str | None = None) -> Groups:
+def find_groups(
+    source: str, skeleton: UrdfTree, base: str | None = None, tip: str | None = None
+) -> PlanningGroups:
     """Raises Unsuitable when there is no arm, when there are several, or when the one there is will not do.
 
     `base`, `tip`: links between which the arm is, instead of what would be found.
     """
     for name in (base, tip):
         if name is not None and name not in skeleton.links:
-            hint = nearest(name, skeleton.links)
-            raise Unsuitable(
+            hint = suggest_name(name, skeleton.links)
+            raise UnsuitableUrdf(
                 source,
                 f"{len(skeleton.links)} links",
                 f"a link {name!r}" + (f" ({hint})" if hint else ""),
@@ -71,14 +73,14 @@ def find_groups(source: str, skeleton: Skeleton, base: str | None = None, tip: s
         arm = _arm_to(source, skeleton, base, tip, hands)
     hand = next((h for h in hands if _carries(skeleton, arm.tip, h.palm)), None)
     _refuse_unfit(source, skeleton, arm, jaw_allowed=tip is not None or hand is not None)
-    return Groups(arm, hand)
+    return PlanningGroups(arm, hand)
 
 
-def find_hand(source: str, skeleton: Skeleton, link: str | None) -> tuple[Hand, str]:
+def find_hand(source: str, skeleton: UrdfTree, link: str | None) -> tuple[HandGroup, str]:
     """The hand of a gripper's URDF and the link from which on it is taken; raises Unsuitable."""
     if link is not None and link not in skeleton.links:
-        hint = nearest(link, skeleton.links)
-        raise Unsuitable(
+        hint = suggest_name(link, skeleton.links)
+        raise UnsuitableUrdf(
             source,
             f"{len(skeleton.links)} links",
             f"a link {link!r}" + (f" ({hint})" if hint else ""),
@@ -87,7 +89,7 @@ def find_hand(source: str, skeleton: Skeleton, link: str | None) -> tuple[Hand, 
     hands = [h for h in _hands(skeleton) if link is None or _carries(skeleton, link, h.palm)]
     if len(hands) != 1:
         many = ", ".join(h.palm for h in hands)
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"{len(hands)} grippers: on {many}" if hands else "no two fingers that move against each other",
             "one gripper with two fingers",
@@ -96,7 +98,7 @@ def find_hand(source: str, skeleton: Skeleton, link: str | None) -> tuple[Hand, 
     return hands[0], link or hands[0].palm
 
 
-def _hands(skeleton: Skeleton) -> Iterator[Hand]:
+def _hands(skeleton: UrdfTree) -> Iterator[HandGroup]:
     """Every set of finger joints: leaves of the tree that mimic each other, or two that move alike."""
     found: list[set[str]] = []
     for name, joint in skeleton.joints.items():
@@ -121,10 +123,10 @@ def _hands(skeleton: Skeleton) -> Iterator[Hand]:
         drives = tuple(n for n in known if skeleton.joints[n].mimic is None)
         palm = _common(skeleton, known)
         if drives and len(known) >= 1:
-            yield Hand(palm, drives, tuple(n for n in known if n not in drives))
+            yield HandGroup(palm, drives, tuple(n for n in known if n not in drives))
 
 
-def _merged(skeleton: Skeleton, groups: list[set[str]]) -> list[set[str]]:
+def _merged(skeleton: UrdfTree, groups: list[set[str]]) -> list[set[str]]:
     """Groups that hang on the same palm are one hand."""
     by_palm: dict[str, set[str]] = {}
     for group in groups:
@@ -134,7 +136,7 @@ def _merged(skeleton: Skeleton, groups: list[set[str]]) -> list[set[str]]:
     return list(by_palm.values())
 
 
-def _is_finger(skeleton: Skeleton, name: str) -> bool:
+def _is_finger(skeleton: UrdfTree, name: str) -> bool:
     """Whether a joint moves a leaf of the tree, and hangs on something that other joints move."""
     joint = skeleton.joints[name]
     if joint.type not in ("prismatic", "revolute"):
@@ -147,7 +149,7 @@ def _is_finger(skeleton: Skeleton, name: str) -> bool:
     )
 
 
-def _mount(skeleton: Skeleton, name: str) -> str:
+def _mount(skeleton: UrdfTree, name: str) -> str:
     """The link behind fixed joints that carries a joint."""
     link = skeleton.joints[name].parent
     while True:
@@ -157,7 +159,7 @@ def _mount(skeleton: Skeleton, name: str) -> str:
         link = holder.parent
 
 
-def _common(skeleton: Skeleton, joints: list[str]) -> str:
+def _common(skeleton: UrdfTree, joints: list[str]) -> str:
     """The last link that carries all of these joints, without fixed links that only one way goes through."""
     chains: list[list[str]] = []
     for name in joints:
@@ -167,7 +169,7 @@ def _common(skeleton: Skeleton, joints: list[str]) -> str:
     return common[-1]
 
 
-def _carries(skeleton: Skeleton, link: str, other: str) -> bool:
+def _carries(skeleton: UrdfTree, link: str, other: str) -> bool:
     """Whether `other` is `link` or hangs on it by fixed joints alone."""
     names = skeleton.joints_to(other)
     start = skeleton.joints_to(link)
@@ -176,7 +178,7 @@ def _carries(skeleton: Skeleton, link: str, other: str) -> bool:
     return all(skeleton.joints[name].type not in MOVING for name in names[len(start) :])
 
 
-def _moving_to(skeleton: Skeleton, link: str, base: str | None) -> tuple[str, ...]:
+def _moving_to(skeleton: UrdfTree, link: str, base: str | None) -> tuple[str, ...]:
     names = skeleton.joints_to(link)
     if base is not None:
         start = skeleton.joints_to(base)
@@ -187,8 +189,8 @@ def _moving_to(skeleton: Skeleton, link: str, base: str | None) -> tuple[str, ..
 
 
 def _arm_to(
-    source: str, skeleton: Skeleton, base: str | None, tip: str | None, hands: tuple[Hand, ...]
-) -> Arm:
+    source: str, skeleton: UrdfTree, base: str | None, tip: str | None, hands: tuple[HandGroup, ...]
+) -> ArmGroup:
     if tip is not None:
         joints = _moving_to(skeleton, tip, base)
         palm = next((h.palm for h in hands if _carries(skeleton, tip, h.palm)), tip)
@@ -197,7 +199,7 @@ def _arm_to(
     long = [(h, joints) for h, joints in fitting if len(joints) >= LIMB]
     if len(long) > 1:
         listed = "; ".join(f"{len(joints)} joints to {h.palm}" for h, joints in long)
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"{len(long)} arms with a gripper: {listed}",
             "which of them is meant",
@@ -206,7 +208,7 @@ def _arm_to(
     if not long:
         hand, joints = max(fitting, key=lambda pair: len(pair[1]))
         if len(joints) == 0:
-            raise Unsuitable(
+            raise UnsuitableUrdf(
                 source,
                 f"a gripper alone: {_listed(hand.joints)} on {hand.palm}",
                 "an arm that carries it",
@@ -217,7 +219,7 @@ def _arm_to(
     return _made(source, skeleton, joints, base, hand.palm)
 
 
-def _only_chain(source: str, skeleton: Skeleton, base: str | None) -> Arm:
+def _only_chain(source: str, skeleton: UrdfTree, base: str | None) -> ArmGroup:
     """The longest chain of joints, when there is one that is clearly it."""
     parents = {joint.parent for joint in skeleton.joints.values()}
     leaves = [link for link in skeleton.links if link not in parents]
@@ -225,11 +227,11 @@ def _only_chain(source: str, skeleton: Skeleton, base: str | None) -> Arm:
     listed = sorted(chains, key=lambda names: -len(names))
     longest = listed[0] if listed else ()
     if len(longest) == 0:
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source, f"{len(skeleton.links)} links and no joint that moves", "an arm", "another URDF"
         )
     if len(longest) < LIMB and len([chain for chain in listed if chain]) > 1:
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"chains of {_joints(len(longest))} at most: {_listed(tuple(c[0] for c in listed if c))}",
             "an arm; this may be a gripper alone, a vehicle or a toy",
@@ -241,7 +243,7 @@ def _only_chain(source: str, skeleton: Skeleton, base: str | None) -> Arm:
         ends = [skeleton.joints[chain[-1]].child for chain in limbs]
         told = ", ".join(f"{len(chain)} joints to {end}" for chain, end in zip(limbs, ends, strict=True))
         what = "legs, or arms without grippers" if len(longest) < FEWEST else "arms or legs"
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"{len(limbs)} limbs of about the same length ({what}): {told}",
             "one arm with a gripper",
@@ -252,21 +254,21 @@ def _only_chain(source: str, skeleton: Skeleton, base: str | None) -> Arm:
     return _made(source, skeleton, longest, base, skeleton.joints[longest[-1]].child)
 
 
-def _made(source: str, skeleton: Skeleton, joints: tuple[str, ...], base: str | None, tip: str) -> Arm:
+def _made(source: str, skeleton: UrdfTree, joints: tuple[str, ...], base: str | None, tip: str) -> ArmGroup:
     if not joints:
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"no joint that moves between {base or 'the root'} and {tip}",
             "an arm",
             "--base and --tip name links at its two ends, the base first",
         )
-    return Arm(joints, base or skeleton.joints[joints[0]].parent, tip)
+    return ArmGroup(joints, base or skeleton.joints[joints[0]].parent, tip)
 
 
-def _refuse_floating(source: str, skeleton: Skeleton) -> None:
+def _refuse_floating(source: str, skeleton: UrdfTree) -> None:
     for name, joint in skeleton.joints.items():
         if joint.type in ("floating", "planar"):
-            raise Unsuitable(
+            raise UnsuitableUrdf(
                 source,
                 f"the joint {name!r} is {joint.type}: the robot drives, flies or walks",
                 "an arm on a base that stands still",
@@ -274,12 +276,12 @@ def _refuse_floating(source: str, skeleton: Skeleton) -> None:
             )
 
 
-def _refuse_unfit(source: str, skeleton: Skeleton, arm: Arm, *, jaw_allowed: bool) -> None:
+def _refuse_unfit(source: str, skeleton: UrdfTree, arm: ArmGroup, *, jaw_allowed: bool) -> None:
     sliding = [name for name in arm.joints if skeleton.joints[name].type == "prismatic"]
     turning = [name for name in arm.joints if name not in sliding]
     if sliding and len(turning) >= FEWEST:
         behind = skeleton.joints[sliding[-1]].child
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"an arm of {len(turning)} hinges behind the sliding joint {_listed(tuple(sliding))}",
             "an arm whose joints all turn",
@@ -287,7 +289,7 @@ def _refuse_unfit(source: str, skeleton: Skeleton, arm: Arm, *, jaw_allowed: boo
         )
     if len(turning) < FEWEST:
         slid = f" and {len(sliding)} that slide" if sliding else ""
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"a chain of {_joints(len(turning))} that turn{slid}: {_listed(arm.joints)}",
             f"an arm that puts its tool anywhere, upright and turned: {FEWEST} joints at least, better 6",
@@ -295,7 +297,7 @@ def _refuse_unfit(source: str, skeleton: Skeleton, arm: Arm, *, jaw_allowed: boo
         )
     last = skeleton.joints[arm.joints[-1]]
     if not jaw_allowed and _JAW.search(f"{arm.joints[-1]} {last.child}"):
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"an arm of {len(arm.joints) - 1} joints, and {arm.joints[-1]!r} with a jaw against a fixed one",
             "a gripper with two fingers that both move",
@@ -303,7 +305,7 @@ def _refuse_unfit(source: str, skeleton: Skeleton, arm: Arm, *, jaw_allowed: boo
         )
     endless = [name for name in arm.joints if skeleton.joints[name].type == "continuous"]
     if len(endless) == len(arm.joints):
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"{len(endless)} joints that all turn without end: {_listed(arm.joints)}",
             "joints with limits: this looks like wheels or a toy",
@@ -311,7 +313,7 @@ def _refuse_unfit(source: str, skeleton: Skeleton, arm: Arm, *, jaw_allowed: boo
         )
     unlimited = [n for n in arm.joints if not _usable(skeleton.joints[n])]
     if unlimited:
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"an arm of {len(arm.joints)} joints",
             f"limits of {_listed(tuple(unlimited))}",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...robots.model import RobotModel
-from ...robots.urdf_tree import Skeleton, UrdfJoint
+from ...robots.urdf_tree import UrdfJoint, UrdfTree
 from ...world.values import Array
 
 RESERVE = math.radians(2.0)
@@ -43,7 +43,7 @@ class ProposedLimits:
     comment: str
 
 
-def propose_limits(skeleton: Skeleton, joints: tuple[str, ...]) -> tuple[ProposedLimits, ...]:
+def propose_limits(skeleton: UrdfTree, joints: tuple[str, ...]) -> tuple[ProposedLimits, ...]:
     """From the URDF alone; accelerations and missing torques are still to be estimated."""
     return tuple(_proposed(name, skeleton.joints[name]) for name in joints)
 

@@ -14,14 +14,14 @@ from scipy.spatial import ConvexHull
 
 from ...errors import PicktreeError
 from ...robots.mesh_files import mesh_file
-from ...robots.urdf_tree import LinkMesh, LinkShape, link_geometry, parsed_urdf
+from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry, parsed_urdf
 from ...world.shapes import corners
 from ...world.values import Array
-from .urdf_source import Unsuitable
+from .urdf_source import UnsuitableUrdf
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Solid:
+class LinkGeometry:
     """A link's collision geometry: vertices (n, 3) and triangles (k, 3) in its frame."""
 
     points: Array
@@ -62,19 +62,19 @@ def refuse_missing_meshes(source: str, urdf: Path) -> None:
     if packages:
         listed = " and ".join(packages)
         helps = f"put the ROS package {listed} beside {urdf.parent}, or into one of the folders above it"
-    raise Unsuitable(source, f"{len(missing)} meshes that are not there: {shown}", "their files", helps)
+    raise UnsuitableUrdf(source, f"{len(missing)} meshes that are not there: {shown}", "their files", helps)
 
 
-def read_solids(urdf: Path) -> Mapping[str, Solid]:
+def read_solids(urdf: Path) -> Mapping[str, LinkGeometry]:
     """By link; links without collision geometry are left out. Raises PicktreeError for unusable geometry."""
-    parts: dict[str, list[Solid]] = {}
+    parts: dict[str, list[LinkGeometry]] = {}
     for element in link_geometry(str(urdf), "collision"):
         parts.setdefault(element.link, []).append(_solid(element))
     return {link: _joined(solids) for link, solids in parts.items()}
 
 
-def _solid(element: LinkMesh | LinkShape) -> Solid:
-    if isinstance(element, LinkMesh):
+def _solid(element: UrdfMesh | UrdfPrimitive) -> LinkGeometry:
+    if isinstance(element, UrdfMesh):
         mesh = _loaded(element.path)
         points = np.asarray(mesh.vertices, dtype=np.float64) * np.array(element.scale)
         triangles = np.asarray(mesh.faces, dtype=np.int64)
@@ -85,7 +85,7 @@ def _solid(element: LinkMesh | LinkShape) -> Solid:
         outward = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
         turned = np.einsum("ij,ij->i", outward, faces.mean(axis=1) - points.mean(axis=0)) < 0
         triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
-    return Solid(element.pose_in_link.apply(points), triangles)
+    return LinkGeometry(element.pose_in_link.apply(points), triangles)
 
 
 def _loaded(path: str) -> trimesh.Trimesh:
@@ -101,9 +101,9 @@ def _loaded(path: str) -> trimesh.Trimesh:
     return cast("trimesh.Trimesh", loaded)
 
 
-def _joined(solids: list[Solid]) -> Solid:
+def _joined(solids: list[LinkGeometry]) -> LinkGeometry:
     starts = np.cumsum([0, *(len(solid.points) for solid in solids[:-1])]).tolist()
-    return Solid(
+    return LinkGeometry(
         np.concatenate([solid.points for solid in solids]),
         np.concatenate([solid.triangles + start for solid, start in zip(solids, starts, strict=True)]),
     )

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...files.value_wording import nearest
-from ...robots.gripper_mounting import Mounting
-from ...robots.urdf_tree import MOVING, Skeleton
+from ...files.value_wording import suggest_name
+from ...robots.gripper_mounting import GripperMount
+from ...robots.urdf_tree import MOVING, UrdfTree
 from ...world.values import Array, Pose
-from .joint_groups import Arm, find_hand
-from .link_points import Solid
-from .urdf_source import Source, Unsuitable
+from .joint_groups import ArmGroup, find_hand
+from .link_points import LinkGeometry
+from .urdf_source import UnsuitableUrdf, UrdfSource
 
 JOINT = "mount"
 """Name of the joint that holds the gripper."""
@@ -23,20 +23,20 @@ FLANGES = ("tool0", "flange", "ee_link", "tool", "tcp", "hand", "ee")
 
 
 def find_mounting(
-    arm_source: Source,
-    arm: Arm,
-    solids: Mapping[str, Solid],
-    gripper: Source,
+    arm_source: UrdfSource,
+    arm: ArmGroup,
+    solids: Mapping[str, LinkGeometry],
+    gripper: UrdfSource,
     link: str | None,
     to: str | None,
-) -> Mounting:
+) -> GripperMount:
     """Raises Unsuitable when the gripper is none, or the link is not at the end of the arm."""
     _, first = find_hand(gripper.text, gripper.skeleton, link)
     carrier = to or _flange(arm_source.skeleton, arm)
     skeleton = arm_source.skeleton
     if carrier not in skeleton.links:
-        hint = nearest(carrier, skeleton.links)
-        raise Unsuitable(
+        hint = suggest_name(carrier, skeleton.links)
+        raise UnsuitableUrdf(
             arm_source.text,
             f"{len(skeleton.links)} links",
             f"a link {carrier!r} for --mount" + (f" ({hint})" if hint else ""),
@@ -47,10 +47,10 @@ def find_mounting(
     names = {*below, *(n for n, j in gripper.skeleton.joints.items() if j.parent in below)}
     prefix = PREFIX if names & taken else ""
     joint = JOINT if JOINT not in taken else f"{PREFIX}{JOINT}"
-    return Mounting(gripper.urdf, first, carrier, _face(skeleton, arm, solids, carrier), joint, prefix)
+    return GripperMount(gripper.urdf, first, carrier, _face(skeleton, arm, solids, carrier), joint, prefix)
 
 
-def _flange(skeleton: Skeleton, arm: Arm) -> str:
+def _flange(skeleton: UrdfTree, arm: ArmGroup) -> str:
     """What is fixed to the last link and goes by the name of a flange; else the last link."""
     fixed = [link for link in skeleton.below(arm.tip) if not _moves(skeleton, arm.tip, link)]
     for name in FLANGES:
@@ -60,12 +60,12 @@ def _flange(skeleton: Skeleton, arm: Arm) -> str:
     return arm.tip
 
 
-def _moves(skeleton: Skeleton, above: str, link: str) -> bool:
+def _moves(skeleton: UrdfTree, above: str, link: str) -> bool:
     names = skeleton.joints_to(link)[len(skeleton.joints_to(above)) :]
     return any(skeleton.joints[name].type in MOVING for name in names)
 
 
-def _face(skeleton: Skeleton, arm: Arm, solids: Mapping[str, Solid], carrier: str) -> Pose:
+def _face(skeleton: UrdfTree, arm: ArmGroup, solids: Mapping[str, LinkGeometry], carrier: str) -> Pose:
     """The gripper's z out along the axis of the last joint, on the face of what is there."""
     last = skeleton.joints[arm.joints[-1]]
     moved = skeleton.pose(last.child, {})

@@ -13,31 +13,31 @@ import pinocchio as pin
 
 from ...errors import PicktreeError
 from ...files.yaml.document import FileError
-from ...planning.collision.collision_checker import Collision, robot_geometry
+from ...planning.collision.collision_checker import CollisionChecker, robot_geometry
 from ...robots.description import RobotDescription
-from ...robots.gripper_mounting import LinkInertia, Mounting, NamedUrdf, composed
+from ...robots.gripper_mounting import GripperMount, LinkInertia, NamedUrdf, write_composed_urdf
 from ...robots.loading import parse_robot
 from ...robots.model import RobotModel
-from ...robots.urdf_tree import MOVING, Skeleton, UrdfError, parsed_urdf, read_skeleton
+from ...robots.urdf_tree import MOVING, UrdfError, UrdfTree, parsed_urdf, read_skeleton
 from ...world.values import Array
-from .draft import Draft
+from .draft import RobotDraft
 from .gripper_measurement import GripperMeter
 from .inertias import check_inertias, read_inertia
-from .joint_groups import Arm, Hand, find_groups, find_hand
+from .joint_groups import ArmGroup, HandGroup, find_groups, find_hand
 from .joint_limits import estimate, propose_limits
-from .link_points import Solid, read_solids, refuse_missing_meshes
+from .link_points import LinkGeometry, read_solids, refuse_missing_meshes
 from .mounting import find_mounting
 from .named_poses import NamedPose, propose_poses
-from .robot_file_writer import written
-from .self_collision import SAMPLES, Question, SelfCollision, sample
-from .urdf_source import Source, Unsuitable, find_source
+from .robot_file_writer import robot_file_text
+from .self_collision import SAMPLES, SamplingTask, SelfCollisionReport, sample
+from .urdf_source import UnsuitableUrdf, UrdfSource, find_source
 
 ROTOR = 0.003
 """Moment of a linkage's links at least, kg·m²: what the motor's rotor adds through its gear."""
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ProposalRequest:
     """What a robot file is wanted for."""
 
     urdf: str
@@ -58,36 +58,36 @@ class Wish:
 class Proposal:
     """A draft, written out, which the checker has accepted."""
 
-    draft: Draft
+    draft: RobotDraft
     text: str
     robot: RobotDescription
 
 
-def propose(wish: Wish) -> Proposal:
+def propose(wish: ProposalRequest) -> Proposal:
     """Raises Unsuitable for what cannot be used, PicktreeError for files that are not there.
 
     The same wish gives the same text, in any process.
     """
     draft = _drafted(wish)
-    first = _parsed(written(replace(draft, poses=(_middle(draft),))), wish)
+    first = _parsed(robot_file_text(replace(draft, poses=(_middle(draft),))), wish)
     model = RobotModel(first)
     draft = replace(draft, limits=estimate(model, draft.limits, wish.seed))
     draft = replace(draft, collision=_sampled(model, draft, wish))
-    second = _parsed(written(replace(draft, poses=(_middle(draft),))), wish)
+    second = _parsed(robot_file_text(replace(draft, poses=(_middle(draft),))), wish)
     model = RobotModel(second)
-    collision = Collision(model)
+    collision = CollisionChecker(model)
     draft = replace(draft, poses=propose_poses(model, collision.free, wish.seed))
-    text = written(draft)
+    text = robot_file_text(draft)
     return Proposal(draft, text, _parsed(text, wish))
 
 
-def _drafted(wish: Wish) -> Draft:
+def _drafted(wish: ProposalRequest) -> RobotDraft:
     source = find_source(wish.urdf)
     refuse_missing_meshes(wish.urdf, source.urdf.path)
     if wish.gripper is None:
         groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
         if groups.hand is None:
-            raise Unsuitable(
+            raise UnsuitableUrdf(
                 wish.urdf,
                 f"an arm of {len(groups.arm.joints)} joints, {groups.arm.joints[0]} to "
                 f"{groups.arm.joints[-1]}, with {groups.arm.tip!r} at its end",
@@ -98,7 +98,7 @@ def _drafted(wish: Wish) -> Draft:
         return _of_whole(wish, source, source.urdf.path, groups.arm, groups.hand, None, "")
     groups = find_groups(wish.urdf, source.skeleton, wish.base, wish.tip)
     if groups.hand is not None and wish.mount is None:
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             wish.urdf,
             f"a gripper at the end of the arm already, on {groups.hand.palm!r}",
             "a place for another one",
@@ -109,12 +109,12 @@ def _drafted(wish: Wish) -> Draft:
     refuse_missing_meshes(text, gripper.urdf.path)
     mounting = find_mounting(source, groups.arm, read_solids(source.urdf.path), gripper, link, wish.mount)
     try:
-        path = composed(source.urdf, mounting)
+        path = write_composed_urdf(source.urdf, mounting)
     except UrdfError as error:
         raise PicktreeError(f"{wish.urdf}: the gripper {text} cannot be mounted: {error}") from None
     hand, _ = find_hand(text, gripper.skeleton, mounting.link)
     prefix = mounting.prefix
-    named = Hand(
+    named = HandGroup(
         prefix + hand.palm,
         tuple(prefix + name for name in hand.drives),
         tuple(prefix + name for name in hand.followers),
@@ -131,8 +131,14 @@ def _gripper_named(text: str) -> tuple[str, str | None]:
 
 
 def _of_whole(
-    wish: Wish, source: Source, path: Path, arm: Arm, hand: Hand, mounting: Mounting | None, gripper_urdf: str
-) -> Draft:
+    wish: ProposalRequest,
+    source: UrdfSource,
+    path: Path,
+    arm: ArmGroup,
+    hand: HandGroup,
+    mounting: GripperMount | None,
+    gripper_urdf: str,
+) -> RobotDraft:
     skeleton = read_skeleton(path)
     solids = read_solids(path)
     flange = _flange(wish.urdf, skeleton, arm, hand)
@@ -145,7 +151,7 @@ def _of_whole(
     notes: list[str] = []
     if len(arm.joints) == 5:
         notes.append("the arm has five joints: it reaches poses with the tool upright, and few others")
-    return Draft(
+    return RobotDraft(
         name=wish.file.stem,
         urdf=_named(wish.urdf, source.urdf, wish.file),
         arm=arm,
@@ -168,13 +174,13 @@ def _named(text: str, urdf: NamedUrdf, file: Path) -> str:
     return Path(os.path.relpath(urdf.path.resolve(), file.resolve().parent)).as_posix()
 
 
-def _flange(source: str, skeleton: Skeleton, arm: Arm, hand: Hand) -> str:
+def _flange(source: str, skeleton: UrdfTree, arm: ArmGroup, hand: HandGroup) -> str:
     """The fixed joint nearest to the hand's palm, behind the last joint of the arm."""
     names = skeleton.joints_to(hand.palm)
     last = names.index(arm.joints[-1]) if arm.joints[-1] in names else -1
     fixed = [name for name in names[last + 1 :] if skeleton.joints[name].type == "fixed"]
     if last < 0 or not fixed:
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             source,
             f"a hand {hand.palm!r} that is one link with the end of the arm",
             "a fixed joint between arm and hand, where a wrist sensor measures what is held",
@@ -183,7 +189,7 @@ def _flange(source: str, skeleton: Skeleton, arm: Arm, hand: Hand) -> str:
     return fixed[-1]
 
 
-def _behind(skeleton: Skeleton, flange: str, hand: Hand) -> tuple[str, ...]:
+def _behind(skeleton: UrdfTree, flange: str, hand: HandGroup) -> tuple[str, ...]:
     """Links of the hand that no finger joint moves."""
     first = skeleton.joints[flange].child
     moved: set[str] = set()
@@ -194,9 +200,9 @@ def _behind(skeleton: Skeleton, flange: str, hand: Hand) -> tuple[str, ...]:
 
 def _rotors(
     root: ElementTree.Element,
-    skeleton: Skeleton,
+    skeleton: UrdfTree,
     meter: GripperMeter,
-    solids: Mapping[str, Solid],
+    solids: Mapping[str, LinkGeometry],
     known: Mapping[str, LinkInertia],
 ) -> dict[str, LinkInertia]:
     """What a linkage's motor adds to its links, where they turn more easily than that."""
@@ -211,18 +217,18 @@ def _rotors(
     return found
 
 
-def _middle(draft: Draft) -> NamedPose:
+def _middle(draft: RobotDraft) -> NamedPose:
     """As near to 0 as the limits let: to read the file before poses are known."""
     joints = tuple(min(max(0.0, j.lower), j.upper) for j in draft.limits)
     return NamedPose("home", joints, "")
 
 
-def _parsed(text: str, wish: Wish) -> RobotDescription:
+def _parsed(text: str, wish: ProposalRequest) -> RobotDescription:
     try:
         return parse_robot(text, wish.file)
     except FileError as error:
         told = "; ".join(fault.message for fault in error.faults[:3])
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             wish.urdf,
             f"an arm and a gripper, but the robot file made of them is refused: {told}",
             "a URDF that the checker takes",
@@ -230,7 +236,7 @@ def _parsed(text: str, wish: Wish) -> RobotDescription:
         ) from None
 
 
-def _sampled(model: RobotModel, draft: Draft, wish: Wish) -> SelfCollision:
+def _sampled(model: RobotModel, draft: RobotDraft, wish: ProposalRequest) -> SelfCollisionReport:
     geometry = pin.GeometryModel()
     for piece in robot_geometry(model):
         geometry.addGeometryObject(piece)
@@ -247,7 +253,7 @@ def _sampled(model: RobotModel, draft: Draft, wish: Wish) -> SelfCollision:
     middle = (model.lower + model.upper) / 2
     near = {pair for pair in pairs if _joints_between(skeleton, pair) <= 2}
     return sample(
-        Question(
+        SamplingTask(
             model.full,
             geometry,
             draw,
@@ -261,7 +267,7 @@ def _sampled(model: RobotModel, draft: Draft, wish: Wish) -> SelfCollision:
     )
 
 
-def _joints_between(skeleton: Skeleton, pair: frozenset[str]) -> int:
+def _joints_between(skeleton: UrdfTree, pair: frozenset[str]) -> int:
     """Joints that move between two links of one chain; many where they are on different branches."""
     one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
     between = skeleton.joints_to(other)[len(skeleton.joints_to(one)) :]
@@ -270,7 +276,7 @@ def _joints_between(skeleton: Skeleton, pair: frozenset[str]) -> int:
     return sum(skeleton.joints[name].type in MOVING for name in between)
 
 
-def _adjacent(skeleton: Skeleton, pair: frozenset[str], solid: frozenset[str]) -> bool:
+def _adjacent(skeleton: UrdfTree, pair: frozenset[str], solid: frozenset[str]) -> bool:
     """Whether one joint that moves is between two links, and no other link with geometry."""
     one, other = sorted(pair, key=lambda link: len(skeleton.joints_to(link)))
     between = skeleton.joints_to(other)[len(skeleton.joints_to(one)) :]

@@ -10,9 +10,9 @@ from ...robots.gripper_mounting import LinkInertia
 from ...robots.tool_frame import rpy_of
 from ...world.shapes import Box
 from ...world.values import Pose
-from .draft import Draft
+from .draft import RobotDraft
 from .joint_limits import SHARE
-from .self_collision import MARGIN, OFTEN, REASONS, SelfCollision
+from .self_collision import MARGIN, OFTEN, REASONS, SelfCollisionReport
 
 _WHY = {
     "adjacent": "Adjacent: one joint between them, they may touch.",
@@ -22,12 +22,12 @@ _WHY = {
 }
 
 
-def written(draft: Draft) -> str:
+def robot_file_text(draft: RobotDraft) -> str:
     """The text of the file; every number is given with enough digits to be read back as it was."""
     return "\n".join(_lines(draft)) + "\n"
 
 
-def _lines(draft: Draft) -> Iterator[str]:
+def _lines(draft: RobotDraft) -> Iterator[str]:
     arm, hand = draft.arm, draft.hand
     yield "picktree: 1"
     yield "kind: robot"
@@ -77,7 +77,7 @@ def _lines(draft: Draft) -> Iterator[str]:
     yield from _pairs(draft.collision)
 
 
-def _inertias(draft: Draft) -> Iterator[str]:
+def _inertias(draft: RobotDraft) -> Iterator[str]:
     told = {finding.link: finding for finding in draft.findings}
     for finding in draft.findings:
         if finding.instead is None:
@@ -104,7 +104,7 @@ def _inertia(link: str, inertia: LinkInertia) -> Iterator[str]:
         yield f"    products: {_list(inertia.products)}"
 
 
-def _gripper(draft: Draft) -> Iterator[str]:
+def _gripper(draft: RobotDraft) -> Iterator[str]:
     g = draft.gripper
     yield f"# {g.tcp_comment}."
     yield "# z points out of the hand, the fingers move along y."
@@ -146,7 +146,7 @@ def _gripper(draft: Draft) -> Iterator[str]:
     yield f"  finger: {_box(*g.finger)}"
 
 
-def _pairs(found: SelfCollision | None) -> Iterator[str]:
+def _pairs(found: SelfCollisionReport | None) -> Iterator[str]:
     if found is None:
         return
     yield ""

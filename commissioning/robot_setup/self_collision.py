@@ -38,7 +38,7 @@ class LinkPair:
 
 
 @dataclass(frozen=True, slots=True)
-class SelfCollision:
+class SelfCollisionReport:
     """What was found of all pairs of links that have geometry and move against each other."""
 
     samples: int
@@ -51,7 +51,7 @@ class SelfCollision:
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class SamplingTask:
     """What is sampled. `draw` gives one configuration of the model from a generator's number in [0, 1)^k."""
 
     model: pin.Model
@@ -68,7 +68,7 @@ class Question:
     """Pairs that may be `default`: other ones that collide at `rest` do so in earnest."""
 
 
-def sample(question: Question, samples: int = SAMPLES, seed: int = 0) -> SelfCollision:
+def sample(question: SamplingTask, samples: int = SAMPLES, seed: int = 0) -> SelfCollisionReport:
     """The same for the same question and seed, in any process."""
     model, geometry = question.model, question.geometry
     names = [model.frames[o.parentFrame].name for o in geometry.geometryObjects]
@@ -114,10 +114,12 @@ def sample(question: Question, samples: int = SAMPLES, seed: int = 0) -> SelfCol
             disabled.append(LinkPair(first, second, reason, counts[pair]))
     kept = {frozenset((first, second)) for first, second, _ in checked}
     free = sum(1 for each in found if not each & kept)
-    return SelfCollision(samples, tuple(disabled), tuple(checked), free)
+    return SelfCollisionReport(samples, tuple(disabled), tuple(checked), free)
 
 
-def _pairs(geometry: pin.GeometryModel, names: Sequence[str], question: Question) -> list[tuple[int, int]]:
+def _pairs(
+    geometry: pin.GeometryModel, names: Sequence[str], question: SamplingTask
+) -> list[tuple[int, int]]:
     objects = list(geometry.geometryObjects)
     return [
         (i, j)
@@ -145,6 +147,6 @@ def _reason(
     return "never" if count == 0 else None
 
 
-def summary(found: SelfCollision) -> Mapping[Reason, int]:
+def summary(found: SelfCollisionReport) -> Mapping[Reason, int]:
     """How many pairs are left out for which reason."""
     return {reason: sum(pair.reason == reason for pair in found.disabled) for reason in REASONS}

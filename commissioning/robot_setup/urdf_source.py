@@ -11,10 +11,10 @@ from ...files.shipped_files import is_file
 from ...files.yaml.yaml_errors import Unreadable, read_bytes
 from ...robots.gripper_mounting import NamedUrdf
 from ...robots.mesh_files import package_folder
-from ...robots.urdf_tree import MAX_BYTES, Skeleton, UrdfError, read_skeleton
+from ...robots.urdf_tree import MAX_BYTES, UrdfError, UrdfTree, read_skeleton
 
 
-class Unsuitable(PicktreeError):
+class UnsuitableUrdf(PicktreeError):
     """What was found, what is missing, and what would help: a sentence each, told together."""
 
     def __init__(self, urdf: str, found: str, missing: str, helps: str) -> None:
@@ -29,23 +29,23 @@ _TEMPLATE = re.compile(rb"<xacro:\w|\$\{|\$\((?:arg|find|optenv|env|eval) ")
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class UrdfSource:
     """A URDF as it was named on the command line, found and read."""
 
     text: str
     """As given: a path, or `package:path`."""
     urdf: NamedUrdf
-    skeleton: Skeleton
+    skeleton: UrdfTree
 
 
-def find_source(text: str) -> Source:
+def find_source(text: str) -> UrdfSource:
     """Raises PicktreeError when there is no such file, Unsuitable when it is no URDF."""
     named = _named(text)
     refuse_template(text, named.path)
     try:
-        return Source(text, named, read_skeleton(named.path))
+        return UrdfSource(text, named, read_skeleton(named.path))
     except UrdfError as error:
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             text,
             f"a file that cannot be read as a URDF: {error}",
             "an XML file <robot name=…> with <link> and <joint> elements that form one tree",
@@ -61,7 +61,7 @@ def refuse_template(text: str, path: Path) -> None:
         raise PicktreeError(f"{text}: {error}") from None
     if path.suffix == ".xacro" or _TEMPLATE.search(_without_comments(raw)):
         target = f"{path.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
-        raise Unsuitable(
+        raise UnsuitableUrdf(
             text,
             "a xacro template, from which a URDF is made",
             "the URDF itself",

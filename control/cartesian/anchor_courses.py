@@ -15,7 +15,7 @@ STANDING = 1.2e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Felt:
+class ContactState:
     """What is known of the tool in one control period."""
 
     elapsed: float
@@ -33,8 +33,8 @@ class Felt:
     """(3, 3) of the tool in the world."""
 
 
-class Course:
-    """A course for `Motions.comply`. Write `step`: it may move `position` (3,) and `rotation` (3, 3), where
+class CompliantMotion:
+    """A course for `ArmMotion.comply`. Write `step`: it may move `position` (3,) and `rotation` (3, 3), where
     the spring is anchored in the world, say how they move (`velocity` and `acceleration` (3,), `spin` (3,)
     rad/s, all zero unless said), set `wrench` (6,), which the tool exerts beyond its spring (N and Nm, world
     axes, about the TCP; with no stiffness along an axis that is force control), and end by `finished`.
@@ -59,10 +59,10 @@ class Course:
         self.spin: Array = np.zeros(3)
         self.wrench: Array = np.zeros(6)
 
-    def step(self, felt: Felt) -> None:
+    def step(self, felt: ContactState) -> None:
         """One control period passes."""
 
-    def advance(self, felt: Felt) -> None:
+    def advance(self, felt: ContactState) -> None:
         """For the controller: one control period passes."""
         self.peak = max(self.peak, float(np.sqrt(felt.force @ felt.force)))
         if self.finished:
@@ -91,5 +91,5 @@ class Course:
         """From now on no faster than `speed` m/s along `direction`: the joints could not follow."""
 
 
-class Stay(Course):
+class HoldPose(CompliantMotion):
     """The pose at which it began."""

@@ -11,11 +11,11 @@ import pinocchio as pin
 from ...robots.model import RobotModel
 from ...world.values import Array, JointState
 from ..commands import Controller, JointCommand, TorqueCommand
-from ..joints.joint_controllers import Brake
-from ..wrist.wrist_wrench import Feeling
-from .anchor_courses import Course, Felt, Stay
-from .soft_limits import JointBounds
-from .stiffness import FIRM, SOFT, Stiffness
+from ..joints.joint_controllers import BrakeController
+from ..wrist.wrist_wrench import TcpWrench
+from .anchor_courses import CompliantMotion, ContactState, HoldPose
+from .soft_limits import SoftJointLimits
+from .stiffness import FIRM, SOFT, CartesianStiffness
 
 REFRESH = 0.05
 """Time between two computations of what depends on the inertia, s."""
@@ -39,9 +39,9 @@ COMPLY_TIME = 0.3
 class CartesianImpedance:
     """τ = Jᵀ(K e + D ė + Λ ẍ + f) + N M (posture) + bias(q, v), limited in size and rate.
 
-    K and D: see `Stiffness`; Λ is the tool's inertia. `preload`
+    K and D: see `CartesianStiffness`; Λ is the tool's inertia. `preload`
     (6,): a constant wrench f that the hand exerts, such as what carries a held object; world axes, about
-    the TCP. Joints keep their soft limits (`JointBounds`), and the anchor slows down for them.
+    the TCP. Joints keep their soft limits (`SoftJointLimits`), and the anchor slows down for them.
     """
 
     name: ClassVar[str] = "CartesianImpedance"
@@ -50,11 +50,11 @@ class CartesianImpedance:
         self,
         model: RobotModel,
         period: float,
-        course: Course,
-        stiffness: Stiffness = FIRM,
+        course: CompliantMotion,
+        stiffness: CartesianStiffness = FIRM,
         preload: Array | None = None,
         torque_rate: float = TORQUE_RATE,
-        feeling: Feeling | None = None,
+        feeling: TcpWrench | None = None,
     ) -> None:
         """`feeling`: what the course is told of contacts; without it nothing."""
         self._model = model
@@ -69,7 +69,7 @@ class CartesianImpedance:
         self._aim = np.zeros(6)
         self._step: float = torque_rate * period
         self._age = 0.0
-        self._bounds = JointBounds(model)
+        self._bounds = SoftJointLimits(model)
         self.blocked_by = ""
         """The joint whose limit has stopped the anchor."""
         self.done = False
@@ -113,19 +113,19 @@ class CartesianImpedance:
         return TorqueCommand(self._torque)
 
     def brake(self) -> Controller:
-        return Brake(self._model, self._period)
+        return BrakeController(self._model, self._period)
 
     def _jacobian(self) -> Array:
         return pin.getFrameJacobian(
             self._model.arm, self._data, self._model.tcp_frame, pin.LOCAL_WORLD_ALIGNED
         )
 
-    def _felt(self, position: Array, rotation: Array) -> Felt:
+    def _felt(self, position: Array, rotation: Array) -> ContactState:
         self._elapsed += self._period
         force = torque = np.zeros(3)
         if self._feeling is not None:
             force, torque = self._feeling.read(rotation)
-        return Felt(self._elapsed, self._period, force, torque, position.copy(), rotation.copy())
+        return ContactState(self._elapsed, self._period, force, torque, position.copy(), rotation.copy())
 
     def _strayed(self) -> bool:
         """Whether the tool is beside the line of its anchor, or turned: contacts push it along the line."""
@@ -150,7 +150,7 @@ class CartesianImpedance:
         self._null: Array = mass - jacobian.T @ inertia @ jacobian
 
 
-class Comply(CartesianImpedance):
+class ContactReflex(CartesianImpedance):
     """The reflex to a contact: soft and damped about the pose where it was felt, for a moment.
 
     The stiff servo would go on pressing (165 N at 0.5 mm) while it brakes.
@@ -159,7 +159,7 @@ class Comply(CartesianImpedance):
     name: ClassVar[str] = "Comply"
 
     def __init__(self, model: RobotModel, period: float, preload: Array) -> None:
-        super().__init__(model, period, Stay(), SOFT, preload, torque_rate=math.inf)
+        super().__init__(model, period, HoldPose(), SOFT, preload, torque_rate=math.inf)
         self._until = math.inf
 
     def start(self, now: float, state: JointState, setpoint: JointCommand) -> None:

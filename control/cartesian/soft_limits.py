@@ -32,14 +32,14 @@ INSIDE = 0.002
 
 
 @dataclass(frozen=True, slots=True)
-class TargetSpeed:
+class CartesianSpeedLimit:
     """How fast the target of a Cartesian motion may go, m/s, and the joint at its limit that ends it."""
 
     most: float
     blocked_by: str
 
 
-class JointBounds:
+class SoftJointLimits:
     """Keeps joints under torque control within their soft limits and speeds.
 
     A joint may be as fast towards its limit as it can stop before it, v² = 2 a r; the acceleration that a
@@ -78,7 +78,7 @@ class JointBounds:
 
     def target_speed(
         self, q: Array, mass: Array, jacobian: Array, direction: Array, share: float
-    ) -> TargetSpeed:
+    ) -> CartesianSpeedLimit:
         """How fast a target may go along a unit vector (3,), the tool being pulled after it against the
         inertia `mass` (n, n); `share` of the joints' speed limits is never exceeded.
 
@@ -103,7 +103,7 @@ class JointBounds:
                 break
             free[k] = False
         blocked = held >= 0 and best < STUCK
-        return TargetSpeed(best, self._model.description.joints[held] if blocked else "")
+        return CartesianSpeedLimit(best, self._model.description.joints[held] if blocked else "")
 
     def at_limit(self, q: Array) -> str:
         """The joint that stands at its limit; empty when none does."""
@@ -127,7 +127,7 @@ def _rates(mass: Array, jacobian: Array, direction: Array, free: NDArray[np.bool
     return rates
 
 
-def way_inside(workspace: Bounds, tool: Vector3, direction: Array) -> float:
+def distance_to_workspace_edge(workspace: Bounds, tool: Vector3, direction: Array) -> float:
     """How far the tool may go from a point along a unit vector (3,) until it leaves the workspace, m.
 
     A side beyond which it already is counts only for going further out: then the answer is 0.

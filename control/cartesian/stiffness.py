@@ -16,7 +16,7 @@ LEAST = (200.0, 5.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Stiffness:
+class CartesianStiffness:
     """Of the spring between the tool and its anchor, N/m and Nm/rad, and share of the critical damping: one
     number each, or one for each axis of `frame`. An axis without stiffness is moved by the course's wrench
     alone; one that is softer than `LEAST` is damped as if it had that."""
@@ -73,5 +73,5 @@ class Stiffness:
         return Pose((0.0, 0.0, 0.0), self.frame).rotation()
 
 
-FIRM = Stiffness()
-SOFT = Stiffness(linear=400.0, angular=20.0, damping=1.0)
+FIRM = CartesianStiffness()
+SOFT = CartesianStiffness(linear=400.0, angular=20.0, damping=1.0)

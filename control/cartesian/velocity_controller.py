@@ -18,7 +18,7 @@ import pinocchio as pin
 from ...robots.model import RobotModel
 from ...world.values import Array, Bounds, JointState, Vector3
 from ..commands import Controller, JointCommand
-from .soft_limits import ROOM, way_inside
+from .soft_limits import ROOM, distance_to_workspace_edge
 from .twist import Twist
 
 GAIN, LOSS = (1.0, 4.0), (2.0, 8.0)
@@ -57,7 +57,7 @@ class JogState:
         return JogState(self.q.copy(), self.v.copy(), self.twist.copy(), self.left)
 
 
-class JogLaw:
+class JogSetpointGenerator:
     """One step of the set-point under a twist. Every limit only makes it slower: its direction is kept."""
 
     def __init__(self, model: RobotModel, workspace: Bounds) -> None:
@@ -124,7 +124,7 @@ class JogLaw:
         speed = float(np.linalg.norm(target[:3]))
         if speed < 1e-9:
             return 1.0
-        room = way_inside(self._workspace, tool, target[:3] / speed)
+        room = distance_to_workspace_edge(self._workspace, tool, target[:3] / speed)
         most = min(math.sqrt(1.6 * LOSS[0] * room), room / APPROACH)
         if most >= speed:
             return 1.0
@@ -149,7 +149,7 @@ class JogLaw:
         return np.minimum(self._model.lower, q), np.maximum(self._model.upper, q)
 
 
-class Jog:
+class JogController:
     """A controller that follows twists as they come, and brakes when they stay away."""
 
     name: ClassVar[str] = "Jog"
@@ -158,7 +158,7 @@ class Jog:
         self, model: RobotModel, period: float, workspace: Bounds, distance: float = math.inf
     ) -> None:
         """`distance`: way of the TCP after which it stops, m."""
-        self.law = JogLaw(model, workspace)
+        self.law = JogSetpointGenerator(model, workspace)
         self.done = False
         self._period = period
         self._distance = distance

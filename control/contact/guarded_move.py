@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...world.values import Array, Pose
-from ..cartesian.anchor_courses import Course, Felt
+from ..cartesian.anchor_courses import CompliantMotion, ContactState
 
 ACCELERATION = 0.5
 """Of the anchor along its line, m/s²."""
 
 
 @dataclass(frozen=True, slots=True)
-class GuardedResult:
+class GuardedMoveResult:
     """How a guarded move ended."""
 
     contact: bool
@@ -26,7 +26,7 @@ class GuardedResult:
     """TCP in the world where the arm came to rest."""
 
 
-class GuardedCourse(Course):
+class GuardedMove(CompliantMotion):
     """Moves along a unit vector (3,) until `force` N act against it or the distance is done.
 
     At the contact the anchor goes back to where the tool is (plus what makes it press with `press` N), so
@@ -56,7 +56,7 @@ class GuardedCourse(Course):
     def limit(self, speed: float) -> None:
         self._most = min(speed, self._speed)
 
-    def step(self, felt: Felt) -> None:
+    def step(self, felt: ContactState) -> None:
         pushed = -float(self._direction @ felt.force)
         if pushed > self._force:
             self.contact = self.finished = True

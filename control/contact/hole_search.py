@@ -16,17 +16,26 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from ...world.values import Array
-from ..cartesian.anchor_courses import Course, Felt
-from .search_patterns import Standing, axis_of, following, grid, plane, skew, spiral, turned
+from ..cartesian.anchor_courses import CompliantMotion, ContactState
+from .search_patterns import (
+    SettlingDetector,
+    grid,
+    perpendicular_axes,
+    rotated_towards,
+    rotation_about,
+    rotation_axis,
+    skew,
+    spiral,
+)
 
-Part: TypeAlias = Generator[None, Felt, Felt]
+Part: TypeAlias = Generator[None, ContactState, ContactState]
 """A part of a course: sent what is felt in each control period, it ends with the last of it."""
 Search: TypeAlias = Literal["tilt", "spiral", "none"]
 Outcome: TypeAlias = Literal["under way", "in", "not found", "jammed", "no bottom"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Peg:
+class HeldPeg:
     """What of a held peg a search has to know. It may really sit a little beside, and lean, in the hand."""
 
     foot: Array
@@ -40,7 +49,7 @@ class Peg:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mouth:
+class BelievedHole:
     """What is believed of the hole."""
 
     middle: Array
@@ -56,7 +65,7 @@ class Mouth:
 
 
 @dataclass(frozen=True, slots=True)
-class Touch:
+class InsertionParameters:
     """How firmly and how patiently: N, m, s, rad."""
 
     contact: float = 4.0
@@ -131,20 +140,22 @@ ALIGNED = math.radians(2.5)
 """Greatest turn away from where it began, rad."""
 
 
-class Inserting(Course):
+class InsertionMotion(CompliantMotion):
     """Down from the air above a hole's mouth into it: touch, search, press.
 
     It begins with the peg upright over the believed middle. It ends with the peg at the bottom, at rest in
     the hand, or out of the hole and above it again; `outcome` says which.
     """
 
-    def __init__(self, peg: Peg, mouth: Mouth, touch: Touch, search: Search, linear: float) -> None:
+    def __init__(
+        self, peg: HeldPeg, mouth: BelievedHole, touch: InsertionParameters, search: Search, linear: float
+    ) -> None:
         """`linear`: stiffness of the spring that the course is run with, N/m."""
         super().__init__()
         self._peg, self._mouth, self._touch = peg, mouth, touch
         self._search: Search = search
         self._linear = linear
-        self._steps: Generator[None, Felt, None] | None = None
+        self._steps: Generator[None, ContactState, None] | None = None
         self._depths: deque[tuple[float, float]] = deque(maxlen=10)
         self._sinking = 0.0
         self.outcome: Outcome = "under way"
@@ -161,7 +172,7 @@ class Inserting(Course):
         self.pulled = 0
         """How often it was pulled back from a jam."""
 
-    def step(self, felt: Felt) -> None:
+    def step(self, felt: ContactState) -> None:
         if self._steps is None:
             self._steps = self._run()
             next(self._steps)
@@ -171,7 +182,7 @@ class Inserting(Course):
         except StopIteration:
             self.finished = True
 
-    def _run(self) -> Generator[None, Felt, None]:
+    def _run(self) -> Generator[None, ContactState, None]:
         felt = yield
         felt = yield from self._descend(felt)
         for number in range(self._touch.attempts):
@@ -201,7 +212,7 @@ class Inserting(Course):
             return "spiral"
         return "tilt back" if number % 2 else "tilt"
 
-    def _by(self, way: str, felt: Felt) -> Part:
+    def _by(self, way: str, felt: ContactState) -> Part:
         """One search; none is needed where the peg is in the hole already."""
         if self.depth >= self._touch.drop:
             return felt
@@ -212,7 +223,7 @@ class Inserting(Course):
             return (yield from self._straight(felt))
         return (yield from self._tilt(felt))
 
-    def _again(self, felt: Felt) -> Part:
+    def _again(self, felt: ContactState) -> Part:
         """Up, over the believed middle, and down until the surface is felt again."""
         up = self._mouth.up
         felt = yield from self._leave(felt)
@@ -223,10 +234,10 @@ class Inserting(Course):
 
     # What is felt
 
-    def _foot(self, felt: Felt) -> Array:
+    def _foot(self, felt: ContactState) -> Array:
         return felt.position + felt.rotation @ self._peg.foot
 
-    def _note(self, felt: Felt) -> float:
+    def _note(self, felt: ContactState) -> float:
         """The depth of the foot below the surface, kept."""
         away = self._foot(felt) - self._mouth.middle
         self.depth = self.surface - float(self._mouth.up @ away)
@@ -238,7 +249,7 @@ class Inserting(Course):
 
     # What is done
 
-    def _act(self, felt: Felt, force: Array, aside: Array | None = None) -> None:
+    def _act(self, felt: ContactState, force: Array, aside: Array | None = None) -> None:
         """Exert a force (3,) at the foot, and pull it by `aside` (3,) m with the spring."""
         lever = felt.rotation @ self._peg.foot
         up = self._mouth.up
@@ -248,18 +259,18 @@ class Inserting(Course):
         whole = force if aside is None else force + self._linear * aside
         self.wrench = np.concatenate([force, np.cross(lever, whole)])
 
-    def _relax(self, felt: Felt) -> None:
+    def _relax(self, felt: ContactState) -> None:
         """Nothing is exerted where the tool is."""
         self.position, self.rotation = felt.position, felt.rotation
         self.velocity, self.wrench = np.zeros(3), np.zeros(6)
         self.spin = np.zeros(3)
 
-    def _go(self, felt: Felt, position: Array, rotation: Array, speed: float = MOVING) -> Part:
+    def _go(self, felt: ContactState, position: Array, rotation: Array, speed: float = MOVING) -> Part:
         """The anchor straight to a pose of the TCP."""
         start, turn = felt.position, self.rotation
         between = rotation @ turn.T
         angle = math.acos(min(1.0, max(-1.0, (float(np.trace(between)) - 1.0) / 2.0)))
-        axis = axis_of(between)
+        axis = rotation_axis(between)
         way = position - start
         time = max(float(np.linalg.norm(way)) / speed, angle / TURNING, 1e-3)
         begun = felt.elapsed
@@ -270,7 +281,7 @@ class Inserting(Course):
             self.position = start + smooth * way
             rate = 6.0 * share * (1.0 - share) / time
             self.velocity, self.spin = way * rate, axis * (angle * rate)
-            self.rotation = turned(axis, smooth * angle) @ turn
+            self.rotation = rotation_about(axis, smooth * angle) @ turn
             felt = yield
         self.position, self.rotation = position, rotation
         self.velocity = self.spin = np.zeros(3)
@@ -278,7 +289,7 @@ class Inserting(Course):
 
     # The parts
 
-    def _descend(self, felt: Felt) -> Part:
+    def _descend(self, felt: ContactState) -> Part:
         """Straight down until the surface is felt, or the peg is in the hole at once."""
         up, most = self._mouth.up, self._touch.contact
         self.velocity = -DESCENT * up
@@ -294,7 +305,7 @@ class Inserting(Course):
         self._note(felt)
         return felt
 
-    def _straight(self, felt: Felt) -> Part:
+    def _straight(self, felt: ContactState) -> Part:
         """No search: it goes in here or not at all."""
         begun = felt.elapsed
         while felt.elapsed - begun < STALL_TIME:
@@ -304,10 +315,10 @@ class Inserting(Course):
                 break
         return felt
 
-    def _spiral(self, felt: Felt, radius: float | None = None) -> Part:
+    def _spiral(self, felt: ContactState, radius: float | None = None) -> Part:
         """Over the surface along an Archimedean spiral, pressing, until the peg drops."""
         touch, up, upright = self._touch, self._mouth.up, self.turn
-        x, y = plane(up)
+        x, y = perpendicular_axes(up)
         begin = self._foot(felt)
         begun = felt.elapsed
         rubbing, before = RUBBING * touch.press, begin
@@ -320,7 +331,7 @@ class Inserting(Course):
             self._act(felt, FIRMER * off + rubbing * along - touch.press * up, off)
             if not self._peg.round:
                 sweep = math.sin(2 * math.pi * YAWS * (felt.elapsed - begun))
-                self.rotation = turned(up, touch.yaw * sweep) @ upright
+                self.rotation = rotation_about(up, touch.yaw * sweep) @ upright
             self.searched = max(self.searched, math.hypot(a, b))
             felt = yield
             if self._note(felt) >= touch.drop:
@@ -328,9 +339,9 @@ class Inserting(Course):
         self.rotation = upright
         return felt
 
-    def _tilt(self, felt: Felt) -> Part:
+    def _tilt(self, felt: ContactState) -> Part:
         """With the peg leaning, its lowest point in the hole first: against the wall, then upright."""
-        x, y = plane(self._mouth.up)
+        x, y = perpendicular_axes(self._mouth.up)
         for a, b in grid(0.7 * self._mouth.across, self._mouth.slack):
             self.searched = max(self.searched, math.hypot(a, b))
             aim = self._mouth.middle + a * x + b * y
@@ -352,10 +363,10 @@ class Inserting(Course):
                 break
         return felt
 
-    def _lean(self, felt: Felt, aim: Array) -> Part:
+    def _lean(self, felt: ContactState, aim: Array) -> Part:
         """Up, and down again leaning, the lowest point at `aim` (3,), until it touches."""
         up, touch, tip = self._mouth.up, self._touch, self._tip
-        leaning = turned(np.cross(up, self._towards), touch.lean) @ self.turn
+        leaning = rotation_about(np.cross(up, self._towards), touch.lean) @ self.turn
         above = aim + up * (self.surface + LIFTED / 2) - leaning @ tip
         felt = yield from self._go(felt, felt.position + up * (max(0.0, self.depth) + LIFTED), self.rotation)
         felt = yield from self._go(felt, above, leaning)
@@ -368,11 +379,13 @@ class Inserting(Course):
             if float(felt.force @ up) > touch.contact or low < -deepest:
                 return felt
 
-    def _against_wall(self, felt: Felt) -> Generator[None, Felt, tuple[Felt, bool, Array | None]]:
+    def _against_wall(
+        self, felt: ContactState
+    ) -> Generator[None, ContactState, tuple[ContactState, bool, Array | None]]:
         """Push to the side; whether something blocks the way, as the wall of the hole does, and where (3,)
         the lowest point was when most was felt of one; None: nothing was felt."""
         touch, towards, begin = self._touch, self._towards, felt.position
-        stand = Standing(BLOCKED_TIME, BLOCKED)
+        stand = SettlingDetector(BLOCKED_TIME, BLOCKED)
         press, most, lead = -SLIDING_PRESS * touch.press * self._mouth.up, touch.aside / self._linear, 0.0
         greatest, wall = -math.inf, begin + felt.rotation @ self._tip
         while True:
@@ -391,7 +404,7 @@ class Inserting(Course):
             if way > 2 * self._reach + self._mouth.slack:
                 return felt, False, wall if greatest > LEAST_RUBBING else None
 
-    def _upright(self, felt: Felt) -> Part:
+    def _upright(self, felt: ContactState) -> Part:
         """Raise the leaning peg against the wall, and let it drop."""
         touch, up = self._touch, self._mouth.up
         axis, towards = np.cross(up, self._towards), self._towards
@@ -402,7 +415,7 @@ class Inserting(Course):
             sweep = 0.0
             if time > rising and not self._peg.round:
                 sweep = touch.yaw * math.sin(2 * math.pi * YAWS * (time - rising))
-            self.rotation = turned(up, sweep) @ turned(axis, angle) @ self.turn
+            self.rotation = rotation_about(up, sweep) @ rotation_about(axis, angle) @ self.turn
             leaning = float(np.linalg.norm(skew(self.turn @ felt.rotation.T)))
             press = touch.press * (0.5 if leaning > UPRIGHT else 1.0)
             self._act(felt, touch.aside * towards - press * up)
@@ -410,22 +423,22 @@ class Inserting(Course):
             if (leaning < UPRIGHT and self.depth >= touch.drop) or time > rising + 1.5:
                 return felt
 
-    def _press(self, felt: Felt) -> Part:
+    def _press(self, felt: ContactState) -> Part:
         """Down to the bottom, wiggling; pulled back a bit and pressed again, more strongly, where it stands
         before."""
         touch, mouth = self._touch, self._mouth
-        x, y = plane(mouth.up)
+        x, y = perpendicular_axes(mouth.up)
         base, begun = self.rotation, felt.elapsed
-        stand, bottom = Standing(STALL_TIME, STALL), Standing(BOTTOM_TIME, STALL)
+        stand, bottom = SettlingDetector(STALL_TIME, STALL), SettlingDetector(BOTTOM_TIME, STALL)
         push, wiggle, pulls = touch.push, touch.wiggle, 0
         while True:
             phase = 2 * math.pi * WIGGLES * (felt.elapsed - begun)
             axis = math.cos(phase) * x + math.sin(phase) * y
-            base = following(base, felt.rotation, felt.period / ALIGNING, self.turn, ALIGNED)
+            base = rotated_towards(base, felt.rotation, felt.period / ALIGNING, self.turn, ALIGNED)
             sweep = 0.0
             if pulls and not self._peg.round:
                 sweep = 0.5 * touch.yaw * math.sin(2 * math.pi * YAWS * (felt.elapsed - begun))
-            self.rotation = turned(mouth.up, sweep) @ turned(axis, wiggle) @ base
+            self.rotation = rotation_about(mouth.up, sweep) @ rotation_about(axis, wiggle) @ base
             self._act(felt, -push * mouth.up)
             felt = yield
             depth = self._note(felt)
@@ -446,9 +459,9 @@ class Inserting(Course):
             pulls, self.pulled = pulls + 1, self.pulled + 1
             felt = yield from self._pull_back(felt, depth)
             push, wiggle = push + 2.0, 1.4 * wiggle
-            stand = Standing(STALL_TIME, STALL)
+            stand = SettlingDetector(STALL_TIME, STALL)
 
-    def _pull_back(self, felt: Felt, depth: float) -> Part:
+    def _pull_back(self, felt: ContactState, depth: float) -> Part:
         begun = felt.elapsed
         self.spin = np.zeros(3)
         while felt.elapsed - begun < 0.3 and self._note(felt) > max(0.001, depth - 0.004):
@@ -456,7 +469,7 @@ class Inserting(Course):
             felt = yield
         return felt
 
-    def _leave(self, felt: Felt) -> Part:
+    def _leave(self, felt: ContactState) -> Part:
         """Out of the hole and above it, upright."""
         up = self._mouth.up
         rise = up * (max(0.0, self._note(felt)) + LIFTED)
@@ -485,7 +498,7 @@ class Inserting(Course):
         return along / float(np.linalg.norm(along))
 
 
-class Leaving(Course):
+class ExtractionMotion(CompliantMotion):
     """Straight out of a hole, for as long as it is deep, and a bit further."""
 
     def __init__(self, up: Array, depth: float) -> None:
@@ -493,7 +506,7 @@ class Leaving(Course):
         self._up, self._way = up, max(0.0, depth) + LIFTED
         self._done = 0.0
 
-    def step(self, felt: Felt) -> None:
+    def step(self, felt: ContactState) -> None:
         self._done = min(self._way, self._done + LEAVING * felt.period)
         self.position = self.origin + self._up * self._done
         self.finished = self._done >= self._way

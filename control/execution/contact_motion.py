@@ -13,14 +13,14 @@ from ...robots.model import RobotModel
 from ...world.causes import Failure, control, safety
 from ...world.protocols import Clock
 from ...world.values import Array, Pose
-from ..cartesian.anchor_courses import Course
+from ..cartesian.anchor_courses import CompliantMotion
 from ..cartesian.impedance import CartesianImpedance
-from ..cartesian.soft_limits import way_inside
-from ..cartesian.stiffness import Stiffness
-from ..contact.guarded_move import GuardedCourse, GuardedResult
-from ..joints.joint_controllers import Hold
+from ..cartesian.soft_limits import distance_to_workspace_edge
+from ..cartesian.stiffness import CartesianStiffness
+from ..contact.guarded_move import GuardedMove, GuardedMoveResult
+from ..joints.joint_controllers import HoldController
 from ..safety.motion_lease import Lease
-from ..wrist.wrist_wrench import Feeling
+from ..wrist.wrist_wrench import TcpWrench
 from .control_loop import ControlLoop
 
 T = TypeVar("T")
@@ -35,7 +35,7 @@ CONTACT_TIME = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Complied:
+class CompliantMotionResult:
     """How a compliant course ended."""
 
     finished: bool
@@ -50,7 +50,7 @@ class Complied:
     where this one has left the tool in contact."""
 
 
-class Touching:
+class CompliantMotionRunner:
     """Moves the arm of a loop under Cartesian impedance; who calls holds the lease, and the arm rests."""
 
     def __init__(self, loop: ControlLoop, model: RobotModel, clock: Clock) -> None:
@@ -66,17 +66,17 @@ class Touching:
         force: float,
         speed: float,
         press: float,
-        stiffness: Stiffness,
+        stiffness: CartesianStiffness,
         check: Callable[[Lease], None],
-    ) -> Doing[GuardedResult]:
-        """See `Motions.guarded`; `along` is a unit vector (3,)."""
+    ) -> Doing[GuardedMoveResult]:
+        """See `ArmMotion.guarded`; `along` is a unit vector (3,)."""
         loop = self._loop
         yield from loop.settle()
         check(lease)
-        inside = way_inside(loop.monitor.limits.workspace, loop.tcp.position, along)
+        inside = distance_to_workspace_edge(loop.monitor.limits.workspace, loop.tcp.position, along)
         if inside <= 0.0:
             raise self._at_the_edge(along, 0.0, distance)
-        course = GuardedCourse(
+        course = GuardedMove(
             along,
             min(distance, inside),
             force=force,
@@ -104,18 +104,18 @@ class Touching:
                 f"a guarded move of {distance * 1000:.0f} mm did not end in time",
                 force=course.pushed,
             )
-        return GuardedResult(course.contact, travelled, course.pushed, loop.tcp)
+        return GuardedMoveResult(course.contact, travelled, course.pushed, loop.tcp)
 
     def comply(
         self,
         lease: Lease,
-        course: Course,
+        course: CompliantMotion,
         limit: float,
-        stiffness: Stiffness,
+        stiffness: CartesianStiffness,
         zero: Array | None,
         check: Callable[[Lease], None],
-    ) -> Doing[Complied]:
-        """See `Motions.comply`."""
+    ) -> Doing[CompliantMotionResult]:
+        """See `ArmMotion.comply`."""
         if zero is None:
             yield from self._loop.settle()
             check(lease)
@@ -127,14 +127,16 @@ class Touching:
                 f"{spring.blocked_by} comes to its limit on a compliant course",
                 joint=spring.blocked_by,
             )
-        return Complied(course.finished, self._loop.tcp, course.peak, self._clock.now - begun, zero)
+        return CompliantMotionResult(
+            course.finished, self._loop.tcp, course.peak, self._clock.now - begun, zero
+        )
 
     def _follow(
         self,
         lease: Lease,
-        course: Course,
+        course: CompliantMotion,
         limit: float,
-        stiffness: Stiffness,
+        stiffness: CartesianStiffness,
         zero: Array | None,
         check: Callable[[Lease], None],
     ) -> Doing[tuple[CartesianImpedance, Array]]:
@@ -143,7 +145,7 @@ class Touching:
         loop, q = self._loop, self._loop.state.position
         if zero is None:
             zero = loop.wrist.over(ZERO_TIME, q)
-        feeling = Feeling(loop.wrist, self._model, q, zero, loop.period)
+        feeling = TcpWrench(loop.wrist, self._model, q, zero, loop.period)
         spring = CartesianImpedance(
             self._model, loop.period, course, stiffness, self._carrying(zero), feeling=feeling
         )
@@ -158,7 +160,7 @@ class Touching:
                     break
             if (spring.blocked_by and not course.finished) or self._clock.now > min(until, stop):
                 break
-        lease.run(Hold())
+        lease.run(HoldController())
         yield
         check(lease)
         return spring, zero

@@ -13,17 +13,17 @@ import numpy as np
 from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.causes import Failure, control, safety
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.protocols import Hardware
 from ...world.stopwatch import Stopwatch
 from ...world.values import GRAVITY, Array, JointState, Pose, Vector3, Wrench
-from ..cartesian.impedance import CartesianImpedance, Comply
+from ..cartesian.impedance import CartesianImpedance, ContactReflex
 from ..commands import Controller, JointCommand
-from ..joints.external_torque import EXPLAINED, Efforts
-from ..joints.joint_controllers import Brake, Hold
+from ..joints.external_torque import EXPLAINED, EffortCheck
+from ..joints.joint_controllers import BrakeController, HoldController
 from ..safety.motion_lease import ForceGuard, Lease
 from ..safety.safety_monitor import MonitorState, SafetyMonitor
-from ..wrist.wrist_wrench import LARGEST_STEP, QUIET, Wrist
+from ..wrist.wrist_wrench import LARGEST_STEP, QUIET, WristWrench
 
 REST_SPEED = 0.02
 """Below this, over all joints, the arm counts as standing, rad/s."""
@@ -55,7 +55,7 @@ SETTLE_LIMIT = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class ControlState:
+class ControlLoopState:
     """The loop at a quiescent moment, for checkpoints."""
 
     hold: tuple[float, ...]
@@ -92,7 +92,7 @@ class ControlLoop:
         self.hardware = hardware
         self.model = model
         self.monitor = monitor
-        self.wrist = Wrist(hardware.wrench, model, hardware.clock)
+        self.wrist = WristWrench(hardware.wrench, model, hardware.clock)
         self._stopwatch = stopwatch or Stopwatch()
         self._stepping = 0.0
         self._arm = hardware.arm
@@ -107,14 +107,14 @@ class ControlLoop:
         self._carried = np.zeros(6)
         self._standing = 0
         self._periods = 0
-        self._efforts = Efforts(model)
+        self._efforts = EffortCheck(model)
         self._looked = self._clock.now
         self._doubts_wrist = False
         self._velocity = self._state.velocity
         self._attended = False
         self._alone = 0.0
         self._braking = False
-        self._controller: Controller = Hold()
+        self._controller: Controller = HoldController()
         self._begin(self._controller)
         monitor.age_of_joints(lambda: self._clock.now - hardware.stamps.joints)
 
@@ -143,7 +143,7 @@ class ControlLoop:
             self._rates.remove(rate)
 
     def _keep_pace(self) -> None:
-        if isinstance(self._controller, Hold):
+        if isinstance(self._controller, HoldController):
             self.hardware.pace(max(self._rates, default=None))
 
     @property
@@ -170,7 +170,7 @@ class ControlLoop:
     @property
     def at_rest(self) -> bool:
         """The arm is held, stands still, and nothing waits to be braked."""
-        return isinstance(self._controller, Hold) and self._standing >= 2
+        return isinstance(self._controller, HoldController) and self._standing >= 2
 
     @property
     def held_position(self) -> Array:
@@ -200,7 +200,8 @@ class ControlLoop:
 
     def zero(self) -> bool:
         """Learn the wrist sensor's bias, the arm being at rest with an empty hand that nothing touches, and
-        tare: the hand carries nothing. False when what is felt cannot be a bias (see `Wrist.zero`): then the
+        tare: the hand carries nothing. False when what is felt cannot be a bias (see `WristWrench.zero`):
+        then the
         known one goes on."""
         self.wrist.carry(None)
         learnt = self._standing * self.period >= REST_TIME - 1e-9 and self._learn_bias()
@@ -211,7 +212,8 @@ class ControlLoop:
         return learnt
 
     def _learn_bias(self) -> bool:
-        """As `Wrist.zero`. What the wrist says against what the joints carry is its bias, however large."""
+        """As `WristWrench.zero`. What the wrist says against what the joints carry is its bias, however
+        large."""
         before = self.wrist.force
         state, anew = self._state, self.wrist.zeroed
         learnt = self.wrist.zero(WINDOW, state.position, self._borne)
@@ -221,7 +223,7 @@ class ControlLoop:
             words = (
                 f"the wrist felt {by:.1f} N that no joint carries: its bias has jumped, and is learnt anew"
             )
-            self.monitor.note(Happened("wrist_bias", words, data={"force": by}))
+            self.monitor.note(JournalEvent("wrist_bias", words, data={"force": by}))
         return learnt
 
     def _borne(self, claimed: Array) -> bool:
@@ -243,7 +245,7 @@ class ControlLoop:
         until = self._clock.now + SETTLE_LIMIT
         while self._clock.now < until:
             quiet = self._standing * self.period >= REST_TIME - 1e-9 and self.wrist.unrest(WINDOW) < SETTLED
-            if quiet and isinstance(self._controller, Hold):
+            if quiet and isinstance(self._controller, HoldController):
                 return
             yield
 
@@ -270,7 +272,7 @@ class ControlLoop:
         force = self.wrist.force
         v = state.velocity
         # The slow end of a motion does not count: what brakes there is still felt at the wrist.
-        still = isinstance(self._controller, Hold) and float(v @ v) < REST_SPEED * REST_SPEED
+        still = isinstance(self._controller, HoldController) and float(v @ v) < REST_SPEED * REST_SPEED
         self._standing = self._standing + 1 if still else 0
         if self._standing == round(REST_TIME / self.period):
             self._come_to_rest()
@@ -294,7 +296,7 @@ class ControlLoop:
             self._servo = False
             self._arm.apply_torque(command.torque)
         if self._controller.done:
-            self._begin(Hold() if self._servo else Brake(self.model, self.period))
+            self._begin(HoldController() if self._servo else BrakeController(self.model, self.period))
         before = perf_counter()
         self.hardware.step()
         self._stepping += perf_counter() - before
@@ -381,7 +383,11 @@ class ControlLoop:
 
     def _look_after(self, tick: float) -> None:
         """Once a tick: has whoever commands the arm given a sign since the last?"""
-        moving = self._holder is not None and not self._braking and not isinstance(self._controller, Hold)
+        moving = (
+            self._holder is not None
+            and not self._braking
+            and not isinstance(self._controller, HoldController)
+        )
         self._alone = 0.0 if self._attended or not moving else self._alone + tick
         self._attended = False
         if (
@@ -392,12 +398,12 @@ class ControlLoop:
             self.monitor.unattended(self._holder.owner, self.controller, self._alone)
             self._alone = 0.0
 
-    def save(self) -> ControlState:
+    def save(self) -> ControlLoopState:
         """Only while the arm is held at rest."""
-        if not isinstance(self._controller, Hold):
+        if not isinstance(self._controller, HoldController):
             raise PicktreeError("the control loop can only be saved while the arm is held at rest")
         readings, tare = self.wrist.state()
-        return ControlState(
+        return ControlLoopState(
             tuple(self._controller.command.position.tolist()),
             readings,
             tare,
@@ -411,7 +417,7 @@ class ControlLoop:
             self._doubts_wrist,
         )
 
-    def restore(self, saved: ControlState) -> None:
+    def restore(self, saved: ControlLoopState) -> None:
         """Continue from `saved` on hardware that was restored before; every lease is stale afterwards."""
         self._holder = self._guard = None
         self._rates.clear()
@@ -421,7 +427,7 @@ class ControlLoop:
         self._setpoint = JointCommand(hold, np.zeros_like(hold))
         self._servo = True
         self._reference = hold
-        self._begin(Hold(hold))
+        self._begin(HoldController(hold))
         self.wrist.restore(saved.readings, saved.tare, saved.stamps, saved.bias, self.tcp)
         self.wrist.noisy, self._doubts_wrist = saved.noisy, saved.doubts_wrist
         self._carried = np.array(saved.carried)
@@ -444,7 +450,7 @@ class ControlLoop:
                 "a motion by feel is refused: the wrist sensor is silent",
                 sensor="wrench",
             )
-        if self._holder is not None and not isinstance(controller, Hold):
+        if self._holder is not None and not isinstance(controller, HoldController):
             self.monitor.moves(self._holder.owner)
         self._braking, self._attended = False, True
         self._guard = guard
@@ -473,7 +479,7 @@ class ControlLoop:
         self._braking = True
         if self._stands_beside():
             self._servo = False
-            self._begin(Brake(self.model, self.period))
+            self._begin(BrakeController(self.model, self.period))
             return
         braking = self._controller.brake()
         if braking is not self._controller:
@@ -501,6 +507,6 @@ class ControlLoop:
         self._braking = True
         self._servo = False
         if math.hypot(*self.wrist.force) > FELT:
-            self._begin(Comply(self.model, self.period, self._carried))
+            self._begin(ContactReflex(self.model, self.period, self._carried))
         else:
-            self._begin(Brake(self.model, self.period))
+            self._begin(BrakeController(self.model, self.period))

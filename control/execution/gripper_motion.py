@@ -40,7 +40,7 @@ SPARE = 1.0
 """Time beyond what the way takes at the fingers' speed, s."""
 
 
-class Grip:
+class GripperControl:
     """Opens and closes. A command stays in force when the skill that gave it is halted."""
 
     def __init__(

@@ -12,7 +12,7 @@ from ...robots.model import RobotModel
 from ...world.causes import Cause, Failure, control, planning, safety, world
 from ...world.values import Array, Pose
 from ..cartesian.twist import FASTEST, FASTEST_TURN, Twist
-from ..cartesian.velocity_controller import Jog
+from ..cartesian.velocity_controller import JogController
 from ..safety.motion_lease import ForceGuard, Lease
 from .control_loop import ControlLoop
 
@@ -31,7 +31,7 @@ STANDING_TICKS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class JogStatus:
+class JogFeedback:
     """What who gives the twists is told before each."""
 
     elapsed: float
@@ -47,7 +47,7 @@ class JogStatus:
     """What makes it slower: `collision NAME`, `joint_limit NAME`, `singularity`, `workspace`, or nothing."""
 
 
-Twists: TypeAlias = "Twist | Callable[[JogStatus], Twist | None]"
+Twists: TypeAlias = "Twist | Callable[[JogFeedback], Twist | None]"
 """A twist that stays, or who is asked for one each tick; None ends the jog."""
 
 
@@ -87,7 +87,7 @@ _SENTENCES: dict[str, tuple[Cause, str]] = {
 }
 
 
-class Jogging:
+class JogMotion:
     """Lets twists move the arm of a loop. `lookout` is asked each tick about the way to a stop."""
 
     def __init__(self, loop: ControlLoop, model: RobotModel, lookout: Lookout | None, tick: float) -> None:
@@ -109,7 +109,7 @@ class Jogging:
         """From rest to rest. A twist that stays ends where something stops it; who is asked for twists is
         told, and decides himself."""
         loop = self._loop
-        jog = Jog(self._model, loop.period, loop.monitor.limits.workspace, distance)
+        jog = JogController(self._model, loop.period, loop.monitor.limits.workspace, distance)
         lease.run(jog, guard)
         stays = isinstance(twists, Twist)
         begun, at, travelled = loop.now, loop.tcp, 0.0
@@ -121,7 +121,9 @@ class Jogging:
             if stays:
                 wanted: Twist | None = twists if elapsed < duration - 1e-9 else None
             else:
-                status = JogStatus(elapsed, loop.tcp, travelled, guard.size(loop.wrist.force), share, held_by)
+                status = JogFeedback(
+                    elapsed, loop.tcp, travelled, guard.size(loop.wrist.force), share, held_by
+                )
                 wanted = twists(status) if elapsed < duration - 1e-9 else None
             if wanted is None or _has_gone(jog):
                 break
@@ -153,7 +155,7 @@ class Jogging:
         force = 0.0 if guard.contact is None else math.hypot(*guard.contact)
         return JogResult(stopped_by, detail, travelled, loop.now - begun, force, loop.tcp)
 
-    def _share(self, jog: Jog, wanted: Twist, before: float) -> tuple[float, tuple[str, ...]]:
+    def _share(self, jog: JogController, wanted: Twist, before: float) -> tuple[float, tuple[str, ...]]:
         """Of a twist: the largest share with which the arm can still stop before it touches anything, and
         what that would be. It counts on the tick until it is asked again, and on one more for the answer."""
         if self._lookout is None:
@@ -168,12 +170,12 @@ class Jogging:
         return 0.0, blocked
 
 
-def _has_gone(jog: Jog) -> bool:
+def _has_gone(jog: JogController) -> bool:
     """The way that was given is done."""
     return jog.state.left < 1e-4
 
 
-def _stands(jog: Jog, wanted: Twist) -> bool:
+def _stands(jog: JogController, wanted: Twist) -> bool:
     linear, angular = jog.law.tool_speed(jog.state)
     return (
         linear <= STANDING * wanted.speed + 1e-6 and angular <= STANDING * math.hypot(*wanted.angular) + 1e-4

@@ -16,16 +16,17 @@ from ...world.journal import Journal
 from ...world.protocols import Clock
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
-from ..cartesian.anchor_courses import Course
-from ..cartesian.stiffness import FIRM, Stiffness
-from ..contact.guarded_move import GuardedResult
-from ..joints.joint_controllers import Track, way_back
-from ..joints.soft_controller import Sensitivity, Softly, SoftTrack
+from ..cartesian.anchor_courses import CompliantMotion
+from ..cartesian.stiffness import FIRM, CartesianStiffness
+from ..contact.guarded_move import GuardedMoveResult
+from ..joints.joint_controllers import TrajectoryController, reversed_trajectory
+from ..joints.soft_contact import ContactThresholds, JointImpedanceResult
+from ..joints.soft_controller import JointImpedanceController
 from ..safety.motion_lease import ForceGuard, Lease
-from .contact_motion import ZERO_TIME, Complied, Touching
+from .contact_motion import ZERO_TIME, CompliantMotionResult, CompliantMotionRunner
 from .control_loop import ControlLoop
-from .jog_motion import Jogging, JogResult, Lookout, Twists
-from .soft_motion import SoftMotion, slowed
+from .jog_motion import JogMotion, JogResult, Lookout, Twists
+from .soft_motion import JointImpedanceMotion, slowed_trajectory
 
 T = TypeVar("T")
 Doing: TypeAlias = Generator[None, None, T]
@@ -45,7 +46,7 @@ JOG_GUARD = 25.0
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class FollowedPath:
     """A trajectory (see `Trajectory`; a row for each sample), and how much of it was followed, s."""
 
     times: tuple[float, ...]
@@ -56,7 +57,7 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ongoing:
+class OngoingMotion:
     """A motion that a skill has handed over while the arm moves: whoever is next may `finish` it."""
 
     trajectory: Trajectory
@@ -70,12 +71,12 @@ class Ongoing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _HandedOver:
-    track: Track
+    track: TrajectoryController
     guard: ForceGuard | None
     node: str
 
 
-class Gate(Protocol):
+class TrajectoryCheck(Protocol):
     """What every trajectory passes before the arm starts it."""
 
     def passes(self, trajectory: Trajectory) -> Generator[None, None, None]:
@@ -87,7 +88,7 @@ class Gate(Protocol):
         ...
 
 
-class Motions:
+class ArmMotion:
     """What skills move the arm with. One motion at a time: starting one takes the arm from the other."""
 
     def __init__(
@@ -96,31 +97,31 @@ class Motions:
         model: RobotModel,
         clock: Clock,
         journal: Journal,
-        gate: Gate | None = None,
+        gate: TrajectoryCheck | None = None,
         lookout: Lookout | None = None,
         tick: float = 0.05,
     ) -> None:
         """`gate`: what trajectories must pass; without one the arm follows whatever begins where it is.
         `lookout`: what is asked about the way ahead of a jog, each `tick` s."""
         self._gate = gate
-        self._jogging = Jogging(loop, model, lookout, tick)
-        self._touching = Touching(loop, model, clock)
-        self._soft = SoftMotion(loop, model, clock)
+        self._jogging = JogMotion(loop, model, lookout, tick)
+        self._touching = CompliantMotionRunner(loop, model, clock)
+        self._soft = JointImpedanceMotion(loop, model, clock)
         self._loop = loop
         self._model = model
         self._clock = clock
         self._journal = journal
-        self._last: Track | None = None
+        self._last: TrajectoryController | None = None
         self._handed_over: _HandedOver | None = None
 
     @property
-    def ongoing(self) -> Ongoing | None:
+    def ongoing(self) -> OngoingMotion | None:
         """What was handed over and still waits for somebody who finishes it."""
         over = self._handed_over
         if over is None or over.track.braking or not self._loop.unattended(over.track):
             return None
         limit = None if over.guard is None else over.guard.limit
-        return Ongoing(over.track.trajectory, over.track.progress, over.node, limit)
+        return OngoingMotion(over.track.trajectory, over.track.progress, over.node, limit)
 
     def along(
         self,
@@ -148,7 +149,7 @@ class Motions:
                 yield from self._gate.passes(trajectory)
                 self._check(lease)
             self._check_start(trajectory)
-            track = Track(trajectory, self._model, self._loop.period)
+            track = TrajectoryController(trajectory, self._model, self._loop.period)
             touch = None if guard is None else ForceGuard(guard, self._felt())
             self._last = track
             lease.run(track, touch)
@@ -185,7 +186,7 @@ class Motions:
     def _follow(
         self,
         lease: Lease,
-        track: Track,
+        track: TrajectoryController,
         guard: ForceGuard | None,
         node: str,
         watch: Watch | None,
@@ -250,8 +251,8 @@ class Motions:
         *,
         node: str = "",
         press: float = 0.0,
-        stiffness: Stiffness = FIRM,
-    ) -> Doing[GuardedResult]:
+        stiffness: CartesianStiffness = FIRM,
+    ) -> Doing[GuardedMoveResult]:
         """Straight along `direction` (3,) in the world for `distance` m at `speed` m/s, orientation kept,
         until more than `force` N act against it. The one way to make contact.
 
@@ -276,13 +277,13 @@ class Motions:
 
     def comply(
         self,
-        course: Course,
+        course: CompliantMotion,
         limit: float,
         *,
         node: str = "",
-        stiffness: Stiffness = FIRM,
+        stiffness: CartesianStiffness = FIRM,
         zero: Array | None = None,
-    ) -> Doing[Complied]:
+    ) -> Doing[CompliantMotionResult]:
         """Let the tool follow a course as a damped spring, for contacts: until the course is finished, or
         for `limit` s. The arm is held at rest then, where it is.
 
@@ -301,12 +302,12 @@ class Motions:
     def softly(
         self,
         trajectory: Trajectory,
-        least: Sensitivity,
+        least: ContactThresholds,
         *,
         carried: Vector3 = (0.0, 0.0, 0.0),
         node: str = "",
         leaving: bool = False,
-    ) -> Doing[Softly]:
+    ) -> Doing[JointImpedanceResult]:
         """Follow `trajectory` as a soft spring that feels contacts at any part of the arm, and gives way to
         the first. `carried` (3,): what hangs on the tool, N in the world. The result says how it ended, at
         rest; a contact is no failure.
@@ -326,7 +327,7 @@ class Motions:
             def watch(progress: float) -> Failure | None:
                 return None if gate is None else gate.blocked(trajectory, progress)
 
-            def began(track: SoftTrack) -> None:
+            def began(track: JointImpedanceController) -> None:
                 self._last = track
 
             return (
@@ -389,25 +390,25 @@ class Motions:
 
     def slowed(self, trajectory: Trajectory, speed: float) -> Trajectory:
         """The same way, slower where need be: no part of the arm goes faster than `speed` m/s."""
-        return slowed(self._model, trajectory, speed)
+        return slowed_trajectory(self._model, trajectory, speed)
 
     def way_back(self) -> Trajectory | None:
         """The last followed trajectory, as far as it was followed, back to its start; None when the arm
         has been moved otherwise since."""
         if self._last is None:
             return None
-        back = way_back(self._last.trajectory, self._last.progress)
+        back = reversed_trajectory(self._last.trajectory, self._last.progress)
         if back is None or self._off(back.start) > START_TOLERANCE:
             return None
         return back
 
-    def state(self) -> Way | None:
-        """What `way_back` depends on, for a checkpoint."""
+    def state(self) -> FollowedPath | None:
+        """What `reversed_trajectory` depends on, for a checkpoint."""
         last = self._last
         if last is None:
             return None
         way = last.trajectory
-        return Way(
+        return FollowedPath(
             tuple(way.times.tolist()),
             tuple(map(tuple, way.position.tolist())),
             tuple(map(tuple, way.velocity.tolist())),
@@ -415,7 +416,7 @@ class Motions:
             last.progress,
         )
 
-    def restore(self, way: Way | None) -> None:
+    def restore(self, way: FollowedPath | None) -> None:
         self._handed_over = None
         if way is None:
             self._last = None
@@ -423,7 +424,7 @@ class Motions:
         trajectory = Trajectory(
             np.array(way.times), np.array(way.position), np.array(way.velocity), np.array(way.acceleration)
         )
-        self._last = Track(trajectory, self._model, self._loop.period)
+        self._last = TrajectoryController(trajectory, self._model, self._loop.period)
         self._last.progress = way.progress
 
     def _felt(self) -> tuple[float, float, float]:
@@ -479,7 +480,7 @@ class Motions:
         return self._loop.at_rest and float(np.abs(self._loop.state.position - end).max()) < ARRIVED
 
     @staticmethod
-    def _touched(force: Vector3, track: Track) -> Failure:
+    def _touched(force: Vector3, track: TrajectoryController) -> Failure:
         size = math.hypot(*force)
         fraction = track.progress / max(track.trajectory.duration, 1e-9)
         return Failure(

@@ -14,9 +14,14 @@ from ...world.causes import Failure, control
 from ...world.protocols import Clock
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
-from ..joints.external_torque import at_rest
-from ..joints.joint_controllers import Hold
-from ..joints.soft_controller import GIVING_TIME, GivingWay, Sensitivity, Softly, SoftTrack
+from ..joints.external_torque import static_external_torque
+from ..joints.joint_controllers import HoldController
+from ..joints.soft_contact import ContactThresholds, JointImpedanceResult
+from ..joints.soft_controller import (
+    GIVING_TIME,
+    GravityCompensationController,
+    JointImpedanceController,
+)
 from ..safety.motion_lease import Lease
 from .control_loop import ControlLoop
 
@@ -27,7 +32,7 @@ SLACK = 2.0
 """A soft motion takes so much longer than its trajectory at most, s."""
 
 
-class SoftMotion:
+class JointImpedanceMotion:
     """Moves the arm of a loop as a soft spring; who calls holds the lease, and the arm rests."""
 
     def __init__(self, loop: ControlLoop, model: RobotModel, clock: Clock) -> None:
@@ -40,21 +45,21 @@ class SoftMotion:
         What presses at any part of it shows here."""
         state = self._loop.state
         hanging = self._model.jacobian(state.position)[:3].T @ np.array(carried)
-        return float(np.linalg.norm(at_rest(self._model, state) - hanging))
+        return float(np.linalg.norm(static_external_torque(self._model, state) - hanging))
 
     def follow(
         self,
         lease: Lease,
         trajectory: Trajectory,
         carried: Vector3,
-        least: Sensitivity,
+        least: ContactThresholds,
         check: Callable[[Lease], None],
         watch: Callable[[float], Failure | None],
-        began: Callable[[SoftTrack], None],
-    ) -> Doing[Softly]:
+        began: Callable[[JointImpedanceController], None],
+    ) -> Doing[JointImpedanceResult]:
         """Along the trajectory until its end, a contact, or until `watch`, asked each tick with its progress,
         has something against it."""
-        track = SoftTrack(
+        track = JointImpedanceController(
             trajectory,
             self._model,
             self._loop.period,
@@ -79,20 +84,22 @@ class SoftMotion:
             if self._clock.now > limit:
                 raise Failure(control.TIMEOUT, "a soft motion did not come to its end")
         done = track.completed and not track.touched
-        return Softly(done, track.progress, track.touched, track.torque, track.force, track.push, noticed)
+        return JointImpedanceResult(
+            done, track.progress, track.touched, track.torque, track.force, track.push, noticed
+        )
 
     def give_way(
         self, lease: Lease, carried: Vector3, limit: float, check: Callable[[Lease], None]
     ) -> Doing[float]:
         """Stand without pressing at anything, and drift where something pushes, for at most `limit` s; the
         arm is held then where it is. Answers the external torque that is left, Nm."""
-        giving = GivingWay(self._model, self._loop.period, np.array(carried))
+        giving = GravityCompensationController(self._model, self._loop.period, np.array(carried))
         lease.run(giving)
         until = self._clock.now + limit
         while not giving.calm and self._clock.now < until:
             yield
             check(lease)
-        lease.run(Hold())
+        lease.run(HoldController())
         while not self._loop.at_rest:
             if self._clock.now > until + SLACK:
                 raise Failure(control.TIMEOUT, "the arm does not come to rest after it gave way")
@@ -101,7 +108,7 @@ class SoftMotion:
         return giving.pressed if math.isfinite(giving.pressed) else 0.0
 
 
-def slowed(model: RobotModel, trajectory: Trajectory, speed: float) -> Trajectory:
+def slowed_trajectory(model: RobotModel, trajectory: Trajectory, speed: float) -> Trajectory:
     """The same way, slower where need be: neither the tool nor any joint of the arm goes faster than `speed`
     m/s."""
     data = model.arm.createData()

@@ -51,7 +51,7 @@ EXPLAINED = 0.5
 """Share of a force that the joints must carry for it to be believed to be there."""
 
 
-class Efforts:
+class EffortCheck:
     """For one robot. Torques (n,) in Nm."""
 
     def __init__(self, model: RobotModel) -> None:
@@ -101,7 +101,7 @@ GAIN = 40.0
 """Of the observer, 1/s: a contact shows after 25 ms."""
 
 
-class TorqueObserver:
+class ExternalTorqueObserver:
     """External torques of all joints from encoders and commanded torques, without accelerations.
 
     The generalised momentum p = M v changes by what drives the joints; what it changes beyond that came from
@@ -132,6 +132,6 @@ class TorqueObserver:
         return self.torque
 
 
-def at_rest(model: RobotModel, state: JointState) -> Array:
+def static_external_torque(model: RobotModel, state: JointState) -> Array:
     """External torques (n,), Nm, on an arm that stands, from what its drives give."""
     return model.gravity(state.position) - state.effort

@@ -32,7 +32,7 @@ _FIRST = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
 _SECOND = np.array([2.0, 6.0, 12.0, 20.0])
 
 
-class Hold:
+class HoldController:
     """Stay at a configuration: the given one, else the set-point at the start."""
 
     name: ClassVar[str] = "Hold"
@@ -52,7 +52,7 @@ class Hold:
         return self
 
 
-class Brake:
+class BrakeController:
     """Slow all joints down at their acceleration limits, as far as their torques suffice for that."""
 
     name: ClassVar[str] = "Brake"
@@ -98,7 +98,7 @@ class Brake:
         return change * min(max(share, LEAST_SHARE), 1.0)
 
 
-class Track:
+class TrajectoryController:
     """Follow a trajectory in time. It brakes *on the path*, which was checked for collisions.
 
     Progress s runs with rate r = 1; while braking, r falls such that |q″r² − q′·u| stays within the
@@ -198,7 +198,7 @@ class Track:
         self._rate = max(0.0, self._rate - deceleration * self._period)
 
 
-def way_back(trajectory: Trajectory, done: float, rate: float = 0.3) -> Trajectory | None:
+def reversed_trajectory(trajectory: Trajectory, done: float, rate: float = 0.3) -> Trajectory | None:
     """The same path from `done` s back to its start, from rest to rest, at about `rate` of its speed."""
     if done <= 1e-3:
         return None

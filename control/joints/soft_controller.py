@@ -4,49 +4,17 @@ gently."""
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from ...robots.model import RobotModel
-from ...world.causes import Failure
 from ...world.trajectory import Trajectory
 from ...world.values import Array, JointState, Vector3
 from ..commands import Controller, JointCommand, TorqueCommand
-from ..wrist.wrist_wrench import Wrist
-from .external_torque import TorqueObserver, at_rest
-from .joint_controllers import Brake, Track
-
-
-@dataclass(frozen=True, slots=True)
-class Sensitivity:
-    """What counts as a contact, beyond what is felt without one."""
-
-    torque: float
-    """External torques of all joints, Euclidean norm, Nm: felt wherever on the arm it acts."""
-    force: float
-    """At the wrist, N."""
-
-
-@dataclass(frozen=True, slots=True)
-class Softly:
-    """How a soft motion ended, at rest."""
-
-    completed: bool
-    progress: float
-    """Of the trajectory, s."""
-    touched: bool
-    """Something was in the way: the arm gave way to it, and stands."""
-    torque: float
-    """The greatest external torque that was met, Nm."""
-    force: float
-    """The greatest force at the wrist that was met, N."""
-    push: Vector3 = (0.0, 0.0, 0.0)
-    """How what was touched pushed at the hand, N in the world; nothing where it touched another part."""
-    noticed: Failure | None = None
-    """Why it was stopped, where `watch` said so."""
-
+from ..wrist.wrist_wrench import WristWrench
+from .external_torque import ExternalTorqueObserver, static_external_torque
+from .joint_controllers import BrakeController, TrajectoryController
 
 FIRMNESS = 6.0
 """Stiffness of a joint over its torque limit, 1/rad."""
@@ -77,7 +45,7 @@ FADING = 0.6
 """Time constant with which that follows slow changes, as those of a load that is turned, s."""
 
 
-class SoftTrack(Track):
+class JointImpedanceController(TrajectoryController):
     """Follow a trajectory with τ = K (q_d − q) + D (v_d − v) + M a_d + h(q, v) − Jᵀ w, w being what the hand
     carries: with an exact model there is no error without a contact.
 
@@ -94,7 +62,7 @@ class SoftTrack(Track):
         model: RobotModel,
         period: float,
         *,
-        wrist: Wrist,
+        wrist: WristWrench,
         carried: Array,
         torque: float,
         force: float,
@@ -105,7 +73,7 @@ class SoftTrack(Track):
         self._wrist = wrist
         self._carried = np.concatenate([carried, np.zeros(3)])
         self._most_torque, self._most_force = torque, force
-        self._observer = TorqueObserver(model, period)
+        self._observer = ExternalTorqueObserver(model, period)
         self._elapsed = 0.0
         self._until = math.inf
         self.touched = False
@@ -208,7 +176,7 @@ class SoftTrack(Track):
         return False
 
 
-class GivingWay:
+class GravityCompensationController:
     """No spring at all: the arm carries itself and what hangs on the tool, and drifts, damped, where
     something pushes it, by at most DRIFT. Then it goes a little off what has pushed; where something still
     does, it begins again.
@@ -222,7 +190,7 @@ class GivingWay:
         self._model = model
         self._period = period
         self._carried = np.concatenate([carried, np.zeros(3)])
-        self._observer = TorqueObserver(model, period)
+        self._observer = ExternalTorqueObserver(model, period)
         self._since = 0.0
         self._calm = 0.0
         self.pressed = math.inf
@@ -241,7 +209,9 @@ class GivingWay:
         self._begun: Array = q.copy()
         self._anchor: Array = q.copy()
         self._driven: Array = state.effort.copy()
-        self._off = _along(at_rest(model, state) - model.jacobian(q).T @ self._carried, self._stiffness)
+        self._off = _along(
+            static_external_torque(model, state) - model.jacobian(q).T @ self._carried, self._stiffness
+        )
 
     def update(self, now: float, state: JointState) -> TorqueCommand:
         q, v, model = state.position, state.velocity, self._model
@@ -261,7 +231,7 @@ class GivingWay:
         return TorqueCommand(self._driven)
 
     def brake(self) -> Controller:
-        return Brake(self._model, self._period)
+        return BrakeController(self._model, self._period)
 
     def _led(self, q: Array) -> Array:
         """Where the spring is anchored: wherever the arm is, and then off what has pushed."""

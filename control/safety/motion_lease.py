@@ -33,7 +33,7 @@ class ForceGuard:
         return True
 
 
-class Lessor(Protocol):
+class LeaseIssuer(Protocol):
     """Whoever gives the lease: the control loop."""
 
     def holds(self, lease: Lease) -> bool: ...
@@ -49,7 +49,7 @@ class Lease:
     takes the arm before the old skill is halted, the old one's stop must not stop the new motion.
     """
 
-    def __init__(self, lessor: Lessor, owner: str) -> None:
+    def __init__(self, lessor: LeaseIssuer, owner: str) -> None:
         self._lessor = lessor
         self.owner = owner
 

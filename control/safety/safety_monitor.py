@@ -10,9 +10,9 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.causes import FailureReport, control, safety
-from ...world.journal import Happened, Journal
+from ...world.journal import Journal, JournalEvent
 from ...world.protocols import SensorStamps
-from ...world.scene.description import Limits
+from ...world.scene.description import SafetyLimits
 from ...world.values import Array, JointState, Vector3
 from .stop_latch import Latch, LatchState
 
@@ -93,7 +93,7 @@ class SafetyMonitor:
     again. Encoders that are silent cannot be acknowledged: nobody knows where the arm is.
     """
 
-    def __init__(self, model: RobotModel, limits: Limits, journal: Journal) -> None:
+    def __init__(self, model: RobotModel, limits: SafetyLimits, journal: Journal) -> None:
         self._names = model.description.joints
         self._limits = limits
         self._latch = Latch(journal)
@@ -109,7 +109,7 @@ class SafetyMonitor:
                 model.torque_limit * OVERLOAD,
             ]
         )
-        self.most_load = most_load(model, limits)
+        self.most_load = payload_limit(model, limits)
         """What the hand may carry, kg; infinite where nobody says."""
         self._level = np.zeros((4, model.n))
         self._rows = tuple(self._level)
@@ -130,7 +130,7 @@ class SafetyMonitor:
         return self._latch.stops
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> SafetyLimits:
         """What it enforces of the scene's limits."""
         return self._limits
 
@@ -162,7 +162,7 @@ class SafetyMonitor:
         """Who says how old the encoders' reading is, s."""
         self._joints_age = age
 
-    def note(self, event: Happened) -> None:
+    def note(self, event: JournalEvent) -> None:
         """For the control loop: tell the journal."""
         self._journal.note(event)
 
@@ -409,7 +409,7 @@ class SafetyMonitor:
         self._allowed[1] = self._speed * (BLIND if slow else 1.0)
 
 
-def most_load(model: RobotModel, limits: Limits) -> float:
+def payload_limit(model: RobotModel, limits: SafetyLimits) -> float:
     """What the hand may carry, kg: what the rated payload leaves beside the hand, or less in this scene."""
     rated = model.description.payload
     left = math.inf if rated is None else max(0.0, rated - model.hand_mass)

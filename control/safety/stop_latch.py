@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ...world.causes import Cause, FailureReport
-from ...world.journal import Happened, Journal, Plain
+from ...world.journal import Journal, JournalEvent, Plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,7 @@ class Latch:
         data: dict[str, Plain] = {"cause": report.cause.name}
         for key, value in report.evidence.items():
             data[key] = list[Plain](value) if isinstance(value, list) else value
-        self._journal.note(Happened("safety_stop", report.message, data=data))
+        self._journal.note(JournalEvent("safety_stop", report.message, data=data))
 
     def state(self) -> LatchState:
         return LatchState(

@@ -14,7 +14,7 @@ AVERAGED = 0.017
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ForceSample:
     """An external force (3,) on the hand at a time: s, world axes, N."""
 
     at: float
@@ -22,7 +22,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class DetectedContact:
     """Something touches the hand."""
 
     since: float
@@ -61,19 +61,19 @@ class ContactDetector:
         self._release = min(release, threshold)
         self._memory = memory
         self._delay = delay
-        self._readings: deque[Reading] = deque()
+        self._readings: deque[ForceSample] = deque()
         self._baseline: Vector3 | None = None
         self._free = -math.inf
         """When the last contact ended: what was felt before has no part in the baseline."""
-        self.contact: Contact | None = None
+        self.contact: DetectedContact | None = None
 
-    def watch(self, readings: Iterable[Reading]) -> Contact | None:
+    def watch(self, readings: Iterable[ForceSample]) -> DetectedContact | None:
         """Take readings into account, oldest first; the contact after them."""
         for reading in readings:
             self._take(reading)
         return self.contact
 
-    def _take(self, reading: Reading) -> None:
+    def _take(self, reading: ForceSample) -> None:
         kept = self._readings
         kept.append(reading)
         oldest = reading.at - self._memory - self._delay - AVERAGED
@@ -92,10 +92,10 @@ class ContactDetector:
         change = (fx - bx, fy - by, fz - bz)
         size = math.hypot(*change)
         if self.contact is not None:
-            self.contact = Contact(self.contact.since, change) if size >= self._release else None
+            self.contact = DetectedContact(self.contact.since, change) if size >= self._release else None
             self._free = reading.at
         elif size > self._threshold:
-            self.contact = Contact(reading.at, change)
+            self.contact = DetectedContact(reading.at, change)
 
 
 def _mean(forces: list[Vector3]) -> Vector3:

@@ -43,7 +43,7 @@ class Payload:
         return f"{self.mass * 1000:.0f} ± {self.mass_sigma * 1000:.0f} g"
 
 
-class PayloadEstimate:
+class PayloadEstimator:
     """Weighted least squares of mass and centre over readings at rest, in any number of orientations.
 
     With θ = (m, m·c), c in the TCP frame, each reading is linear in θ: f = −m g ẑ, τ = −g (R(m c − m s)) × ẑ,

@@ -31,7 +31,7 @@ CLEAR = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Moving:
+class WristSample:
     """Force and velocities at the end of a tick, world axes."""
 
     force: Array
@@ -42,32 +42,34 @@ class Moving:
     """(3,) velocity of the centre of what is held, m/s."""
 
 
-def moving(model: RobotModel, q: Array, v: Array, force: Array, centre: Array) -> Moving:
+def wrist_sample(model: RobotModel, q: Array, v: Array, force: Array, centre: Array) -> WristSample:
     """At q (n,) and v (n,), with what is held centred at `centre` (3,) in the TCP frame, m."""
     twist = model.jacobian(q) @ v
     tcp = model.tcp(q)
     at = np.array(tcp.position)
     hand = model.flange(q).apply(np.array(model.hand_com)) - at
     held = tcp.rotation() @ centre
-    return Moving(force, _at(twist, hand), _at(twist, held))
+    return WristSample(force, _at(twist, hand), _at(twist, held))
 
 
 @dataclass(frozen=True, slots=True)
-class FeltMass:
+class MassEstimate:
     """Mass that moves with the hand, as far as one tick tells, and its greatest error, kg."""
 
     mass: float
     unsure: float
 
 
-def carried(hand_mass: float, before: Moving, after: Moving, tick: float) -> FeltMass:
+def estimate_moving_mass(
+    hand_mass: float, before: WristSample, after: WristSample, tick: float
+) -> MassEstimate:
     """What moves with the hand: F = −m_h a_h − m (a + g), solved for m along a + g."""
     pull = after.force + hand_mass * (after.hand - before.hand) / tick
     along = (after.load - before.load) / tick
     shaken = float(np.linalg.norm(along))
     along[2] += GRAVITY
     mass = -float(pull @ along) / max(float(along @ along), 1.0)
-    return FeltMass(mass, UNSURE + UNSURE_MOVING * shaken)
+    return MassEstimate(mass, UNSURE + UNSURE_MOVING * shaken)
 
 
 class SlipDetector:
@@ -75,9 +77,9 @@ class SlipDetector:
 
     def __init__(self, payload: Payload) -> None:
         self.payload = payload
-        self._felt: list[FeltMass] = []
+        self._felt: list[MassEstimate] = []
 
-    def feel(self, felt: FeltMass) -> None:
+    def feel(self, felt: MassEstimate) -> None:
         """One tick more. What is shaken so hard that an object of this mass could not be told from none is
         left out."""
         if felt.unsure <= CLEAR * self.payload.mass:

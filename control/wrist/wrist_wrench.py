@@ -11,8 +11,8 @@ import numpy as np
 from ...robots.model import RobotModel
 from ...world.protocols import Clock, WrenchSensor
 from ...world.values import GRAVITY, Array, Pose, Vector3, Wrench
-from .contact_detection import Reading
-from .payload_estimate import Payload, PayloadEstimate
+from .contact_detection import ForceSample
+from .payload_estimate import Payload, PayloadEstimator
 
 KEPT = 0.21
 """Time over which readings are kept, s."""
@@ -26,7 +26,7 @@ QUIET = 0.6
 """Standard deviation of the force up to which a bias can be learnt, N."""
 
 
-class Wrist:
+class WristWrench:
     """Readings of the wrist sensor in the world's axes, about the sensor's origin.
 
     `force` is the latest external force (contact and load), which controllers and the monitor use; it
@@ -106,9 +106,9 @@ class Wrist:
             x, y, z = (tool.rotation() @ self._bias[:3]).tolist()
             self._bias_in_world = (x, y, z)
 
-    def since(self, time: float) -> tuple[Reading, ...]:
+    def since(self, time: float) -> tuple[ForceSample, ...]:
         """Every reading after `time` s that is kept, oldest first: external force in the world, N."""
-        return tuple(Reading(at, self._external(w)) for at, w in self._readings if at > time + 1e-9)
+        return tuple(ForceSample(at, self._external(w)) for at, w in self._readings if at > time + 1e-9)
 
     def over(self, window: float, q: Array) -> Array:
         """Mean external wrench (6,) over the last `window` s, the arm being at q; without tare."""
@@ -200,11 +200,11 @@ class Wrist:
         """The hand carries this from now on, or nothing: it is no contact."""
         self.payload = payload
 
-    def estimate(self) -> PayloadEstimate:
+    def estimate(self) -> PayloadEstimator:
         """An estimate of a payload without readings; `weigh` adds them."""
-        return PayloadEstimate(self._sensor_in_tool)
+        return PayloadEstimator(self._sensor_in_tool)
 
-    def weigh(self, estimate: PayloadEstimate, window: float, q: Array) -> None:
+    def weigh(self, estimate: PayloadEstimator, window: float, q: Array) -> None:
         """Add what is felt now, at rest, beyond tool and bias, to an estimate of what the hand carries."""
         estimate.add(self.over(window, q), self._model.tcp(q).rotation())
 
@@ -279,12 +279,12 @@ AVERAGED = 1 / 60
 """Time over which readings count together, s."""
 
 
-class Feeling:
+class TcpWrench:
     """External wrench relative to `zero` (6,), which the wrist has felt without a contact (world axes, about
     the sensor), from the arm's configuration q (n,) on. The sensor's bias turns with the tool; the
     hand's weight counts at the lever that it had, so the tool may turn by a few degrees."""
 
-    def __init__(self, wrist: Wrist, model: RobotModel, q: Array, zero: Array, period: float) -> None:
+    def __init__(self, wrist: WristWrench, model: RobotModel, q: Array, zero: Array, period: float) -> None:
         self._wrist = wrist
         tcp = model.tcp(q)
         self._sensor_in_tool: Array = tcp.rotation().T @ (

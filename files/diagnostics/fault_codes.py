@@ -8,13 +8,13 @@ from functools import cache
 from pathlib import Path
 
 from ...errors import PicktreeError
-from ..value_wording import nearest
+from ..value_wording import suggest_name
 
 FOLDER = Path(__file__).parent / "pages"
 
 
 @dataclass(frozen=True, slots=True)
-class Example:
+class CodeExample:
     """A file, or a part of one, as a page shows it; `language` is the fence's: yaml, xml or text."""
 
     language: str
@@ -22,14 +22,14 @@ class Example:
 
 
 @dataclass(frozen=True, slots=True)
-class Page:
+class CodePage:
     """What a code means: `wrong` is a file that yields it, `right` the same file mended."""
 
     code: str
     title: str
     explanation: str
-    wrong: Example
-    right: Example
+    wrong: CodeExample
+    right: CodeExample
     text: str
     """The page as it is written, in Markdown."""
 
@@ -43,17 +43,17 @@ _PAGE = re.compile(
 
 
 @cache
-def pages() -> tuple[Page, ...]:
+def pages() -> tuple[CodePage, ...]:
     """All pages in the order of their codes."""
     return tuple(_read(path) for path in sorted(FOLDER.glob("P*.md")))
 
 
-def page(code: str) -> Page:
+def page(code: str) -> CodePage:
     """The page of a code, in capitals or not. Raises PicktreeError with the nearest one."""
     known = {page.code: page for page in pages()}
     found = known.get(code.upper())
     if found is None:
-        hint = nearest(code, known)
+        hint = suggest_name(code, known)
         hint = hint if hint.startswith("did you mean") else "`picktree explain-code` lists all"
         raise PicktreeError(f"there is no code {code[:40]!r} ({hint})")
     return found
@@ -64,13 +64,16 @@ def title(code: str) -> str:
     return next((page.title for page in pages() if page.code == code), "")
 
 
-def _read(path: Path) -> Page:
+def _read(path: Path) -> CodePage:
     text = path.read_text(encoding="utf-8")
     match = _PAGE.fullmatch(text)
     if match is None or match["code"] != path.stem:
         raise ValueError(f"{path} does not have the form of a page")
-    wrong, right = Example(match["language"], match["wrong"]), Example(match["language"], match["right"])
-    return Page(match["code"], match["title"], match["explanation"], wrong, right, text)
+    wrong, right = (
+        CodeExample(match["language"], match["wrong"]),
+        CodeExample(match["language"], match["right"]),
+    )
+    return CodePage(match["code"], match["title"], match["explanation"], wrong, right, text)
 
 
 def index() -> str:

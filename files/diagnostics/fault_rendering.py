@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from ..marks import Fault, FileError, Mark
+from ..marks import Diagnostic, FileError, Mark
 from .fault_codes import title
 
 Role: TypeAlias = Literal["place", "error", "warning", "hint", "margin", "caret"]
@@ -27,7 +27,7 @@ def plain(text: str, role: Role) -> str:
     return text
 
 
-class Sources:
+class SourceLines:
     """The lines of files in which faults stand. `texts` were read already; the rest is read when asked."""
 
     def __init__(self, texts: Mapping[str, str] | None = None) -> None:
@@ -54,7 +54,7 @@ def _lines(text: str) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def as_text(fault: Fault, sources: Sources, paint: Paint = plain) -> str:
+def as_text(fault: Diagnostic, sources: SourceLines, paint: Paint = plain) -> str:
     """One fault: its sentence, and the line at fault with a caret under the column."""
     head = paint(f"{one_line(str(fault.mark))}:", "place")
     kind = paint(f"{fault.severity} {fault.code}:", fault.severity)
@@ -69,13 +69,13 @@ def as_text(fault: Fault, sources: Sources, paint: Paint = plain) -> str:
     return "\n".join([*lines, *(f"      {one_line(line)}" for line in fault.detail.splitlines())])
 
 
-def fault_lines(faults: Iterable[Fault], paint: Paint = plain) -> str:
+def fault_lines(faults: Iterable[Diagnostic], paint: Paint = plain) -> str:
     """Faults of files as they lie on the disk."""
-    sources = Sources()
+    sources = SourceLines()
     return "\n".join(as_text(fault, sources, paint) for fault in faults)
 
 
-def as_github(fault: Fault) -> str:
+def as_github(fault: Diagnostic) -> str:
     """One fault as a workflow command, which GitHub shows beside the line."""
     mark = fault.mark
     hint = f" ({one_line(fault.hint)})" if fault.hint else ""
@@ -97,7 +97,7 @@ def _property(text: str) -> str:
     return _data(text).replace(":", "%3A").replace(",", "%2C")
 
 
-def _trail(fault: Fault) -> str:
+def _trail(fault: Diagnostic) -> str:
     return f"{one_line(fault.where)}: " if fault.where else ""
 
 
@@ -121,7 +121,7 @@ class _Excerpt:
     """Columns of the terminal before the caret."""
 
 
-def _excerpt(mark: Mark, sources: Sources) -> _Excerpt | None:
+def _excerpt(mark: Mark, sources: SourceLines) -> _Excerpt | None:
     line = sources.line(mark)
     if line is None or not line.strip():
         return None

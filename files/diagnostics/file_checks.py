@@ -13,14 +13,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
-from ..marks import SPOILT, Fault, FileError, Mark
+from ..marks import SPOILT, Diagnostic, FileError, Mark
 from ..shipped_files import is_file, is_folder
 from ..yaml.document import KINDS, Document, decoded, read_document, read_text
 from .fault_codes import pages, title
-from .fault_rendering import Paint, Sources, as_github, as_text, plain
-from .suppressions import silenced
+from .fault_rendering import Paint, SourceLines, as_github, as_text, plain
+from .suppressions import apply_suppressions
 
-Check: TypeAlias = Callable[[Document], Iterable[Fault]]
+Check: TypeAlias = Callable[[Document], Iterable[Diagnostic]]
 """All that is wrong with a document of one kind, with the files that it names; never raises for its text."""
 
 SUFFIXES = (".yaml", ".yml")
@@ -30,7 +30,7 @@ _OURS = re.compile(
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class UnsavedText:
     """A text to be checked that is not in its file: `path` says what lies beside it and how it is called."""
 
     path: Path
@@ -45,7 +45,7 @@ class CheckReport:
     """The files that were checked."""
     left_out: tuple[str, ...]
     """Files of folders that are YAML, but not ours."""
-    faults: tuple[Fault, ...]
+    faults: tuple[Diagnostic, ...]
     """In the order of the files, then of their lines."""
     texts: Mapping[str, str] = field(default_factory=dict[str, str], repr=False)
     """The texts of files in which faults stand, as far as they were read."""
@@ -64,7 +64,7 @@ class CheckReport:
 
     def to_text(self, paint: Paint = plain) -> str:
         """Every fault with its line, and a line with the counts."""
-        sources = Sources(self.texts)
+        sources = SourceLines(self.texts)
         return "\n".join([*(as_text(fault, sources, paint) for fault in self.faults), self.summary()])
 
     def to_github(self) -> str:
@@ -119,7 +119,7 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}" + ("s" if number != 1 else "")
 
 
-def check_files(paths: Iterable[Path | Given], checks: Mapping[str, Check]) -> CheckReport:
+def check_files(paths: Iterable[Path | UnsavedText], checks: Mapping[str, Check]) -> CheckReport:
     """Check files, folders (all YAML files in them that are ours) and given texts, each once."""
     return _Round(checks).of(paths)
 
@@ -132,12 +132,12 @@ class _Round:
         self._codes = tuple(page.code for page in pages())
         self._texts: dict[str, str] = {}
         self._left_out: list[str] = []
-        self._found: dict[str, dict[Fault, None]] = {}
+        self._found: dict[str, dict[Diagnostic, None]] = {}
         self._complete = set[str]()
         """Files that were looked at to their end: nothing keeps a warning in them from being found."""
 
-    def of(self, paths: Iterable[Path | Given]) -> CheckReport:
-        given: dict[Path, Path | Given] = {}
+    def of(self, paths: Iterable[Path | UnsavedText]) -> CheckReport:
+        given: dict[Path, Path | UnsavedText] = {}
         for path in self._written_out(paths):
             given.setdefault(_real(path), path)
         files = tuple(_name(path) for path in given.values())
@@ -152,10 +152,10 @@ class _Round:
         texts = {fault.mark.file: self._text(fault.mark.file) for fault in faults}
         return CheckReport(files, tuple(self._left_out), tuple(faults), texts)
 
-    def _check(self, given: Path | Given) -> Iterable[Fault]:
-        path, name = given.path if isinstance(given, Given) else given, _name(given)
+    def _check(self, given: Path | UnsavedText) -> Iterable[Diagnostic]:
+        path, name = given.path if isinstance(given, UnsavedText) else given, _name(given)
         try:
-            text = decoded(given.raw, name) if isinstance(given, Given) else read_text(path)
+            text = decoded(given.raw, name) if isinstance(given, UnsavedText) else read_text(path)
             self._texts[name] = text
             document = read_document(text, path)
             found = list(self._checks[document.kind](document))
@@ -166,11 +166,11 @@ class _Round:
         spoilt = {fault.mark for fault in document.faults if fault.code in SPOILT}
         return (*document.faults, *(fault for fault in found if fault.mark not in spoilt))
 
-    def _judged(self, file: str) -> list[Fault]:
+    def _judged(self, file: str) -> list[Diagnostic]:
         """The faults of one file in its order, without what its comments allow."""
         found = tuple(self._found.get(file, ()))
         text = self._text(file)
-        kept = silenced(found, text, file, self._codes, complete=file in self._complete)
+        kept = apply_suppressions(found, text, file, self._codes, complete=file in self._complete)
         return sorted(kept, key=lambda fault: fault.mark)
 
     def _text(self, file: str) -> str:
@@ -183,9 +183,9 @@ class _Round:
 
     # Folders.
 
-    def _written_out(self, paths: Iterable[Path | Given]) -> Iterator[Path | Given]:
+    def _written_out(self, paths: Iterable[Path | UnsavedText]) -> Iterator[Path | UnsavedText]:
         for path in paths:
-            if isinstance(path, Given) or not is_folder(path):
+            if isinstance(path, UnsavedText) or not is_folder(path):
                 yield path
                 continue
             ours = [file for file in _yaml_files(path) if self._is_ours(file)]
@@ -194,7 +194,7 @@ class _Round:
                     "there is no file of picktree's in this folder",
                     "a file begins with 'picktree: 1'",
                 )
-                fault = Fault(Mark(str(path), 1, 1), "", message, hint, "P124")
+                fault = Diagnostic(Mark(str(path), 1, 1), "", message, hint, "P124")
                 self._found.setdefault(str(path), {})[fault] = None
             yield from ours
 
@@ -220,13 +220,13 @@ def _yaml_files(folder: Path) -> Iterator[Path]:
                 yield path
 
 
-def _name(given: Path | Given) -> str:
-    return str(given.path if isinstance(given, Given) else given)
+def _name(given: Path | UnsavedText) -> str:
+    return str(given.path if isinstance(given, UnsavedText) else given)
 
 
-def _real(given: Path | Given) -> Path:
+def _real(given: Path | UnsavedText) -> Path:
     """What tells files apart that are named in two ways."""
-    path = given.path if isinstance(given, Given) else given
+    path = given.path if isinstance(given, UnsavedText) else given
     try:
         return path.resolve()
     except (OSError, ValueError, RuntimeError):

@@ -9,25 +9,25 @@ from dataclasses import dataclass
 
 import yaml
 
-from ..marks import MAX_FAULTS, Fault, Mark
-from ..value_wording import nearest
-from ..yaml.reader import Places
+from ..marks import MAX_FAULTS, Diagnostic, Mark
+from ..value_wording import suggest_name
+from ..yaml.reader import PositionIndex
 
 _COMMENT = re.compile(r"(?:^|(?<=[ \t]))#[ \t]*picktree[ \t]*:[ \t]*(?P<text>[^\r\n]*)", re.MULTILINE)
 _ALLOW = re.compile(r"allow[ \t]+(?P<codes>[^\s,]+(?:[ \t]*,[ \t]*[^\s,]+)*)(?:[ \t].*)?")
 
 
 @dataclass(frozen=True, slots=True)
-class Allowance:
+class Suppression:
     """One code that a comment names, and where."""
 
     code: str
     mark: Mark
 
 
-def silenced(
-    faults: Iterable[Fault], text: str, file: str, known: Iterable[str], *, complete: bool
-) -> tuple[Fault, ...]:
+def apply_suppressions(
+    faults: Iterable[Diagnostic], text: str, file: str, known: Iterable[str], *, complete: bool
+) -> tuple[Diagnostic, ...]:
     """The faults of a file without the warnings that its comments allow, and what is wrong with these.
 
     `known` are all codes. `complete`: nothing kept the file from being looked at to its end, so that an
@@ -41,33 +41,33 @@ def silenced(
         severity = said.get((allowance.code, allowance.mark.line))
         if severity == "error":
             message, hint = f"{allowance.code} is an error: no comment allows it", "mend it"
-            wrong.append(Fault(allowance.mark, "", message, hint, "P131", "warning"))
+            wrong.append(Diagnostic(allowance.mark, "", message, hint, "P131", "warning"))
         elif severity is None and complete:
             message = f"there is no warning {allowance.code} on this line"
-            wrong.append(Fault(allowance.mark, "", message, "leave the comment out", "P130", "warning"))
+            wrong.append(Diagnostic(allowance.mark, "", message, "leave the comment out", "P130", "warning"))
     return (*kept, *wrong[:MAX_FAULTS])
 
 
-def _read(text: str, file: str, known: tuple[str, ...]) -> tuple[list[Allowance], list[Fault]]:
-    allowances: list[Allowance] = []
-    wrong: list[Fault] = []
-    places = Places(file, text)
+def _read(text: str, file: str, known: tuple[str, ...]) -> tuple[list[Suppression], list[Diagnostic]]:
+    allowances: list[Suppression] = []
+    wrong: list[Diagnostic] = []
+    places = PositionIndex(file, text)
     for comment in _comments(text):
         mark = places.mark(comment.start())
         match = _ALLOW.fullmatch(comment["text"].strip())
         if match is None:
             message = "this comment to picktree is not understood"
-            wrong.append(Fault(mark, "", message, "as '# picktree: allow P304'", "P131", "warning"))
+            wrong.append(Diagnostic(mark, "", message, "as '# picktree: allow P304'", "P131", "warning"))
             continue
         for code in re.split(r"[ \t]*,[ \t]*", match["codes"]):
             if len(wrong) >= MAX_FAULTS:
                 break
             if code in known:
-                allowances.append(Allowance(code, mark))
+                allowances.append(Suppression(code, mark))
             else:
-                hint = nearest(code, known)
+                hint = suggest_name(code, known)
                 hint = hint if hint.startswith("did you mean") else "as '# picktree: allow P304'"
-                wrong.append(Fault(mark, "", f"there is no code {code[:40]!r}", hint, "P131", "warning"))
+                wrong.append(Diagnostic(mark, "", f"there is no code {code[:40]!r}", hint, "P131", "warning"))
     return allowances, wrong
 
 

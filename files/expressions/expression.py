@@ -13,16 +13,16 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Never, TypeAlias, cast
 
-from ..value_wording import nearest
+from ..value_wording import suggest_name
 from .parser import FUNCTIONS, parse
 from .syntax_tree import (
     Arithmetic,
     Attribute,
     Call,
-    Choice,
-    Comparison,
+    ComparisonChain,
+    Conditional,
     ListOf,
-    Literally,
+    LiteralValue,
     Logic,
     Name,
     Not,
@@ -92,7 +92,7 @@ class _Evaluation:
 
     def value(self, part: Part) -> object:
         match part:
-            case Literally(value=value):
+            case LiteralValue(value=value):
                 return value
             case Name():
                 return self._name(part)
@@ -114,9 +114,9 @@ class _Evaluation:
             case Arithmetic(symbol=symbol):
                 left, right = self.value(part.left), self.value(part.right)
                 return _apply(part.at, symbol, _ARITHMETIC[symbol], left, right)
-            case Comparison():
+            case ComparisonChain():
                 return self._comparison(part)
-            case Choice():
+            case Conditional():
                 return self.value(part.yes if self.value(part.test) else part.no)
             case ListOf(items=items):
                 return [self.value(item) for item in items]
@@ -127,7 +127,7 @@ class _Evaluation:
     def _name(self, part: Name) -> object:
         if part.name in self._names:
             return self._names[part.name]
-        hint = nearest(part.name, self._names)
+        hint = suggest_name(part.name, self._names)
         raise ExpressionError(f"unknown name {part.name!r}; {hint}".rstrip("; "), part.at)
 
     def _attribute(self, part: Attribute) -> object:
@@ -140,7 +140,7 @@ class _Evaluation:
             text = str(error.args[0]) if error.args else ""
             raise ExpressionError(text if " " in text else f"no attribute {part.name!r}", part.at) from None
 
-    def _comparison(self, part: Comparison) -> bool:
+    def _comparison(self, part: ComparisonChain) -> bool:
         left = self.value(part.first)
         for related in part.rest:
             right = self.value(related.operand)

@@ -6,24 +6,24 @@ from collections.abc import Mapping
 from typing import Final, cast
 
 from ..quantities import units_like
-from ..value_wording import nearest
+from ..value_wording import suggest_name
 from .syntax_tree import (
     Arithmetic,
     Attribute,
     Call,
-    Choice,
-    Comparison,
+    ComparisonChain,
+    ComparisonLink,
+    Conditional,
     ListOf,
-    Literally,
+    LiteralValue,
     Logic,
     Name,
     Not,
     Part,
-    Related,
     Relation,
     Sign,
     Symbol,
-    below,
+    children,
 )
 from .tokens import ExpressionError, Token, number_of, short, syntax_error, text_of, tokens
 
@@ -115,7 +115,7 @@ class _Parser:
         self._enter(self._take())
         no = self._choice()
         self._depth -= 1
-        return Choice(start.at, test, yes, no)
+        return Conditional(start.at, test, yes, no)
 
     def _operators(self, least: int) -> Part:
         """A value, with the operators after it that bind at least so tightly."""
@@ -141,7 +141,7 @@ class _Parser:
         return Logic(first.at, "and" if binding == _AND else "or", tuple(parts))
 
     def _comparison(self, first: Part) -> Part:
-        at, rest = self._token.at, list[Related]()
+        at, rest = self._token.at, list[ComparisonLink]()
         while self._is(*_RELATIONS):
             token = self._take()
             relation = token.text
@@ -150,8 +150,8 @@ class _Parser:
                     raise syntax_error("an operator is missing before 'not'", token.at)
                 self._take()
                 relation = "not in"
-            rest.append(Related(token.at, cast("Relation", relation), self._operators(_RELATION + 1)))
-        return Comparison(at, first, tuple(rest))
+            rest.append(ComparisonLink(token.at, cast("Relation", relation), self._operators(_RELATION + 1)))
+        return ComparisonChain(at, first, tuple(rest))
 
     def _operand(self) -> Part:
         token = self._token
@@ -180,9 +180,9 @@ class _Parser:
         token = self._token
         match token.kind:
             case "number":
-                return Literally(token.at, number_of(self._take()))
+                return LiteralValue(token.at, number_of(self._take()))
             case "text":
-                return Literally(token.at, text_of(self._take()))
+                return LiteralValue(token.at, text_of(self._take()))
             case "name":
                 return self._name()
             case "symbol" if token.text in ("(", "["):
@@ -209,14 +209,14 @@ class _Parser:
         token = self._take()
         if self._is("("):
             if token.text not in FUNCTIONS:
-                hint = nearest(token.text, FUNCTIONS)
+                hint = suggest_name(token.text, FUNCTIONS)
                 raise ExpressionError(f"there is no function {short(token.text)}; {hint}", token.at)
             self._enter(token)
             call = Call(token.at, token.text, self._items(self._take(), ")"))
             self._depth -= 1
             return call
         if token.text in CONSTANTS:
-            return Literally(token.at, CONSTANTS[token.text])
+            return LiteralValue(token.at, CONSTANTS[token.text])
         return Name(token.at, token.text)
 
     def _brackets(self) -> Part:
@@ -269,4 +269,4 @@ def _check_size(root: Part) -> None:
             raise ExpressionError(f"the expression has more than {MAX_PARTS} parts", part.at)
         if depth > MAX_DEPTH:
             raise ExpressionError(f"the expression is nested more than {MAX_DEPTH} deep", part.at)
-        todo += [(lower, depth + 1) for lower in below(part)]
+        todo += [(lower, depth + 1) for lower in children(part)]

@@ -11,7 +11,7 @@ Relation: TypeAlias = Literal["==", "!=", "<", "<=", ">", ">=", "in", "not in"]
 
 
 @dataclass(frozen=True, slots=True)
-class Literally:
+class LiteralValue:
     """A number, a text, true, false or null."""
 
     at: int
@@ -55,16 +55,16 @@ class Arithmetic:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class ComparisonChain:
     """`first < second <= third`: every relation holds between its neighbours."""
 
     at: int
     first: Part
-    rest: tuple[Related, ...]
+    rest: tuple[ComparisonLink, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Related:
+class ComparisonLink:
     at: int
     relation: Relation
     operand: Part
@@ -80,7 +80,7 @@ class Logic:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class Conditional:
     """`yes if test else no`"""
 
     at: int
@@ -103,14 +103,24 @@ class Call:
 
 
 Part: TypeAlias = (
-    Literally | Name | Attribute | Not | Sign | Arithmetic | Comparison | Logic | Choice | ListOf | Call
+    LiteralValue
+    | Name
+    | Attribute
+    | Not
+    | Sign
+    | Arithmetic
+    | ComparisonChain
+    | Logic
+    | Conditional
+    | ListOf
+    | Call
 )
 
 
-def below(part: Part) -> tuple[Part, ...]:
+def children(part: Part) -> tuple[Part, ...]:
     """The parts that a part is made of, in their order."""
     match part:
-        case Literally() | Name():
+        case LiteralValue() | Name():
             return ()
         case Attribute(owner=owner):
             return (owner,)
@@ -118,11 +128,11 @@ def below(part: Part) -> tuple[Part, ...]:
             return (operand,)
         case Arithmetic(left=left, right=right):
             return (left, right)
-        case Comparison(first=first, rest=rest):
+        case ComparisonChain(first=first, rest=rest):
             return (first, *(related.operand for related in rest))
         case Logic(parts=parts) | ListOf(items=parts) | Call(arguments=parts):
             return parts
-        case Choice(test=test, yes=yes, no=no):
+        case Conditional(test=test, yes=yes, no=no):
             return (yes, test, no)
 
 
@@ -132,4 +142,4 @@ def walk(root: Part) -> Iterator[Part]:
     while todo:
         part = todo.pop()
         yield part
-        todo += reversed(below(part))
+        todo += reversed(children(part))

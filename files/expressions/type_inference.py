@@ -6,21 +6,21 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias, cast
 
-from ..value_wording import nearest
+from ..value_wording import suggest_name
 from .expression import Expression
 from .syntax_tree import (
     Arithmetic,
     Attribute,
     Call,
-    Choice,
-    Comparison,
+    ComparisonChain,
+    ComparisonLink,
+    Conditional,
     ListOf,
-    Literally,
+    LiteralValue,
     Logic,
     Name,
     Not,
     Part,
-    Related,
     Sign,
 )
 from .tokens import ExpressionError
@@ -147,7 +147,7 @@ class _Typing:
 
     def of(self, part: Part) -> ValueType:
         match part:
-            case Literally(value=value):
+            case LiteralValue(value=value):
                 return type_of_value(value)
             case Name():
                 return self._name(part)
@@ -160,11 +160,11 @@ class _Typing:
                 return _numbers(part.at, symbol, self.of(part.operand))
             case Arithmetic(symbol=symbol):
                 return _numbers(part.at, symbol, self.of(part.left), self.of(part.right))
-            case Comparison():
+            case ComparisonChain():
                 return self._comparison(part)
             case Logic(parts=parts):
                 return join([self.of(lower) for lower in parts])
-            case Choice():
+            case Conditional():
                 self.of(part.test)
                 return join((self.of(part.yes), self.of(part.no)))
             case ListOf(items=items):
@@ -175,21 +175,21 @@ class _Typing:
     def _name(self, part: Name) -> ValueType:
         if part.name in self._names:
             return self._names[part.name]
-        hint = nearest(part.name, self._names)
+        hint = suggest_name(part.name, self._names)
         raise UnknownName(f"unknown name {part.name!r}; {hint}".rstrip("; "), part.at)
 
     def _attribute(self, part: Attribute) -> ValueType:
         owner = self.of(part.owner)
-        literal = isinstance(part.owner, Literally)
+        literal = isinstance(part.owner, LiteralValue)
         if literal or owner.kind not in ("any", "word", "object"):
             message = f"only an object has attributes, so {owner.words()} has no {part.name!r}"
             raise ExpressionError(message, part.at)
         if part.name not in self._attributes:
-            hint = nearest(part.name, self._attributes)
+            hint = suggest_name(part.name, self._attributes)
             raise ExpressionError(f"an object has no attribute {part.name!r}; {hint}", part.at)
         return self._attributes[part.name]
 
-    def _comparison(self, part: Comparison) -> ValueType:
+    def _comparison(self, part: ComparisonChain) -> ValueType:
         before, left = part.first, self.of(part.first)
         for related in part.rest:
             right = self.of(related.operand)
@@ -220,7 +220,7 @@ def _numbers(at: int, symbol: str, *given: ValueType) -> ValueType:
     return INT if all(t.kind == "int" for t in given) else NUMBER
 
 
-def _related(related: Related, left: ValueType, right: ValueType) -> None:
+def _related(related: ComparisonLink, left: ValueType, right: ValueType) -> None:
     relation = related.relation
     match relation:
         case "==" | "!=":
@@ -239,14 +239,14 @@ def _check_choice(part: Part, other: ValueType) -> None:
     if isinstance(part, ListOf):
         for item in part.items:
             _check_choice(item, other)
-    elif isinstance(part, Literally) and isinstance(part.value, str) and other.choices:
+    elif isinstance(part, LiteralValue) and isinstance(part.value, str) and other.choices:
         if part.value in other.choices:
             return
-        hint = nearest(part.value, other.choices)
+        hint = suggest_name(part.value, other.choices)
         raise ExpressionError(f"this is never {part.value!r}; {hint}", part.at)
 
 
-def _check_container(related: Related, item: ValueType, container: ValueType) -> None:
+def _check_container(related: ComparisonLink, item: ValueType, container: ValueType) -> None:
     if container.kind == "any":
         return
     if container.kind in ("mapping", *_TEXTS) and item.kind in ("any", *_TEXTS):

@@ -27,7 +27,7 @@ from pydantic.fields import FieldInfo
 from ..marks import Location
 
 
-class Unread(Exception):
+class UnreadPart(Exception):
     """A part of a file that could not be read was touched; the fault is reported already."""
 
 
@@ -45,7 +45,7 @@ class FileModel(BaseModel):
 
         def __getattr__(self, name: str) -> object:
             if name in type(self).model_fields:
-                raise Unread(name)
+                raise UnreadPart(name)
             return super().__getattr__(name)
 
 
@@ -56,7 +56,7 @@ class _Hole:
 _HOLE: Final = _Hole()
 
 
-class PartlyReadMap(dict[str, Any]):
+class PartialMap(dict[str, Any]):
     """A mapping with holes: all its keys are known, not all its values."""
 
     def __getitem__(self, key: str) -> object:
@@ -74,7 +74,7 @@ class PartlyReadMap(dict[str, Any]):
         return super().values()
 
 
-class PartlyReadList(tuple[Any, ...]):
+class PartialList(tuple[Any, ...]):
     """A list with holes: its length is known, not all its entries."""
 
     __slots__ = ()
@@ -88,7 +88,7 @@ class PartlyReadList(tuple[Any, ...]):
 
 def _whole(value: Any) -> Any:
     if value is _HOLE:
-        raise Unread
+        raise UnreadPart
     return value
 
 
@@ -100,7 +100,7 @@ def _all_whole(values: Collection[object]) -> None:
 Model = TypeVar("Model", bound=BaseModel)
 
 
-def partly(model: type[Model], value: object, faulty: Collection[Location]) -> Model:
+def partial_model(model: type[Model], value: object, faulty: Collection[Location]) -> Model:
     """The model of `value`, of which the parts in `faulty` (pydantic's places) could not be read."""
     found: dict[str, object] = {}
     for name, field in model.model_fields.items():
@@ -135,10 +135,10 @@ def _part(annotation: object, value: object, faulty: Sequence[Location]) -> obje
     kind = bare(annotation)
     origin, parts = get_origin(kind), get_args(kind)
     if isinstance(kind, type) and issubclass(kind, BaseModel):
-        return partly(kind, cast("object", value), faulty) if isinstance(value, dict) else _HOLE
+        return partial_model(kind, cast("object", value), faulty) if isinstance(value, dict) else _HOLE
     if origin is dict and isinstance(value, dict):
         given = cast("dict[str, object]", value)
-        return PartlyReadMap({key: _part(parts[1], item, _below(faulty, key)) for key, item in given.items()})
+        return PartialMap({key: _part(parts[1], item, _below(faulty, key)) for key, item in given.items()})
     if origin in (list, tuple) and isinstance(value, list):
         entries = cast("list[object]", value)
         kinds = [parts[0]] * len(entries) if origin is list or Ellipsis in parts else list(parts)
@@ -147,7 +147,7 @@ def _part(annotation: object, value: object, faulty: Sequence[Location]) -> obje
                 _part(k, item, _below(faulty, n))
                 for n, (k, item) in enumerate(zip(kinds, entries, strict=True))
             )
-            return PartlyReadList(each)
+            return PartialList(each)
     return _HOLE
 
 

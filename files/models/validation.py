@@ -1,6 +1,7 @@
 """Checking a document against pydantic models, with sentences and places of our own.
 
-Each `kind` of file reads its parts through one `Checker`, which gathers every fault before it complains.
+Each `kind` of file reads its parts through one `DocumentChecker`, which gathers every fault before it
+complains.
 """
 
 from __future__ import annotations
@@ -16,14 +17,30 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, Strict, WithJso
 
 from ..marks import MAX_FAULTS, SPOILT, Severity, too_many
 from ..quantities import NotFinite, dimension, in_unit, parse_quantity
-from ..value_wording import describe, listed, meant_number, nearest
-from ..yaml.document import Document, Fault, FileError, Location
-from .partial_models import FileModel, Unread, partly
-from .validation_messages import Wrong, follows, misfit
+from ..value_wording import describe, listed, suggest_name, suggest_number
+from ..yaml.document import Diagnostic, Document, FileError, Location
+from .partial_models import FileModel, UnreadPart, partial_model
+from .validation_messages import InvalidValue, follows, to_diagnostic
 
 __all__ = [
-    "Angle", "Angles", "Checker", "Duration", "FileModel", "Flag", "Force", "Length", "Mass", "Name", "Share",
-    "Size", "Sizes", "Unread", "Vector", "Wrong", "describe", "quantity",
+    "Angle",
+    "Angles",
+    "DocumentChecker",
+    "Duration",
+    "FileModel",
+    "Flag",
+    "Force",
+    "InvalidValue",
+    "Length",
+    "Mass",
+    "Name",
+    "Share",
+    "Size",
+    "Sizes",
+    "UnreadPart",
+    "Vector",
+    "describe",
+    "quantity",
 ]  # fmt: skip
 
 HEADER = ("picktree", "kind")
@@ -49,29 +66,31 @@ def quantity(
 
     def read(value: object) -> float:
         if not isinstance(value, str | int | float):
-            raise Wrong(f"{describe(value)} is not a number" + (f" in {unit}" if unit else ""), code="P109")
+            raise InvalidValue(
+                f"{describe(value)} is not a number" + (f" in {unit}" if unit else ""), code="P109"
+            )
         try:
             number = parse_quantity(value, unit)
         except NotFinite as error:
-            raise Wrong(str(error), code="P120") from None
+            raise InvalidValue(str(error), code="P120") from None
         except ValueError as error:
-            meant = meant_number(value)
-            raise Wrong(
+            meant = suggest_number(value)
+            raise InvalidValue(
                 f"{describe(value)} is not a number" if meant else str(error), meant, code="P109"
             ) from None
         written = value if isinstance(value, str) else f"{value} {unit}".strip()
         what = dimension(unit) or "it"
         if number < 0 and (above == 0 or least == 0):
             hint = f"{what} is {'positive' if above == 0 else '0 or more'} here"
-            raise Wrong(f"{written} is negative", hint, code="P107")
+            raise InvalidValue(f"{written} is negative", hint, code="P107")
         if number == 0 and above == 0:
-            raise Wrong(f"{written} is not positive", code="P107")
+            raise InvalidValue(f"{written} is not positive", code="P107")
         if above is not None and number <= above:
-            raise Wrong(f"{written} is not more than {in_unit(above, unit, written)}", code="P107")
+            raise InvalidValue(f"{written} is not more than {in_unit(above, unit, written)}", code="P107")
         if least is not None and number < least:
-            raise Wrong(f"{written} is less than {in_unit(least, unit, written)}", code="P107")
+            raise InvalidValue(f"{written} is less than {in_unit(least, unit, written)}", code="P107")
         if most is not None and number > most:
-            raise Wrong(f"{written} is more than {in_unit(most, unit, written)}", code="P107")
+            raise InvalidValue(f"{written} is more than {in_unit(most, unit, written)}", code="P107")
         return number
 
     given = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
@@ -82,7 +101,7 @@ def quantity(
 def _identifier(value: str) -> str:
     if re.fullmatch(r"[A-Za-z_]\w*", value, re.ASCII) is None:
         hint = "letters, digits and _, not beginning with a digit"
-        raise Wrong(f"{describe(value)} is not a name", hint, code="P111")
+        raise InvalidValue(f"{describe(value)} is not a name", hint, code="P111")
     return value
 
 
@@ -103,7 +122,7 @@ Sizes = tuple[Size, Size, Size]
 Model = TypeVar("Model", bound=BaseModel)
 
 
-class Checker:
+class DocumentChecker:
     """Reads parts of one document and keeps what is wrong with them.
 
     What it reads is there as far as it could be read; whatever asks for more stands under `readable()`.
@@ -111,7 +130,7 @@ class Checker:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.faults: list[Fault] = list(document.faults)
+        self.faults: list[Diagnostic] = list(document.faults)
         self._spoilt = {fault.mark for fault in document.faults if fault.code in SPOILT}
 
     @property
@@ -121,7 +140,7 @@ class Checker:
 
     def readable(self) -> AbstractContextManager[None]:
         """What stands under this ends without a word where it needs a part that could not be read."""
-        return suppress(Unread)
+        return suppress(UnreadPart)
 
     def fault(
         self,
@@ -140,7 +159,7 @@ class Checker:
         )
         self._add(made)
 
-    def _add(self, fault: Fault) -> None:
+    def _add(self, fault: Diagnostic) -> None:
         if fault.mark in self._spoilt or self.full:
             return
         self.faults.append(fault if len(self.faults) < MAX_FAULTS else too_many(fault.mark))
@@ -150,7 +169,7 @@ class Checker:
         for name in self.document.data:
             if name not in known and name not in HEADER and not self.full:
                 self.fault(
-                    (name,), f"unknown key {describe(name)}", nearest(name, known), code="P104", key=True
+                    (name,), f"unknown key {describe(name)}", suggest_name(name, known), code="P104", key=True
                 )
 
     def read(self, model: type[Model], loc: Location = (), *, ignore: Collection[str] = HEADER) -> Model:
@@ -164,9 +183,9 @@ class Checker:
         except pydantic.ValidationError as error:
             details = [detail for detail in error.errors(include_url=False) if not follows(detail)]
             for detail in details[: MAX_FAULTS + 1]:
-                self._add(misfit(self.document, model, loc, detail))
+                self._add(to_diagnostic(self.document, model, loc, detail))
             places = [tuple(part for part in d["loc"] if part != "[key]") for d in details]
-            return partly(model, value, places)
+            return partial_model(model, value, places)
 
     def each(self, model: type[Model], section: str, *, most: int = MAX_ENTRIES) -> dict[str, Model]:
         """The models of a mapping's values by key, each as far as it can be read."""
@@ -182,7 +201,7 @@ class Checker:
         for name in value:
             try:
                 _identifier(name)
-            except Wrong as wrong:
+            except InvalidValue as wrong:
                 self.fault((section, name), wrong.message, wrong.hint, code=wrong.code, key=True)
         return {name: self.read(model, (section, name)) for name in value if not self.full}
 

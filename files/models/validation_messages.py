@@ -7,13 +7,13 @@ from typing import Any, Literal, cast, get_args, get_origin
 
 from pydantic import BaseModel
 
-from ..marks import Fault, Location
-from ..value_wording import describe, meant_flag, meant_number, nearest
+from ..marks import Diagnostic, Location
+from ..value_wording import describe, suggest_boolean, suggest_name, suggest_number
 from ..yaml.document import Document
 from .partial_models import bare
 
 
-class Wrong(ValueError):
+class InvalidValue(ValueError):
     """Raised by validators: what is wrong, and what would be right."""
 
     def __init__(self, message: str, hint: str = "", *, code: str) -> None:
@@ -32,7 +32,7 @@ def follows(detail: Any) -> bool:
     )
 
 
-def misfit(document: Document, model: type[BaseModel], base: Location, detail: Any) -> Fault:
+def to_diagnostic(document: Document, model: type[BaseModel], base: Location, detail: Any) -> Diagnostic:
     """The fault of one of pydantic's errors; `base` is where the model's value stands."""
     path: Location = tuple(detail["loc"])
     wrong_key = bool(path) and path[-1] == "[key]"
@@ -41,13 +41,13 @@ def misfit(document: Document, model: type[BaseModel], base: Location, detail: A
     kind, given = str(detail["type"]), detail.get("input")
     context = cast("Mapping[str, object]", detail.get("ctx") or {})
     cause = context.get("error")
-    if isinstance(cause, Wrong):
+    if isinstance(cause, InvalidValue):
         return document.fault(loc, cause.message, cause.hint, code=cause.code, key=wrong_key)
     match kind:
         case "extra_forbidden":
             known = _keys(_annotation(model, path[:-1]))
             message = f"unknown key {describe(str(path[-1]))}"
-            return document.fault(loc, message, nearest(str(path[-1]), known), code="P104", key=True)
+            return document.fault(loc, message, suggest_name(str(path[-1]), known), code="P104", key=True)
         case "missing" if isinstance(path[-1], str):
             return document.fault(loc[:-1], f"{path[-1]!r} is missing", code="P105", key=True)
         case "missing" | "too_long" | "too_short":
@@ -56,7 +56,11 @@ def misfit(document: Document, model: type[BaseModel], base: Location, detail: A
             return document.fault((*base, *at), message, code="P110")
         case "literal_error":
             choices = [str(c) for c in get_args(_annotation(model, path))]
-            hint = nearest(str(given), choices) if isinstance(given, str) else f"one of {', '.join(choices)}"
+            hint = (
+                suggest_name(str(given), choices)
+                if isinstance(given, str)
+                else f"one of {', '.join(choices)}"
+            )
             return document.fault(loc, f"{describe(given)} is not known here", hint, code="P108")
         case _ if kind in _BOUNDS:
             key, words = _BOUNDS[kind]
@@ -96,9 +100,9 @@ _BOUNDS = {
 
 def _meant(kind: str, given: object) -> str:
     if kind.startswith("bool"):
-        return meant_flag(given)
+        return suggest_boolean(given)
     if kind.startswith(("int", "float")):
-        return meant_number(given)
+        return suggest_number(given)
     return "quote it" if kind == "string_type" and isinstance(given, int | float) else ""
 
 

@@ -8,15 +8,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from ..marks import Fault, FileError, Location, Mark, Severity, where
-from ..value_wording import describe, nearest
-from .reader import MAX_BYTES, Node, Value, mark_at, read
+from ..marks import Diagnostic, FileError, Location, Mark, Severity, where
+from ..value_wording import describe, suggest_name
+from .reader import MAX_BYTES, Value, YamlNode, mark_at, read
 from .yaml_errors import Unreadable, read_bytes
 
 __all__ = [
-    "KINDS", "Document", "Fault", "FileError", "Location", "Mark",
-    "Value", "load_document", "nearest", "open_document", "overlaid", "parse_document", "read_document",
-    "read_text", "where",
+    "KINDS",
+    "Diagnostic",
+    "Document",
+    "FileError",
+    "Location",
+    "Mark",
+    "Value",
+    "load_document",
+    "merge_patch",
+    "open_document",
+    "parse_document",
+    "read_document",
+    "read_text",
+    "suggest_name",
+    "where",
 ]  # fmt: skip
 
 FORMAT = 1
@@ -34,8 +46,8 @@ class Document:
     text: str
     kind: str
     data: dict[str, Value]
-    root: Node
-    faults: tuple[Fault, ...] = ()
+    root: YamlNode
+    faults: tuple[Diagnostic, ...] = ()
     layers: tuple[Document, ...] = ()
     """The documents of which this one was laid together."""
 
@@ -51,7 +63,7 @@ class Document:
 
     def key_mark(self, loc: Location) -> Mark:
         """Where the key of the value stands."""
-        parent: Node | None = self.root
+        parent: YamlNode | None = self.root
         for part in loc[:-1]:
             parent = parent.child(part) if parent else None
         if parent and loc and isinstance(loc[-1], str) and loc[-1] in parent.keys:
@@ -71,7 +83,7 @@ class Document:
 
     def get(self, loc: Location) -> Value:
         """The value at that place, None when there is none."""
-        node: Node | None = self.root
+        node: YamlNode | None = self.root
         for part in loc:
             node = node.child(part) if node else None
         return node.value if node else None
@@ -86,16 +98,16 @@ class Document:
         key: bool = False,
         character: int | None = None,
         severity: Severity = "error",
-    ) -> Fault:
+    ) -> Diagnostic:
         """A fault of the value there, or (`key`) of its key, or of one of its characters (from 0)."""
         if character is not None:
             mark = self.character_mark(loc, character)
         else:
             mark = self.key_mark(loc) if key else self.mark(loc)
-        return Fault(mark, where(loc), message, hint, code, severity)
+        return Diagnostic(mark, where(loc), message, hint, code, severity)
 
 
-def overlaid(base: Document, over: Document) -> Document:
+def merge_patch(base: Document, over: Document) -> Document:
     """`over` laid on `base` as a merge patch (RFC 7396): mappings merge, the rest replaces, null removes.
 
     Every value keeps its place in the file that it came from.
@@ -106,8 +118,8 @@ def overlaid(base: Document, over: Document) -> Document:
     return Document(over.path, over.text, over.kind, data, root, (*base.faults, *over.faults), layers)
 
 
-def _merged(base: Node, over: Node) -> Node:
-    merged: dict[str, Node] = dict(base.entries)
+def _merged(base: YamlNode, over: YamlNode) -> YamlNode:
+    merged: dict[str, YamlNode] = dict(base.entries)
     keys = dict(base.keys)
     for name, node in over.entries.items():
         below = merged.get(name)
@@ -118,7 +130,7 @@ def _merged(base: Node, over: Node) -> Node:
             merged[name] = _merged(below, node) if below is not None and both else node
         keys[name] = over.keys[name]
     value: Value = {name: node.value for name, node in merged.items()}
-    return Node(value, over.mark, entries=merged, keys=keys)
+    return YamlNode(value, over.mark, entries=merged, keys=keys)
 
 
 def load_document(path: Path, kind: str | None = None) -> Document:
@@ -142,7 +154,7 @@ def read_document(text: str, path: Path, kind: str | None = None) -> Document:
     data = reading.root.value
     if not isinstance(data, dict):
         message = "a file is a mapping that begins with 'picktree: 1'"
-        raise FileError([*reading.faults, Fault(reading.root.mark, "", message, code="P119")])
+        raise FileError([*reading.faults, Diagnostic(reading.root.mark, "", message, code="P119")])
     faults = [*reading.faults, *_format_faults(reading.root)]
     other = list(_kind_faults(reading.root, kind))
     if other or any(fault.code == "P102" and fault.where for fault in faults):
@@ -163,7 +175,7 @@ def read_text(path: Path) -> str:
         return decoded(read_bytes(path, MAX_BYTES), str(path))
     except Unreadable as error:
         code = "P123" if error.large else "P124"
-        raise FileError([Fault(Mark(str(path), 1, 1), "", error.message, error.hint, code)]) from None
+        raise FileError([Diagnostic(Mark(str(path), 1, 1), "", error.message, error.hint, code)]) from None
 
 
 def decoded(raw: bytes, file: str) -> str:
@@ -171,39 +183,39 @@ def decoded(raw: bytes, file: str) -> str:
     start = Mark(file, 1, 1)
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")) or 0 < raw[:4].count(0) < 4:
         wide = "the file is UTF-16 or UTF-32, not UTF-8"
-        raise FileError([Fault(start, "", wide, "save it as UTF-8", "P122")])
+        raise FileError([Diagnostic(start, "", wide, "save it as UTF-8", "P122")])
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = raw[: error.start].decode("utf-8-sig", errors="replace")
         mark = mark_at(file, before, len(before))
-        raise FileError([Fault(mark, "", "the file is not UTF-8", "save it as UTF-8", "P122")]) from None
+        raise FileError([Diagnostic(mark, "", "the file is not UTF-8", "save it as UTF-8", "P122")]) from None
 
 
-def _format_faults(root: Node) -> Iterable[Fault]:
+def _format_faults(root: YamlNode) -> Iterable[Diagnostic]:
     version = root.entries.get("picktree")
     if version is None:
         message = f"'picktree: {FORMAT}' is missing"
-        yield Fault(Mark(root.mark.file, 1, 1), "", message, "every file begins with it", "P102")
+        yield Diagnostic(Mark(root.mark.file, 1, 1), "", message, "every file begins with it", "P102")
     elif type(version.value) is not int or version.value < 1:
         message, hint = "the format is a whole number", f"this is format {FORMAT}"
-        yield Fault(version.mark, "picktree", message, hint, "P102")
+        yield Diagnostic(version.mark, "picktree", message, hint, "P102")
     elif version.value > FORMAT:
         message = f"format {version.value} is newer than {FORMAT}, which this picktree reads"
-        yield Fault(version.mark, "picktree", message, "upgrade picktree", "P102")
+        yield Diagnostic(version.mark, "picktree", message, "upgrade picktree", "P102")
 
 
-def _kind_faults(root: Node, kind: str | None) -> Iterable[Fault]:
+def _kind_faults(root: YamlNode, kind: str | None) -> Iterable[Diagnostic]:
     given = root.entries.get("kind")
     if given is None:
         hint = f"one of {', '.join(KINDS)}"
-        yield Fault(Mark(root.mark.file, 1, 1), "", "'kind:' is missing", hint, "P103")
+        yield Diagnostic(Mark(root.mark.file, 1, 1), "", "'kind:' is missing", hint, "P103")
     elif not isinstance(given.value, str):
         message = f"the kind is a word, not {describe(given.value)}"
-        yield Fault(given.mark, "kind", message, f"one of {', '.join(KINDS)}", "P103")
+        yield Diagnostic(given.mark, "kind", message, f"one of {', '.join(KINDS)}", "P103")
     elif given.value not in KINDS:
         message = f"unknown kind {describe(given.value)}"
-        yield Fault(given.mark, "kind", message, nearest(given.value, KINDS), "P103")
+        yield Diagnostic(given.mark, "kind", message, suggest_name(given.value, KINDS), "P103")
     elif kind is not None and given.value != kind:
         message = f"this is a {given.value} file; a {kind} file is wanted here"
-        yield Fault(given.mark, "kind", message, code="P103")
+        yield Diagnostic(given.mark, "kind", message, code="P103")

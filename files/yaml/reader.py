@@ -14,8 +14,8 @@ from typing import NoReturn, TypeAlias
 
 import yaml
 
-from ..marks import MAX_FAULTS, Fault, FileError, Location, Mark, too_many, where
-from .yaml_errors import problem
+from ..marks import MAX_FAULTS, Diagnostic, FileError, Location, Mark, too_many, where
+from .yaml_errors import describe_yaml_error
 
 Value: TypeAlias = "dict[str, Value] | list[Value] | str | int | float | bool | None"
 
@@ -26,37 +26,37 @@ MAX_VALUES = 50_000
 
 
 @dataclass(slots=True)
-class Node:
+class YamlNode:
     """A value with its place; `size` and `height` count what an alias would repeat."""
 
     value: Value
     mark: Mark
-    items: list[Node] = field(default_factory=list["Node"])
-    entries: dict[str, Node] = field(default_factory=dict[str, "Node"])
+    items: list[YamlNode] = field(default_factory=list["YamlNode"])
+    entries: dict[str, YamlNode] = field(default_factory=dict[str, "YamlNode"])
     keys: dict[str, Mark] = field(default_factory=dict[str, Mark])
     size: int = 1
     height: int = 1
 
-    def child(self, part: str | int) -> Node | None:
+    def child(self, part: str | int) -> YamlNode | None:
         if isinstance(part, str):
             return self.entries.get(part)
         return self.items[part] if 0 <= part < len(self.items) else None
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class YamlReadResult:
     """What a text says, read as far as it could be, and what is wrong with its form."""
 
-    root: Node
-    faults: tuple[Fault, ...]
+    root: YamlNode
+    faults: tuple[Diagnostic, ...]
 
 
-def read(text: str, file: str) -> Reading:
+def read(text: str, file: str) -> YamlReadResult:
     """The text's one document. Raises FileError when the text cannot be read to its end."""
     return _Reader(text, file).read()
 
 
-class Places:
+class PositionIndex:
     """Lines and columns of a text's characters, which are counted from 0."""
 
     def __init__(self, file: str, text: str) -> None:
@@ -70,7 +70,7 @@ class Places:
 
 def mark_at(file: str, text: str, index: int) -> Mark:
     """The place of one character that is counted from 0."""
-    return Places(file, text[:index]).mark(index)
+    return PositionIndex(file, text[:index]).mark(index)
 
 
 _LINE_END = re.compile(r"\r\n|\n|\r")
@@ -113,7 +113,7 @@ class _Stop(Exception):
 class _Open:
     """A collection whose end is not read yet."""
 
-    node: Node
+    node: YamlNode
     loc: Location
     anchor: str | None
     flow: bool
@@ -131,13 +131,13 @@ class _Reader:
 
     def __init__(self, text: str, file: str) -> None:
         self._text, self._file = text, file
-        self._faults: list[Fault] = []
-        self._anchors: dict[str, Node] = {}
+        self._faults: list[Diagnostic] = []
+        self._anchors: dict[str, YamlNode] = {}
         self._open: list[_Open] = []
         self._total = 0
-        self._root: Node | None = None
+        self._root: YamlNode | None = None
 
-    def read(self) -> Reading:
+    def read(self) -> YamlReadResult:
         start = Mark(self._file, 1, 1)
         try:
             self._check_text()
@@ -145,7 +145,7 @@ class _Reader:
         except _Stop:
             raise FileError(self._faults) from None
         except yaml.MarkedYAMLError as error:
-            found = problem(error, self._text)
+            found = describe_yaml_error(error, self._text)
             mark = start if found.mark is None else _mark(self._file, found.mark)
             self._fault(mark, "", f"not valid YAML: {found.message}", found.hint, code="P101")
             raise FileError(self._faults) from None
@@ -155,7 +155,7 @@ class _Reader:
         if self._root is None:
             self._fault(start, "", "the file is empty", "it begins with 'picktree: 1'", code="P119")
             raise FileError(self._faults)
-        return Reading(self._root, tuple(self._faults))
+        return YamlReadResult(self._root, tuple(self._faults))
 
     def _check_text(self) -> None:
         if len(self._text) > MAX_BYTES:
@@ -226,7 +226,7 @@ class _Reader:
                 and not _COLON.match(self._text, event.end_mark.index if event.end_mark else 0)
             )
         else:
-            self._add(Node(value, mark), mark, event.anchor)
+            self._add(YamlNode(value, mark), mark, event.anchor)
 
     def _key(self, key: str, mark: Mark) -> None:
         parent = self._open[-1]
@@ -253,7 +253,7 @@ class _Reader:
             what = "{…}" if isinstance(event, yaml.MappingStartEvent) else "[…]"
             self._stop(mark, f"a key is a word, not {what}", 'a reference is quoted: "{item}"', code="P115")
         value: Value = {} if isinstance(event, yaml.MappingStartEvent) else []
-        node = Node(value, mark)
+        node = YamlNode(value, mark)
         self._open.append(_Open(node, self._loc(), event.anchor, bool(event.flow_style)))
 
     def _end(self) -> None:
@@ -263,10 +263,10 @@ class _Reader:
             ((key, _),) = node.entries.items()
             message = f"{{{key}}} without quotes is a YAML mapping"
             self._fault(node.mark, where(closed.loc), message, f'write "{{{key}}}"', code="P113")
-            node = Node(f"{{{key}}}", node.mark)
+            node = YamlNode(f"{{{key}}}", node.mark)
         self._add(node, node.mark, closed.anchor)
 
-    def _add(self, node: Node, mark: Mark, anchor: str | None) -> None:
+    def _add(self, node: YamlNode, mark: Mark, anchor: str | None) -> None:
         if anchor is not None:
             self._anchors[anchor] = node
         if not self._open:
@@ -313,7 +313,7 @@ class _Reader:
         if len(self._faults) == MAX_FAULTS:
             self._faults.append(too_many(mark))
         if len(self._faults) <= MAX_FAULTS:
-            self._faults.append(Fault(mark, trail, message, hint, code))
+            self._faults.append(Diagnostic(mark, trail, message, hint, code))
 
     def _stop(self, mark: Mark, message: str, hint: str = "", *, code: str) -> NoReturn:
         loc = self._loc()

@@ -62,7 +62,7 @@ def _what(mode: int) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class YamlProblem:
     """A sentence, what would be right, and the place, None where the library names none."""
 
     message: str
@@ -121,7 +121,7 @@ _PROBLEMS: Mapping[str, _Words] = {
 }
 
 
-def problem(error: yaml.MarkedYAMLError, text: str) -> Problem:
+def describe_yaml_error(error: yaml.MarkedYAMLError, text: str) -> YamlProblem:
     """The complaint in our words; in the library's own where it is none of the known ones."""
     said, context = str(error.problem or error.context or "unknown problem"), str(error.context or "")
     at, start = error.problem_mark or error.context_mark, error.context_mark or error.problem_mark
@@ -136,9 +136,9 @@ def problem(error: yaml.MarkedYAMLError, text: str) -> Problem:
     elif said == "did not find expected key" and at is not None and _line(text, at.index).strip():
         words = _Words("this does not belong to the value before it", "quote the whole text")
     if words is None:
-        return Problem(said, context if error.problem else "", at)
+        return YamlProblem(said, context if error.problem else "", at)
     hint = words.hint.replace("{line}", str(start.line + 1)) if start is not None else words.hint
-    return Problem(words.message, hint, start if words.at_start else at)
+    return YamlProblem(words.message, hint, start if words.at_start else at)
 
 
 def _line(text: str, index: int) -> str:

@@ -47,7 +47,7 @@ _AROUND = frozenset(
 _CHOOSING = frozenset({"Fallback", "ReactiveFallback"})
 
 
-class Shaped(Protocol):
+class TreeNodeLike(Protocol):
     """A node as a tree's record has it."""
 
     @property
@@ -58,11 +58,11 @@ class Shaped(Protocol):
     def children(self) -> Sequence[str]: ...
 
 
-class Names:
+class CureNames:
     """Names of branches: of a sub-tree or a leaf its own, of a list those of its parts."""
 
-    def __init__(self, nodes: Iterable[Shaped]) -> None:
-        self._nodes: Mapping[str, Shaped] = {node.path: node for node in nodes}
+    def __init__(self, nodes: Iterable[TreeNodeLike]) -> None:
+        self._nodes: Mapping[str, TreeNodeLike] = {node.path: node for node in nodes}
 
     def of(self, path: str) -> str:
         parts = list(dict.fromkeys(self._parts(path)))

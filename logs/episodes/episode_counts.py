@@ -98,7 +98,7 @@ class CauseCount:
         return f"{total.cured} cured by {' or '.join(names)} after {_tries(tries)}"
 
 
-class Counts:
+class EpisodeCounts:
     """Counts episodes as they end."""
 
     def __init__(self, cures: Iterable[CureCount] = (), planted: Iterable[PlantedCount] = ()) -> None:
@@ -144,7 +144,7 @@ def by_cause(cures: Iterable[CureCount]) -> tuple[CauseCount, ...]:
 
 
 def counted(episodes: Iterable[Episode]) -> tuple[CureCount, ...]:
-    counts = Counts()
+    counts = EpisodeCounts()
     for episode in episodes:
         counts.add(episode)
     return counts.cures
@@ -152,12 +152,12 @@ def counted(episodes: Iterable[Episode]) -> tuple[CureCount, ...]:
 
 def added_cures(cures: Iterable[CureCount]) -> tuple[CureCount, ...]:
     """Of several runs together."""
-    return Counts(cures).cures
+    return EpisodeCounts(cures).cures
 
 
 def added_planted(planted: Iterable[PlantedCount]) -> tuple[PlantedCount, ...]:
     """Of several runs together."""
-    return Counts((), planted).planted
+    return EpisodeCounts((), planted).planted
 
 
 def cause_lines(cures: Iterable[CureCount]) -> Iterator[str]:

@@ -7,17 +7,17 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from .episode import AGAIN, End, Episode, Names, Planted, Shaped
+from .episode import AGAIN, CureNames, End, Episode, Planted, TreeNodeLike
 
 
-class Node(Shaped, Protocol):
+class NodeLike(TreeNodeLike, Protocol):
     """A node as a tree's record has it; the parent of the root is None or empty."""
 
     @property
     def parent(self) -> str | None: ...
 
 
-class Changed(Protocol):
+class TransitionLike(Protocol):
     """A node that began or ended; see `records.Transition`."""
 
     @property
@@ -32,7 +32,7 @@ class Changed(Protocol):
     def origin(self) -> str: ...
 
 
-class Told(Protocol):
+class EventLike(Protocol):
     """An event of the journal."""
 
     @property
@@ -46,7 +46,7 @@ class Told(Protocol):
 
 
 @dataclass
-class Trouble:
+class OpenEpisode:
     """An episode that is not decided yet."""
 
     cause: str
@@ -68,7 +68,7 @@ class Trouble:
 
 
 @dataclass
-class Underway:
+class RunningNode:
     """A node between its beginning and its end. Troubles are told by their numbers."""
 
     path: str
@@ -99,25 +99,25 @@ class Underway:
 
 
 @dataclass(frozen=True, slots=True)
-class FollowingState:
+class EpisodeTrackerState:
     """What is not decided, for a checkpoint."""
 
-    nodes: tuple[Underway, ...] = ()
-    troubles: dict[int, Trouble] = field(default_factory=dict[int, Trouble])
+    nodes: tuple[RunningNode, ...] = ()
+    troubles: dict[int, OpenEpisode] = field(default_factory=dict[int, OpenEpisode])
     planted: tuple[Planted, ...] = ()
     number: int = 0
 
 
-class Following:
+class EpisodeTracker:
     """Turns ticks into episodes; `on_end` is given each as it is decided, `on_planted` each fault."""
 
     def __init__(
         self,
         on_end: Callable[[Episode], None],
         on_planted: Callable[[Planted], None] = lambda _: None,
-        state: FollowingState | None = None,
+        state: EpisodeTrackerState | None = None,
     ) -> None:
-        state = deepcopy(state) if state is not None else FollowingState()
+        state = deepcopy(state) if state is not None else EpisodeTrackerState()
         self._on_end, self._on_planted = on_end, on_planted
         self._open = {node.path: node for node in state.nodes}
         self._troubles = dict(state.troubles)
@@ -126,23 +126,25 @@ class Following:
         self._number = state.number
         self._ids: Mapping[str, str] = {}
         self._parents: Mapping[str, str] = {}
-        self._names = Names(())
+        self._names = CureNames(())
         self._giving_up: frozenset[str] = frozenset()
         """Branches that may set an item aside."""
         self._time = 0.0
 
-    def state(self) -> FollowingState:
+    def state(self) -> EpisodeTrackerState:
         """For a checkpoint; a copy."""
         return deepcopy(
-            FollowingState(tuple(self._open.values()), self._troubles, tuple(self._waiting), self._number)
+            EpisodeTrackerState(
+                tuple(self._open.values()), self._troubles, tuple(self._waiting), self._number
+            )
         )
 
-    def follow(self, nodes: Iterable[Node]) -> None:
+    def follow(self, nodes: Iterable[NodeLike]) -> None:
         """From the next tick on it is this tree that is ticked."""
         known = tuple(nodes)
         self._ids = {node.path: node.id for node in known}
         self._parents = {node.path: node.parent or "" for node in known}
-        self._names = Names(known)
+        self._names = CureNames(known)
         giving_up = [node.path for node in known if node.id == _SET_ASIDE]
         self._giving_up = frozenset(path for each in giving_up for path in self._upwards(each))
         for path in [path for path in self._open if path not in self._ids]:
@@ -152,9 +154,9 @@ class Following:
     def begun(self, time: float, paths: Iterable[str]) -> None:
         """These were under way already before the first tick."""
         for path in paths:
-            self._open.setdefault(path, Underway(path, time, "", run=time))
+            self._open.setdefault(path, RunningNode(path, time, "", run=time))
 
-    def take(self, time: float, changes: Iterable[Changed], events: Sequence[Told] = ()) -> None:
+    def take(self, time: float, changes: Iterable[TransitionLike], events: Sequence[EventLike] = ()) -> None:
         """One tick: which nodes began and ended, in their order, and what was told in it."""
         self._time = time
         aside = {event.node for event in events if event.kind == "set_aside"}
@@ -181,25 +183,27 @@ class Following:
             self._on_planted(fault)
         self._open, self._waiting = {}, []
 
-    def copied(self, on_end: Callable[[Episode], None], on_planted: Callable[[Planted], None]) -> Following:
+    def copied(
+        self, on_end: Callable[[Episode], None], on_planted: Callable[[Planted], None]
+    ) -> EpisodeTracker:
         """One that goes on by itself."""
-        made = Following(on_end, on_planted, self.state())
+        made = EpisodeTracker(on_end, on_planted, self.state())
         made._ids, made._parents, made._names, made._time = self._ids, self._parents, self._names, self._time
         made._giving_up = self._giving_up
         return made
 
     # Nodes begin and end.
 
-    def _begin(self, change: Changed) -> None:
+    def _begin(self, change: TransitionLike) -> None:
         path = change.path
         if path in self._open:  # it began anew without a word of its end
             self._close(self._open.pop(path), halted=True)
         parent = self._open.get(self._parents.get(path, ""))
         if parent is not None:
             self._goes_on(parent, path)
-        self._open[path] = Underway(path, self._time, change.subject, run=self._time)
+        self._open[path] = RunningNode(path, self._time, change.subject, run=self._time)
 
-    def _goes_on(self, node: Underway, child: str) -> None:
+    def _goes_on(self, node: RunningNode, child: str) -> None:
         """A node runs a child: the next one, the same again, or a cure."""
         kind = self._kind(node)
         if kind == "recovering":
@@ -217,7 +221,7 @@ class Following:
             self._bear(node)
             node.run, node.borne, node.dealing, node.called = self._time, 0.0, False, ""
 
-    def _end(self, change: Changed, aside: bool) -> None:
+    def _end(self, change: TransitionLike, aside: bool) -> None:
         node = self._open.pop(change.path, None)
         if node is None:
             return
@@ -236,7 +240,7 @@ class Following:
         if change.status == "SKIPPED":
             self._was_no_cure(node)
 
-    def _source(self, node: Underway, change: Changed) -> None:
+    def _source(self, node: RunningNode, change: TransitionLike) -> None:
         """A node has failed: with something new, or with what has come up from below."""
         known = [*node.taken, *node.arrived]
         own = change.origin in ("", node.path)
@@ -255,13 +259,13 @@ class Following:
         within = any(other.dealing for other in around)
         began = node.start if own else self._time
         took = 0.0 if within else self._time - began
-        trouble = Trouble(change.cause, change.origin or node.path, item, [self._time], took)
+        trouble = OpenEpisode(change.cause, change.origin or node.path, item, [self._time], took)
         trouble.planted, self._waiting = self._waiting, []
         self._number += 1
         self._troubles[self._number] = trouble
         node.arrived.append(self._number)
 
-    def _answered(self, cause: str, around: Iterable[Underway]) -> int | None:
+    def _answered(self, cause: str, around: Iterable[RunningNode]) -> int | None:
         """The trouble of this cause that a Fallback around is just going another way for."""
         for node in around:
             same = self._with(cause, node.taken) if self._kind(node) == "choosing" else None
@@ -269,7 +273,7 @@ class Following:
                 return same
         return None
 
-    def _close(self, node: Underway, *, cause: str = "", halted: bool = False) -> None:
+    def _close(self, node: RunningNode, *, cause: str = "", halted: bool = False) -> None:
         """A node has failed or was halted: what it leaves undecided goes up."""
         self._bear(node)
         left = [n for n in dict.fromkeys((*node.taken, *node.arrived)) if n in self._troubles]
@@ -295,7 +299,7 @@ class Following:
 
     # What is done about it.
 
-    def _told(self, event: Told) -> None:
+    def _told(self, event: EventLike) -> None:
         """A node says what it tries; the branch has just failed."""
         node = self._open.get(event.node)
         if node is None:
@@ -308,7 +312,7 @@ class Following:
             subject = next((n.subject for n in (node, *self._around(node.path)) if n.subject), "")
             failed = str(event.data.get("failed", ""))
             joined = self._with(cause, node.taken)
-            self._troubles[self._number] = Trouble(cause, failed, subject, [self._time], 0.0)
+            self._troubles[self._number] = OpenEpisode(cause, failed, subject, [self._time], 0.0)
             failing = self._number if joined is None else self._join(self._number, joined)
             node.arrived.append(failing)
         node.failing, node.dealing = failing, True
@@ -316,7 +320,7 @@ class Following:
         self._take_up(node, label, label)
         node.called = label
 
-    def _take_up(self, node: Underway, handler: str, cure: str) -> None:
+    def _take_up(self, node: RunningNode, handler: str, cure: str) -> None:
         """The node tries something against what has come up; a Fallback against all that came up so far.
         Without a cure it gives up."""
         choosing = self._kind(node) == "choosing"
@@ -335,14 +339,14 @@ class Following:
                 trouble.tries += 1
         node.arrived = []
 
-    def _name_the_cure(self, node: Underway, child: str) -> None:
+    def _name_the_cure(self, node: RunningNode, child: str) -> None:
         for number in node.taken:
             trouble = self._troubles.get(number)
             if trouble is not None and trouble.by == node.path and trouble.tried[-1] == node.called:
                 trouble.tried[-1] = self._names.of(child)
         node.called = ""
 
-    def _was_no_cure(self, skipped: Underway) -> None:
+    def _was_no_cure(self, skipped: RunningNode) -> None:
         """The branch that a Fallback went on with had nothing to do."""
         parent = self._open.get(self._parents.get(skipped.path, ""))
         if parent is None or self._kind(parent) != "choosing":
@@ -353,7 +357,7 @@ class Following:
                 trouble.tried.pop()
                 trouble.tries -= 1
 
-    def _set_aside(self, node: Underway) -> None:
+    def _set_aside(self, node: RunningNode) -> None:
         """Whoever deals with a trouble by this has given the item up."""
         for around in self._around(node.path):
             if around.dealing and any(number in self._troubles for number in around.taken):
@@ -372,7 +376,7 @@ class Following:
         into.planted += joined.planted
         return other
 
-    def _bear(self, node: Underway) -> None:
+    def _bear(self, node: RunningNode) -> None:
         """The last failure of a branch bears the time since that run began, but what others bear."""
         trouble = self._troubles.get(node.failing)
         if not node.dealing or trouble is None or node.failing not in node.taken:
@@ -380,13 +384,13 @@ class Following:
         self._add(trouble, self._time - node.run - node.borne, self._around(node.path))
         node.run, node.borne = self._time, 0.0
 
-    def _add(self, trouble: Trouble, seconds: float, around: Iterable[Underway]) -> None:
+    def _add(self, trouble: OpenEpisode, seconds: float, around: Iterable[RunningNode]) -> None:
         seconds = max(0.0, seconds)
         trouble.seconds += seconds
         for other in around:
             other.borne += seconds
 
-    def _settle(self, numbers: Iterable[int], at: Underway | None) -> None:
+    def _settle(self, numbers: Iterable[int], at: RunningNode | None) -> None:
         """Nobody takes these up any more; `at`: the node that goes on without."""
         for number in list(numbers):
             trouble = self._troubles.get(number)
@@ -415,11 +419,11 @@ class Following:
 
     # Looking around.
 
-    def _kind(self, node: Underway) -> str:
+    def _kind(self, node: RunningNode) -> str:
         kind = _KINDS.get(self._ids.get(node.path, ""), "")
         return "recovering" if node.answers else kind
 
-    def _around(self, path: str) -> Iterable[Underway]:
+    def _around(self, path: str) -> Iterable[RunningNode]:
         """The nodes around one that are under way, the nearest first."""
         for above in self._upwards(self._parents.get(path, "")):
             if above in self._open:

@@ -33,7 +33,7 @@ class RawMessage:
     data: bytes
 
 
-class McapReading:
+class McapReader:
     """An MCAP file, open for reading. Methods raise PicktreeError.
 
     `recovered` is a sentence when the file has no valid ending or is damaged somewhere: what was lost.

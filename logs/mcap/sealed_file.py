@@ -46,7 +46,7 @@ def require_room(path: Path) -> None:
         )
 
 
-class EndedFile:
+class TrailerFile:
     """Data that grows, and behind it an ending that each write replaces.
 
     An ending is never shorter than the one before, so one write both replaces it and leaves no rest behind.

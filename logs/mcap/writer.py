@@ -36,7 +36,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from .sealed_file import EndedFile
+from .sealed_file import TrailerFile
 
 MAGIC = b"\x89MCAP0\r\n"
 _MESSAGE = struct.Struct("<BQHIQQ")
@@ -74,7 +74,7 @@ class McapFile:
         wall: Callable[[], float] = time.monotonic,
     ) -> None:
         self.path = path
-        self._disk = EndedFile(path)
+        self._disk = TrailerFile(path)
         self._lock = threading.RLock()
         self._interval = checkpoint
         self._chunk_bytes = chunk_bytes

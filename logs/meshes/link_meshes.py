@@ -6,16 +6,16 @@ from functools import lru_cache
 from importlib.util import find_spec
 
 from ...errors import PicktreeError
-from ...robots.urdf_tree import LinkMesh as MeshFile
-from ...robots.urdf_tree import LinkShape, link_geometry
+from ...robots.urdf_tree import UrdfMesh as MeshFile
+from ...robots.urdf_tree import UrdfPrimitive, link_geometry
 from ...world.shapes import Box, Shape
 from ...world.values import Pose
-from ..schema.records import Body, LinkMesh
+from ..schema.records import BodyRecord, LinkMesh
 from .binary_gltf import write_glb
 from .triangle_meshes import Mesh, joined, load_mesh, shape_mesh
 
 
-def parts_of(body: Body) -> tuple[tuple[Shape, Pose], ...]:
+def parts_of(body: BodyRecord) -> tuple[tuple[Shape, Pose], ...]:
     """Convex shapes with their poses in the body's frame."""
     if not body.blocks:
         return ((body.shape, Pose()),)
@@ -25,7 +25,7 @@ def parts_of(body: Body) -> tuple[tuple[Shape, Pose], ...]:
 MOST_FACES = 2000
 
 
-def _shown(urdf: str) -> list[MeshFile | LinkShape]:
+def _shown(urdf: str) -> list[MeshFile | UrdfPrimitive]:
     """The visual geometry, or the collision geometry of links that nobody here can show otherwise."""
     visual = link_geometry(urdf, "visual")
     unread = {e.link for e in visual if isinstance(e, MeshFile) and not _is_readable(e.path)}

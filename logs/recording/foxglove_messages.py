@@ -32,7 +32,7 @@ from ...world.values import Pose, Vector3
 from ..meshes.link_meshes import parts_of
 from ..meshes.triangle_meshes import Mesh, part_mesh, shape_mesh
 from ..schema.json_records import decode, encode
-from ..schema.records import Body, Joints, LinkMesh, LogLine, Part, Scene, Transform
+from ..schema.records import BodyRecord, Joints, LinkMesh, LogLine, PartRecord, Scene, Transform
 
 WORLD = "world"
 UNKNOWN_COLOUR: Rgb = (0.6, 0.6, 0.65)
@@ -47,7 +47,7 @@ def stamp(time: int) -> Timestamp:
     return Timestamp(seconds=time // 1_000_000_000, nanos=time % 1_000_000_000)
 
 
-class Transforms:
+class TransformMessages:
     """The message of `/tf`. Most of it is the same from tick to tick: only what differs is set."""
 
     def __init__(self) -> None:
@@ -186,11 +186,11 @@ def read_robot(data: bytes) -> tuple[LinkMesh, ...]:
 
 
 def encode_scene(time: int, scene: Scene, *, locked: bool) -> bytes:
-    """A scene by itself; who writes many has a `Scenes`."""
-    return Scenes(locked=locked).encode(time, scene)
+    """A scene by itself; who writes many has a `SceneMessages`."""
+    return SceneMessages(locked=locked).encode(time, scene)
 
 
-class Scenes:
+class SceneMessages:
     """The messages of a scene's topic. Each holds the full scene: what an earlier one showed goes. A body's
     id is the name of its frame when `locked`, so that it moves with `/tf`; else it stands where it is in the
     world.
@@ -200,9 +200,9 @@ class Scenes:
 
     def __init__(self, *, locked: bool) -> None:
         self._locked = locked
-        self._fixed: tuple[Part, ...] = ()
+        self._fixed: tuple[PartRecord, ...] = ()
         self._fixtures: list[SceneEntity] = []
-        self._bodies: dict[str, tuple[Body, SceneEntity]] = {}
+        self._bodies: dict[str, tuple[BodyRecord, SceneEntity]] = {}
 
     def encode(self, time: int, scene: Scene) -> bytes:
         at = stamp(time)
@@ -221,7 +221,7 @@ class Scenes:
             entity.timestamp.CopyFrom(at)
         return update.SerializeToString(deterministic=True)
 
-    def _body(self, body: Body) -> SceneEntity:
+    def _body(self, body: BodyRecord) -> SceneEntity:
         locked = self._locked
         entity = SceneEntity(frame_id=body.id if locked else WORLD, id=body.id, frame_locked=True)
         colour = COLOURS.get(body.colour, UNKNOWN_COLOUR)
@@ -240,7 +240,7 @@ class Scenes:
         return entity
 
 
-def _fixtures(parts: Iterable[Part]) -> list[SceneEntity]:
+def _fixtures(parts: Iterable[PartRecord]) -> list[SceneEntity]:
     entities: dict[str, SceneEntity] = {}
     for part in parts:
         owner = part.id.split("/")[0]
@@ -256,14 +256,14 @@ def _fixtures(parts: Iterable[Part]) -> list[SceneEntity]:
 
 def read_scene(data: bytes) -> Scene:
     """What picktree wrote; empty for another's scene. Raises ValueError when a field is missing."""
-    bodies: list[Body] = []
-    fixed: list[Part] = []
+    bodies: list[BodyRecord] = []
+    fixed: list[PartRecord] = []
     for entity in SceneUpdate.FromString(data).entities:
         for pair in entity.metadata:
             if pair.key == _PART:
-                fixed.append(decode(Part, pair.value.encode()))
+                fixed.append(decode(PartRecord, pair.value.encode()))
             elif pair.key == _BODY:
-                bodies.append(decode(Body, pair.value.encode()))
+                bodies.append(decode(BodyRecord, pair.value.encode()))
     return Scene(tuple(bodies), tuple(fixed))
 
 

@@ -8,13 +8,13 @@ from typing import Protocol
 
 from ...simulation.scoring.truth import TrueBody as SimulatedBody
 from ...world.belief.planning_scene import BeliefChange, BeliefObject
-from ...world.journal import CandidatesRanked, PlanMade
+from ...world.journal import CandidateSearchEntry, PlanEntry
 from ...world.shapes import ConvexMesh, Shape
 from ...world.values import ObjectId, Pose
-from ..schema.records import Block, Body, Candidate, Candidates, Event, Plan, Stage
+from ..schema.records import BlockRecord, BodyRecord, Candidate, Candidates, Event, Plan, StageCount
 
 
-class TrueBody(Protocol):
+class SpawnedBody(Protocol):
     """What the simulation says of a body that it spawned."""
 
     @property
@@ -33,9 +33,9 @@ class TrueBody(Protocol):
     def role(self) -> str: ...
 
 
-def believed(o: BeliefObject) -> Body:
+def belief_record(o: BeliefObject) -> BodyRecord:
     """What the planning scene has there."""
-    return Body(
+    return BodyRecord(
         id=o.id,
         kind=o.kind,
         form=o.form,
@@ -49,15 +49,15 @@ def believed(o: BeliefObject) -> Body:
         sigma_position=o.sigma_position,
         sigma_angle=o.sigma_angle,
         last_seen=o.last_seen,
-        blocks=tuple(Block(block.size, block.at) for block in o.blocks),
+        blocks=tuple(BlockRecord(block.size, block.at) for block in o.blocks),
     )
 
 
-def real(body: TrueBody) -> Body:
+def truth_record(body: SpawnedBody) -> BodyRecord:
     """What the simulation has there."""
     shape = _portable(body.shape)
     seat = body.seat if isinstance(body, SimulatedBody) else None
-    return Body(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
+    return BodyRecord(body.id, body.kind, body.form, body.colour, shape, body.pose, body.role, seat=seat)
 
 
 def changed(change: BeliefChange) -> Event:
@@ -72,13 +72,13 @@ def changed(change: BeliefChange) -> Event:
             "version": change.version,
             "object": subject,
             "reason": change.reason,
-            "before": None if change.before is None else believed(change.before),
-            "after": None if change.after is None else believed(change.after),
+            "before": None if change.before is None else belief_record(change.before),
+            "after": None if change.after is None else belief_record(change.after),
         },
     )
 
 
-def planned(made: PlanMade) -> Plan:
+def plan_record(made: PlanEntry) -> Plan:
     """A request to the planner and its answer."""
     return Plan(
         made.request,
@@ -98,12 +98,12 @@ def planned(made: PlanMade) -> Plan:
     )
 
 
-def ranked(choice: CandidatesRanked) -> Candidates:
+def candidates_record(choice: CandidateSearchEntry) -> Candidates:
     """The trail of a choice."""
     return Candidates(
         choice.purpose,
         choice.object,
-        tuple(Stage(name, count) for name, count in choice.stages.items()),
+        tuple(StageCount(name, count) for name, count in choice.stages.items()),
         tuple(
             Candidate(
                 c.name,

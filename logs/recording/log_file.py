@@ -14,7 +14,7 @@ from ..mcap.sealed_file import require_room
 from ..mcap.writer import McapFile
 from ..schema import topics
 from ..schema.json_records import encode
-from ..schema.records import Tick, Transition, Write
+from ..schema.records import Tick, TransitionRecord, WriteRecord
 from ..schema.topics import Topic
 from .foxglove_messages import restamped
 from .rotation import NEXT, PART, PartInfo, Rotation, part_path
@@ -32,7 +32,7 @@ class CarriedFile:
     data: bytes
 
 
-class CarriedOver:
+class RotationState:
     """Follows what is written to a log, and says how the next file is to begin.
 
     It begins as of the last tick: with that tick, in which every running node begins and the whole
@@ -43,8 +43,8 @@ class CarriedOver:
         self._metadata: dict[str, Mapping[str, str]] = {}
         self._files: dict[str, CarriedFile] = {}
         self._messages: dict[str, tuple[int, bytes]] = {}
-        self._writes: dict[str, Write] = {}
-        self._running: dict[str, Transition] = {}
+        self._writes: dict[str, WriteRecord] = {}
+        self._running: dict[str, TransitionRecord] = {}
         self._tick: Tick | None = None
         self.time = -1
         """Of the last tick, simulated ns; negative before the first."""
@@ -146,7 +146,7 @@ class LogFile:
         require_room(path)
         self._first = path
         self._rotation = rotation
-        self._carried = CarriedOver() if rotation else None
+        self._carried = RotationState() if rotation else None
         self._number = 1
         self._start = 0
         """Of the first tick that is new in the present file, simulated ns."""
@@ -233,7 +233,7 @@ class LogFile:
                 f"open by itself; rotate it at {-(-2 * begun // 10**6)} MB or more"
             )
 
-    def _rotate(self, carried: CarriedOver, digest: str) -> None:
+    def _rotate(self, carried: RotationState, digest: str) -> None:
         self._file.checkpoint()
         path = part_path(self._first, self._number + 1)
         channels: dict[str, int] = {}

@@ -13,9 +13,9 @@ from typing import Any, TypeAlias
 
 from ...errors import PicktreeError
 from ...world.belief.planning_scene import BeliefChange, BeliefObject
-from ...world.journal import CandidatesRanked, Entry, Happened, ImageTaken, PlanMade
+from ...world.journal import CandidateSearchEntry, Entry, ImageEntry, JournalEvent, PlanEntry
 from ...world.protocols import RgbdImage
-from ...world.scene.calibration_results import sticker
+from ...world.scene.calibration_results import tile_body
 from ...world.scene.description import Bin, Fixture
 from ...world.values import GripperState, JointState, Pose, Wrench
 from ..schema import topics
@@ -27,8 +27,8 @@ from ..schema.records import (
     Joints,
     LinkMesh,
     LogLine,
-    NodeStatus,
-    Part,
+    NodeStatusRecord,
+    PartRecord,
     RunInfo,
     Scene,
     Tick,
@@ -42,7 +42,7 @@ from . import foxglove_messages, journal_records
 from .digest import Digest
 from .images import encode_colour, encode_depth
 from .interrupts import Interrupts
-from .journal_records import TrueBody
+from .journal_records import SpawnedBody
 from .log_file import LogFile
 from .rotation import NEVER, Rotation
 from .true_state import StateWriter
@@ -107,14 +107,14 @@ class Recorder:
         self._listener = listener
         self._preamble = False
         self._digest = Digest(bytes.fromhex(resumed.digest)) if resumed else Digest()
-        self._transforms = foxglove_messages.Transforms()
-        self._beliefs = foxglove_messages.Scenes(locked=True)
-        self._truths = foxglove_messages.Scenes(locked=False)
+        self._transforms = foxglove_messages.TransformMessages()
+        self._beliefs = foxglove_messages.SceneMessages(locked=True)
+        self._truths = foxglove_messages.SceneMessages(locked=False)
         self._states = StateWriter()
         self._part = 0
         """The file of the log that has the last state."""
-        self._fixed: tuple[Part, ...] = ()
-        self._standing: tuple[Part, ...] = ()
+        self._fixed: tuple[PartRecord, ...] = ()
+        self._standing: tuple[PartRecord, ...] = ()
         self._cameras: dict[str, Pose] = {}  # by frame
         self._believed = self._true = -EVERY
         self._failing: frozenset[str] = frozenset()
@@ -234,7 +234,9 @@ class Recorder:
         """What never moves; it stands in each message of the belief and of the truth from now on. `really`:
         the fixtures where they truly stand, if that is elsewhere."""
         walls = tuple(
-            Part(f"{b.id}/{k}", b.colour, box, pose) for b in bins for k, (box, pose) in enumerate(b.parts())
+            PartRecord(f"{b.id}/{k}", b.colour, box, pose)
+            for b in bins
+            for k, (box, pose) in enumerate(b.parts())
         )
         self._fixed = (*_parts(fixtures), *walls)
         self._standing = self._fixed if really is None else (*_parts(really), *walls)
@@ -314,18 +316,18 @@ class Recorder:
             self._event(now, journal_records.changed(change))
         if changed or now - self._believed >= EVERY - 1e-6:
             self._believed = now
-            scene = Scene(tuple(journal_records.believed(o) for o in objects), self._fixed)
+            scene = Scene(tuple(journal_records.belief_record(o) for o in objects), self._fixed)
             self._write(topics.OBJECTS, now, self._beliefs.encode(_ns(now), scene))
 
     def truth_due(self, now: float) -> bool:
         """Whether a second has passed: the simulation need not be asked more often."""
         return now - self._true >= EVERY - 1e-6
 
-    def truth(self, now: float, bodies: Iterable[TrueBody]) -> None:
+    def truth(self, now: float, bodies: Iterable[SpawnedBody]) -> None:
         """The simulator's truth, for the analyst only."""
         self._true = now
         scene = Scene(
-            tuple(map(journal_records.real, bodies)),
+            tuple(map(journal_records.truth_record, bodies)),
             self._standing,
         )
         self._write(topics.TRUTH, now, self._truths.encode(_ns(now), scene))
@@ -344,14 +346,14 @@ class Recorder:
     def entry(self, now: float, entry: Entry) -> None:
         """Whatever the journal holds."""
         match entry:
-            case PlanMade():
-                self._write(topics.PLAN, now, encode(journal_records.planned(entry)))
-            case CandidatesRanked():
-                self._write(topics.CANDIDATES, now, encode(journal_records.ranked(entry)))
-            case ImageTaken(image, findings):
+            case PlanEntry():
+                self._write(topics.PLAN, now, encode(journal_records.plan_record(entry)))
+            case CandidateSearchEntry():
+                self._write(topics.CANDIDATES, now, encode(journal_records.candidates_record(entry)))
+            case ImageEntry(image, findings):
                 self.image(now, image)
                 self._event(now, Event("image", f"image from {image.camera}", "", {"findings": findings}))
-            case Happened(kind, message, node, data):
+            case JournalEvent(kind, message, node, data):
                 self._event(now, Event(kind, message, node, data))
                 if kind in _WARNINGS:
                     self.log(now, "WARNING", message, node)
@@ -394,7 +396,7 @@ def _camera_frame(camera: str) -> str:
     return f"camera/{camera}"
 
 
-def _origins(failing: Sequence[NodeStatus]) -> list[NodeStatus]:
+def _origins(failing: Sequence[NodeStatusRecord]) -> list[NodeStatusRecord]:
     """The failing nodes below which none of the others is: where the failure came from."""
     return [n for n in failing if not any(other.path.startswith(n.path + "/") for other in failing)]
 
@@ -415,10 +417,10 @@ def _run_words(run: RunInfo) -> dict[str, str]:
     }
 
 
-def _parts(fixtures: Iterable[Fixture]) -> Iterator[Part]:
+def _parts(fixtures: Iterable[Fixture]) -> Iterator[PartRecord]:
     """Each fixture, and the squares on it."""
     for fixture in fixtures:
-        yield Part(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
+        yield PartRecord(fixture.id, fixture.colour, fixture.shape, fixture.pose, fixture.holes)
         for tile in fixture.tiles:
-            box, inner = sticker(tile, STICKER)
-            yield Part(f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner)
+            box, inner = tile_body(tile, STICKER)
+            yield PartRecord(f"{fixture.id}/{tile.colour}", tile.colour, box, fixture.pose @ inner)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import PicktreeError
-from ..mcap.reader import McapReading, RawMessage
+from ..mcap.reader import McapReader, RawMessage
 from .rotation import NEXT, PART, PartInfo, part_path, part_paths
 
 
@@ -24,7 +24,7 @@ class ChannelInfo:
 class _Part:
     """One file. Of a further one only what comes after `since` (ns) is new."""
 
-    reading: McapReading
+    reading: McapReader
     metadata: dict[str, dict[str, str]]
     info: PartInfo | None
     since: int | None
@@ -40,7 +40,7 @@ class _Part:
         return self.since + 1 if start is None else max(start, self.since + 1)
 
 
-class JoinedReading:
+class JoinedLog:
     """The log in the file at `path`, and in those beside it that go on with it; a file that goes on with
     another stands alone. Raises PicktreeError, also from all methods.
 
@@ -129,7 +129,7 @@ class JoinedReading:
             yield from part.reading.messages(topics, part.after(start), end, newest_first=newest_first)
 
     def _open(self, path: Path) -> _Part:
-        reading = McapReading(path)
+        reading = McapReader(path)
         try:
             metadata = reading.metadata()
             words = metadata.get(PART)

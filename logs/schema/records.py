@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from ...simulation.scoring.truth import Seat
+from ...simulation.scoring.truth import HoleSeating
 from ...world.scene.holes import Hole
 from ...world.shapes import Shape
 from ...world.values import Pose, Vector3
@@ -32,7 +32,7 @@ def _no_words() -> Mapping[str, str]:
 
 
 @dataclass(frozen=True)
-class Continues:
+class ResumedFrom:
     """Of a run that goes on from a checkpoint of another."""
 
     log: str
@@ -59,7 +59,7 @@ class Continues:
         }
 
     @classmethod
-    def from_words(cls, words: Mapping[str, str]) -> Continues:
+    def from_words(cls, words: Mapping[str, str]) -> ResumedFrom:
         """The inverse of `words`. Raises KeyError or ValueError."""
         return cls(
             words["log"],
@@ -100,7 +100,7 @@ class RunInfo:
     """Libraries and kernels that it was computed with; empty in older logs."""
     files: Mapping[str, str] = field(default_factory=_no_words)
     """By name of the attachment: SHA-256 in hex and path of the file that it was made from."""
-    continues: Continues | None = None
+    continues: ResumedFrom | None = None
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Tree:
 
 
 @dataclass(frozen=True)
-class NodeStatus:
+class NodeStatusRecord:
     """One node after a tick."""
 
     path: str
@@ -141,7 +141,7 @@ class NodeStatus:
 
 
 @dataclass(frozen=True)
-class Write:
+class WriteRecord:
     """One write to the blackboard."""
 
     key: str
@@ -150,7 +150,7 @@ class Write:
 
 
 @dataclass(frozen=True)
-class Transition:
+class TransitionRecord:
     """A node begins (RUNNING) or has ended (SUCCESS, FAILURE, SKIPPED; IDLE: it was halted)."""
 
     path: str
@@ -172,9 +172,9 @@ class Tick:
 
     root_status: str
     tip: str
-    nodes: tuple[NodeStatus, ...]
-    writes: tuple[Write, ...] = ()
-    transitions: tuple[Transition, ...] = ()
+    nodes: tuple[NodeStatusRecord, ...]
+    writes: tuple[WriteRecord, ...] = ()
+    transitions: tuple[TransitionRecord, ...] = ()
     """Which nodes began and ended in this tick, in order. Empty in logs of format 1."""
 
 
@@ -238,7 +238,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Stage:
+class StageCount:
     """How many candidates reached a stage of a choice."""
 
     name: str
@@ -265,7 +265,7 @@ class Candidates:
 
     purpose: str
     object: str
-    stages: tuple[Stage, ...]
+    stages: tuple[StageCount, ...]
     tried: tuple[Candidate, ...]
     into: str = ""
 
@@ -337,7 +337,7 @@ class LinkMesh:
 
 
 @dataclass(frozen=True)
-class Block:
+class BlockRecord:
     """A box along the axes of its body's frame: edge lengths and centre, m."""
 
     size: Vector3
@@ -345,7 +345,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Body:
+class BodyRecord:
     """A movable body as it is believed, or as it truly is. `pose` is in the world."""
 
     id: str
@@ -361,14 +361,14 @@ class Body:
     sigma_position: float = 0.0
     sigma_angle: float = 0.0
     last_seen: float = 0.0
-    blocks: tuple[Block, ...] = ()
+    blocks: tuple[BlockRecord, ...] = ()
     """Of an obstacle: the boxes in its frame that it takes up; `shape` is then the box about all."""
-    seat: Seat | None = None
+    seat: HoleSeating | None = None
     """Of a true item that is at a hole: how."""
 
 
 @dataclass(frozen=True)
-class Part:
+class PartRecord:
     """A piece of a body that never moves: `pose` is in the world."""
 
     id: str
@@ -383,5 +383,5 @@ class Part:
 class Scene:
     """One message of `/scene/objects` or `/truth/objects`."""
 
-    bodies: tuple[Body, ...]
-    fixed: tuple[Part, ...]
+    bodies: tuple[BodyRecord, ...]
+    fixed: tuple[PartRecord, ...]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, grasp
 from ...world.values import GRAVITY, ObjectId
-from ..place.dropped_objects import let_go
+from ..place.dropped_objects import release_object
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -24,7 +24,7 @@ GONE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Hold:
+class GripCheck:
     """What the hand feels: opening in m, load in N since the last tare."""
 
     width: float
@@ -49,12 +49,14 @@ class Hold:
         return f"opening {self.width * 1000:.1f} mm, load {round(self.load or 0.0, 2) + 0.0:.2f} N"
 
 
-def released(before: float, after: float) -> bool:
+def is_released(before: float, after: float) -> bool:
     """Whether the load on the wrist, N, says that the fingers have let go."""
     return before - after >= GONE * before
 
 
-def felt_in_hand(world: World, object_id: ObjectId) -> Generator[None, None, tuple[BeliefObject, Hold]]:
+def check_held_object(
+    world: World, object_id: ObjectId
+) -> Generator[None, None, tuple[BeliefObject, GripCheck]]:
     """The object that the hand holds, felt at rest. Raises Failure(grasp.slipped) when it holds another, or
     it is no longer there."""
     held = world.scene.held
@@ -66,15 +68,17 @@ def felt_in_hand(world: World, object_id: ObjectId) -> Generator[None, None, tup
             held=held.id if held else None,
         )
     yield from world.control.settle()
-    hold = Hold(world.grip.width, world.control.load())
+    hold = GripCheck(world.grip.width, world.control.load())
     if not hold.held:
-        yield from lost(world, object_id, hold, "was lost on the way")
+        yield from fail_as_slipped(world, object_id, hold, "was lost on the way")
     return held, hold
 
 
-def lost(world: World, object_id: ObjectId, hold: Hold, what: str) -> Generator[None, None, None]:
+def fail_as_slipped(
+    world: World, object_id: ObjectId, hold: GripCheck, what: str
+) -> Generator[None, None, None]:
     """Believe that it is gone, open the fingers and fail with grasp.slipped."""
-    let_go(world.scene, "no longer felt in the hand")
+    release_object(world.scene, "no longer felt in the hand")
     world.control.wrist.carry(None)
     yield from world.grip.open()
     raise Failure(

@@ -13,13 +13,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...control.wrist.payload_estimate import SPREAD, Payload
-from ...control.wrist.slip_detection import FeltMass, Moving, SlipDetector, carried, moving
+from ...control.wrist.slip_detection import (
+    MassEstimate,
+    SlipDetector,
+    WristSample,
+    estimate_moving_mass,
+    wrist_sample,
+)
 from ...world.causes import Failure, grasp
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.scene.description import CatalogueEntry
 from ...world.values import GRAVITY, Array, Pose
-from ..grasp.grip_force import ACCELERATION, FIRMER, Pressure, needed
-from .hold_check import EMPTY_WIDTH, LEAST_LOAD, Hold
+from ..grasp.grip_force import ACCELERATION, FIRMER, GripForce, required_force
+from .hold_check import EMPTY_WIDTH, LEAST_LOAD, GripCheck
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -36,9 +42,9 @@ class SlipWatch:
         """`above`: height of the TCP above which the object no longer rests on anything, m."""
         self._world = world
         self._above = above
-        self._before: Moving | None = None
+        self._before: WristSample | None = None
         self._detector: SlipDetector | None = None
-        self.felt: FeltMass | None = None
+        self.felt: MassEstimate | None = None
         """What hung on the hand in the last tick, as far as it is known."""
 
     def watch(self) -> bool:
@@ -52,20 +58,22 @@ class SlipWatch:
             self._detector = SlipDetector(payload)
         detector = self._detector
         detector.feel(felt)
-        if detector.slipping and firmer(world, felt.mass, payload):
+        if detector.slipping and tighten_grip(world, felt.mass, payload):
             detector.forget()
             return False
         return detector.gone
 
-    def _felt(self, centre: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> FeltMass | None:
+    def _felt(self, centre: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> MassEstimate | None:
         world = self._world
         q, v = world.control.state.position, world.control.state.velocity
-        now = moving(world.robot, q, v, world.control.wrist.over(world.tick, q)[:3], centre)
+        now = wrist_sample(world.robot, q, v, world.control.wrist.over(world.tick, q)[:3], centre)
         before, self._before = self._before, now
-        return None if before is None else carried(world.robot.hand_mass, before, now, world.tick)
+        return (
+            None if before is None else estimate_moving_mass(world.robot.hand_mass, before, now, world.tick)
+        )
 
 
-def firmer(world: World, felt: float, payload: Payload) -> bool:
+def tighten_grip(world: World, felt: float, payload: Payload) -> bool:
     """Of an object only `felt` kg hang on the hand: press more firmly, as far as the grip allows; False when
     it does not.
 
@@ -73,11 +81,11 @@ def firmer(world: World, felt: float, payload: Payload) -> bool:
     """
     before = world.grip.force
     friction = max(felt, 0.0) * GRAVITY / (2.0 * before) if before > 0.0 else 0.0
-    world.grip.press(max(before * FIRMER, min(needed(payload.mass, friction), world.grip.bound)))
+    world.grip.press(max(before * FIRMER, min(required_force(payload.mass, friction), world.grip.bound)))
     if world.grip.force <= before + 1e-9:
         return False
     world.journal.note(
-        Happened(
+        JournalEvent(
             "slip",
             f"it slips: the fingers press with {world.grip.force:.0f} N instead of {before:.0f} N "
             f"({felt * 1000:.0f} g of {payload} are felt)",
@@ -99,7 +107,9 @@ LIGHT = 0.4
 """What carrying so much does to the wrist on a fast transfer, the guard of a motion has room for, kg."""
 
 
-def take_up(world: World, press: Pressure, entry: CatalogueEntry | None, object_in_tcp: Pose) -> None:
+def register_payload(
+    world: World, press: GripForce, entry: CatalogueEntry | None, object_in_tcp: Pose
+) -> None:
     """The fingers hold something: press for its believed weight, and know it as the wrist's payload."""
     world.grip.bound = press.most
     world.grip.press(press.grip)
@@ -108,7 +118,7 @@ def take_up(world: World, press: Pressure, entry: CatalogueEntry | None, object_
         world.control.wrist.carry(Payload(entry.mass, VAGUE * entry.mass, centre, NEAR))
 
 
-def weighed(world: World, hold: Hold, press: Pressure | None = None) -> None:
+def update_payload_mass(world: World, hold: GripCheck, press: GripForce | None = None) -> None:
     """It is off the ground and was weighed: know that, and press for what it weighs."""
     if hold.load is None:
         return
@@ -127,7 +137,7 @@ def is_fragile(world: World, kind: str) -> bool:
     return any(limit is not None and limit < FRAGILE for limit in limits)
 
 
-def burden(world: World) -> float:
+def payload_force(world: World) -> float:
     """Force on the wrist that carrying adds on a fast transfer beyond what a guard leaves room for, N."""
     payload = world.control.wrist.payload
     return 0.0 if payload is None else max(0.0, payload.mass - LIGHT) * (GRAVITY + ACCELERATION)
@@ -158,7 +168,7 @@ class _Tick:
     quiet: bool
 
 
-class Kept:
+class GripMonitor:
     """Asked each tick while the arm carries an object: do the fingers stay as far apart as they were, and
     does the wrist feel what it did? What slips is gripped more firmly.
 
@@ -174,12 +184,12 @@ class Kept:
         self.doubt: Failure | None = None
 
     @property
-    def felt(self) -> FeltMass | None:
+    def felt(self) -> MassEstimate | None:
         """What hung on the hand in the last tick, as far as it is known."""
         return self._slip.felt
 
     def watch(self) -> Failure | None:
-        """For `Motions.along` and `finish`."""
+        """For `ArmMotion.along` and `finish`."""
         width = self._grip.width
         if width <= EMPTY_WIDTH or abs(width - self._width) > STEADY:
             return self.stop("the fingers move")
@@ -190,7 +200,7 @@ class Kept:
         return self.doubt
 
 
-class Weighing:
+class LiftWeighing:
     """Asked each tick while the arm lifts an object: does it stay in the hand, and what does it weigh?
 
     `watch` brakes the arm when the fingers move, or when the lift is over and the load leaves doubt.
@@ -201,15 +211,15 @@ class Weighing:
         lift."""
         self._world = world
         self._height = world.control.tcp.position[2]
-        self._kept = Kept(world, self._height + CLEAR)
+        self._kept = GripMonitor(world, self._height + CLEAR)
         self._ends = world.clock.now + lifted
         self._ticks: list[_Tick] = []
-        self.hold: Hold | None = None
+        self.hold: GripCheck | None = None
         """What was felt, when it leaves no doubt."""
 
     @property
     def doubt(self) -> Failure | None:
-        """What stopped the arm, see `Kept`."""
+        """What stopped the arm, see `GripMonitor`."""
         return self._kept.doubt
 
     def watch(self) -> Failure | None:
@@ -224,7 +234,7 @@ class Weighing:
         load, lately = self.load(TICKS), self.load(FEWEST)
         if load is None or lately is None or min(load, lately) < SURE:
             return self._kept.stop("what hangs on the hand has to be felt at rest")
-        self.hold = Hold(self._world.grip.width, load)
+        self.hold = GripCheck(self._world.grip.width, load)
         return None
 
     def _hold_on(self) -> None:
@@ -233,7 +243,7 @@ class Weighing:
         if payload is None or felt is None or self._world.control.tcp.position[2] < self._height + BEGUN:
             return
         if felt.mass + felt.unsure / 2 < SLIDING * payload.mass:
-            firmer(self._world, felt.mass, payload)
+            tighten_grip(self._world, felt.mass, payload)
 
     def load(self, most: int = TICKS) -> float | None:
         """Weight on the hand over the last ticks that count, N; None when there were too few of them."""

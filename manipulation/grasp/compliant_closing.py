@@ -17,24 +17,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...control.cartesian.anchor_courses import Course, Felt
-from ...control.cartesian.stiffness import Stiffness
+from ...control.cartesian.anchor_courses import CompliantMotion, ContactState
+from ...control.cartesian.stiffness import CartesianStiffness
 from ...control.wrist.contact_detection import ContactDetector
 from ...world.causes import Failure, grasp
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.values import Array, ObjectId, Vector3
-from .grip_force import Pressure
+from .grip_force import GripForce
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...control.execution.gripper_motion import Grip
+    from ...control.execution.gripper_motion import GripperControl
 
 
 NEAR = 0.03
 """From where it was gripped; an object that is lost no further away lies there, m."""
 
 
-def found_again(
+def relocate_object(
     world: World, object_id: ObjectId, node: str, failure: Failure, gripped: Vector3 | None
 ) -> Generator[None, None, bool]:
     """Look from where the arm is, which costs no motion, through a camera on the hand first. What the hand
@@ -57,7 +57,7 @@ def found_again(
 
 def _note(world: World, object_id: ObjectId, node: str, failure: Failure, where: str) -> None:
     world.journal.note(
-        Happened(
+        JournalEvent(
             "regrasp",
             f"{object_id} is grasped once more ({where}): {failure.message}",
             node,
@@ -74,7 +74,7 @@ STANDS = 0.004
 """Speed of the opening below which the fingers stand, m/s."""
 PRESSES = 0.6
 """Share of the force that the drive has when it presses against something."""
-SOFT = Stiffness(linear=(1500.0, 0.0, 1500.0), angular=40.0, frame="tool")
+SOFT = CartesianStiffness(linear=(1500.0, 0.0, 1500.0), angular=40.0, frame="tool")
 """The closing direction is the tool's y."""
 GIVING_WAY = 1.0
 """Longest time for which the hand gives way, s."""
@@ -85,7 +85,7 @@ SPARE = 0.7
 
 
 @dataclass(frozen=True, slots=True)
-class Closed:
+class ClosingResult:
     """How the fingers ended."""
 
     width: float
@@ -96,38 +96,38 @@ class Closed:
     """Force across the fingers that is left, N."""
 
 
-class GiveWay(Course):
+class ClosingCompliance(CompliantMotion):
     """The hand lets itself be pushed along the tool's y axis, until the fingers stand and press evenly."""
 
-    def __init__(self, grip: Grip, force: float) -> None:
+    def __init__(self, grip: GripperControl, force: float) -> None:
         """`force`: with which the fingers close, N."""
         super().__init__()
         self._grip = grip
         self._press = force
         self._even = 0.0
 
-    def step(self, felt: Felt) -> None:
+    def step(self, felt: ContactState) -> None:
         axis = self.turn[:, 1]
         way = felt.position - self.origin
         # Only the closing direction is free: the anchor goes along with the tool there.
         self.position = self.origin + axis * float(axis @ way)
         across = abs(float(axis @ felt.force))
-        even = across < EVEN and stand(self._grip, self._press)
+        even = across < EVEN and fingers_settled(self._grip, self._press)
         self._even = self._even + felt.period if even else 0.0
         if self._even >= 0.03 or abs(float(axis @ way)) > FARTHEST:
             self.finished = True
 
 
-def stand(grip: Grip, force: float) -> bool:
+def fingers_settled(grip: GripperControl, force: float) -> bool:
     """Whether the fingers stand and press against something, or have met."""
     state = grip.state
     return abs(state.speed) < STANDS and state.force >= PRESSES * force
 
 
-def close(world: World, pressure: Pressure, node: str) -> Generator[None, None, Closed]:
+def close(world: World, pressure: GripForce, node: str) -> Generator[None, None, ClosingResult]:
     """Close the fingers, the arm being at rest; they go on closing with `pressure.closing` afterwards.
 
-    Raises what `Motions.comply` does, and control.gripper where the fingers do not do what they are told.
+    Raises what `ArmMotion.comply` does, and control.gripper where the fingers do not do what they are told.
     """
     control, grip = world.control, world.grip
     q = control.state.position
@@ -147,20 +147,20 @@ def close(world: World, pressure: Pressure, node: str) -> Generator[None, None, 
         seen = world.clock.now
         if abs(_across(detector, axis)) > ASIDE and not gave:
             gave = True
-            course = GiveWay(grip, pressure.closing)
+            course = ClosingCompliance(grip, pressure.closing)
             yield from world.move.comply(course, GIVING_WAY, node=node, stiffness=SOFT, zero=zero)
             detector = ContactDetector(ASIDE, EVEN)
             until = world.clock.now + SPARE
             seen = world.clock.now
-        if stand(grip, pressure.closing):
+        if fingers_settled(grip, pressure.closing):
             break
     way = float(axis @ (np.array(control.tcp.position) - begin)) if gave else 0.0
     left = control.wrist.over(0.02, control.state.position)[:3] - zero[:3]
     yield from grip.sound(begun)
-    closed = Closed(grip.width, way, float(axis @ left))
+    closed = ClosingResult(grip.width, way, float(axis @ left))
     if gave:
         world.journal.note(
-            Happened(
+            JournalEvent(
                 "centred",
                 f"the hand gave way by {abs(way) * 1000:.1f} mm until both fingers touched",
                 node,

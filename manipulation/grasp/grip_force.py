@@ -45,7 +45,7 @@ FIRMER = 1.5
 
 
 @dataclass(frozen=True, slots=True)
-class Pressure:
+class GripForce:
     """Forces of a finger, N, and its speed for one grasp."""
 
     closing: float
@@ -59,13 +59,13 @@ class Pressure:
     friction: float
     """Between item and pads."""
 
-    def firmer(self) -> Pressure:
+    def firmer(self) -> GripForce:
         """For what has slipped out of a grip like this one."""
         return replace(self, grip=min(self.grip * FIRMER**2, self.most))
 
     def carrying(self, mass: float) -> float:
         """The grip for an item that turned out to weigh so much, kg; not gentler than it was."""
-        return min(max(self.grip, needed(mass, self.friction)), self.most)
+        return min(max(self.grip, required_force(mass, self.friction)), self.most)
 
 
 def opening_force(catalogue: Iterable[CatalogueEntry]) -> float:
@@ -74,28 +74,28 @@ def opening_force(catalogue: Iterable[CatalogueEntry]) -> float:
     return min([OPENING, *(GENTLE * limit for limit in limits)])
 
 
-def needed(mass: float, friction: float) -> float:
+def required_force(mass: float, friction: float) -> float:
     """Force of each finger for a mass, kg, on a fast transfer, N."""
     if friction <= 0.0:
         return float("inf")
     return SAFETY * mass * (GRAVITY + ACCELERATION) / (2.0 * friction)
 
 
-def pressure(entry: CatalogueEntry | None, bound: float, gripper: GripperDescription) -> Pressure:
+def grip_force(entry: CatalogueEntry | None, bound: float, gripper: GripperDescription) -> GripForce:
     """For an item of that kind, with at most `bound` N a finger."""
     bound = min(bound, gripper.max_force)
     if entry is None:
         force = min(UNKNOWN, bound)
-        return Pressure(force, force, bound, None, 1.0)
+        return GripForce(force, force, bound, None, 1.0)
     friction = entry.friction * gripper.pad_contact.friction
-    wanted = max(needed(entry.mass, friction), LEAST)
+    wanted = max(required_force(entry.mass, friction), LEAST)
     most, closing, speed = bound, bound, None
     limit = entry.force_limit
     if limit is not None:
         # Carried sideways, the item leans on one finger, and so do the fingers.
         shaken = SHAKEN + entry.mass * ACCELERATION / 2
         most = min(bound, max(limit - shaken, limit / 2) / UNEVEN)
-        wanted = max(needed(entry.mass, friction), min(LEAST, SHARE * limit))
+        wanted = max(required_force(entry.mass, friction), min(LEAST, SHARE * limit))
         closing = GENTLE * limit
         fastest = (limit / UNEVEN - ALONE * closing) / IMPACT
         speed = max(fastest, SLOWEST) if fastest < gripper.speed else None
@@ -103,4 +103,4 @@ def pressure(entry: CatalogueEntry | None, bound: float, gripper: GripperDescrip
     on_table = entry.friction * entry.mass * GRAVITY
     if on_table > LIGHT:
         closing = min(closing, DRAGGED * on_table)
-    return Pressure(min(closing, grip), grip, most, speed, friction)
+    return GripForce(min(closing, grip), grip, most, speed, friction)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import TYPE_CHECKING
 
-from ...planning.requests import Offset
+from ...planning.requests import OffsetGoal
 from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import bottom
@@ -24,7 +24,7 @@ CARRIED = 10.0
 """Force that lifting an object may add to the guard of a motion, N."""
 
 
-def feel(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str) -> Steps:
+def descend_until_contact(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str) -> Steps:
     """The last bit of the way down onto a flat object, until it is touched; others need none."""
     if not candidate.flat:
         return
@@ -38,7 +38,7 @@ def feel(world: World, candidate: GraspCandidate, object_id: ObjectId, node: str
         )
         if felt.contact:
             rise = world.handling.back_off + max(0.0, at_grip - opened)
-            up = Offset((0.0, 0.0, rise), least_fraction=0.5)
+            up = OffsetGoal((0.0, 0.0, rise), least_fraction=0.5)
             plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
             yield from world.move.along(plan.trajectory, node=node)
 
@@ -52,13 +52,13 @@ def lift(world: World, object_id: ObjectId, node: str) -> Steps:
         if c.b != object_id
     ]
     with world.scene.allow(("gripper", object_id), *near):
-        up = Offset((0.0, 0.0, world.handling.approach), least_fraction=0.3)
+        up = OffsetGoal((0.0, 0.0, world.handling.approach), least_fraction=0.3)
         plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
         guard = world.handling.guard + (0.0 if held is None else CARRIED)
         yield from world.move.along(plan.trajectory, guard=guard, node=node)
 
 
-def raise_off(world: World, node: str) -> Steps:
+def lift_off(world: World, node: str) -> Steps:
     """Straight up with what is between the fingers, off what it stands on or out of what it sticks in, or
     until that holds it."""
     handling = world.handling
@@ -89,6 +89,6 @@ def withdraw(world: World, node: str) -> Steps:
         for c in world.queries.hand_contacts(world.control.tcp, world.grip.width, margin=NEAR)
     ]
     with world.scene.allow(*near):
-        up = Offset((0.0, 0.0, world.handling.approach / 2), least_fraction=0.2)
+        up = OffsetGoal((0.0, 0.0, world.handling.approach / 2), least_fraction=0.2)
         plan = yield from world.plan.line(up, scaling=world.handling.slowly, node=node)
         yield from world.move.along(plan.trajectory, node=node)

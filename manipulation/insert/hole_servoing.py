@@ -10,15 +10,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...perception.fitting.hole_mouths import find_mouth
+from ...perception.fitting.hole_mouths import detect_hole
 from ...planning.requests import PoseGoal, Request
 from ...world.belief.hole_matching import find_hole
 from ...world.causes import Failure
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.protocols import Intrinsics
 from ...world.shapes import corners
 from ...world.values import Array, ObjectId, Pose
-from ..motion.replanning import travel
+from ..motion.replanning import follow_with_replanning
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -54,7 +54,7 @@ def look_at_hole(world: World, hole_id: ObjectId, node: str) -> Generator[None, 
         return None
     yield from world.control.settle()
     shot = yield from world.eyes.shoot(camera.name)
-    seen = find_mouth(shot.image, hole, believed, OFF)
+    seen = detect_hole(shot.image, hole, believed, OFF)
     if seen is None:
         _note(world, f"{hole_id}: its mouth is not recognised from the hand", node, hole_id)
         return None
@@ -81,7 +81,7 @@ def _go(
             continue
         request = Request(PoseGoal(poses), scaling=world.handling.scaling(1.0))
         try:
-            yield from travel(
+            yield from follow_with_replanning(
                 world,
                 lambda request=request: world.plan.solve(request, node=node),
                 guard=world.handling.guard,
@@ -163,4 +163,4 @@ def _hidden(world: World, camera: CameraDescription, intrinsics: Intrinsics) -> 
 
 
 def _note(world: World, message: str, node: str, hole: ObjectId, **data: float) -> None:
-    world.journal.note(Happened("servo", message, node, {"hole": hole, **data}))
+    world.journal.note(JournalEvent("servo", message, node, {"hole": hole, **data}))

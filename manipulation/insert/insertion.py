@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...control.contact.hole_search import Mouth, Peg
-from ...world.belief.hole_matching import find_hole, slack
+from ...control.contact.hole_search import BelievedHole, HeldPeg
+from ...world.belief.hole_matching import find_hole, hole_clearance
 from ...world.scene.description import Fixture
 from ...world.scene.holes import Hole
 from ...world.shapes import Box, Cylinder, Shape, bottom, extents
@@ -44,7 +44,7 @@ TOWARDS = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Fit:
+class InsertionTask:
     """A held object and the hole into which it is to go, as they are believed to be."""
 
     hole: Hole
@@ -67,22 +67,22 @@ class Fit:
         low, high = extents(self.shape, np.eye(3))
         return float(high[2] - low[2])
 
-    def seen_at(self, hole_in_world: Pose, uncertainty: float) -> Fit:
+    def seen_at(self, hole_in_world: Pose, uncertainty: float) -> InsertionTask:
         """The same, the mouth having been seen."""
         return replace(self, hole_in_world=hole_in_world, uncertainty=uncertainty + HAND)
 
 
-def fit(fixture: Fixture, hole: Hole, shape: Shape, object_in_tcp: Pose) -> Fit:
+def fit(fixture: Fixture, hole: Hole, shape: Shape, object_in_tcp: Pose) -> InsertionTask:
     """A fixture stands somewhere within a square, and turns the hole about its own middle."""
-    left = slack(hole, shape)
+    left = hole_clearance(hole, shape)
     assert left is not None, "it was chosen because it fits"
     doubt = fixture.uncertainty
     arm = math.hypot(*hole.pose.position[:2])
     off = math.sqrt(2.0) * doubt.position + arm * doubt.angle + HAND
-    return Fit(hole, fixture.pose @ hole.pose, shape, object_in_tcp, min(left), off)
+    return InsertionTask(hole, fixture.pose @ hole.pose, shape, object_in_tcp, min(left), off)
 
 
-def poses_over(fit: Fit, above: float) -> tuple[Pose, ...]:
+def poses_over(fit: InsertionTask, above: float) -> tuple[Pose, ...]:
     """TCP poses in the world with the object upright over the hole, its underside `above` m over the mouth,
     at each turn at which it fits, the tool pointing down. Empty when it is held so that none does."""
     poses: list[Pose] = []
@@ -95,19 +95,21 @@ def poses_over(fit: Fit, above: float) -> tuple[Pose, ...]:
     return tuple(poses)
 
 
-def ways_over(world: World, hole_id: str, shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:
+def hover_poses(world: World, hole_id: str, shape: Shape, object_in_tcp: Pose) -> tuple[Pose, ...]:
     """`poses_over` for an object that would be held so, where an insertion by feeling begins."""
     fixture, hole = find_hole(world.scene, hole_id)
     return poses_over(fit(fixture, hole, shape, object_in_tcp), ABOVE)
 
 
-def low_for(hole: Hole, belief: BeliefObject, grasp: GraspCandidate, gripper: GripperDescription) -> bool:
+def fingertips_too_low(
+    hole: Hole, belief: BeliefObject, grasp: GraspCandidate, gripper: GripperDescription
+) -> bool:
     """Whether the finger tips of a grasp would meet the fixture before the object is down in the hole."""
     tips = grasp.tcp_in_world.position[2] - gripper.tip
     return tips - bottom(belief.shape, belief.pose) < hole.depth + TIPS_OVER
 
 
-def _turns(fit: Fit) -> Sequence[float]:
+def _turns(fit: InsertionTask) -> Sequence[float]:
     match fit.shape:
         case Box((x, y, _)):
             square = fit.hole.form == "square" and abs(x - y) < 1e-6
@@ -118,7 +120,7 @@ def _turns(fit: Fit) -> Sequence[float]:
             return [2 * math.pi * k / TURNS for k in range(TURNS)]
 
 
-def peg(fit: Fit, tcp_in_world: Pose) -> Peg:
+def peg(fit: InsertionTask, tcp_in_world: Pose) -> HeldPeg:
     """The object as it is held with the TCP at that pose over the hole.
 
     It leans along the closing direction of the fingers, y of the TCP, as nearly as may be: there they hold it
@@ -135,20 +137,20 @@ def peg(fit: Fit, tcp_in_world: Pose) -> Peg:
             # Over a corner its sides slope alike, however long they are.
             slopes = [turn @ (np.sign(c) / math.sqrt(2.0)) for c in corners]
             best = max(range(4), key=lambda k: (round(float(slopes[k][1]) / TOWARDS), k))
-            return Peg(foot, slopes[best], turn @ corners[best], False)
+            return HeldPeg(foot, slopes[best], turn @ corners[best], False)
         case Cylinder(radius, _):
             lean = np.array([0.0, 1.0, 0.0])
-            return Peg(foot, lean, radius * lean, True)
+            return HeldPeg(foot, lean, radius * lean, True)
         case _:
             lean = np.array([0.0, 1.0, 0.0])
-            return Peg(foot, lean, lean * float(extents(fit.shape, np.eye(3))[1][0]), True)
+            return HeldPeg(foot, lean, lean * float(extents(fit.shape, np.eye(3))[1][0]), True)
 
 
-def mouth(fit: Fit, depth: float, tip: float) -> Mouth:
+def mouth(fit: InsertionTask, depth: float, tip: float) -> BelievedHole:
     """What is believed of the hole. `depth`: how far into it the object is to go, m, at most to its bottom,
     or until the finger tips, `tip` m beyond the TCP, are over the surface: it falls the rest of the way."""
     low = fit.object_in_tcp.position[2] + fit.height / 2
-    return Mouth(
+    return BelievedHole(
         np.array(fit.hole_in_world.position),
         fit.hole_in_world.rotation()[:, 2],
         min(fit.hole.size),
@@ -157,7 +159,7 @@ def mouth(fit: Fit, depth: float, tip: float) -> Mouth:
     )
 
 
-def resting(fit: Fit, tcp_in_world: Pose) -> Pose:
+def inserted_pose(fit: InsertionTask, tcp_in_world: Pose) -> Pose:
     """Where the object is believed to be when it was let go at that pose of the TCP: upright, on the
     bottom."""
     held = tcp_in_world @ fit.object_in_tcp

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from ...cell.handover import Landing
+from ...cell.handover import PlaceCandidate
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, place
 from ...world.causes import world as world_causes
 from ...world.values import Pose
 from ..place.bin_spots import blocked
-from ..place.release_poses import drop_over, target_for
+from ..place.release_poses import bin_target, free_drop_height
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -55,7 +55,7 @@ class TargetWatch:
                 f"{target.id} is gone: its place was seen empty while the arm was on the way",
                 object=target.id,
             )
-        off, turn = moved(target, now)
+        off, turn = displacement(target, now)
         if now.confidence < SURE * target.confidence or (off, turn) == (0.0, 0.0):
             return None
         return Failure(
@@ -69,7 +69,7 @@ class TargetWatch:
         )
 
 
-def moved(before: BeliefObject, now: BeliefObject) -> tuple[float, float]:
+def displacement(before: BeliefObject, now: BeliefObject) -> tuple[float, float]:
     """By how much an object is believed to be elsewhere, m and rad; nothing where that may be an error of
     sight."""
     off, turn = before.pose.distance(now.pose), before.pose.angle(now.pose)
@@ -80,13 +80,13 @@ def moved(before: BeliefObject, now: BeliefObject) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-class LandingWatch:
+class PlaceWatch:
     """Asked each tick while the arm carries an object over a bin: is there still room where it is let go?
 
     What was put there meanwhile is told as place.occupied: the caller looks for another spot.
     """
 
-    def __init__(self, world: World, held: BeliefObject, landing: Landing) -> None:
+    def __init__(self, world: World, held: BeliefObject, landing: PlaceCandidate) -> None:
         assert held.object_in_tcp is not None
         self._world, self._landing = world, landing
         self._held, self._in_tcp = held.id, held.object_in_tcp
@@ -107,9 +107,9 @@ class LandingWatch:
         held = world.scene.find(self._held)
         if held is None:
             return None
-        target = target_for(world, held, landing.into)
+        target = bin_target(world, held, landing.into)
         if any(cell.name == landing.spot for cell in target.cells):
-            drop = drop_over(world, target, landing.above, held.shape, self._in_tcp)
+            drop = free_drop_height(world, target, landing.above, held.shape, self._in_tcp)
             if drop >= landing.drop - HIGHER:
                 return None
         height = float(target.heights.max())
@@ -122,7 +122,7 @@ class LandingWatch:
         )
 
 
-class PointWatch:
+class PutDownWatch:
     """The same for a point where it is put down with the TCP at `pose`: nothing may stand there."""
 
     def __init__(self, world: World, held: BeliefObject, pose: Pose) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, TypeVar
 
-from ...planning.requests import Plan
+from ...planning.requests import MotionPlan
 from ...world.causes import Cause, Failure, planning
-from ...world.journal import Happened
-from ..retreat.clearing import escape
+from ...world.journal import JournalEvent
+from ..retreat.clearing import escape_contact
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -21,7 +21,7 @@ MOST = 4
 """How often one skill plans anew before it fails with what stops it."""
 
 
-class Replans:
+class ReplanBudget:
     """How often a skill has planned anew, and whether it may once more."""
 
     def __init__(self, world: World, node: str, subject: str = "", most: int = MOST) -> None:
@@ -37,7 +37,7 @@ class Replans:
             return False
         self.made += 1
         self._world.journal.note(
-            Happened(
+            JournalEvent(
                 "replanned",
                 f"stopped and planned anew: {failure.message}",
                 self._node,
@@ -54,24 +54,24 @@ class Replans:
         return True
 
 
-def travel(
+def follow_with_replanning(
     world: World,
-    ask: Callable[[], Doing[Plan]],
+    ask: Callable[[], Doing[MotionPlan]],
     *,
     node: str,
     guard: float | None = None,
     watch: Watch | None = None,
-    replans: Replans | None = None,
-) -> Doing[Plan]:
+    replans: ReplanBudget | None = None,
+) -> Doing[MotionPlan]:
     """Ask for a plan and follow it. When the rest of the way is no longer believed to be free, the arm brakes
     on its path, and it is asked again from where it stands, a bounded number of times; then it fails with
     planning.blocked. An arm that is believed to stand too close to what has come gets clear of it first.
 
-    `guard` and `watch` as for `Motions.along`, whose failures these are, too.
+    `guard` and `watch` as for `ArmMotion.along`, whose failures these are, too.
     """
-    tries = replans or Replans(world, node)
+    tries = replans or ReplanBudget(world, node)
     while True:
-        plan = yield from planned(world, ask, node, after=tries.made)
+        plan = yield from plan_after_stop(world, ask, node, after=tries.made)
         try:
             yield from world.move.along(plan.trajectory, guard=guard, watch=watch, node=node)
         except Failure as failure:
@@ -81,7 +81,7 @@ def travel(
         return plan
 
 
-def planned(world: World, ask: Callable[[], Doing[T]], node: str, *, after: int) -> Doing[T]:
+def plan_after_stop(world: World, ask: Callable[[], Doing[T]], node: str, *, after: int) -> Doing[T]:
     """The answer from where the arm stands `after` so many stops; if that is believed to touch something,
     from clear of it."""
     try:
@@ -89,7 +89,7 @@ def planned(world: World, ask: Callable[[], Doing[T]], node: str, *, after: int)
     except Failure as failure:
         if not after or failure.cause is not planning.START_IN_COLLISION:
             raise
-    yield from escape(world, world.handling.slowly, node)
+    yield from escape_contact(world, world.handling.slowly, node)
     return (yield from ask())
 
 

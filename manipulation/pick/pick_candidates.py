@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ...cell.handover import Landing
-from ...planning.kinematics.levenberg_marquardt import discomfort
-from ...planning.requests import Contact, Plan
+from ...cell.handover import PlaceCandidate
+from ...planning.kinematics.configuration_cost import configuration_cost
+from ...planning.requests import ContactPair, MotionPlan
 from ...world.causes import Failure
-from ...world.journal import CandidatesRanked, CandidateTried
+from ...world.journal import CandidateEntry, CandidateSearchEntry
 from ...world.values import Array, ObjectId, Pose
 from ..grasp.grasp_candidates import GraspCandidate
 
 if TYPE_CHECKING:
-    from ...planning.service.reachability import Reached
+    from ...planning.service.reachability import ReachResult
     from ...robots.model import RobotModel
 
 
@@ -41,7 +41,7 @@ STAGES = (RANKED, HAND, PRE_GRASP, GRASP, ROOM, PLACE, APPROACH, TRANSFER)
 ACCEPTED = "accepted"
 
 
-class Tried(Protocol):
+class TriedCandidate(Protocol):
     """`world.journal.CandidateTried`, or what a log holds of it."""
 
     @property
@@ -59,7 +59,7 @@ class Tried(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Fate:
+class RejectionCount:
     """So many grasps dropped out at a stage for one reason."""
 
     count: int
@@ -70,39 +70,39 @@ class Fate:
     """Of the first of these grasps."""
 
 
-def fates(tried: Iterable[Tried], into: str) -> tuple[Fate, ...]:
+def count_rejections(tried: Iterable[TriedCandidate], into: str) -> tuple[RejectionCount, ...]:
     """The most frequent first. A grasp that was accepted has none; one whose places failed for several
     reasons has the one that it came furthest with, or that was more frequent."""
     taken = {one.name for one in tried if one.verdict == ACCEPTED}
-    last: dict[str, Tried] = {}
+    last: dict[str, TriedCandidate] = {}
     for one in tried:
         if one.name in taken or one.stage not in STAGES:
             continue
         before = last.get(one.name)
         if before is None or _weight(one) > _weight(before):
             last[one.name] = one
-    alike: dict[tuple[str, str], list[Tried]] = {}
+    alike: dict[tuple[str, str], list[TriedCandidate]] = {}
     for one in last.values():
         alike.setdefault((one.stage, one.by or one.verdict), []).append(one)
     found = [
-        Fate(len(group), _words(group, into), group[0].stage, group[0].by, group[0].name)
+        RejectionCount(len(group), _words(group, into), group[0].stage, group[0].by, group[0].name)
         for group in alike.values()
     ]
     return tuple(sorted(found, key=lambda fate: -fate.count))
 
 
-def told(found: Sequence[Fate], most: int = 4) -> str:
+def describe_rejections(found: Sequence[RejectionCount], most: int = 4) -> str:
     """`11 the hand would touch red_block_2 (1.2 mm from it at best), 8 the pre-grasp is out of reach`."""
     parts = [f"{fate.count} {fate.words}" for fate in found[:most]]
     rest = sum(fate.count for fate in found[most:])
     return ", ".join([*parts, f"{rest} for other reasons"] if rest else parts)
 
 
-def _weight(one: Tried) -> tuple[int, int]:
+def _weight(one: TriedCandidate) -> tuple[int, int]:
     return (STAGES.index(one.stage), one.count)
 
 
-def _words(group: Sequence[Tried], into: str) -> str:
+def _words(group: Sequence[TriedCandidate], into: str) -> str:
     best = max(group, key=lambda one: one.gap)
     if best.stage == HAND and best.by:
         near = (
@@ -120,7 +120,7 @@ _PAIR = re.compile(r"(?:deep in|from) (\S+)$")
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
+class StageRefusal:
     """Why a candidate did not pass a stage: in words, what was in the way, and how near it was, m."""
 
     stage: str
@@ -129,25 +129,25 @@ class Refusal:
     gap: float = 0.0
 
 
-def touching(stage: str, subject: str, contact: Contact) -> Refusal:
+def touching(stage: str, subject: str, contact: ContactPair) -> StageRefusal:
     """`the hand would touch red_block_2`, and how near it would be."""
-    return Refusal(stage, f"{subject} would touch {contact.b}", contact.b, contact.distance)
+    return StageRefusal(stage, f"{subject} would touch {contact.b}", contact.b, contact.distance)
 
 
-def unreached(stage: str, subject: str, found: Reached) -> Refusal:
+def unreached(stage: str, subject: str, found: ReachResult) -> StageRefusal:
     """`the pre-grasp is out of reach`, `at the grasp panda_hand would be 3.1 mm deep in shelf`."""
     if found.contact is None:
-        return Refusal(stage, f"{subject} is {found.why_not}")
-    return Refusal(stage, f"at {subject} {found.why_not}", found.contact.b, found.contact.distance)
+        return StageRefusal(stage, f"{subject} is {found.why_not}")
+    return StageRefusal(stage, f"at {subject} {found.why_not}", found.contact.b, found.contact.distance)
 
 
-def planned(stage: str, failure: Failure) -> Refusal:
+def planned(stage: str, failure: Failure) -> StageRefusal:
     """What the planner says, and the body that it names first."""
     by = next(iter(_named(failure)), "")
-    return Refusal(stage, f"{_WAYS[stage]}: {failure.message}", by)
+    return StageRefusal(stage, f"{_WAYS[stage]}: {failure.message}", by)
 
 
-class Trail:
+class CandidateTrail:
     """What became of the grasps of one object, and of the places that they lead to.
 
     A grasp counts at each stage that it, or one of its places, has passed.
@@ -159,15 +159,15 @@ class Trail:
         self._purpose, self._object, self._into = purpose, object_id, into
         self._passed: dict[str, set[str]] = {stage: set() for stage in STAGES}
         self._passed[RANKED].update(grasp.name for grasp in grasps)
-        self._tried: dict[tuple[str, str, str], CandidateTried] = {}
+        self._tried: dict[tuple[str, str, str], CandidateEntry] = {}
 
     def passed(self, grasp: GraspCandidate, stage: str) -> None:
         self._passed[stage].add(grasp.name)
 
-    def refuse(self, grasp: GraspCandidate, cost: float, refusal: Refusal, place: str = "") -> None:
+    def refuse(self, grasp: GraspCandidate, cost: float, refusal: StageRefusal, place: str = "") -> None:
         """Places of one grasp that fail of the same thing at the same stage are counted as one."""
         key = (grasp.name, refusal.stage, refusal.by or refusal.words)
-        tried = CandidateTried(
+        tried = CandidateEntry(
             grasp.name, grasp.tcp_in_world, cost, refusal.words, place, refusal.stage, refusal.by, refusal.gap
         )
         before = self._tried.get(key)
@@ -178,7 +178,7 @@ class Trail:
 
     def accept(self, grasp: GraspCandidate, cost: float, place: str, stage: str) -> None:
         """The candidate that is taken, proven up to that stage."""
-        self._tried[grasp.name, "", ""] = CandidateTried(
+        self._tried[grasp.name, "", ""] = CandidateEntry(
             grasp.name, grasp.tcp_in_world, cost, "accepted", place, stage
         )
 
@@ -186,10 +186,12 @@ class Trail:
         """Grasps that have passed a stage."""
         return len(self._passed[stage])
 
-    def entry(self) -> CandidatesRanked:
+    def entry(self) -> CandidateSearchEntry:
         """For the journal."""
         stages = {stage: len(names) for stage, names in self._passed.items()}
-        return CandidatesRanked(self._purpose, self._object, stages, tuple(self._tried.values()), self._into)
+        return CandidateSearchEntry(
+            self._purpose, self._object, stages, tuple(self._tried.values()), self._into
+        )
 
 
 def _named(failure: Failure) -> Iterator[str]:
@@ -205,20 +207,21 @@ DETOUR = 0.4
 """What a radian of detour (`posture.discomfort`) is worth as time, s."""
 
 
-def travel(robot: RobotModel, a: Array, b: Array) -> float:
+def joint_travel_time(robot: RobotModel, a: Array, b: Array) -> float:
     """The least time from a to b (n,), and what an uncomfortable b is worth, s."""
-    return float(np.max(np.abs(b - a) / robot.velocity_limit)) + DETOUR * discomfort(robot, b)
+    return float(np.max(np.abs(b - a) / robot.velocity_limit)) + DETOUR * configuration_cost(robot, b)
 
 
-def slewed(robot: RobotModel, a: Pose, x: float, y: float) -> float:
-    """The part of `guessed` that is known of a point before the hand's direction there is, s."""
+def known_travel_time(robot: RobotModel, a: Pose, x: float, y: float) -> float:
+    """The part of `estimated_travel_time` that is known of a point before the hand's direction there is,
+    s."""
     base = robot.description.base_in_world.inverse()
     there = base.apply(np.array([x, y, 0.0]))
     facing = math.atan2(float(there[1]), float(there[0]))
     return abs(_wrapped(facing - _turns(base @ a)[0])) / float(robot.velocity_limit[0])
 
 
-def guessed(robot: RobotModel, a: Pose, b: Pose) -> float:
+def estimated_travel_time(robot: RobotModel, a: Pose, b: Pose) -> float:
     """The time from one TCP pose to another before any configuration is known, s. It only says what to look
     at first: an arm on an upright base turns its first joint to face a point, its last to turn the hand."""
     base = robot.description.base_in_world.inverse()
@@ -240,12 +243,12 @@ def _wrapped(angle: float) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PickAndPlace:
+class PickPlaceCandidate:
     """A grasp and where the object goes from it, with the configurations (n,) rad that belong to it."""
 
     object: ObjectId
     grasp: GraspCandidate
-    landing: Landing | None
+    landing: PlaceCandidate | None
     """None: no rule says where the object belongs."""
     object_in_tcp: Pose
     """As it will be held, if all is as believed."""
@@ -257,5 +260,5 @@ class PickAndPlace:
     """Over the landing; None without one."""
     cost: float
     """Lower is better, see `stream`."""
-    approach: Plan
+    approach: MotionPlan
     """From where the arm is to the pre-grasp and straight down, as one motion."""

@@ -15,33 +15,33 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from ...cell.handover import Landing
-from ...planning.requests import Holding, PoseGoal, Request
+from ...cell.handover import PlaceCandidate
+from ...planning.requests import HeldObject, PoseGoal, Request
 from ...world.belief.hole_matching import fitting_hole
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, planning
 from ...world.values import Array, Pose
 from ..grasp.grasp_candidates import GraspCandidate
-from ..insert.insertion import low_for, ways_over
+from ..insert.insertion import fingertips_too_low, hover_poses
 from ..place.bin_spots import SUNK
-from ..place.release_poses import Level, Target, landings, levels, target_for
+from ..place.release_poses import BinTarget, ReleaseLevel, bin_target, levels, place_candidates
 from . import pick_candidates
 from .pick_candidates import (
-    PickAndPlace,
-    Refusal,
-    Trail,
-    guessed,
+    CandidateTrail,
+    PickPlaceCandidate,
+    StageRefusal,
+    estimated_travel_time,
+    joint_travel_time,
+    known_travel_time,
     planned,
-    slewed,
     touching,
-    travel,
     unreached,
 )
 from .transfer_requests import approach
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...planning.service.reachability import Reached
+    from ...planning.service.reachability import ReachResult
     from ...world.scene.holes import Hole
 
 SCORE = 3.0
@@ -73,8 +73,8 @@ class _Branch:
     """Of the cost that is not known yet, s."""
     over: Array | None = None
     at: Array | None = None
-    level: Level | None = None
-    landing: Landing | None = None
+    level: ReleaseLevel | None = None
+    landing: PlaceCandidate | None = None
     above: Array | None = None
     passed: int = 0
     """Stages that it has passed."""
@@ -93,7 +93,7 @@ class _Branch:
 class _Places:
     """Where one grasp may lead to: what was not looked at yet, and what was asked."""
 
-    levels: Iterator[Level]
+    levels: Iterator[ReleaseLevel]
     asked: int = 0
     taken: Counter[str] = field(default_factory=Counter[str])
     """How often there was no room, by cell and height."""
@@ -101,7 +101,7 @@ class _Places:
     """How often the arm did not get there."""
 
 
-class PickStream:
+class CandidateSearch:
     """The candidates for one object, as the belief is when it is made. `find` gives one after the other.
 
     The order depends on the belief, on where the arm is and on the candidates alone.
@@ -113,15 +113,15 @@ class PickStream:
         """`grasps`: those that are offered; `node` keys the planner's randomness and names the purpose."""
         self._world, self._belief, self._node = world, belief, node
         into = world.scene.destination(belief.id)
-        self._target: Target | None = None
+        self._target: BinTarget | None = None
         """None also for an item that belongs into a hole: that is found by feeling, with the item held as
         `inserting` says."""
         self._hole: Hole | None = None
         if into is not None and into in world.scene.bins:
-            self._target = target_for(world, belief, into)
+            self._target = bin_target(world, belief, into)
         elif into is not None:
             self._hole = fitting_hole(world.scene, belief.id)
-        self.trail = Trail(f"grasp by {node}", belief.id, into or "", grasps)
+        self.trail = CandidateTrail(f"grasp by {node}", belief.id, into or "", grasps)
         self.refused: Failure | None = None
         """What the planner said of the last candidate that passed all other tests."""
         self._heap: list[tuple[float, int, _Branch]] = []
@@ -131,15 +131,17 @@ class PickStream:
         self._start = world.control.held_position
         tcp = world.robot.tcp(self._start)
         for grasp in grasps:
-            guess = guessed(world.robot, tcp, grasp.tcp_in_world)
+            guess = estimated_travel_time(world.robot, tcp, grasp.tcp_in_world)
             cost = SCORE * grasp.score
-            if self._hole is not None and low_for(self._hole, belief, grasp, world.robot.description.gripper):
+            if self._hole is not None and fingertips_too_low(
+                self._hole, belief, grasp, world.robot.description.gripper
+            ):
                 cost += LOW
             self._push(_Branch(grasp, cost, self._hand_fits, guess))
 
     # ---- the search
 
-    def find(self, *, speed: float = 1.0) -> Generator[None, None, PickAndPlace | None]:
+    def find(self, *, speed: float = 1.0) -> Generator[None, None, PickPlaceCandidate | None]:
         """The next candidate that passes all tests, with its approach planned; None: there is none left.
 
         Thinking is charged, and each answer goes to the journal with the trail so far. `speed`: share of the
@@ -160,7 +162,7 @@ class PickStream:
         self._note()
         return None
 
-    def refuse(self, pick: PickAndPlace, failure: Failure) -> None:
+    def refuse(self, pick: PickPlaceCandidate, failure: Failure) -> None:
         """The transfer of a candidate that was given out cannot be planned; `find` goes on with the next."""
         self.refused = failure
         place = "" if pick.landing is None else pick.landing.name
@@ -169,7 +171,7 @@ class PickStream:
     def _push(self, branch: _Branch) -> None:
         heapq.heappush(self._heap, (branch.bound, next(self._number), branch))
 
-    def _refuse(self, branch: _Branch, refusal: Refusal) -> None:
+    def _refuse(self, branch: _Branch, refusal: StageRefusal) -> None:
         self.trail.refuse(branch.grasp, branch.known, refusal, branch.place)
 
     def _note(self) -> None:
@@ -188,7 +190,7 @@ class PickStream:
         self.trail.passed(grasp, pick_candidates.HAND)
         if self._target is not None and not self._target.cells:
             full = self._target.bin.id
-            self._refuse(branch, Refusal(pick_candidates.ROOM, f"{full} is full", full))
+            self._refuse(branch, StageRefusal(pick_candidates.ROOM, f"{full} is full", full))
             return
         yield replace(branch, passed=1, test=self._grasp_reached)
 
@@ -205,7 +207,7 @@ class PickStream:
             self._refuse(branch, unreached(pick_candidates.GRASP, "the grasp", at))
             return
         self.trail.passed(grasp, pick_candidates.GRASP)
-        known = branch.known + travel(self._world.robot, self._start, over.q)
+        known = branch.known + joint_travel_time(self._world.robot, self._start, over.q)
         held = replace(branch, known=known, guess=0.0, over=over.q, at=at.q, passed=3, test=None)
         if self._target is None:
             if self._hole is None or self._over_hole(held, self._hole):
@@ -214,7 +216,7 @@ class PickStream:
         self._places[grasp.name] = _Places(levels(self._target))
         yield from self._next_level(held)
 
-    def _reach(self, tcp: Pose, near: Array, grasp: GraspCandidate) -> Reached:
+    def _reach(self, tcp: Pose, near: Array, grasp: GraspCandidate) -> ReachResult:
         pair = (("gripper", str(self._belief.id)),)
         request = Request(PoseGoal((tcp,)), start=near, width=grasp.opening, allowed=pair)
         return self._world.plan.reached(request)
@@ -225,7 +227,7 @@ class PickStream:
         """The same grasp with its next cell of the bin, which waits with its own cost."""
         level = next(self._places[branch.grasp.name].levels, None)
         if level is not None:
-            way = slewed(self._world.robot, branch.grasp.tcp_in_world, *level.spot.centre)
+            way = known_travel_time(self._world.robot, branch.grasp.tcp_in_world, *level.spot.centre)
             yield replace(branch, level=level, guess=level.cost + way, passed=3, test=self._lands)
 
     def _lands(self, branch: _Branch) -> Iterator[_Branch]:
@@ -234,8 +236,8 @@ class PickStream:
         assert level is not None and target is not None
         if self._leads_nowhere(grasp):
             return
-        for landing in landings(self._world, target, level, self._belief.shape, self._in_tcp(grasp)):
-            guess = guessed(self._world.robot, grasp.tcp_in_world, landing.above)
+        for landing in place_candidates(self._world, target, level, self._belief.shape, self._in_tcp(grasp)):
+            guess = estimated_travel_time(self._world.robot, grasp.tcp_in_world, landing.above)
             known = branch.known + level.cost
             yield replace(branch, known=known, guess=guess, landing=landing, passed=3, test=self._has_room)
         yield from self._next_level(branch)
@@ -268,7 +270,7 @@ class PickStream:
             PoseGoal((landing.above,)),
             start=at,
             width=grasp.expected_width,
-            holding=Holding(self._belief.id, self._in_tcp(grasp)),
+            holding=HeldObject(self._belief.id, self._in_tcp(grasp)),
         )
         found = self._world.plan.reached(request)
         if found.q is None:
@@ -277,21 +279,21 @@ class PickStream:
             self._refuse(branch, unreached(pick_candidates.PLACE, f"the place over {landing.into}", found))
             return
         self.trail.passed(grasp, pick_candidates.PLACE)
-        known = branch.known + travel(self._world.robot, at, found.q)
+        known = branch.known + joint_travel_time(self._world.robot, at, found.q)
         yield replace(branch, known=known, guess=0.0, above=found.q, passed=5, test=None)
 
     def _over_hole(self, branch: _Branch, hole: Hole) -> bool:
         """Whether the arm gets over the hole with the item, at any of its turns."""
         in_tcp, at = self._in_tcp(branch.grasp), branch.at
         assert at is not None
-        found: Reached | None = None
-        for tcp in ways_over(self._world, hole.id, self._belief.shape, in_tcp):
+        found: ReachResult | None = None
+        for tcp in hover_poses(self._world, hole.id, self._belief.shape, in_tcp):
             found = self._world.plan.reached(
                 Request(
                     PoseGoal((tcp,)),
                     start=at,
                     width=branch.grasp.expected_width,
-                    holding=Holding(self._belief.id, in_tcp),
+                    holding=HeldObject(self._belief.id, in_tcp),
                 )
             )
             if found.q is not None:
@@ -299,7 +301,7 @@ class PickStream:
                 return True
         if found is None:
             subject = f"so held {self._belief.id} does not stand over {hole.id}"
-            self._refuse(branch, Refusal(pick_candidates.PLACE, subject, hole.id))
+            self._refuse(branch, StageRefusal(pick_candidates.PLACE, subject, hole.id))
         else:
             self._refuse(branch, unreached(pick_candidates.PLACE, f"the place over {hole.id}", found))
         return False
@@ -316,7 +318,7 @@ class PickStream:
 
     # ---- planning
 
-    def _approach(self, branch: _Branch, speed: float) -> Generator[None, None, PickAndPlace | None]:
+    def _approach(self, branch: _Branch, speed: float) -> Generator[None, None, PickPlaceCandidate | None]:
         assert branch.over is not None and branch.at is not None
         world, grasp = self._world, branch.grasp
         legs = approach(world, self._belief.id, grasp, branch.over, speed)
@@ -330,7 +332,7 @@ class PickStream:
             self._drop(grasp)
             return None
         self.trail.passed(grasp, pick_candidates.APPROACH)
-        return PickAndPlace(
+        return PickPlaceCandidate(
             self._belief.id,
             grasp,
             branch.landing,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...planning.requests import Holding, JointGoal, Line, Offset, PoseGoal, Request
+from ...planning.requests import HeldObject, JointGoal, LineGoal, OffsetGoal, PoseGoal, Request
 from ...world.values import Array, ObjectId, Pose
 from ..grasp.grasp_candidates import GraspCandidate
 from ..grasp.straight_lines import NEAR
@@ -23,22 +23,22 @@ def approach(
     that the rest can be felt."""
     return (
         Request(JointGoal(over), scaling=world.handling.scaling(speed)),
-        onto(world, object_id, grasp),
+        descend_requests(world, object_id, grasp),
     )
 
 
-def onto(world: World, object_id: ObjectId, grasp: GraspCandidate) -> Request:
+def descend_requests(world: World, object_id: ObjectId, grasp: GraspCandidate) -> Request:
     """From over a grasp straight onto it; for a flat object so far that the rest can be felt."""
     felt = world.handling.felt_way / 2 if grasp.flat else 0.0
-    down = Line(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
+    down = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, felt)))
     return Request(
         down, width=grasp.opening, allowed=(("gripper", object_id),), scaling=world.handling.slowly
     )
 
 
-def onward(
+def transfer_requests(
     world: World,
-    holding: Holding,
+    holding: HeldObject,
     start: Array,
     width: float,
     over: Array | tuple[Pose, ...],
@@ -54,19 +54,19 @@ def onward(
     near = world.queries.hand_contacts(tcp, width, ignore=(holding.object,), margin=NEAR)
     neighbours = tuple(("gripper", name) for name in sorted({contact.b for contact in near}))
     goal = PoseGoal(over) if isinstance(over, tuple) else JointGoal(over)
-    up = Offset((0.0, 0.0, handling.approach), least_fraction=LEAST_LIFT)
+    up = OffsetGoal((0.0, 0.0, handling.approach), least_fraction=LEAST_LIFT)
     legs = [
         Request(up, start, width, holding, neighbours, scaling=handling.slowly),
         Request(goal, width=width, holding=holding, scaling=handling.scaling(speed)),
     ]
     if drop > 0.0:
-        legs.append(lowering(world, drop, width, holding))
+        legs.append(lower_request(world, drop, width, holding))
     return tuple(legs)
 
 
-def lowering(
-    world: World, drop: float, width: float | None = None, holding: Holding | None = None
+def lower_request(
+    world: World, drop: float, width: float | None = None, holding: HeldObject | None = None
 ) -> Request:
     """Straight down with an object in the hand, where nothing is expected to be touched."""
-    down = Offset((0.0, 0.0, -drop), least_fraction=LEAST_LIFT)
+    down = OffsetGoal((0.0, 0.0, -drop), least_fraction=LEAST_LIFT)
     return Request(down, width=width, holding=holding, scaling=world.handling.slowly)

@@ -21,19 +21,19 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
-from ...planning.requests import Line, Request
+from ...planning.requests import LineGoal, Request
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, perception
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.values import ObjectId, Pose
 from ..grasp.grasp_candidates import GraspCandidate
-from .pick_candidates import PickAndPlace
-from .transfer_requests import onto
+from .pick_candidates import PickPlaceCandidate
+from .transfer_requests import descend_requests
 
 if TYPE_CHECKING:
     from ...cell.world import World
     from ...control.execution.motions import Watch
-    from ...perception.fitting.known_object_fitting import Sighting
+    from ...perception.fitting.known_object_fitting import TrackedSighting
 
 
 UNEXPLAINED = 0.010
@@ -45,12 +45,12 @@ CLEARLY = 0.006
 
 
 @dataclass(frozen=True, slots=True)
-class Matched:
+class PatchMatch:
     """What became of one picture's patches."""
 
-    target: Sighting | None
+    target: TrackedSighting | None
     """None: it was not recognised, or it is ambiguous."""
-    others: tuple[Sighting, ...]
+    others: tuple[TrackedSighting, ...]
     """At most one for each other object, from its own patch."""
     ambiguous: bool
     """Whether there were two patches that the target may be, and nothing to tell them apart."""
@@ -61,10 +61,12 @@ class Matched:
 @dataclass(frozen=True, slots=True)
 class _Reading:
     cost: float
-    taken: dict[ObjectId, Sighting]
+    taken: dict[ObjectId, TrackedSighting]
 
 
-def matched(target: BeliefObject, objects: Sequence[BeliefObject], found: Sequence[Sighting]) -> Matched:
+def match_patches(
+    target: BeliefObject, objects: Sequence[BeliefObject], found: Sequence[TrackedSighting]
+) -> PatchMatch:
     """The best reading of what was found; `objects` are those that were looked for, the target among them."""
     fitting = [s for s in found if math.isfinite(s.misfit)]
     seen = len({s.patch for s in found if s.object == target.id})
@@ -80,8 +82,8 @@ def matched(target: BeliefObject, objects: Sequence[BeliefObject], found: Sequen
         if rival is not None and rival.cost < best.cost - CLEARLY:
             best, own = rival, rival.taken.get(target.id)
         elif rival is not None and rival.cost < best.cost + CLEARLY:
-            return Matched(None, (), True, seen)
-    return Matched(own, tuple(s for name, s in best.taken.items() if name != target.id), False, seen)
+            return PatchMatch(None, (), True, seen)
+    return PatchMatch(own, tuple(s for name, s in best.taken.items() if name != target.id), False, seen)
 
 
 def _contradicts(reading: _Reading, target: ObjectId, patch: int) -> bool:
@@ -89,13 +91,13 @@ def _contradicts(reading: _Reading, target: ObjectId, patch: int) -> bool:
     return any((name == target) != (s.patch == patch) for name, s in reading.taken.items())
 
 
-def _shift(one: BeliefObject, sighting: Sighting) -> tuple[float, float]:
+def _shift(one: BeliefObject, sighting: TrackedSighting) -> tuple[float, float]:
     x, y, _ = sighting.pose.position
     return x - one.pose.position[0], y - one.pose.position[1]
 
 
 def _read(
-    shift: tuple[float, float], believed: dict[ObjectId, BeliefObject], fitting: Sequence[Sighting]
+    shift: tuple[float, float], believed: dict[ObjectId, BeliefObject], fitting: Sequence[TrackedSighting]
 ) -> _Reading:
     """Give each object the patch that is nearest after the shift, the nearest pairs first, each patch
     once."""
@@ -103,7 +105,7 @@ def _read(
         (math.dist(_shift(believed[s.object], s), shift), str(s.object), s.patch, n)
         for n, s in enumerate(fitting)
     )
-    taken: dict[ObjectId, Sighting] = {}
+    taken: dict[ObjectId, TrackedSighting] = {}
     patches: set[int] = set()
     cost = LIKELY * math.hypot(*shift) + UNEXPLAINED * len({s.object for s in fitting})
     for off, _, patch, n in pairs:
@@ -134,7 +136,7 @@ noise, and above the second the target has been moved."""
 
 
 @dataclass(frozen=True, slots=True)
-class Correction:
+class ServoCorrection:
     """What one look says of the target."""
 
     moved: Pose
@@ -149,9 +151,9 @@ class Correction:
         return self.distance > LARGE or self.turn > LARGE_TURN
 
 
-def close_in(
-    world: World, pick: PickAndPlace, node: str, *, first: bool = True, watch: Watch | None = None
-) -> Doing[PickAndPlace]:
+def servo_to_grasp(
+    world: World, pick: PickPlaceCandidate, node: str, *, first: bool = True, watch: Watch | None = None
+) -> Doing[PickPlaceCandidate]:
     """Bring the hand over a grasp, look, and correct the grasp by what is seen; the arm then stands over it,
     and the pick's approach is what is left of the way. Without a camera on the hand nothing is done.
 
@@ -166,18 +168,18 @@ def close_in(
     over = pick.approach.legs[0].trajectory
     yield from world.move.along(over, guard=world.handling.guard, watch=watch, node=node)
     grasp = yield from _corrected(world, pick, camera, node, first=first)
-    plan = yield from world.plan.through((onto(world, pick.object, grasp),), node=node)
+    plan = yield from world.plan.through((descend_requests(world, pick.object, grasp),), node=node)
     return replace(pick, grasp=grasp, at=plan.trajectory.end, approach=plan)
 
 
 def _corrected(
-    world: World, pick: PickAndPlace, camera: str, node: str, *, first: bool
+    world: World, pick: PickPlaceCandidate, camera: str, node: str, *, first: bool
 ) -> Doing[GraspCandidate]:
     """The grasp after as many looks as it takes until the last one hardly corrects it."""
     grasp = pick.grasp
     for n in range(LOOKS):
         try:
-            correction = yield from look(world, pick.object, camera, node)
+            correction = yield from look_through_hand_camera(world, pick.object, camera, node)
         except Failure as failure:
             if failure.cause is perception.AMBIGUOUS and (n > 0 or not first):
                 break
@@ -193,14 +195,16 @@ def _corrected(
 
 def _lower(world: World, object_id: ObjectId, grasp: GraspCandidate, node: str) -> Doing[None]:
     """To where it is looked again: over the corrected grasp, and nearer."""
-    line = Line(grasp.tcp_in_world.shifted((0.0, 0.0, LAST)))
+    line = LineGoal(grasp.tcp_in_world.shifted((0.0, 0.0, LAST)))
     allowed = (("gripper", object_id),)
     request = Request(line, width=grasp.opening, allowed=allowed, scaling=world.handling.slowly)
     plan = yield from world.plan.solve(request, node=node)
     yield from world.move.along(plan.trajectory, guard=world.handling.guard, node=node)
 
 
-def look(world: World, target: ObjectId, camera: str, node: str) -> Doing[Correction | None]:
+def look_through_hand_camera(
+    world: World, target: ObjectId, camera: str, node: str
+) -> Doing[ServoCorrection | None]:
     """Where the camera on the hand sees an object; the belief of it, and of what stands around, is corrected.
 
     None: it was not recognised, and nothing is changed. Fails with perception.ambiguous where it may be
@@ -210,7 +214,7 @@ def look(world: World, target: ObjectId, camera: str, node: str) -> Doing[Correc
     believed = world.scene.get(target)
     objects = [o for o in world.scene.objects if _is_around(o, believed)]
     found = yield from world.eyes.follow(camera, objects)
-    reading = matched(believed, objects, found)
+    reading = match_patches(believed, objects, found)
     if reading.target is None:
         what = "ambiguous" if reading.ambiguous else "not recognised"
         _note(world, f"{target}: {what} from the hand", node, object=target)
@@ -224,7 +228,7 @@ def look(world: World, target: ObjectId, camera: str, node: str) -> Doing[Correc
     if reading.target is None:
         return None
     seen = reading.target.pose
-    correction = Correction(
+    correction = ServoCorrection(
         seen @ believed.pose.inverse(), believed.pose.distance(seen), believed.pose.angle(seen)
     )
     _note(
@@ -245,7 +249,7 @@ def _is_around(one: BeliefObject, target: BeliefObject) -> bool:
     return one.role == "item" and not one.attached and one.pose.distance(target.pose) < NEARBY
 
 
-def _correct(world: World, believed: BeliefObject, reading: Matched, at: Pose) -> None:
+def _correct(world: World, believed: BeliefObject, reading: PatchMatch, at: Pose) -> None:
     """Bring the belief to agree with what was seen; the target was seen at `at`."""
     for sighting in (*reading.others, *((reading.target,) if reading.target else ())):
         one = world.scene.get(sighting.object)
@@ -281,4 +285,4 @@ def _of_camera(believed: BeliefObject, at: Pose) -> Pose | None:
 
 def _note(world: World, message: str, node: str, **data: str | float) -> None:
     """One look from the hand."""
-    world.journal.note(Happened("servo", message, node, data))
+    world.journal.note(JournalEvent("servo", message, node, data))

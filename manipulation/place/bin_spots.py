@@ -31,7 +31,7 @@ ABOVE = 0.002
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class BinCell:
     """A cell of a bin: centre in the world (x, y), height of the heap above the bin's floor, m."""
 
     name: str
@@ -39,7 +39,7 @@ class Spot:
     height: float
 
 
-def heap(bin_: Bin, objects: Sequence[BeliefObject], seen: Array | None) -> Array:
+def heap_heights(bin_: Bin, objects: Sequence[BeliefObject], seen: Array | None) -> Array:
     """Height of what lies in each cell above the bin's floor, (3, 3) m.
 
     The higher of what the camera saw (`seen`, NaN where it did not) and what is believed to lie there.
@@ -57,14 +57,14 @@ def heap(bin_: Bin, objects: Sequence[BeliefObject], seen: Array | None) -> Arra
     return heights
 
 
-def spots(bin_: Bin, heights: Array, shape: Shape, rotation: Array) -> list[Spot]:
+def free_cells(bin_: Bin, heights: Array, shape: Shape, rotation: Array) -> list[BinCell]:
     """Cells whose heap leaves room below the rim, lowest first; those nearer to the middle before equals.
 
     The centre is drawn in so far that the object (its shape turned by `rotation`) clears the walls.
     """
     low, high = bin_.inside()
     reach = float(np.linalg.norm(extents(shape, rotation)[1][:2]))
-    found: list[tuple[float, float, Spot]] = []
+    found: list[tuple[float, float, BinCell]] = []
     for row in range(CELLS):
         for column in range(CELLS):
             height = float(heights[row, column])
@@ -77,13 +77,13 @@ def spots(bin_: Bin, heights: Array, shape: Shape, rotation: Array) -> list[Spot
                 room = max(0.0, span / 2 - reach - 0.008)
                 local.append(min(max(centre, -room), room))
             x, y, _ = bin_.pose.apply(np.array([local[0], local[1], 0.0]))
-            spot = Spot(f"cell {row},{column}", (float(x), float(y)), height)
+            spot = BinCell(f"cell {row},{column}", (float(x), float(y)), height)
             found.append((round(height / 0.015), math.hypot(row - 1, column - 1), spot))
     return [spot for _, _, spot in sorted(found, key=lambda f: (f[0], f[1], f[2].name))]
 
 
 def release_poses(
-    bin_: Bin, spot: Spot, shape: Shape, object_in_tcp: Pose, higher: float = 0.0
+    bin_: Bin, spot: BinCell, shape: Shape, object_in_tcp: Pose, higher: float = 0.0
 ) -> tuple[Pose, ...]:
     """TCP poses, pointing down at several yaws, that hold the object over the spot and above the rim."""
     rim = bin_.pose.position[2] + bin_.size[2]

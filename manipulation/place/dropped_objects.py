@@ -10,17 +10,17 @@ import numpy as np
 
 from ...world.belief.facts import RODE_ON, TAKEN_AWAY
 from ...world.belief.planning_scene import PlanningScene
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.scene.description import Bin, Fixture
 from ...world.shapes import Box, bottom, top
 from ...world.values import ObjectId, Pose
-from .bin_spots import heap
+from .bin_spots import heap_heights
 
 if TYPE_CHECKING:
     from ...cell.world import World
 
 
-def notice_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
+def apply_bin_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
     """Let the belief follow exchanges that it does not know of yet; the bins that are empty now.
 
     What was believed in such a bin goes, with what was tried on it, and so does the heap that was seen.
@@ -33,7 +33,7 @@ def notice_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
             world.attempts.forget(object_id)
         world.eyes.bins.pop(bin_id, None)
         world.journal.note(
-            Happened(
+            JournalEvent(
                 "bin_emptied",
                 f"{bin_id} is exchanged for an empty one; {_counted(len(inside))} gone with it",
                 node,
@@ -43,7 +43,7 @@ def notice_exchanges(world: World, node: str) -> tuple[ObjectId, ...]:
     return bins
 
 
-def let_ride(world: World) -> tuple[ObjectId, ...]:
+def forget_belt_items(world: World) -> tuple[ObjectId, ...]:
     """Forget where items lie on belts, which may run from now on, and what was tried on them there; who."""
     belts = [world.description.fixture(belt.id) for belt in world.description.belts]
     riding = [
@@ -64,11 +64,11 @@ def _is_over(belt: Fixture, pose: Pose) -> bool:
     return abs(along) <= length / 2 and abs(across) <= width / 2 and up > 0.0
 
 
-def fill_of(world: World, bin_: Bin) -> float:
+def bin_fill_level(world: World, bin_: Bin) -> float:
     """How full a bin is, from what was seen and what is believed to lie in it: the mean height of its heap
     over the height of its inside, each cell counting up to the rim. 0 … 1"""
     seen = world.eyes.bins.get(bin_.id)
-    heights = heap(bin_, world.scene.objects, None if seen is None else seen.cells)
+    heights = heap_heights(bin_, world.scene.objects, None if seen is None else seen.cells)
     low, high = bin_.inside()
     depth = high[2] - low[2]
     return float(np.clip(heights, 0.0, depth).mean()) / depth
@@ -82,7 +82,7 @@ UNSURE = 0.3
 """Confidence in the guess, until the object is seen again."""
 
 
-def open_hand(world: World, reason: str, width: float | None = None) -> Generator[None, None, None]:
+def open_gripper(world: World, reason: str, width: float | None = None) -> Generator[None, None, None]:
     """Open the fingers, by default fully; what they held is then believed to be gone from the hand.
 
     So it is when this is halted on the way: the fingers go on opening.
@@ -90,18 +90,18 @@ def open_hand(world: World, reason: str, width: float | None = None) -> Generato
     try:
         yield from world.grip.open(width)
     except GeneratorExit:
-        let_go(world.scene, reason)
+        release_object(world.scene, reason)
         raise
-    let_go(world.scene, reason)
+    release_object(world.scene, reason)
 
 
-def let_go(scene: PlanningScene, reason: str) -> None:
+def release_object(scene: PlanningScene, reason: str) -> None:
     """Detach what is held and believe it straight below, on the highest fixture or bin floor there."""
     held = scene.held
     if held is None:
         return
     x, y, z = held.pose.position
-    support, place = board_at(scene, x, y) or 0.0, "table"
+    support, place = support_height_at(scene, x, y) or 0.0, "table"
     for bin_ in scene.bins.values():
         local = bin_.pose.inverse().apply(np.array([x, y, z]))
         if abs(float(local[0])) <= bin_.size[0] / 2 and abs(float(local[1])) <= bin_.size[1] / 2:
@@ -113,7 +113,7 @@ def let_go(scene: PlanningScene, reason: str) -> None:
     )
 
 
-def board_at(scene: PlanningScene, x: float, y: float) -> float | None:
+def support_height_at(scene: PlanningScene, x: float, y: float) -> float | None:
     """Height of the highest fixture's top at a point of the world, never below 0; None beside all of them."""
     highest: float | None = None
     for fixture in scene.fixtures.values():

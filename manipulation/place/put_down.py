@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from ...planning.requests import PoseGoal, Scaling
 from ...world.belief.planning_scene import BeliefObject
 from ...world.causes import Failure, place
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ..grasp.straight_lines import DOWN
-from ..retreat.clearing import ON_THE_WAY, REDUCED, WARY, Doing, Leaving
-from ..retreat.homing import look_around
+from ..retreat.clearing import ON_THE_WAY, REDUCED, WARY, Doing, RetreatMotion
+from ..retreat.homing import observe_with_fixed_cameras
 from .bin_spots import blocked, put_down_poses
-from .dropped_objects import board_at
+from .dropped_objects import support_height_at
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -34,13 +34,13 @@ SPARE = 0.02
 """The object is lowered by so much more than its support should be away, m."""
 
 
-def set_down(world: World, leaving: Leaving, scaling: Scaling, node: str) -> Doing[None]:
+def put_down(world: World, leaving: RetreatMotion, scaling: Scaling, node: str) -> Doing[None]:
     """Lower what is held onto a free spot of a fixture, near where it is, until it is felt to stand, and let
     go of it. Fails with place.occupied where there is none, the object still in the hand."""
     held = world.scene.held
     if held is None:
         return
-    seen = yield from look_around(world)
+    seen = yield from observe_with_fixed_cameras(world)
     why = "no spot near it is free"
     tries = 0
     for spot in _free_spots(world, held):
@@ -91,7 +91,7 @@ def _lower(world: World, held: BeliefObject, node: str) -> Doing[None]:
         raise
     world.control.wrist.carry(None)
     world.scene.detach(held.id, before.pose, "table", "put down by a retreat")
-    world.journal.note(Happened("put_down", f"{held.id} is put down", node, {"object": held.id}))
+    world.journal.note(JournalEvent("put_down", f"{held.id} is put down", node, {"object": held.id}))
 
 
 def _free_spots(world: World, held: BeliefObject) -> Iterator[Vector3]:
@@ -122,5 +122,5 @@ def _level(world: World, at: tuple[float, float]) -> float | None:
     """Height of what lies below a point; None where that is not level around it."""
     x, y = at
     around = [(0.0, 0.0), (ROOM, 0.0), (-ROOM, 0.0), (0.0, ROOM), (0.0, -ROOM)]
-    heights = [board_at(world.scene, x + dx, y + dy) for dx, dy in around]
+    heights = [support_height_at(world.scene, x + dx, y + dy) for dx, dy in around]
     return heights[0] if len(set(heights)) == 1 else None

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...cell.handover import Landing
+from ...cell.handover import PlaceCandidate
 from ...world.belief.planning_scene import BeliefObject
 from ...world.scene.description import Bin
 from ...world.shapes import Shape, extents
 from ...world.values import Array, ObjectId, Pose
-from .bin_spots import STEPS, YAWS, Spot, heap, release_poses, spots
+from .bin_spots import STEPS, YAWS, BinCell, free_cells, heap_heights, release_poses
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -29,28 +29,28 @@ HEAP_ROOM = 0.015
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class BinTarget:
     """A bin as it is filled now: where an object may go, the best cell first; none when it is full."""
 
     bin: Bin
     heights: Array
     """(3, 3) m above the bin's floor."""
-    cells: tuple[Spot, ...]
+    cells: tuple[BinCell, ...]
 
 
-def target_for(world: World, belief: BeliefObject, into: ObjectId) -> Target:
+def bin_target(world: World, belief: BeliefObject, into: ObjectId) -> BinTarget:
     """What is seen and believed of a bin, for an object that is turned as it is now."""
     bin_ = world.scene.bins[into]
     seen = world.eyes.bins.get(into)
-    heights = heap(bin_, world.scene.objects, None if seen is None else seen.cells)
-    return Target(bin_, heights, tuple(spots(bin_, heights, belief.shape, belief.pose.rotation())))
+    heights = heap_heights(bin_, world.scene.objects, None if seen is None else seen.cells)
+    return BinTarget(bin_, heights, tuple(free_cells(bin_, heights, belief.shape, belief.pose.rotation())))
 
 
 @dataclass(frozen=True, slots=True)
-class Level:
+class ReleaseLevel:
     """Landings over one cell at one height, one for each turn of the hand."""
 
-    spot: Spot
+    spot: BinCell
     higher: float
     cost: float
     """s"""
@@ -61,32 +61,34 @@ class Level:
         return f"{self.spot.name}{more}"
 
 
-def levels(target: Target) -> Iterator[Level]:
+def levels(target: BinTarget) -> Iterator[ReleaseLevel]:
     """The lowest release over the best cell first."""
     for step, higher in enumerate(STEPS):
         for k, spot in enumerate(target.cells[:CELLS_TRIED]):
-            yield Level(spot, higher, step * STEP_COST + k * CELL_COST)
+            yield ReleaseLevel(spot, higher, step * STEP_COST + k * CELL_COST)
 
 
-def landings(
-    world: World, target: Target, level: Level, shape: Shape, object_in_tcp: Pose
-) -> Sequence[Landing]:
+def place_candidates(
+    world: World, target: BinTarget, level: ReleaseLevel, shape: Shape, object_in_tcp: Pose
+) -> Sequence[PlaceCandidate]:
     """The hand points down, at several yaws."""
     poses = release_poses(target.bin, level.spot, shape, object_in_tcp, level.higher)
     return tuple(
-        Landing(
+        PlaceCandidate(
             target.bin.id,
             level.spot.name,
             level.spot.height,
             above,
-            drop_over(world, target, above, shape, object_in_tcp),
+            free_drop_height(world, target, above, shape, object_in_tcp),
             f"{target.bin.id} {level.name} turned {360 * k // YAWS}",
         )
         for k, above in enumerate(poses)
     )
 
 
-def drop_over(world: World, target: Target, above: Pose, shape: Shape, object_in_tcp: Pose) -> float:
+def free_drop_height(
+    world: World, target: BinTarget, above: Pose, shape: Shape, object_in_tcp: Pose
+) -> float:
     """How far the hand goes straight down from over a bin without feeling its way: until the finger tips
     are as near to the rim as they may be, or the object to what may lie below. m, 0 at least
 

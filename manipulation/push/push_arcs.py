@@ -10,7 +10,7 @@ import numpy as np
 
 from ...robots.description import GripperDescription
 from ...world.belief.planning_scene import BeliefObject
-from ...world.planar_geometry import UPRIGHT, Outline, Planar, outline, wrapped
+from ...world.planar_geometry import UPRIGHT, PlanarOutline, PlanarPose, outline, wrap_angle
 from ...world.shapes import Cylinder, Sphere, bottom, top
 
 SHORTEST = 0.012
@@ -30,14 +30,14 @@ PALM = 0.004
 
 
 @dataclass(frozen=True, slots=True)
-class Side:
+class PushSide:
     """One way to push: `heading` is the direction of the push in the object's planar frame, rad. The
     *carrier* is the frame at the object's origin with its x axis along the push: while nothing slips, object
     and tool stand still in it."""
 
     name: str
     heading: float
-    tool: Planar
+    tool: PlanarPose
     """The TCP in the carrier."""
     opening: float
     """Of the fingers, m."""
@@ -46,15 +46,15 @@ class Side:
     rolls: bool = False
     """The object rolls before the fingers: it hardly resists, and is not felt."""
 
-    def carrier(self, at: Planar) -> Planar:
+    def carrier(self, at: PlanarPose) -> PlanarPose:
         """With the object at a place."""
-        return at @ Planar(0.0, 0.0, self.heading)
+        return at @ PlanarPose(0.0, 0.0, self.heading)
 
-    def object(self, carrier: Planar) -> Planar:
-        return carrier @ Planar(0.0, 0.0, -self.heading)
+    def object(self, carrier: PlanarPose) -> PlanarPose:
+        return carrier @ PlanarPose(0.0, 0.0, -self.heading)
 
 
-def sides(belief: BeliefObject, gripper: GripperDescription, towards: float) -> tuple[Side, ...]:
+def push_sides(belief: BeliefObject, gripper: GripperDescription, towards: float) -> tuple[PushSide, ...]:
     """All ways to push an object. `towards`: the direction in its planar frame that is wanted, rad; what is
     round has a side for each."""
     shape = outline(belief.shape, belief.pose)
@@ -88,18 +88,18 @@ def curved(belief: BeliefObject) -> bool:
             return False
 
 
-def tool_outline(gripper: GripperDescription, opening: float) -> tuple[Outline, Outline]:
+def tool_outline(gripper: GripperDescription, opening: float) -> tuple[PlanarOutline, PlanarOutline]:
     """Of the two finger pads from above, in the TCP's planar frame with y across the fingers."""
     depth, thick = gripper.pads[0][0].size[0] / 2, gripper.pads[0][0].size[1]
     near, far = opening / 2, opening / 2 + thick
     one = np.array([[-depth, near], [depth, near], [depth, far], [-depth, far]])
     other = np.array([[-depth, -far], [depth, -far], [depth, -near], [-depth, -near]])
-    return Outline(one), Outline(other)
+    return PlanarOutline(one), PlanarOutline(other)
 
 
-def _flats(shape: Outline, gripper: GripperDescription) -> Sequence[Side]:
+def _flats(shape: PlanarOutline, gripper: GripperDescription) -> Sequence[PushSide]:
     depth, thick = gripper.pads[0][0].size[0] / 2, gripper.pads[0][0].size[1]
-    found: list[Side] = []
+    found: list[PushSide] = []
     for k, (a, b) in enumerate(zip(shape.corners, np.roll(shape.corners, -1, axis=0), strict=True)):
         edge = b - a
         length = float(np.hypot(*edge))
@@ -115,16 +115,16 @@ def _flats(shape: Outline, gripper: GripperDescription) -> Sequence[Side]:
         half = min(room, opening / 2 + thick)
         yaw = math.atan2(float(inwards[1]), float(inwards[0]))
         # Seen along the push, the side runs from left to right: `along` is the carrier's -y.
-        found.append(Side(f"side {k}", yaw, Planar(-away - depth, -lateral), opening, half))
+        found.append(PushSide(f"side {k}", yaw, PlanarPose(-away - depth, -lateral), opening, half))
     return found
 
 
-def _cradle(radius: float, yaw: float, gripper: GripperDescription) -> Side:
+def _cradle(radius: float, yaw: float, gripper: GripperDescription) -> PushSide:
     depth = gripper.pads[0][0].size[0] / 2
     opening = min(CRADLE * radius, gripper.max_width)
     away = math.sqrt((radius + ROUNDED) ** 2 - (opening / 2 + ROUNDED) ** 2) - ROUNDED
     name = f"from {math.degrees(yaw + math.pi) % 360:.0f} deg"
-    return Side(name, yaw, Planar(-away - depth, 0.0), opening, opening / 2)
+    return PushSide(name, yaw, PlanarPose(-away - depth, 0.0), opening, opening / 2)
 
 
 STRAIGHT = 1e-6
@@ -132,10 +132,10 @@ STRAIGHT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Arcs:
+class ArcPath:
     """From `start` on along its x axis: lengths, m, and curvatures, 1/m, positive to the left."""
 
-    start: Planar
+    start: PlanarPose
     pieces: tuple[tuple[float, float], ...]
 
     @property
@@ -152,18 +152,18 @@ class Arcs:
         """All turns added up, rad."""
         return sum(abs(length * curvature) for length, curvature in self.pieces)
 
-    def at(self, way: float) -> Planar:
+    def at(self, way: float) -> PlanarPose:
         """The frame after `way` m, its x axis along the way; before the start and after the end it goes
         straight on."""
         frame = self.start
         if way <= 0.0:
-            return frame @ Planar(way, 0.0)
+            return frame @ PlanarPose(way, 0.0)
         for length, curvature in self.pieces:
             frame = frame @ _along(min(way, length), curvature)
             way -= length
             if way <= 0.0:
                 return frame
-        return frame @ Planar(way, 0.0)
+        return frame @ PlanarPose(way, 0.0)
 
     def curvature(self, way: float) -> float:
         """1/m, to the left positive."""
@@ -176,33 +176,33 @@ class Arcs:
         return 0.0
 
 
-def _along(way: float, curvature: float) -> Planar:
+def _along(way: float, curvature: float) -> PlanarPose:
     if abs(curvature) < STRAIGHT:
-        return Planar(way, 0.0, 0.0)
+        return PlanarPose(way, 0.0, 0.0)
     turn = way * curvature
-    return Planar(math.sin(turn) / curvature, (1.0 - math.cos(turn)) / curvature, turn)
+    return PlanarPose(math.sin(turn) / curvature, (1.0 - math.cos(turn)) / curvature, turn)
 
 
-def straight(start: Planar, length: float) -> Arcs:
-    return Arcs(start, ((length, 0.0),))
+def straight(start: PlanarPose, length: float) -> ArcPath:
+    return ArcPath(start, ((length, 0.0),))
 
 
-def arc_to(start: Planar, x: float, y: float) -> Arcs | None:
+def arc_to(start: PlanarPose, x: float, y: float) -> ArcPath | None:
     """The one arc that ends in a point; None when that lies abreast or behind."""
-    there = start.inverse() @ Planar(x, y)
+    there = start.inverse() @ PlanarPose(x, y)
     off = math.hypot(there.x, there.y)
     if there.x <= 0.0 or off < 1e-9:
         return None
     curvature = 2.0 * there.y / off**2
     if abs(curvature) < STRAIGHT:
         return straight(start, off)
-    return Arcs(start, ((2.0 * math.atan2(there.y, there.x) / curvature, curvature),))
+    return ArcPath(start, ((2.0 * math.atan2(there.y, there.x) / curvature, curvature),))
 
 
-def biarc(start: Planar, end: Planar) -> Arcs | None:
+def biarc(start: PlanarPose, end: PlanarPose) -> ArcPath | None:
     """Two arcs that lead to `end` in its direction, with equal chords of their control polygon (Bolton,
     "Biarc curves", Computer-Aided Design 7, 1975); None when the way would begin or end backwards."""
-    goal = start.inverse() @ Planar(end.x, end.y, end.yaw)
+    goal = start.inverse() @ PlanarPose(end.x, end.y, end.yaw)
     v = np.array([goal.x, goal.y])
     t1, t2 = np.array([1.0, 0.0]), np.array([math.cos(goal.yaw), math.sin(goal.yaw)])
     both = float(v @ (t1 + t2))
@@ -217,17 +217,17 @@ def biarc(start: Planar, end: Planar) -> Arcs | None:
     if d <= 0.0:
         return None
     joint = (v + d * (t1 - t2)) / 2.0
-    first = arc_to(start, *(start @ Planar(float(joint[0]), float(joint[1]))).apply(np.zeros((1, 2)))[0])
+    first = arc_to(start, *(start @ PlanarPose(float(joint[0]), float(joint[1]))).apply(np.zeros((1, 2)))[0])
     if first is None:
         return None
     second = arc_to(first.at(first.length), end.x, end.y)
     if second is None:
         return None
-    whole = Arcs(start, (*first.pieces, *second.pieces))
-    return whole if abs(wrapped(whole.at(whole.length).yaw - end.yaw)) < 1e-6 else None
+    whole = ArcPath(start, (*first.pieces, *second.pieces))
+    return whole if abs(wrap_angle(whole.at(whole.length).yaw - end.yaw)) < 1e-6 else None
 
 
-def cut(way: Arcs, length: float) -> Arcs:
+def truncated(way: ArcPath, length: float) -> ArcPath:
     """The first `length` m of a way."""
     left, pieces = length, list[tuple[float, float]]()
     for piece, curvature in way.pieces:
@@ -235,4 +235,4 @@ def cut(way: Arcs, length: float) -> Arcs:
             break
         pieces.append((min(piece, left), curvature))
         left -= piece
-    return Arcs(way.start, tuple(pieces))
+    return ArcPath(way.start, tuple(pieces))

@@ -9,26 +9,26 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ...control.cartesian.stiffness import Stiffness
-from ...planning.requests import JointGoal, Line, NamedGoal, Offset, PoseGoal, Request
+from ...control.cartesian.stiffness import CartesianStiffness
+from ...planning.requests import JointGoal, LineGoal, NamedGoal, OffsetGoal, PoseGoal, Request
 from ...world.belief.planning_scene import BeliefObject
-from ...world.planar_geometry import Outline, Planar, gap, moved, outline, planar
+from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
 from ...world.scene.description import Fixture
 from ...world.shapes import Box, bottom, top
 from ...world.values import Array, ObjectId, Pose
-from ..motion.replanning import travel
+from ..motion.replanning import follow_with_replanning
 from .push_arcs import height, tool_outline
-from .stroke_course import SLOW, PushCourse
-from .stroke_planning import Stroke
+from .stroke_course import SLOW, PushMotion
+from .stroke_planning import PushStroke
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...planning.service.solver import Solver
+    from ...planning.service.solver import RequestSolver
 
 T = TypeVar("T")
 Doing = Generator[None, None, T]
 
-STIFF = Stiffness(linear=1500.0, angular=60.0)
+STIFF = CartesianStiffness(linear=1500.0, angular=60.0)
 EDGE = 0.015
 """What is pushed stays so far from the edge of what it stands on, m; the tool stays above it."""
 BESIDE = 0.004
@@ -49,11 +49,11 @@ SPARE = 6.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ready:
+class FeasibleStroke:
     """A stroke that was found free: how the tool is turned, how high it is, and where the arm stands above
     its start (n,) rad."""
 
-    stroke: Stroke
+    stroke: PushStroke
     flipped: bool
     height: float
     over: Array
@@ -61,7 +61,7 @@ class Ready:
 
 
 @dataclass(frozen=True, slots=True)
-class Pushed:
+class PushResult:
     """What a stroke has come to, as far as it was felt."""
 
     touched: bool
@@ -73,7 +73,7 @@ class Pushed:
     """Way of the carrier, m."""
     force: float
     """Greatest force on the tool, N."""
-    ends: Planar
+    ends: PlanarPose
     """Where the object is if it has stayed at the tool."""
 
     @property
@@ -112,7 +112,7 @@ def within(fixture: Fixture, points: Array, margin: float) -> bool:
     return bool((np.abs(there) <= half).all())
 
 
-def placed(shape: Outline, at: Planar) -> Array:
+def placed(shape: PlanarOutline, at: PlanarPose) -> Array:
     """Points (n, 2) in the world on the border of an outline."""
     if shape.round:
         ring = np.arange(16) * (2 * math.pi / 16)
@@ -120,8 +120,8 @@ def placed(shape: Outline, at: Planar) -> Array:
     return at.apply(shape.corners)
 
 
-def unfit(
-    world: World, belief: BeliefObject, places: Sequence[Planar], touching: Collection[str] = ()
+def pose_refusal(
+    world: World, belief: BeliefObject, places: Sequence[PlanarPose], touching: Collection[str] = ()
 ) -> str | None:
     """Why the object must not be at one of these places; `touching`: what may be pushed along."""
     support = support_of(world, belief)
@@ -137,10 +137,13 @@ def unfit(
             return f"it would come to the edge of {support.id}"
         for hole in support.holes:
             middle = (support.pose @ hole.pose).position
-            free = at.distance(Planar(middle[0], middle[1])) - shape.reach
+            free = at.distance(PlanarPose(middle[0], middle[1])) - shape.reach
             if free < math.hypot(*hole.size) / 2 + hole.chamfer:
                 return f"it would come over {hole.id}"
-        hit = next((name for name, other, there in around if gap(shape, at, other, there) < margin), None)
+        hit = next(
+            (name for name, other, there in around if outline_distance(shape, at, other, there) < margin),
+            None,
+        )
         if hit is None:
             there = moved(belief.shape, belief.pose, at)
             hit = next((c.b for c in world.queries.free(belief.shape, there, ignore, margin)), None)
@@ -149,9 +152,9 @@ def unfit(
     return None
 
 
-def refused(world: World, belief: BeliefObject, stroke: Stroke) -> str | None:
+def stroke_refusal(world: World, belief: BeliefObject, stroke: PushStroke) -> str | None:
     """Why the object, or the tool, must not go that way."""
-    why = unfit(world, belief, [stroke.object_at(way) for way in _samples(0.0, stroke.way.length)])
+    why = pose_refusal(world, belief, [stroke.object_at(way) for way in _samples(0.0, stroke.way.length)])
     support = support_of(world, belief)
     if why is not None or support is None:
         return why
@@ -163,25 +166,32 @@ def refused(world: World, belief: BeliefObject, stroke: Stroke) -> str | None:
     return None
 
 
-def ready(world: World, belief: BeliefObject, stroke: Stroke, touching: Collection[str] = ()) -> Ready | str:
+def plan_stroke(
+    world: World, belief: BeliefObject, stroke: PushStroke, touching: Collection[str] = ()
+) -> FeasibleStroke | str:
     """The stroke as the arm can make it, or why it cannot. Costs are owed to the thinking account."""
     opening = stroke.side.opening
     tip = world.robot.fingers.reach(opening)
     level = height(belief, world.robot.description.gripper, tip)
     why = "the arm does not reach it"
-    answers: list[tuple[float, Ready]] = []
+    answers: list[tuple[float, FeasibleStroke]] = []
     for flipped in (False, True):
         found = _followed(world, belief, stroke, level, flipped, touching)
         if isinstance(found, str):
             why = found
         else:
             travel = float(np.abs(found - world.control.held_position).max())
-            answers.append((travel, Ready(stroke, flipped, level, found, opening)))
+            answers.append((travel, FeasibleStroke(stroke, flipped, level, found, opening)))
     return min(answers, key=lambda a: a[0])[1] if answers else why
 
 
 def _followed(
-    world: World, belief: BeliefObject, stroke: Stroke, level: float, flipped: bool, touching: Collection[str]
+    world: World,
+    belief: BeliefObject,
+    stroke: PushStroke,
+    level: float,
+    flipped: bool,
+    touching: Collection[str],
 ) -> Array | str:
     """The arm over the start of the stroke (n,), if it can follow it from there without a swing.
 
@@ -211,7 +221,7 @@ def _followed(
     return f"beside it {above}" if isinstance(above, str) else above
 
 
-def _chain(solver: Solver, q: Array, poses: Sequence[Pose]) -> Array | str:
+def _chain(solver: RequestSolver, q: Array, poses: Sequence[Pose]) -> Array | str:
     """From q (n,) through all poses without a swing, free, and away from the joints' limits: the last
     configuration, or what is in the way."""
     model = solver.model
@@ -237,15 +247,15 @@ def _samples(start: float, end: float) -> Sequence[float]:
     return [start + (end - start) * k / (count - 1) for k in range(count)]
 
 
-def make(
+def execute_stroke(
     world: World,
     belief: BeliefObject,
-    one: Ready,
+    one: FeasibleStroke,
     speed: float,
     force: float,
     node: str,
-    along: Mapping[ObjectId, Planar] | None = None,
-) -> Doing[Pushed]:
+    along: Mapping[ObjectId, PlanarPose] | None = None,
+) -> Doing[PushResult]:
     """Make the stroke; the tool ends beside the object, and the belief says where it ought to be now.
 
     `along`: where else what is expected to come to that is pushed along. Failures: planning.*, control.*,
@@ -256,12 +266,14 @@ def make(
     start = stroke.tcp_at(-stroke.gap, one.height, one.flipped)
     legs = (
         Request(JointGoal(one.over), width=_widest(world, one.opening), scaling=handling.scaling(1.0)),
-        Request(Line(start), width=one.opening, scaling=handling.slowly),
+        Request(LineGoal(start), width=one.opening, scaling=handling.slowly),
     )
-    yield from travel(world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node)
+    yield from follow_with_replanning(
+        world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node
+    )
     if abs(world.grip.width - one.opening) > 0.002:
         yield from world.grip.move(one.opening, world.robot.description.gripper.max_force)
-    course = PushCourse(
+    course = PushMotion(
         stroke.way,
         stroke.side.tool,
         stroke.gap,
@@ -276,7 +288,7 @@ def make(
         result = yield from world.move.comply(course, limit, stiffness=STIFF, node=node)
     touched = course.touched_at is not None
     ends = stroke.side.object(course.carrier)
-    pushed = Pushed(
+    pushed = PushResult(
         touched, course.in_contact, course.blocked, course.lost, course.reached, result.force, ends
     )
     if stroke.side.rolls or (touched and not course.lost):
@@ -290,7 +302,7 @@ def _widest(world: World, opening: float) -> float:
     return max(opening, world.grip.width)
 
 
-def _believe(world: World, name: ObjectId, at: Planar) -> None:
+def _believe(world: World, name: ObjectId, at: PlanarPose) -> None:
     known = world.scene.find(name)
     if known is not None:
         pose = moved(known.shape, known.pose, at)
@@ -305,14 +317,16 @@ def step_back(world: World, names: Collection[str], node: str) -> Doing[None]:
     touched = {*names, *(c.b for c in near if c.b not in world.scene.fixtures)}
     pairs = tuple(("gripper", name) for name in sorted(touched))
     legs = (
-        Request(Offset((0.0, 0.0, UP), least_fraction=0.3), allowed=pairs, scaling=handling.slowly),
+        Request(OffsetGoal((0.0, 0.0, UP), least_fraction=0.3), allowed=pairs, scaling=handling.slowly),
         Request(NamedGoal(LOOKING), allowed=pairs, scaling=handling.scaling(1.0)),
     )
-    yield from travel(world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node)
+    yield from follow_with_replanning(
+        world, lambda: world.plan.through(legs, node=node), guard=handling.guard, node=node
+    )
 
 
 def go_looking(world: World, node: str) -> Doing[None]:
     """To where the arm does not hide the table from the cameras."""
     goal, scaling = NamedGoal(LOOKING), world.handling.scaling(1.0)
     ask = lambda: world.plan.to(goal, scaling=scaling, node=node)  # noqa: E731
-    yield from travel(world, ask, guard=world.handling.guard, node=node)
+    yield from follow_with_replanning(world, ask, guard=world.handling.guard, node=node)

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ...world.belief.planning_scene import BeliefObject
-from ...world.planar_geometry import Outline, Planar, moved, outline, planar, wrapped
+from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, planar, wrap_angle
 from ...world.values import Array, ObjectId
-from .stroke_planning import Stroke
+from .stroke_planning import PushStroke
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -29,7 +29,7 @@ GRID = 3e-4
 """What pictures of the same object err alike, m."""
 
 
-def look_closely(world: World, camera: str, name: ObjectId, pictures: int) -> Doing[BeliefObject | None]:
+def observe_closely(world: World, camera: str, name: ObjectId, pictures: int) -> Doing[BeliefObject | None]:
     """What is believed of an object after so many pictures: its place is the mean of those that show it.
     None when most of them do not."""
     yield from world.control.settle()
@@ -46,8 +46,10 @@ def look_closely(world: World, camera: str, name: ObjectId, pictures: int) -> Do
     places = [planar(b.shape, b.pose) for b in here]
     turn = outline(last.shape, last.pose).turn
     first = places[0]
-    yaw = first.yaw + float(np.median([wrapped(p.yaw - first.yaw, turn) for p in places]))
-    mean = Planar(float(np.mean([p.x for p in places])), float(np.mean([p.y for p in places])), wrapped(yaw))
+    yaw = first.yaw + float(np.median([wrap_angle(p.yaw - first.yaw, turn) for p in places]))
+    mean = PlanarPose(
+        float(np.mean([p.x for p in places])), float(np.mean([p.y for p in places])), wrap_angle(yaw)
+    )
     height = float(np.mean([b.pose.position[2] for b in here]))
     pose = moved(last.shape, last.pose, mean)
     pose = replace(pose, position=(mean.x, mean.y, height))
@@ -77,10 +79,10 @@ DOUBT = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Estimate:
+class PlanarEstimate:
     """Place and heading with what they are worth: covariance (2, 2) m², standard deviation, rad."""
 
-    at: Planar
+    at: PlanarPose
     covariance: Array
     turned: float
 
@@ -90,33 +92,35 @@ class Estimate:
         return math.sqrt(float(np.linalg.eigvalsh(self.covariance)[-1]))
 
 
-def seen(at: Planar) -> Estimate:
+def estimate_from_camera(at: PlanarPose) -> PlanarEstimate:
     """By a camera alone."""
-    return Estimate(at, np.eye(2) * SIGHT**2, SIGHT_TURNED)
+    return PlanarEstimate(at, np.eye(2) * SIGHT**2, SIGHT_TURNED)
 
 
-def felt(before: Estimate, stroke: Stroke, ends: Planar, shape: Outline) -> Estimate:
+def estimate_from_contact(
+    before: PlanarEstimate, stroke: PushStroke, ends: PlanarPose, shape: PlanarOutline
+) -> PlanarEstimate:
     """After a stroke that ended in contact, with the tool where it is when the object is at `ends`."""
     side, way = stroke.side, stroke.way.length
     if shape.round:
-        return Estimate(ends, np.eye(2) * FELT**2 * 2, math.pi)
+        return PlanarEstimate(ends, np.eye(2) * FELT**2 * 2, math.pi)
     nx, ny = side.carrier(ends).direction
     normal, along = np.array([nx, ny]), np.array([-ny, nx])
     lateral = float(along @ before.covariance @ along) + SLIPPED**2 + (SLIP * way) ** 2
     covariance = np.outer(normal, normal) * FELT**2 + np.outer(along, along) * lateral
     # Pushed at one corner the object turns until it lies at the flat of the fingers.
-    askew = abs(wrapped(stroke.way.start.yaw - side.carrier(before.at).yaw)) + 2.0 * before.turned
+    askew = abs(wrap_angle(stroke.way.start.yaw - side.carrier(before.at).yaw)) + 2.0 * before.turned
     turning = side.half / (shape.inertia() + side.half**2)
     squared = RESERVE * turning * max(0.0, way - 2.0 * SIGHT) > askew
     narrow = max(1.0, WIDE / side.half) ** 2
-    return Estimate(ends, covariance, FELT_TURNED * narrow if squared else askew)
+    return PlanarEstimate(ends, covariance, FELT_TURNED * narrow if squared else askew)
 
 
-def together(touch: Estimate, sight: Estimate, turn: float) -> Estimate:
+def fuse_estimates(touch: PlanarEstimate, sight: PlanarEstimate, turn: float) -> PlanarEstimate:
     """What both say, or what is seen alone where they contradict each other. `turn`: turned by it the object
     looks the same, rad."""
     off = np.array([sight.at.x - touch.at.x, sight.at.y - touch.at.y])
-    yaw = wrapped(sight.at.yaw - touch.at.yaw, turn)
+    yaw = wrap_angle(sight.at.yaw - touch.at.yaw, turn)
     both = touch.covariance + sight.covariance
     spread = touch.turned**2 + sight.turned**2
     apart = float(off @ np.linalg.solve(both, off)) + (yaw**2 / spread if turn else 0.0)
@@ -126,8 +130,8 @@ def together(touch: Estimate, sight: Estimate, turn: float) -> Estimate:
     x, y = np.array([touch.at.x, touch.at.y]) + gain @ off
     share = touch.turned**2 / spread if turn else 1.0
     covariance = (np.eye(2) - gain) @ touch.covariance
-    return Estimate(
-        Planar(float(x), float(y), touch.at.yaw + share * yaw),
+    return PlanarEstimate(
+        PlanarPose(float(x), float(y), touch.at.yaw + share * yaw),
         (covariance + covariance.T) / 2,
         math.sqrt(1.0 / (1.0 / touch.turned**2 + 1.0 / sight.turned**2)),
     )

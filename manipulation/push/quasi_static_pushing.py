@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ...world.planar_geometry import Outline, Planar
+from ...world.planar_geometry import PlanarOutline, PlanarPose
 
 ROUNDS = 8
 """Times that all contacts are gone through, at most."""
@@ -39,7 +39,7 @@ class _Contact:
 class _Slider:
     """One outline, and where it is."""
 
-    def __init__(self, shape: Outline, at: Planar, *, fixed: bool) -> None:
+    def __init__(self, shape: PlanarOutline, at: PlanarPose, *, fixed: bool) -> None:
         self.at = at
         self.radius = shape.radius
         self.fixed = fixed
@@ -67,23 +67,27 @@ class _Slider:
         nx, ny = contact.out
         lever = (contact.at[0] - self.at.x) * ny - (contact.at[1] - self.at.y) * nx
         turn = effort * lever / self._square
-        self.at = Planar(self.at.x + effort * nx, self.at.y + effort * ny, self.at.yaw + turn)
+        self.at = PlanarPose(self.at.x + effort * nx, self.at.y + effort * ny, self.at.yaw + turn)
         self._points = None
 
 
-class Sliding:
+class PlanarPushModel:
     """Bodies on one table, by name, among what stands still there."""
 
     def __init__(
-        self, bodies: Mapping[str, tuple[Outline, Planar]], still: Iterable[tuple[Outline, Planar]] = ()
+        self,
+        bodies: Mapping[str, tuple[PlanarOutline, PlanarPose]],
+        still: Iterable[tuple[PlanarOutline, PlanarPose]] = (),
     ) -> None:
         self._bodies = {name: _Slider(shape, at, fixed=False) for name, (shape, at) in bodies.items()}
         self._still = [_Slider(shape, at, fixed=True) for shape, at in still]
 
-    def where(self, name: str) -> Planar:
+    def where(self, name: str) -> PlanarPose:
         return self._bodies[name].at
 
-    def press(self, tool: Sequence[tuple[Outline, Planar]], deepest: float = DEEPEST) -> frozenset[str]:
+    def press(
+        self, tool: Sequence[tuple[PlanarOutline, PlanarPose]], deepest: float = DEEPEST
+    ) -> frozenset[str]:
         """The outlines of the tool are there now; move what they reach into, and answer who was moved."""
         parts = [_Slider(shape, at, fixed=True) for shape, at in tool]
         moved: set[str] = set()
@@ -139,11 +143,13 @@ def _part(one: _Slider, other: _Slider, deepest: float = math.inf) -> float:
     return depth
 
 
-def _come_apart(contact: _Contact, starts: tuple[Planar, Planar], one: _Slider, other: _Slider) -> float:
+def _come_apart(
+    contact: _Contact, starts: tuple[PlanarPose, PlanarPose], one: _Slider, other: _Slider
+) -> float:
     """By how much the two have parted at a contact since it was found, m."""
     (px, py), (nx, ny) = contact.at, contact.out
 
-    def way(start: Planar, now: Planar) -> float:
+    def way(start: PlanarPose, now: PlanarPose) -> float:
         turn = now.yaw - start.yaw
         dx = now.x - start.x - turn * (py - start.y)
         dy = now.y - start.y + turn * (px - start.x)

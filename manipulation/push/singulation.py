@@ -16,15 +16,15 @@ import numpy as np
 
 from ...planning.requests import PoseGoal, Request
 from ...world.belief.planning_scene import BeliefObject
-from ...world.planar_geometry import Outline, Planar, gap, moved, outline, planar
+from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar
 from ...world.scene.description import Fixture
 from ...world.shapes import Shape, bottom, extents, top
 from ...world.values import ObjectId
 from ..grasp.grasp_candidates import grasp_candidates
-from .push_arcs import Side, height, sides, straight, tool_outline
+from .push_arcs import PushSide, height, push_sides, straight, tool_outline
 from .push_stroke import EDGE, placed, support_of, within
-from .quasi_static_pushing import Sliding
-from .stroke_planning import Stroke, slid
+from .quasi_static_pushing import PlanarPushModel
+from .stroke_planning import PushStroke, straight_stroke
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -65,15 +65,15 @@ FINALISTS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Parting:
+class SingulationPush:
     """A push at one object, and what is expected of it."""
 
     name: str
     pushed: BeliefObject
-    stroke: Stroke
+    stroke: PushStroke
     along: tuple[ObjectId, ...]
     """What else is moved by it."""
-    there: Mapping[ObjectId, Planar]
+    there: Mapping[ObjectId, PlanarPose]
     """Where all that moves comes to."""
     worth: float
 
@@ -82,7 +82,7 @@ def has_room(world: World, belief: BeliefObject) -> bool:
     """Whether the hand fits around an object somewhere, and the arm reaches that; something unknown needs to
     stand alone. Costs are owed."""
     if belief.role != "item":
-        return alone(world, belief) >= ALONE
+        return free_distance(world, belief) >= ALONE
     for grasp in grasp_candidates(belief, world.robot.description.gripper):
         contacts = world.queries.hand_contacts(
             grasp.tcp_in_world, grasp.opening, ignore=(belief.id,), margin=grasp.margin
@@ -96,14 +96,14 @@ def has_room(world: World, belief: BeliefObject) -> bool:
     return False
 
 
-def alone(world: World, belief: BeliefObject) -> float:
+def free_distance(world: World, belief: BeliefObject) -> float:
     """Free distance of an object from all others, m."""
     return min((_between(belief, o) for o in world.scene.objects if o.id != belief.id), default=math.inf)
 
 
 def _between(one: BeliefObject, other: BeliefObject) -> float:
     """Free distance of two objects as seen from above, m."""
-    return gap(
+    return outline_distance(
         outline(one.shape, one.pose),
         planar(one.shape, one.pose),
         outline(other.shape, other.pose),
@@ -111,7 +111,7 @@ def _between(one: BeliefObject, other: BeliefObject) -> float:
     )
 
 
-def crowded(world: World) -> ObjectId | None:
+def most_crowded_object(world: World) -> ObjectId | None:
     """What needs room most: something unknown that is no larger than a few items, else the item with the
     least room that the hand does not fit around; None when all have room."""
     tallest = max((_longest(e.shape) for e in world.description.catalogue), default=0.0)
@@ -125,7 +125,7 @@ def crowded(world: World) -> ObjectId | None:
     ]
     items = [o for o in world.to_do() if not o.attached and support_of(world, o) is not None]
     for group in (unknown, items):
-        for o in sorted(group, key=lambda o: (alone(world, o), o.id)):
+        for o in sorted(group, key=lambda o: (free_distance(world, o), o.id)):
             if not has_room(world, o):
                 return o.id
     return None
@@ -137,7 +137,7 @@ def _longest(shape: Shape) -> float:
     return float((high - low).max())
 
 
-def partings(world: World, target: BeliefObject) -> list[Parting]:
+def singulation_pushes(world: World, target: BeliefObject) -> list[SingulationPush]:
     """Pushes that give the target room, the best first. Their cost is owed to the thinking account."""
     support = support_of(world, target)
     if support is None:
@@ -158,7 +158,7 @@ def partings(world: World, target: BeliefObject) -> list[Parting]:
     return sorted(found, key=_rank)
 
 
-def _rank(one: Parting) -> tuple[float, str]:
+def _rank(one: SingulationPush) -> tuple[float, str]:
     return (-one.worth, one.name)
 
 
@@ -172,7 +172,7 @@ class _Case:
         self._target = target
         self._support = support
         self._near = {o.id: o for o in near}
-        self._shapes: dict[ObjectId, tuple[Outline, Planar]] = {
+        self._shapes: dict[ObjectId, tuple[PlanarOutline, PlanarPose]] = {
             o.id: (outline(o.shape, o.pose), planar(o.shape, o.pose)) for o in near
         }
         self._supposed = world.scene.supposing()
@@ -191,7 +191,7 @@ class _Case:
         others = [o for o in self._near.values() if o.id != target.id]
         return [target, *(o for o in others if _between(target, o) < AROUND)]
 
-    def judged(self, begin: Sequence[Stroke]) -> Iterator[Parting]:
+    def judged(self, begin: Sequence[PushStroke]) -> Iterator[SingulationPush]:
         """What the push is worth that is one of these strokes, the first that can begin; for each of the
         lengths where it is allowed and worth something."""
         stroke = next((one for one in begin if self._begins(one)), None)
@@ -209,9 +209,9 @@ class _Case:
             along = tuple(name for name in there if name != pushed.id)
             x, y = stroke.way.start.direction
             name = f"{pushed.id} {stroke.side.name} {math.degrees(math.atan2(y, x)):.0f} deg"
-            yield Parting(f"{name} {length * 1000:.0f} mm", pushed, one, along, there, worth)
+            yield SingulationPush(f"{name} {length * 1000:.0f} mm", pushed, one, along, there, worth)
 
-    def with_others(self, one: Parting) -> Parting:
+    def with_others(self, one: SingulationPush) -> SingulationPush:
         """The same, and what it is worth to the others."""
         others = [o for name, o in self._near.items() if o.role == "item" and name != self._target.id]
         before = sum(self._fits(o) > 0.0 for o in others)
@@ -220,7 +220,7 @@ class _Case:
         return replace(one, worth=one.worth + OTHER * (after - before))
 
     @contextmanager
-    def _supposing(self, there: Mapping[ObjectId, Planar]) -> Generator[None]:
+    def _supposing(self, there: Mapping[ObjectId, PlanarPose]) -> Generator[None]:
         for name, at in there.items():
             o = self._near[name]
             self._supposed.put(replace(o, pose=moved(o.shape, o.pose, at)), "supposed")
@@ -228,7 +228,7 @@ class _Case:
         for name in there:
             self._supposed.put(self._near[name], "as it is")
 
-    def _begins(self, stroke: Stroke) -> bool:
+    def _begins(self, stroke: PushStroke) -> bool:
         """Whether the hand fits where the push begins, over the table."""
         world, pushed = self._world, self._near[stroke.object]
         opening = stroke.side.opening
@@ -242,12 +242,12 @@ class _Case:
         tcp = stroke.tcp_at(-stroke.gap, level, flipped=False)
         return not world.queries.hand_contacts(tcp, opening, (pushed.id,), HAND)
 
-    def _slid(self, stroke: Stroke) -> dict[float, dict[ObjectId, Planar]]:
+    def _slid(self, stroke: PushStroke) -> dict[float, dict[ObjectId, PlanarPose]]:
         """Where what is moved comes to, for each of the lengths that keeps the tool over the table."""
-        sliding = Sliding({str(name): both for name, both in self._shapes.items()})
+        sliding = PlanarPushModel({str(name): both for name, both in self._shapes.items()})
         fingers = tool_outline(self._gripper, stroke.side.opening)
         touched: set[str] = set()
-        found: dict[float, dict[ObjectId, Planar]] = {}
+        found: dict[float, dict[ObjectId, PlanarPose]] = {}
         begun = -STEP
         for length in LENGTHS:
             steps = math.ceil((length - begun) / STEP)
@@ -263,7 +263,7 @@ class _Case:
             found[length] = {name: sliding.where(name) for name in self._near if name in touched}
         return found
 
-    def _may_be(self, there: Mapping[ObjectId, Planar]) -> bool:
+    def _may_be(self, there: Mapping[ObjectId, PlanarPose]) -> bool:
         """Whether all that moves stays on its table, and away from what stands still."""
         ignore = (*self._near, self._support.id)
         for name, at in there.items():
@@ -310,38 +310,40 @@ class _Case:
         return worth
 
 
-def straight_on(stroke: Stroke, length: float) -> Stroke:
+def straight_on(stroke: PushStroke, length: float) -> PushStroke:
     """The same push, and so long, m."""
     way = straight(stroke.way.start, length)
     return replace(stroke, way=way, ends=stroke.side.object(way.at(length)))
 
 
-def _begins(world: World, belief: BeliefObject) -> Iterator[tuple[Stroke, Stroke]]:
+def _begins(world: World, belief: BeliefObject) -> Iterator[tuple[PushStroke, PushStroke]]:
     """Ways to push an object straight on: the fingers at the middle of a side, or closed and beside it. Each
     from where it is easy to begin, and from as close by as can be."""
     gripper = world.robot.description.gripper
     shape = outline(belief.shape, belief.pose)
     for side in _all_sides(belief, world):
-        variants: list[Side] = [side]
+        variants: list[PushSide] = [side]
         if not shape.round:
             at, half = side.tool, min(side.half, gripper.pads[0][0].size[1])
             closed = replace(side, opening=0.0, half=half)
             asides = (0.0, ASIDE, -ASIDE) if side.opening > 0.0 else (ASIDE, -ASIDE)
             variants += [
-                replace(closed, name=f"{side.name} {aside * 1000:+.0f} mm", tool=Planar(at.x, at.y + aside))
+                replace(
+                    closed, name=f"{side.name} {aside * 1000:+.0f} mm", tool=PlanarPose(at.x, at.y + aside)
+                )
                 for aside in asides
             ]
         for variant in variants:
-            stroke = slid(variant, belief, LENGTHS[-1])
+            stroke = straight_stroke(variant, belief, LENGTHS[-1])
             yield stroke, replace(stroke, gap=min(stroke.gap, TIGHT_GAP))
 
 
-def _all_sides(belief: BeliefObject, world: World) -> Iterator[Side]:
+def _all_sides(belief: BeliefObject, world: World) -> Iterator[PushSide]:
     gripper = world.robot.description.gripper
     if outline(belief.shape, belief.pose).round:
         for k in range(0, 8, 2):
-            yield from sides(belief, gripper, k * math.pi / 4)[:1]
+            yield from push_sides(belief, gripper, k * math.pi / 4)[:1]
         for k in range(1, 8, 2):
-            yield from sides(belief, gripper, k * math.pi / 4)[:1]
+            yield from push_sides(belief, gripper, k * math.pi / 4)[:1]
     else:
-        yield from sides(belief, gripper, 0.0)
+        yield from push_sides(belief, gripper, 0.0)

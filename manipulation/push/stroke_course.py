@@ -7,10 +7,10 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from ...control.cartesian.anchor_courses import Course, Felt
-from ...world.planar_geometry import Planar
+from ...control.cartesian.anchor_courses import CompliantMotion, ContactState
+from ...world.planar_geometry import PlanarPose
 from ...world.values import Array
-from .push_arcs import Arcs
+from .push_arcs import ArcPath
 
 Phase: TypeAlias = Literal["pushing", "settling", "leaving", "left"]
 
@@ -39,7 +39,7 @@ AWAY = 0.006
 """Back from the object at the end, m."""
 
 
-class PushCourse(Course):
+class PushMotion(CompliantMotion):
     """Carries the TCP so that its carrier (see `Side`) follows `way`, from `gap` m before its start on.
 
     It ends early when the force against the push exceeds `force` N, or when the contact is lost.
@@ -47,8 +47,8 @@ class PushCourse(Course):
 
     def __init__(
         self,
-        way: Arcs,
-        tool: Planar,
+        way: ArcPath,
+        tool: PlanarPose,
         gap: float,
         speed: float,
         force: float,
@@ -80,7 +80,7 @@ class PushCourse(Course):
         """Whether the object was felt to the end."""
         self.reached = -gap
         """Way of the carrier, m."""
-        self.carrier: Planar = way.at(-gap)
+        self.carrier: PlanarPose = way.at(-gap)
         """By the encoders, when the push ended."""
 
     def start(self, position: Array, rotation: Array) -> None:
@@ -99,7 +99,7 @@ class PushCourse(Course):
     def limit(self, speed: float) -> None:
         self._most = max(1e-3, min(speed, self._speed))
 
-    def step(self, felt: Felt) -> None:
+    def step(self, felt: ContactState) -> None:
         period = felt.period
         if self.phase == "pushing":
             self._push(felt, period)
@@ -108,7 +108,7 @@ class PushCourse(Course):
         elif self.phase == "leaving":
             self._leave(period)
 
-    def _push(self, felt: Felt, period: float) -> None:
+    def _push(self, felt: ContactState, period: float) -> None:
         before = self._rate
         left = self._path.length - self._way
         wanted = min(self._most, math.sqrt(max(0.0, 2 * self._braking * left)))
@@ -124,7 +124,7 @@ class PushCourse(Course):
             self.phase, self._since = "settling", felt.elapsed
         self._anchor(felt, period, (self._rate - before) / period)
 
-    def _feel(self, felt: Felt, acceleration: float, period: float) -> None:
+    def _feel(self, felt: ContactState, acceleration: float, period: float) -> None:
         """What acts against the push; the sensor feels the hand beyond it accelerate, too."""
         x, y = self._path.at(self._way).direction
         against = -float(felt.force[0] * x + felt.force[1] * y) - self._mass * acceleration
@@ -135,7 +135,7 @@ class PushCourse(Course):
         self.lost = self.touched_at is not None and self._without > LOST_WAY and not self._rolls
         self.blocked = against > self._force
 
-    def _settle(self, felt: Felt, period: float) -> None:
+    def _settle(self, felt: ContactState, period: float) -> None:
         """Stand where the way ends, or where something stopped it, before leaving."""
         if self.blocked:
             # What resists is not pressed against any longer.
@@ -163,7 +163,7 @@ class PushCourse(Course):
         tcp = self._path.at(self._way) @ self._tool
         return np.array([tcp.x, tcp.y, self.origin[2]])
 
-    def _anchor(self, felt: Felt, period: float, acceleration: float) -> float:
+    def _anchor(self, felt: ContactState, period: float, acceleration: float) -> float:
         """Where the spring is held; the distance of the tool from where it should be, m."""
         carrier = self._path.at(self._way)
         planned = self._planned()
@@ -183,9 +183,9 @@ class PushCourse(Course):
         self.acceleration = np.array([x, y, 0.0]) * acceleration
         return float(np.hypot(*error))
 
-    def _carrier_at(self, felt: Felt) -> Planar:
+    def _carrier_at(self, felt: ContactState) -> PlanarPose:
         """The carrier where the encoders say that the tool is."""
         turned = felt.rotation @ self.turn.T
         yaw = self._yaw + math.atan2(float(turned[1, 0]), float(turned[0, 0]))
-        tcp = Planar(float(felt.position[0]), float(felt.position[1]), yaw)
+        tcp = PlanarPose(float(felt.position[0]), float(felt.position[1]), yaw)
         return tcp @ self._tool.inverse()

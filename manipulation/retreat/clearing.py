@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
-from ...control.joints.soft_controller import Sensitivity, Softly
-from ...planning.requests import Contact, Scaling
-from ...planning.search.penetration_escape import DIRECTIONS, Direction
+from ...control.joints.soft_contact import ContactThresholds, JointImpedanceResult
+from ...planning.requests import ContactPair, Scaling
+from ...planning.search.escape_directions import DIRECTIONS, Direction
 from ...world.causes import Failure
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.values import GRAVITY, Array, Vector3
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...planning.search.penetration_escape import WayOut
+    from ...planning.search.penetration_escape import EscapePath
     from ...world.trajectory import Trajectory
 
 
@@ -29,11 +29,11 @@ REDUCED = 0.25
 """On free ways: the reduced speed of ISO 10218-1, m/s."""
 WARY = 0.10
 """On free ways after something was felt that nobody knows of, m/s."""
-FEELING = Sensitivity(torque=1.2, force=3.0)
+FEELING = ContactThresholds(torque=1.2, force=3.0)
 """What counts as a contact on a way out."""
-FIRMLY = Sensitivity(torque=3.0, force=8.0)
+FIRMLY = ContactThresholds(torque=3.0, force=8.0)
 """Likewise, once every way was touched on: what is jammed rubs on its way out."""
-ON_THE_WAY = Sensitivity(torque=2.5, force=6.0)
+ON_THE_WAY = ContactThresholds(torque=2.5, force=6.0)
 """On free ways, which are faster."""
 PRESSED = 1.5
 """External torque at rest above which something presses at the arm, Nm."""
@@ -54,7 +54,7 @@ AGAINST = -0.3
 GENTLE = Scaling(0.3, 0.3)
 
 
-class Leaving:
+class RetreatMotion:
     """One retreat's ways out: what was tried, and what was felt, is remembered.
 
     All motions are soft: contacts are felt at any part of the arm, and given way to. A direction in which
@@ -81,7 +81,7 @@ class Leaving:
     @property
     def carried(self) -> Vector3:
         """What hangs on the tool, as far as it is known, N in the world."""
-        return (0.0, 0.0, -GRAVITY * mass_in_hand(self._world))
+        return (0.0, 0.0, -GRAVITY * held_mass(self._world))
 
     @property
     def late(self) -> bool:
@@ -154,7 +154,7 @@ class Leaving:
             if found.length < WORTH:
                 self.tried.append(f"{direction}: {found.ended_by}")
 
-    def touched_on_the_way(self, result: Softly, where: str) -> Doing[None]:
+    def touched_on_the_way(self, result: JointImpedanceResult, where: str) -> Doing[None]:
         """Something was met on a free way: remember it, and go back a little the way the arm came."""
         self._felt(result)
         self.tried.append(f"{where}: touched something ({_sizes(result)})")
@@ -179,7 +179,7 @@ class Leaving:
         if len(way.path) > 1:
             yield from self._go(way)
 
-    def _best(self, contacts: tuple[Contact, ...]) -> WayOut | None:
+    def _best(self, contacts: tuple[ContactPair, ...]) -> EscapePath | None:
         """The shortest way that gets out, of those that were not in vain; `out` before others."""
         world = self._world
         names = ", ".join(dict.fromkeys(f"{c.a} at {c.b}" for c in contacts[:3]))
@@ -204,7 +204,7 @@ class Leaving:
         along = {d: float(heading(d) @ push) for d in left}
         return [d for d in left if along[d] >= AGAINST]
 
-    def _go(self, way: WayOut) -> Doing[bool]:
+    def _go(self, way: EscapePath) -> Doing[bool]:
         """Slowly along a way; False where something was felt on it."""
         # slow to load, and few retreats have to get out
         from ...planning.timing.time_parameterization import (
@@ -228,12 +228,14 @@ class Leaving:
         self.tried.append(f"{way.direction}: touched something ({_sizes(result)})")
         return False
 
-    def follow(self, trajectory: Trajectory, least: Sensitivity, *, leaving: bool = False) -> Doing[Softly]:
+    def follow(
+        self, trajectory: Trajectory, least: ContactThresholds, *, leaving: bool = False
+    ) -> Doing[JointImpedanceResult]:
         """A soft motion; a safety stop on it counts as a contact, and is acknowledged a few times."""
         moving = self._world.move.softly(
             trajectory, least, carried=self.carried, node=self._node, leaving=leaving
         )
-        stopped = Softly(False, 0.0, True, 0.0, 0.0)
+        stopped = JointImpedanceResult(False, 0.0, True, 0.0, 0.0)
         return (yield from self._stopping(moving, stopped))
 
     def _stopping(self, doing: Doing[T], otherwise: T) -> Doing[T]:
@@ -252,19 +254,19 @@ class Leaving:
         if not world.control.monitor.acknowledge(self._node):
             raise Failure(stop.cause, stop.message, **stop.evidence)
         message = f"{stop.cause}: {stop.message}, on the way out"
-        world.journal.note(Happened("safety_acknowledged", message, self._node))
+        world.journal.note(JournalEvent("safety_acknowledged", message, self._node))
         return otherwise
 
-    def _felt(self, result: Softly) -> None:
+    def _felt(self, result: JointImpedanceResult) -> None:
         self.touched = True
         if float(np.linalg.norm(result.push)) > FEELING.force / 2:
             self.felt = result.push
 
     def _note(self, message: str, left: float) -> None:
-        self._world.journal.note(Happened("gave_way", message, self._node, {"left": round(left, 2)}))
+        self._world.journal.note(JournalEvent("gave_way", message, self._node, {"left": round(left, 2)}))
 
 
-def mass_in_hand(world: World) -> float:
+def held_mass(world: World) -> float:
     """Of what is believed to be in the hand: weighed, else by the catalogue, kg."""
     held = world.scene.held
     if held is None:
@@ -275,18 +277,18 @@ def mass_in_hand(world: World) -> float:
     return next((e.mass for e in world.description.catalogue if e.kind == held.kind), 0.0)
 
 
-def _sizes(result: Softly) -> str:
+def _sizes(result: JointImpedanceResult) -> str:
     return f"{result.torque:.1f} Nm at the joints, {result.force:.0f} N at the wrist"
 
 
-def escape(world: World, scaling: Scaling, node: str) -> Generator[None, None, None]:
+def escape_contact(world: World, scaling: Scaling, node: str) -> Generator[None, None, None]:
     """Out of what the arm is believed to be in, slowly, the depths shrinking, and up from what is near.
 
     Nothing happens where there is no way: whoever plans next is told why. `scaling` is no more than is done
     anyway: ways out are slow.
     """
     del scaling
-    leaving = Leaving(world, node)
+    leaving = RetreatMotion(world, node)
     yield from leaving.relax()
     if (yield from leaving.out()):
         yield from leaving.up()

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...planning.requests import NamedGoal, Scaling
 from ...world.causes import Failure, planning
-from .clearing import ON_THE_WAY, REDUCED, WARY, Doing, Leaving
+from .clearing import ON_THE_WAY, REDUCED, WARY, Doing, RetreatMotion
 
 if TYPE_CHECKING:
     from ...cell.world import World
@@ -21,14 +21,14 @@ AT_POSE = 2e-3
 """Distance of a joint from the pose up to which the arm is there, rad."""
 
 
-def go_home(world: World, leaving: Leaving, pose: str, scaling: Scaling, node: str) -> Doing[bool]:
+def go_home(world: World, leaving: RetreatMotion, pose: str, scaling: Scaling, node: str) -> Doing[bool]:
     """Bring the arm to a named pose. False: there is no safe way; `leaving` knows what was tried."""
-    looked = yield from look_around(world)
+    looked = yield from observe_with_fixed_cameras(world)
     for attempt in range(ROUNDS):
         if leaving.late:
             return False
         if attempt:
-            looked = yield from look_around(world)
+            looked = yield from observe_with_fixed_cameras(world)
         try:
             key = node if attempt == 0 else f"{node} again {attempt}"
             plan = yield from world.plan.to(NamedGoal(pose), scaling=scaling, node=key)
@@ -56,7 +56,7 @@ def go_home(world: World, leaving: Leaving, pose: str, scaling: Scaling, node: s
     return False
 
 
-def look_around(world: World) -> Doing[bool]:
+def observe_with_fixed_cameras(world: World) -> Doing[bool]:
     """See what stands there now, through every camera that does not move with the hand; one that gives no
     image is no reason to stay. Answers whether anything was seen."""
     seen = False

@@ -12,7 +12,7 @@ from ...world.scene.description import Bin, Fixture, SceneDescription
 from ...world.scene.holes import CERTAIN
 from ...world.shapes import Box, Shape, corners, top
 from ...world.values import Array, Pose
-from ..geometry.camera_geometry import Sight
+from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import spread
 from ..segmentation import blobs
 
@@ -27,7 +27,7 @@ SURFACE = 0.004
 
 
 @dataclass(frozen=True, eq=False)
-class Backdrop:
+class BackgroundModel:
     """Arrays (h, w)."""
 
     depth: NDArray[np.float64]
@@ -43,8 +43,8 @@ class Backdrop:
 
     @classmethod
     def of(
-        cls, description: SceneDescription, sight: Sight, table: Fixture | None, table_z: float
-    ) -> Backdrop:
+        cls, description: SceneDescription, sight: PosedCamera, table: Fixture | None, table_z: float
+    ) -> BackgroundModel:
         """`table_z` is the height of the ground where there is no fixture."""
         scene = _Scene(sight)
         belts = {belt.id for belt in description.belts}
@@ -79,7 +79,7 @@ _NOTHING, _TABLE, _FIXTURE, _BIN = range(4)
 class _Scene:
     """Arrays (h, w) that shapes are painted into."""
 
-    def __init__(self, sight: Sight) -> None:
+    def __init__(self, sight: PosedCamera) -> None:
         self._sight = sight
         self._rays = sight.all_directions()
         size = (sight.intrinsics.height, sight.intrinsics.width)
@@ -137,7 +137,7 @@ class _Scene:
 
 
 @dataclass(frozen=True, slots=True)
-class Floor:
+class SupportSurface:
     """A level surface on which things can lie."""
 
     place: str
@@ -147,7 +147,7 @@ class Floor:
     in_bin: bool
 
 
-class Floors:
+class SupportSurfaces:
     """Finds what is under a point."""
 
     def __init__(self, fixtures: tuple[Fixture, ...], bins: tuple[Bin, ...]) -> None:
@@ -158,14 +158,14 @@ class Floors:
             if isinstance(f.shape, Box)
         ]
 
-    def under(self, x: float, y: float, below: float) -> Floor:
+    def under(self, x: float, y: float, below: float) -> SupportSurface:
         """The bin whose outside contains (x, y), else the highest fixture there whose top is not above
         `below`; the height 0 where there is none."""
         for bin_, outside in self._bins:
             if outside.contains(x, y):
-                return Floor(bin_.id, bin_.pose.position[2] + bin_.wall, True)
+                return SupportSurface(bin_.id, bin_.pose.position[2] + bin_.wall, True)
         tops = [height for height, area in self._tops if height <= below and area.contains(x, y)]
-        return Floor("table", max(tops, default=0.0), False)
+        return SupportSurface("table", max(tops, default=0.0), False)
 
     def supports(self, points: Array) -> Array:
         """How far down something at each point (n, 3) of the world may reach unseen (n,), m: to the rim of a
@@ -229,13 +229,13 @@ LEVEL_SHIFT, LEVEL_TILT = 0.03, 0.052
 """A correction beyond this is no error of the mounting, and is not made: m, rad."""
 
 
-def levelled(
-    sight: Sight,
+def level_camera(
+    sight: PosedCamera,
     depth: Array,
-    backdrop: Backdrop,
+    backdrop: BackgroundModel,
     table_z: float,
     clutter: NDArray[np.bool_] | None = None,
-) -> Sight:
+) -> PosedCamera:
     """The camera moved and tilted so that the table, as measured, lies where the scene file says. `clutter`
     (h, w): pixels that are known to show something else.
 
@@ -268,7 +268,7 @@ def levelled(
     rotation = _turning(normal, np.array([0.0, 0.0, 1.0])) @ sight.rotation
     above = (sight.origin[2] - table_z - float(plane[2])) * normal[2]
     origin = np.array([sight.origin[0], sight.origin[1], table_z + above])
-    return Sight.along(sight.intrinsics, origin, rotation)
+    return PosedCamera.along(sight.intrinsics, origin, rotation)
 
 
 def _turning(a: Array, b: Array) -> Array:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...world.values import Array
-from ..geometry.camera_geometry import Sight
+from ..geometry.camera_geometry import PosedCamera
 
 NEAR = 0.016
 """Points within this distance of a finger's believed surface may be of it, m."""
@@ -34,7 +34,7 @@ EVERY, SPOTS = 2, 600
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Facets:
+class ConvexFacets:
     """A convex body in the world: inside is `normals @ p <= offsets`; (k, 3) and (k,) m."""
 
     normals: Array
@@ -52,7 +52,7 @@ class Facets:
         return beyond[np.arange(len(points)), face], self.normals[face]
 
 
-def registered(sight: Sight, depth: Array, fingers: Sequence[Facets]) -> Sight:
+def register_hand_camera(sight: PosedCamera, depth: Array, fingers: Sequence[ConvexFacets]) -> PosedCamera:
     """The camera moved along the level and turned about the vertical so that the fingers, as measured, are
     where they are believed to be. As it was where they are not both in view, or do not fit."""
     clouds = [_cloud(sight, depth, finger) for finger in fingers]
@@ -78,10 +78,10 @@ def registered(sight: Sight, depth: Array, fingers: Sequence[Facets]) -> Sight:
         return sight
     turn = _about_vertical(yaw)
     origin = turn @ (sight.origin - middle) + middle + np.array([x, y, 0.0])
-    return Sight.along(sight.intrinsics, origin, turn @ sight.rotation)
+    return PosedCamera.along(sight.intrinsics, origin, turn @ sight.rotation)
 
 
-def _cloud(sight: Sight, depth: Array, finger: Facets) -> Array:
+def _cloud(sight: PosedCamera, depth: Array, finger: ConvexFacets) -> Array:
     """Measured points (n, 3) that may be the finger's."""
     picked = np.zeros(depth.shape, dtype=np.bool_)
     picked[::EVERY, ::EVERY] = True
@@ -96,7 +96,7 @@ def _cloud(sight: Sight, depth: Array, finger: Facets) -> Array:
     return points[:: max(1, len(points) // SPOTS)]
 
 
-def _linear(cloud: Array, finger: Facets, middle: Array, move: Array) -> tuple[Array, Array]:
+def _linear(cloud: Array, finger: ConvexFacets, middle: Array, move: Array) -> tuple[Array, Array]:
     """Residuals (n,) after a move, and how they change with it (n, 3)."""
     arm = (cloud - middle) @ _about_vertical(float(move[2])).T
     off, normals = finger.outside(arm + middle + np.array([move[0], move[1], 0.0]))

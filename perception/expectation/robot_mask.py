@@ -14,12 +14,12 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from ...robots.urdf_tree import LinkMesh, LinkShape
+from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive
 from ...world.raycasting import inside
 from ...world.shapes import Shape, corners
 from ...world.values import Array, Pose, Vector3
-from ..geometry.camera_geometry import Sight
-from .hand_camera_pose import Facets
+from ..geometry.camera_geometry import PosedCamera
+from .hand_camera_pose import ConvexFacets
 
 GROWN = 3
 """Pixels by which the mask is larger than the model."""
@@ -37,15 +37,15 @@ HIGH = 0.15
 """What hangs together with the robot in the picture above this height belongs to it, m over the table."""
 
 
-class Body(Protocol):
+class RobotShape(Protocol):
     """What perception needs of the robot's model."""
 
     @property
     def finger_links(self) -> tuple[str, ...]: ...
     def tcp(self, q: Array) -> Pose: ...
     def link_poses(self, q: Array, width: float) -> dict[str, Pose]: ...
-    def collision_meshes(self) -> tuple[LinkMesh, ...]: ...
-    def collision_shapes(self) -> tuple[LinkShape, ...]: ...
+    def collision_meshes(self) -> tuple[UrdfMesh, ...]: ...
+    def collision_shapes(self) -> tuple[UrdfPrimitive, ...]: ...
 
 
 class _Hull:
@@ -59,17 +59,17 @@ class _Hull:
         self.middle: Array = points.mean(axis=0)
         self.radius = float(np.linalg.norm(points - self.middle, axis=1).max())
 
-    def facets(self, pose: Pose) -> Facets:
+    def facets(self, pose: Pose) -> ConvexFacets:
         """In the world, with the link's frame there."""
         normals = self.normals @ pose.rotation().T
         offsets = self.offsets + normals @ np.array(pose.position)
-        return Facets(normals, offsets, pose.apply(self.middle), self.radius)
+        return ConvexFacets(normals, offsets, pose.apply(self.middle), self.radius)
 
 
 class RobotMask:
     """Loads the links once; `paint` costs one projection and one filled polygon a link."""
 
-    def __init__(self, robot: Body) -> None:
+    def __init__(self, robot: RobotShape) -> None:
         self._robot = robot
         self._hulls: list[tuple[str, _Hull]] = [
             (mesh.link, _Hull(mesh.pose_in_link.apply(_outline(mesh).points)))
@@ -83,7 +83,7 @@ class RobotMask:
         self._fingers = [(link, hull) for link, hull in self._hulls if link in names and convex]
 
     def paint(
-        self, sight: Sight, joints: Array, width: float, held: tuple[Shape, Pose] | None
+        self, sight: PosedCamera, joints: Array, width: float, held: tuple[Shape, Pose] | None
     ) -> NDArray[np.bool_]:
         """(h, w): pixels of the robot at `joints` (n,) and opening `width`, and of what it holds.
 
@@ -96,7 +96,7 @@ class RobotMask:
 
     def nearby(
         self,
-        sight: Sight,
+        sight: PosedCamera,
         depth: Array,
         joints: Array,
         width: float,
@@ -127,13 +127,13 @@ class RobotMask:
         # Edges of what is so near are often lost.
         return found.astype(np.bool_) | (_grown(found, 2) & (depth <= 0))
 
-    def fingers(self, joints: Array, width: float) -> tuple[Facets, ...]:
+    def fingers(self, joints: Array, width: float) -> tuple[ConvexFacets, ...]:
         """The fingers in the world; none where their hulls are not all that there is of them."""
         poses = self._robot.link_poses(joints, width)
         return tuple(hull.facets(poses[link]) for link, hull in self._fingers)
 
     def _placed(
-        self, sight: Sight, joints: Array, width: float, held: tuple[Shape, Pose] | None
+        self, sight: PosedCamera, joints: Array, width: float, held: tuple[Shape, Pose] | None
     ) -> Iterator[Array]:
         """Points (n, 3) in the world of what is before the camera, of each link and of what is held."""
         poses = self._robot.link_poses(joints, width)
@@ -184,7 +184,7 @@ class _Outline:
     """The hull is about all that there is of the mesh."""
 
 
-def _outline(mesh: LinkMesh) -> _Outline:
+def _outline(mesh: UrdfMesh) -> _Outline:
     """Outline of the file as it is now. A process reads each file once, unless it was changed since."""
     file = Path(mesh.path).stat()
     return _read(mesh.path, mesh.scale, file.st_mtime_ns, file.st_size)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ...world.raycasting import cast
 from ...world.values import Array
 from ..geometry.silhouette_fitting import silhouette
-from ..segmentation.blobs import Blob, Picture, Pixels, outlined
-from .item_fitting import Fitter, Hypothesis
+from ..segmentation.blobs import Blob, Pixels, SegmentationInput, outline_patch
+from .item_fitting import Hypothesis, ItemFitter
 
 MOST = 4
 """Items that one blob is split into at most."""
@@ -32,17 +32,19 @@ APART = 0.010
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class BlobPart:
     """A piece of a blob and what explains it, best first."""
 
     blob: Blob
     hypotheses: list[Hypothesis]
 
 
-def split(picture: Picture, fitter: Fitter, blob: Blob, support: float, misfit: float) -> list[Part] | None:
+def split_blob(
+    picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, misfit: float
+) -> list[BlobPart] | None:
     """The parts of the blob, or None when no split explains it clearly better than `misfit`."""
     patch = blob.patch
-    best: tuple[float, list[Part]] | None = None
+    best: tuple[float, list[BlobPart]] | None = None
     for count in range(2, min(MOST, fitter.at_most(blob)) + 1):
         for cut in _cuts(picture, blob, count):
             parts = _explained(picture, fitter, blob, support, cut)
@@ -61,7 +63,7 @@ def split(picture: Picture, fitter: Fitter, blob: Blob, support: float, misfit: 
     return best[1]
 
 
-def _cuts(picture: Picture, blob: Blob, count: int) -> list[NDArray[np.intp]]:
+def _cuts(picture: SegmentationInput, blob: Blob, count: int) -> list[NDArray[np.intp]]:
     """Ways to share out the blob's pixels: a part number for each pixel (n,)."""
     rows, columns = blob.patch.rows, blob.patch.columns
     spots = np.stack([columns, rows], axis=1).astype(np.float64)
@@ -76,7 +78,7 @@ def _cuts(picture: Picture, blob: Blob, count: int) -> list[NDArray[np.intp]]:
     return cuts
 
 
-def _smooth(picture: Picture, rows: Pixels, columns: Pixels) -> Array:
+def _smooth(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Array:
     """Heights of the pixels (n,), averaged over their neighbours of known depth, m."""
     y, x = int(rows.min()), int(columns.min())
     window = (slice(y, int(rows.max()) + 1), slice(x, int(columns.max()) + 1))
@@ -98,8 +100,8 @@ def _clusters(values: Array, order: Array, count: int) -> NDArray[np.intp]:
 
 
 def _explained(
-    picture: Picture, fitter: Fitter, blob: Blob, support: float, cut: NDArray[np.intp]
-) -> list[Part] | None:
+    picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, cut: NDArray[np.intp]
+) -> list[BlobPart] | None:
     parts = _fitted(picture, fitter, blob, support, cut)
     for _ in range(2):
         if parts is None:
@@ -116,25 +118,27 @@ def _explained(
 
 
 def _fitted(
-    picture: Picture, fitter: Fitter, blob: Blob, support: float, cut: NDArray[np.intp]
-) -> list[Part] | None:
+    picture: SegmentationInput, fitter: ItemFitter, blob: Blob, support: float, cut: NDArray[np.intp]
+) -> list[BlobPart] | None:
     """Each part's best explanations; None when a part is too small or fits nothing."""
     rows, columns = blob.patch.rows, blob.patch.columns
     members = [cut == k for k in range(int(cut.max()) + 1)]
     if any(int(m.sum()) < LEAST for m in members):
         return None
     patches = [picture.claim(rows[m], columns[m], blob.patch.label) for m in members]
-    parts: list[Part] = []
+    parts: list[BlobPart] = []
     for patch in patches:
-        piece = outlined(picture, patch)
+        piece = outline_patch(picture, patch)
         hypotheses = fitter.explain(piece, support, STACKED) if piece.measured else []
         if not hypotheses or hypotheses[0].misfit > HOPELESS:
             return None
-        parts.append(Part(piece, hypotheses))
+        parts.append(BlobPart(piece, hypotheses))
     return parts
 
 
-def _shared(fitter: Fitter, blob: Blob, parts: list[Part], picture: Picture) -> NDArray[np.intp]:
+def _shared(
+    fitter: ItemFitter, blob: Blob, parts: list[BlobPart], picture: SegmentationInput
+) -> NDArray[np.intp]:
     """The part (n,) whose item explains each pixel of the blob best."""
     rows, columns = blob.patch.rows, blob.patch.columns
     pixels = np.stack([columns, rows], axis=1).astype(np.float64)
@@ -151,11 +155,11 @@ def _shared(fitter: Fitter, blob: Blob, parts: list[Part], picture: Picture) -> 
     return np.stack(costs).argmin(axis=0)
 
 
-def _misfit(parts: list[Part]) -> float:
+def _misfit(parts: list[BlobPart]) -> float:
     weight = sum(p.hypotheses[0].weight for p in parts)
     return sum(p.hypotheses[0].misfit * p.hypotheses[0].weight for p in parts) / weight
 
 
-def _distinct(parts: list[Part]) -> bool:
+def _distinct(parts: list[BlobPart]) -> bool:
     centres = [p.hypotheses[0].stand.centre for p in parts]
     return all(float(np.linalg.norm(a - b)) > APART for i, a in enumerate(centres) for b in centres[i + 1 :])

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from ...world.protocols import RgbdImage
 from ...world.scene.holes import Hole
 from ...world.values import Array, Pose
-from ..geometry.camera_geometry import Sight
+from ..geometry.camera_geometry import PosedCamera
 
 AROUND = 0.015
 """Of the face around the mouth that tells its plane, beyond how far the mouth may be off, m."""
@@ -45,7 +45,7 @@ TURN = math.radians(10.0)
 
 
 @dataclass(frozen=True, slots=True)
-class MouthSeen:
+class DetectedHole:
     """A hole as one picture shows it, through the camera pose that the picture states."""
 
     pose: Pose
@@ -56,9 +56,9 @@ class MouthSeen:
     """Within the mouth."""
 
 
-def find_mouth(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> MouthSeen | None:
+def detect_hole(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> DetectedHole | None:
     """The hole whose mouth is `believed` to be there in the world, to `off` m; None when that is not told."""
-    sight = Sight.at(image.intrinsics, image.camera_in_world)
+    sight = PosedCamera.at(image.intrinsics, image.camera_in_world)
     camera = believed.inverse() @ image.camera_in_world
     rows, columns = np.nonzero(image.depth > 0)
     pixels = np.column_stack([columns, rows]).astype(np.float64)
@@ -93,7 +93,7 @@ def find_mouth(image: RgbdImage, hole: Hole, believed: Pose, off: float) -> Mout
     if hole.form == "round":
         yaw = 0.0
     on_face = Pose((x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
-    return MouthSeen(believed @ face @ on_face, agreement, inside)
+    return DetectedHole(believed @ face @ on_face, agreement, inside)
 
 
 def _face(points: Array, reach: float, off: float) -> Pose | None:

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...world.raycasting import cast
 from ...world.values import Array
-from ..geometry.camera_geometry import Sight
-from ..geometry.resting_poses import Rest
-from ..geometry.silhouette_fitting import OUTLIER, Stand, fit_outline, likely_turns, silhouette
+from ..geometry.camera_geometry import PosedCamera
+from ..geometry.resting_poses import StablePose
+from ..geometry.silhouette_fitting import OUTLIER, StandingPose, fit_outline, likely_turns, silhouette
 from ..segmentation.blobs import Blob
 
 HEIGHT_GATE = 0.009
@@ -39,7 +39,7 @@ GOOD = 1.5
 class Hypothesis:
     """One item at one place, and how badly it explains a blob."""
 
-    stand: Stand
+    stand: StandingPose
     misfit: float
     """Mean square of outline and depth residuals in sigmas, each capped at OUTLIER²; ≈ 0.8 is perfect."""
     weight: float
@@ -57,12 +57,12 @@ class Hypothesis:
 
 
 @dataclass(frozen=True, eq=False)
-class Fitter:
+class ItemFitter:
     """Fits rests to blobs. `noise` is the depth's standard deviation at 0.7 m, `model` what is added to
     it."""
 
-    rests: tuple[Rest, ...]
-    sight: Sight
+    rests: tuple[StablePose, ...]
+    sight: PosedCamera
     noise: float
     model: float = MODEL_SIGMA
 
@@ -83,7 +83,7 @@ class Fitter:
             best.setdefault((one.stand.rest.entry.kind, one.supported), one)
         return list(best.values())
 
-    def judged(self, blob: Blob, start: Stand, rounds: int) -> Hypothesis:
+    def judged(self, blob: Blob, start: StandingPose, rounds: int) -> Hypothesis:
         """How well one body explains the blob, fitted from a start near to where it stands. It is lifted, or
         lowered, only where its depth clearly says so."""
         known = self._judge(blob, start, True, rounds)
@@ -100,7 +100,7 @@ class Fitter:
         return int(blob.area / (0.6 * least))
 
     def _fits(self, blob: Blob, support: float, supported: bool, hover: float) -> list[Hypothesis]:
-        starts: list[tuple[float, Stand]] = []
+        starts: list[tuple[float, StandingPose]] = []
         for rest in self.rests:
             below = support if supported else blob.top - rest.height
             if supported and abs(support + rest.height - blob.top) > HEIGHT_GATE:
@@ -108,12 +108,12 @@ class Fitter:
             if not supported and not support - HEIGHT_GATE <= below <= support + hover:
                 continue
             x, y = self.sight.at_height(blob.middle, below + rest.height / 2)
-            stand = Stand(rest, np.array([x, y, below + rest.below]), 0.0)
+            stand = StandingPose(rest, np.array([x, y, below + rest.below]), 0.0)
             if self._fits_in_size(blob, stand):
                 starts += self._starts(blob, stand)
         return self._best(blob, starts, supported)
 
-    def _fits_in_size(self, blob: Blob, stand: Stand) -> bool:
+    def _fits_in_size(self, blob: Blob, stand: StandingPose) -> bool:
         """Whether the area of the blob can be that of the rest's silhouette there."""
         rest, away = stand.rest, self.sight.origin - stand.centre
         depth = abs(float(away @ self.sight.rotation[:, 2]))
@@ -122,7 +122,9 @@ class Fitter:
         most = 1.3 * (rest.footprint + rest.height * slant * 2 * rest.reach) * pixels + 8.0
         return blob.area <= most and (not blob.whole or blob.area >= 0.7 * rest.footprint * pixels - 8.0)
 
-    def _best(self, blob: Blob, starts: list[tuple[float, Stand]], supported: bool) -> list[Hypothesis]:
+    def _best(
+        self, blob: Blob, starts: list[tuple[float, StandingPose]], supported: bool
+    ) -> list[Hypothesis]:
         """Fit the starts, the likeliest first, until what follows cannot be better."""
         if blob.whole:
             gate = max(OUTLINE_GATE, LARGE_GATE * math.sqrt(blob.area))
@@ -137,12 +139,12 @@ class Fitter:
             found.append(self._judge(blob, stand, supported, 5))
         return found
 
-    def _starts(self, blob: Blob, stand: Stand) -> list[tuple[float, Stand]]:
+    def _starts(self, blob: Blob, stand: StandingPose) -> list[tuple[float, StandingPose]]:
         rest = stand.rest
         starts = likely_turns(self.sight, stand, blob.reach, 4 if rest.turn > np.pi else 2)
         if blob.whole:
             return [(s + rest.unlikely, stand) for s, stand in starts]
-        moved: list[tuple[float, Stand]] = []
+        moved: list[tuple[float, StandingPose]] = []
         for left, start in starts:
             corners = silhouette(self.sight, start)
             beyond = float((corners @ blob.hidden_side).max() - (blob.hull @ blob.hidden_side).max())
@@ -156,7 +158,7 @@ class Fitter:
             moved.append((left + rest.unlikely, replace(start, centre=centre)))
         return moved
 
-    def _judge(self, blob: Blob, start: Stand, supported: bool, rounds: int) -> Hypothesis:
+    def _judge(self, blob: Blob, start: StandingPose, supported: bool, rounds: int) -> Hypothesis:
         fitted = fit_outline(self.sight, blob.outline, start, rounds)
         depth, off = self._off(blob, fitted.stand)
         if not supported and len(off):
@@ -170,7 +172,7 @@ class Fitter:
         shown = min(1.0, blob.area / max(1.0, fitted.area))
         return Hypothesis(fitted.stand, misfit, weight, fitted.covariance, shown, supported)
 
-    def _off(self, blob: Blob, stand: Stand, every: int = 1) -> tuple[float, Array]:
+    def _off(self, blob: Blob, stand: StandingPose, every: int = 1) -> tuple[float, Array]:
         """Mean square of the depth residuals in sigmas, capped; and by how much what is measured is
         nearer than the model, for the rays that meet it (k,), m."""
         rays, depths = blob.rays[::every], blob.depths[::every]

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from ...world.belief.planning_scene import BeliefObject
 from ...world.values import Array, ObjectId, Pose
-from ..geometry.resting_poses import Rest
-from ..geometry.silhouette_fitting import Stand, polygon_area, silhouette
-from ..segmentation.blobs import Blob, Picture, Pixels, connected, label_of, outlined
-from .item_fitting import Fitter, Hypothesis
+from ..geometry.resting_poses import StablePose
+from ..geometry.silhouette_fitting import StandingPose, polygon_area, silhouette
+from ..segmentation.blobs import Blob, Pixels, SegmentationInput, connected_patches, label_of, outline_patch
+from .item_fitting import Hypothesis, ItemFitter
 
 STEP = 0.008
 """Depth of neighbouring pixels that differs by more than this is of two bodies, m."""
@@ -28,7 +28,7 @@ GROWTH = 6
 _SIDES = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
 
-def parted(depth: Array, rows: Pixels, columns: Pixels) -> list[tuple[Pixels, Pixels]]:
+def split_at_depth_steps(depth: Array, rows: Pixels, columns: Pixels) -> list[tuple[Pixels, Pixels]]:
     """Rows and columns of the parts of a patch; the patch itself where it has no step from side to side."""
     y, x = int(rows.min()) - 1, int(columns.min()) - 1
     size = (int(rows.max()) - y + 2, int(columns.max()) - x + 2)
@@ -41,7 +41,7 @@ def parted(depth: Array, rows: Pixels, columns: Pixels) -> list[tuple[Pixels, Pi
     for side in _SIDES:
         other, beside = np.roll(near, side, (0, 1)), np.roll(known, side, (0, 1))
         stepped |= known & beside & (np.abs(near - other) > STEP)
-    cores = connected(known & ~stepped, LEAST)
+    cores = connected_patches(known & ~stepped, LEAST)
     if len(cores) < 2:
         return [(rows, columns)]
     owner = np.zeros(size, dtype=np.int32)
@@ -86,7 +86,7 @@ FLAT = math.radians(12)
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class TrackedSighting:
     """One patch that may be one object: where the object is if it is."""
 
     object: ObjectId
@@ -105,7 +105,9 @@ class Sighting:
     """Share of the silhouette in sight."""
 
 
-def followed(picture: Picture, fitter: Fitter, objects: Sequence[BeliefObject]) -> tuple[Sighting, ...]:
+def track_objects(
+    picture: SegmentationInput, fitter: ItemFitter, objects: Sequence[BeliefObject]
+) -> tuple[TrackedSighting, ...]:
     """For each object all patches that it may be. Patches of its colour within reach that it does not fit are
     told, too: with an infinite misfit."""
     labels = {label_of(o.colour) for o in objects} - {0}
@@ -113,11 +115,11 @@ def followed(picture: Picture, fitter: Fitter, objects: Sequence[BeliefObject]) 
     patches = [
         picture.claim(*part, label)
         for label in sorted(labels)
-        for rows, columns in connected(usable & (picture.label == label), LEAST)
-        for part in parted(picture.depth, rows, columns)
+        for rows, columns in connected_patches(usable & (picture.label == label), LEAST)
+        for part in split_at_depth_steps(picture.depth, rows, columns)
     ]
-    blobs = {p.number: outlined(picture, p) for p in patches if p.measured >= 4}
-    found: list[Sighting] = []
+    blobs = {p.number: outline_patch(picture, p) for p in patches if p.measured >= 4}
+    found: list[TrackedSighting] = []
     for one in objects:
         rest = _lies_on(fitter.rests, one)
         if rest is None:
@@ -128,7 +130,7 @@ def followed(picture: Picture, fitter: Fitter, objects: Sequence[BeliefObject]) 
     return tuple(found)
 
 
-def _lies_on(rests: Sequence[Rest], one: BeliefObject) -> Rest | None:
+def _lies_on(rests: Sequence[StablePose], one: BeliefObject) -> StablePose | None:
     """The face on which it is believed to lie."""
     rotation = one.pose.rotation()
     leaning = [
@@ -140,23 +142,28 @@ def _lies_on(rests: Sequence[Rest], one: BeliefObject) -> Rest | None:
     return rests[-n] if upright > math.cos(FLAT) else None
 
 
-def _is_of(rest: Rest, one: BeliefObject) -> bool:
+def _is_of(rest: StablePose, one: BeliefObject) -> bool:
     return rest.entry.kind == one.kind
 
 
-def _within(picture: Picture, blob: Blob, one: BeliefObject) -> bool:
+def _within(picture: SegmentationInput, blob: Blob, one: BeliefObject) -> bool:
     x, y = picture.sight.at_height(blob.middle, one.pose.position[2])
     return math.hypot(float(x) - one.pose.position[0], float(y) - one.pose.position[1]) < 2 * REACH
 
 
 def _sighted(
-    picture: Picture, fitter: Fitter, blob: Blob, one: BeliefObject, rest: Rest, number: int
-) -> Sighting:
+    picture: SegmentationInput,
+    fitter: ItemFitter,
+    blob: Blob,
+    one: BeliefObject,
+    rest: StablePose,
+    number: int,
+) -> TrackedSighting:
     z = one.pose.position[2]
     heading = one.pose.rotation() @ rest.rotation.T
     yaw = math.atan2(float(heading[1, 0]), float(heading[0, 0]))
     at = picture.sight.at_height(blob.middle, z)
-    stand = Stand(rest, np.array([at[0], at[1], z]), yaw)
+    stand = StandingPose(rest, np.array([at[0], at[1], z]), yaw)
     best = fitter.judged(blob, stand, ROUNDS)
     turned = abs(math.remainder(best.stand.yaw - yaw, 2 * math.pi)) if rest.turn else 0.0
     moved = math.dist(best.stand.centre[:2], one.pose.position[:2])
@@ -170,7 +177,7 @@ def _sighted(
     variance = best.covariance
     loose = math.sqrt(max(1.0, best.misfit)) / max(0.3, best.shown)
     pose = Pose.from_rotation(best.stand.centre, _turned(best.stand, one, yaw))
-    return Sighting(
+    return TrackedSighting(
         one.id,
         number,
         pose,
@@ -181,13 +188,13 @@ def _sighted(
     )
 
 
-def _two(picture: Picture, blob: Blob, best: Hypothesis) -> bool:
+def _two(picture: SegmentationInput, blob: Blob, best: Hypothesis) -> bool:
     """Whether the patch is too large for the object: another of its colour touches it."""
     whole = polygon_area(silhouette(picture.sight, best.stand))
     return blob.area > (1.0 + BESIDE) * whole
 
 
-def _turned(stand: Stand, one: BeliefObject, yaw: float) -> Array:
+def _turned(stand: StandingPose, one: BeliefObject, yaw: float) -> Array:
     """Its orientation: as believed, turned about the vertical by what was seen. What has no heading keeps
     its."""
     rotation = one.pose.rotation()

@@ -14,7 +14,7 @@ from ...world.scene.description import Form
 from ...world.shapes import Box, Shape, Sphere
 from ...world.values import Array, ObjectId, Pose
 from ..expectation.robot_mask import fill
-from ..geometry.camera_geometry import Sight
+from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import body_points
 from ..segmentation import blobs
 
@@ -45,7 +45,7 @@ class Detection:
 
 
 @dataclass(frozen=True, slots=True)
-class Unexplained:
+class UnexplainedPatch:
     """A patch of depth that no known thing explains, and the upright box about it, from its support up."""
 
     shape: Box
@@ -75,7 +75,7 @@ class BinView:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class BodyVisibility:
     """What the picture shows where a body is believed: counts of its pixels."""
 
     total: int
@@ -102,15 +102,15 @@ class Look:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class PerceivedView:
     """The findings of one picture, and the picture's own answer to "is it still there?"."""
 
     camera: str
     stamp: float
     detections: tuple[Detection, ...]
-    unexplained: tuple[Unexplained, ...]
+    unexplained: tuple[UnexplainedPatch, ...]
     bins: Mapping[ObjectId, BinView]
-    sight: Sight = field(repr=False)
+    sight: PosedCamera = field(repr=False)
     depth: Array = field(repr=False)
     """(h, w) m, 0 where unknown."""
     label: NDArray[np.uint8] = field(repr=False)
@@ -123,11 +123,11 @@ class View:
     supports: Callable[[Array], Array] = field(repr=False)
     """See `backdrop.Floors.supports`."""
 
-    def look(self, shape: Shape, pose: Pose, colour: str) -> Look:
+    def look(self, shape: Shape, pose: Pose, colour: str) -> BodyVisibility:
         """What is seen where the body should be."""
         rows, columns, total = self._silhouette(shape, pose)
         if not len(rows):
-            return Look(total, 0, 0)
+            return BodyVisibility(total, 0, 0)
         pixels = np.stack([columns, rows], axis=1).astype(np.float64)
         surface = cast(
             shape,
@@ -141,7 +141,7 @@ class View:
         own = blobs.label_of(colour)
         there = label == own if own else np.abs(depth - surface) <= BEHIND
         visible = known & (there | (depth > surface - BEHIND))
-        return Look(total, int(visible.sum()), int((visible & ~there).sum()))
+        return BodyVisibility(total, int(visible.sum()), int((visible & ~there).sum()))
 
     def _silhouette(self, shape: Shape, pose: Pose) -> tuple[NDArray[np.intp], NDArray[np.intp], int]:
         """Rows and columns of the pixels that the body covers, and how many there would be in all."""

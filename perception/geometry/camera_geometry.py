@@ -27,7 +27,7 @@ def rays_of(intrinsics: Intrinsics) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class PosedCamera:
     """A pinhole camera at a pose: world to pixels and back."""
 
     intrinsics: Intrinsics
@@ -39,16 +39,16 @@ class Sight:
     """(3, 3): homogeneous pixel = projection @ (point - origin)."""
 
     @classmethod
-    def at(cls, intrinsics: Intrinsics, camera_in_world: Pose) -> Sight:
+    def at(cls, intrinsics: Intrinsics, camera_in_world: Pose) -> PosedCamera:
         return cls.along(intrinsics, np.array(camera_in_world.position), camera_in_world.rotation())
 
     @classmethod
-    def along(cls, intrinsics: Intrinsics, origin: Array, rotation: Array) -> Sight:
+    def along(cls, intrinsics: Intrinsics, origin: Array, rotation: Array) -> PosedCamera:
         i = intrinsics
         matrix = np.array([[i.fx, 0.0, i.cx], [0.0, i.fy, i.cy], [0.0, 0.0, 1.0]])
         return cls(intrinsics, origin, rotation, matrix @ rotation.T)
 
-    def apart(self, other: Sight, distance: float) -> float:
+    def apart(self, other: PosedCamera, distance: float) -> float:
         """How far, at most, the two place what one pixel shows at that distance from each other, m."""
         turn = float(np.linalg.norm(self.rotation - other.rotation, 2))
         return float(np.linalg.norm(self.origin - other.origin)) + turn * distance

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from ...world.belief.hole_matching import fits
+from ...world.belief.hole_matching import fits_hole
 from ...world.raycasting import half_spaces
 from ...world.scene.description import CatalogueEntry, Fixture
 from ...world.scene.holes import Hole
@@ -23,7 +23,7 @@ RING = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Rest:
+class StablePose:
     """An entry lying on one of its faces. Turned about the vertical by `yaw` it stands in the world."""
 
     entry: CatalogueEntry
@@ -45,13 +45,13 @@ class Rest:
     """Added to the misfit: resting faces on which items are seldom found."""
 
 
-def rests(entry: CatalogueEntry) -> tuple[Rest, ...]:
+def stable_poses(entry: CatalogueEntry) -> tuple[StablePose, ...]:
     """All stable ways in which the entry can lie on a level support, up to a turn about the vertical."""
     shape = entry.shape
     match shape:
         case Sphere(radius):
             return (
-                Rest(
+                StablePose(
                     entry, np.eye(3), np.zeros((0, 3)), radius, 2 * radius, 0.0, radius, math.pi * radius**2
                 ),
             )
@@ -67,14 +67,14 @@ def rests(entry: CatalogueEntry) -> tuple[Rest, ...]:
             return tuple(_mesh(entry, shape))
 
 
-def _rest(entry: CatalogueEntry, rotation: Array, turn: float, unlikely: float) -> Rest:
+def _rest(entry: CatalogueEntry, rotation: Array, turn: float, unlikely: float) -> StablePose:
     outline = body_points(entry.shape) @ rotation.T
     low, high = float(outline[:, 2].min()), float(outline[:, 2].max())
     if isinstance(entry.shape, Cylinder) and turn:
         low, high = -entry.shape.radius, entry.shape.radius
     reach = float(np.hypot(outline[:, 0], outline[:, 1]).max())
     footprint = float(ConvexHull(outline[:, :2]).volume)
-    return Rest(entry, rotation, outline, -low, high - low, turn, reach, footprint, unlikely)
+    return StablePose(entry, rotation, outline, -low, high - low, turn, reach, footprint, unlikely)
 
 
 def body_points(shape: Shape) -> Array:
@@ -98,9 +98,9 @@ def body_points(shape: Shape) -> Array:
             return points[ConvexHull(points).vertices]
 
 
-def _boxes(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[Rest]:
+def _boxes(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[StablePose]:
     """One rest for each different edge length that can stand upright, the longer side along x."""
-    found: list[Rest] = []
+    found: list[StablePose] = []
     heights: list[float] = []
     for up in (2, 0, 1):
         if any(abs(size[up] - h) < 1e-4 for h in heights):
@@ -118,11 +118,11 @@ def _boxes(entry: CatalogueEntry, size: tuple[float, float, float]) -> list[Rest
     return found
 
 
-def _mesh(entry: CatalogueEntry, mesh: ConvexMesh) -> list[Rest]:
+def _mesh(entry: CatalogueEntry, mesh: ConvexMesh) -> list[StablePose]:
     """One rest for each face over which the centroid stands."""
     normals, offsets = half_spaces(mesh)
     points = np.array(mesh.vertices)
-    found: list[Rest] = []
+    found: list[StablePose] = []
     for normal, offset in zip(normals, offsets, strict=True):
         face = points[np.abs(points @ normal - offset) < 1e-5]
         rotation = _down(normal)
@@ -139,7 +139,7 @@ def _turn(points: Array) -> float:
     return next((t for t in turns if _alike(_turned(points, t), points)), 2 * math.pi)
 
 
-def _looks_like(one: Rest, other: Rest) -> bool:
+def _looks_like(one: StablePose, other: StablePose) -> bool:
     """Whether both are the same to the eye, on equal faces of a symmetric body."""
     if abs(one.height - other.height) > ALIKE or abs(one.below - other.below) > ALIKE:
         return False
@@ -183,18 +183,18 @@ SHOWS = 0.004
 
 
 @dataclass(frozen=True, slots=True)
-class Stub:
+class ProtrudingPart:
     """What stands out of a hole of an item that stands in it."""
 
     entry: CatalogueEntry
     """Of the whole item."""
-    rest: Rest
+    rest: StablePose
     sunk: float
     """How far the item's centre is below that of what stands out, m."""
 
 
 @dataclass(frozen=True, eq=False)
-class Mouth:
+class HoleMouth:
     """A hole as perception believes it to be."""
 
     id: ObjectId
@@ -206,25 +206,25 @@ class Mouth:
     """An item whose visible middle is nearer than this to the mouth's may stand in it, m."""
     sigma: float
     """Standard deviation of where it is, along each axis, m."""
-    stubs: tuple[Stub, ...]
+    stubs: tuple[ProtrudingPart, ...]
     """Of all kinds that fit."""
 
     @property
-    def rests(self) -> tuple[Rest, ...]:
+    def rests(self) -> tuple[StablePose, ...]:
         return tuple(stub.rest for stub in self.stubs)
 
-    def stub(self, rest: Rest) -> Stub | None:
+    def stub(self, rest: StablePose) -> ProtrudingPart | None:
         return next((stub for stub in self.stubs if stub.rest is rest), None)
 
 
-class Mouths:
+class HoleMouths:
     """The holes of a scene, as it is believed to stand."""
 
     def __init__(self, fixtures: Iterable[Fixture], catalogue: Iterable[CatalogueEntry]) -> None:
         entries = tuple(catalogue)
         self._mouths = [_mouth(fixture, hole, entries) for fixture in fixtures for hole in fixture.holes]
 
-    def near(self, x: float, y: float) -> Mouth | None:
+    def near(self, x: float, y: float) -> HoleMouth | None:
         """The hole over which something is seen, if there is one."""
         away = [(math.dist((x, y), mouth.at), n) for n, mouth in enumerate(self._mouths)]
         if not away:
@@ -242,17 +242,17 @@ def spread(fixture: Fixture) -> float:
     return most.position + most.angle * math.hypot(x, y) / 2
 
 
-def _mouth(fixture: Fixture, hole: Hole, entries: Iterable[CatalogueEntry]) -> Mouth:
+def _mouth(fixture: Fixture, hole: Hole, entries: Iterable[CatalogueEntry]) -> HoleMouth:
     x, y, _ = (fixture.pose @ hole.pose).position
     stubs = tuple(stub for entry in entries if (stub := _stub(entry, hole)) is not None)
     away = spread(fixture)
     # It is anywhere within its bounds, and nowhere else.
     sigma = max(1e-3, away / math.sqrt(3.0))
-    return Mouth(hole.id, (x, y), top(fixture.shape, fixture.pose), OFF + away, sigma, stubs)
+    return HoleMouth(hole.id, (x, y), top(fixture.shape, fixture.pose), OFF + away, sigma, stubs)
 
 
-def _stub(entry: CatalogueEntry, hole: Hole) -> Stub | None:
-    if not fits(hole, entry.shape):
+def _stub(entry: CatalogueEntry, hole: Hole) -> ProtrudingPart | None:
+    if not fits_hole(hole, entry.shape):
         return None
     shape: Shape
     match entry.shape:
@@ -265,5 +265,5 @@ def _stub(entry: CatalogueEntry, hole: Hole) -> Stub | None:
     if left < SHOWS:
         return None
     # The first way in which it can lie is upright, as the catalogue has it.
-    rest = rests(replace(entry, shape=shape))[0]
-    return Stub(entry, rest, hole.depth / 2)
+    rest = stable_poses(replace(entry, shape=shape))[0]
+    return ProtrudingPart(entry, rest, hole.depth / 2)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...world.values import Array
-from .camera_geometry import Sight
-from .resting_poses import RING, Rest
+from .camera_geometry import PosedCamera
+from .resting_poses import RING, StablePose
 
 PIXEL_SIGMA = 0.33
 """Spread of an outline point about the true edge, pixels: it lies half way between two pixels."""
@@ -22,7 +22,7 @@ _FAN = np.array([(np.cos(a), np.sin(a)) for a in np.arange(36) * (2 * np.pi / 36
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
+class BlobOutline:
     """Points (m, 2) between the pixels of a blob and its surroundings; `real` (m,) is False where the
     blob may go on behind what hides it."""
 
@@ -31,10 +31,10 @@ class Outline:
 
 
 @dataclass(frozen=True, eq=False)
-class Stand:
+class StandingPose:
     """Where a rest stands: centre in the world (3,) and turn about the vertical, rad."""
 
-    rest: Rest
+    rest: StablePose
     centre: Array
     yaw: float
 
@@ -46,8 +46,8 @@ class Stand:
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
-    stand: Stand
+class SilhouetteFit:
+    stand: StandingPose
     misfit: float
     """Mean squared distance of the outline's points from the model's, in sigmas², each capped."""
     covariance: Array
@@ -56,14 +56,14 @@ class Fitted:
     """Of the silhouette, pixels."""
 
 
-def silhouette(sight: Sight, stand: Stand) -> Array:
+def silhouette(sight: PosedCamera, stand: StandingPose) -> Array:
     """Corners (k, 2) of the hull of the picture of a standing body, pixels; its inside lies to the
     left of each edge for an eye that sees y point up."""
     hull = cv2.convexHull(sight.pixels(_body(sight, stand)).astype(np.float32))
     return hull[:, 0].astype(np.float64)
 
 
-def _body(sight: Sight, stand: Stand) -> Array:
+def _body(sight: PosedCamera, stand: StandingPose) -> Array:
     if not len(stand.rest.outline):
         return _tangent_circle(sight, stand)
     c, s = np.cos(stand.yaw), np.sin(stand.yaw)
@@ -71,7 +71,7 @@ def _body(sight: Sight, stand: Stand) -> Array:
     return stand.rest.outline @ turn + stand.centre
 
 
-def _tangent_circle(sight: Sight, stand: Stand) -> Array:
+def _tangent_circle(sight: PosedCamera, stand: StandingPose) -> Array:
     """Where the camera's rays graze a sphere: a polygon of the circle's area (RING, 3)."""
     radius = stand.rest.below
     away = stand.centre - sight.origin
@@ -84,7 +84,9 @@ def _tangent_circle(sight: Sight, stand: Stand) -> Array:
     return stand.centre - away * share + _CIRCLE @ across * (radius * np.sqrt(1 - share) * _ROUND)
 
 
-def fit_outline(sight: Sight, outline: Outline, start: Stand, rounds: int = 5) -> Fitted:
+def fit_outline(
+    sight: PosedCamera, outline: BlobOutline, start: StandingPose, rounds: int = 5
+) -> SilhouetteFit:
     """Gauss–Newton over x, y and yaw of the signed distances between outline and silhouette.
 
     A point on a hidden border pulls only when it lies outside the model.
@@ -104,13 +106,13 @@ def fit_outline(sight: Sight, outline: Outline, start: Stand, rounds: int = 5) -
             break
         x, y = (min(0.02, max(-0.02, c)) for c in step[:2])
         turn = min(0.35, max(-0.35, step[2])) if free == 3 else 0.0
-        stand = Stand(stand.rest, stand.centre + np.array([x, y, 0.0]), stand.yaw + turn)
+        stand = StandingPose(stand.rest, stand.centre + np.array([x, y, 0.0]), stand.yaw + turn)
         if abs(x) < CLOSE and abs(y) < CLOSE and abs(turn) < CLOSE_TURN:
             break
     covariance = np.diag([0.0, 0.0, np.pi**2])
     covariance[:free, :free] = inverse * PIXEL_SIGMA**2
     misfit = float(np.minimum(scaled * scaled, OUTLIER**2).sum()) / len(distance)
-    return Fitted(stand, misfit, covariance, polygon_area(corners))
+    return SilhouetteFit(stand, misfit, covariance, polygon_area(corners))
 
 
 CLOSE, CLOSE_TURN = 3e-4, 6e-3
@@ -119,7 +121,9 @@ _DAMPING = np.diag([0.1, 0.1, 1e-3])
 """Keeps the normal equations regular where the outline says nothing: pixels²/m², pixels²/rad²."""
 
 
-def _distances(sight: Sight, stand: Stand, corners: Array, points: Array, free: int) -> tuple[Array, Array]:
+def _distances(
+    sight: PosedCamera, stand: StandingPose, corners: Array, points: Array, free: int
+) -> tuple[Array, Array]:
     """Signed distance (m,) of each point from the silhouette, outside positive, pixels, and how it
     changes with x, y and, if `free` is 3, yaw (m, free). The image is taken as affine about the centre
     for the changes only."""
@@ -161,8 +165,8 @@ def support(points: Array) -> tuple[Array, Array]:
 
 
 def likely_turns(
-    sight: Sight, stand: Stand, seen: tuple[Array, Array], keep: int
-) -> list[tuple[float, Stand]]:
+    sight: PosedCamera, stand: StandingPose, seen: tuple[Array, Array], keep: int
+) -> list[tuple[float, StandingPose]]:
     """Starts for the fit, best first: the stand turned and shifted so that its silhouette's support
     function fits the one `seen`; with the mean square that is left over, pixels²."""
     model, at = support(sight.pixels(_body(sight, stand)))
@@ -173,7 +177,7 @@ def likely_turns(
     centre = stand.centre + np.array([x, y, 0.0])
     upwards = -1.0 if sight.rotation[2, 2] < 0 else 1.0
     return [
-        (value, Stand(stand.rest, centre, stand.yaw + upwards * k * (2 * np.pi / 36)))
+        (value, StandingPose(stand.rest, centre, stand.yaw + upwards * k * (2 * np.pi / 36)))
         for value, k in _minima(left.tolist())[:keep]
     ]
 

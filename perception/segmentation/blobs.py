@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ...world.colours import ITEM_COLOURS
 from ...world.protocols import Intrinsics, RgbdImage
 from ...world.values import Array
-from ..geometry.camera_geometry import Sight
-from ..geometry.silhouette_fitting import Outline, support
+from ..geometry.camera_geometry import PosedCamera
+from ..geometry.silhouette_fitting import BlobOutline, support
 
 SATURATED = 128
 """Of 255: items are more saturated than this, fixtures and robot less."""
@@ -60,10 +60,10 @@ Pixels = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class SegmentationInput:
     """What blobs are cut from; all arrays (h, w). The owners are filled in while patches are found."""
 
-    sight: Sight
+    sight: PosedCamera
     depth: Array
     """m along the optical axis, 0 where unknown."""
     height: Array
@@ -74,21 +74,21 @@ class Picture:
     """Behind the robot, the held object, walls and their margins: nothing is known there."""
     owner: NDArray[np.int32]
     """Number of the patch that has the pixel, 0 for none."""
-    patches: list[Patch]
+    patches: list[PixelPatch]
 
-    def claim(self, rows: Pixels, columns: Pixels, label: int) -> Patch:
+    def claim(self, rows: Pixels, columns: Pixels, label: int) -> PixelPatch:
         """A new patch of these pixels, which it takes from whoever had them."""
         depths = self.depth[rows, columns]
         heights = np.sort(self.height[rows, columns][depths > 0])
         top = float(heights[int(TOP * len(heights))]) if len(heights) else float("nan")
-        patch = Patch(len(self.patches) + 1, label, rows, columns, top, len(heights))
+        patch = PixelPatch(len(self.patches) + 1, label, rows, columns, top, len(heights))
         self.patches.append(patch)
         self.owner[rows, columns] = patch.number
         return patch
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
+class PixelPatch:
     """Pixels that hang together."""
 
     number: int
@@ -105,8 +105,8 @@ class Patch:
 class Blob:
     """A patch with its outline, ready to be fitted."""
 
-    patch: Patch
-    outline: Outline
+    patch: PixelPatch
+    outline: BlobOutline
     hull: Array
     """Convex hull of its outline (k, 2), pixels."""
     middle: Array
@@ -138,7 +138,7 @@ class Blob:
         return float(1.0 - self.outline.real.mean()) <= WHOLE
 
 
-def connected(mask: NDArray[np.bool_], least: int) -> list[tuple[Pixels, Pixels]]:
+def connected_patches(mask: NDArray[np.bool_], least: int) -> list[tuple[Pixels, Pixels]]:
     """Rows and columns of each connected patch of `mask` (h, w) with at least so many pixels."""
     pixels = mask.view(np.uint8)
     left, upper, wide, high = (int(n) for n in cv2.boundingRect(pixels))
@@ -155,7 +155,7 @@ def connected(mask: NDArray[np.bool_], least: int) -> list[tuple[Pixels, Pixels]
     return found
 
 
-def outlined(picture: Picture, patch: Patch) -> Blob:
+def outline_patch(picture: SegmentationInput, patch: PixelPatch) -> Blob:
     """The patch with its outline. All neighbours must have been claimed before."""
     y, x = int(patch.rows.min()) - 1, int(patch.columns.min()) - 1
     h, w = int(patch.rows.max()) + 2 - y, int(patch.columns.max()) + 2 - x
@@ -172,14 +172,16 @@ def outlined(picture: Picture, patch: Patch) -> Blob:
         at[:, 1 - axis] += 0.5
         points.append(at)
         real.append(~np.where(a[rows, columns], hb[rows, columns], ha[rows, columns]))
-    outline = Outline(np.concatenate(points), np.concatenate(real))
+    outline = BlobOutline(np.concatenate(points), np.concatenate(real))
     hull = cv2.convexHull(outline.points.astype(np.float32))[:, 0].astype(np.float64)
     middle = np.array([patch.columns.mean(), patch.rows.mean()])
     rays, depths = _samples(picture, patch, inside, y, x)
     return Blob(patch, outline, hull, middle, support(hull), _towards(outline, middle), rays, depths)
 
 
-def _hiding(picture: Picture, patch: Patch, y: int, x: int, h: int, w: int) -> NDArray[np.bool_]:
+def _hiding(
+    picture: SegmentationInput, patch: PixelPatch, y: int, x: int, h: int, w: int
+) -> NDArray[np.bool_]:
     """Which pixels of the window (h, w) may hide a part of the patch."""
     hidden = np.ones((h, w), dtype=np.bool_)
     rows, columns = picture.owner.shape
@@ -195,7 +197,7 @@ def _hiding(picture: Picture, patch: Patch, y: int, x: int, h: int, w: int) -> N
 
 
 def _samples(
-    picture: Picture, patch: Patch, inside: NDArray[np.bool_], y: int, x: int
+    picture: SegmentationInput, patch: PixelPatch, inside: NDArray[np.bool_], y: int, x: int
 ) -> tuple[Array, Array]:
     rows, columns = patch.rows - y, patch.columns - x
     inner = (
@@ -213,7 +215,7 @@ def _samples(
     return picture.sight.directions(pixels), depths[chosen]
 
 
-def _towards(outline: Outline, middle: Array) -> Array:
+def _towards(outline: BlobOutline, middle: Array) -> Array:
     if outline.real.all():
         return np.zeros(2)
     away = outline.points[~outline.real].mean(axis=0) - middle
@@ -226,7 +228,7 @@ PITCH = 0.002
 what models lack."""
 
 
-def coarsened(image: RgbdImage) -> RgbdImage:
+def downsample(image: RgbdImage) -> RgbdImage:
     """Every so many rows and columns of a picture that was taken from near; the picture itself from afar."""
     known = image.depth[image.depth > 0]
     if not len(known):

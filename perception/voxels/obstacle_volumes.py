@@ -16,9 +16,19 @@ from numpy.typing import NDArray
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.raycasting import inside
 from ...world.values import ObjectId
-from ..fitting.view import Unexplained, View
-from .space_carving import found, still, surface_of
-from .voxel_grid import CELL, NONE, Indices, Keys, body_of, cells_of, centres, indices, touching
+from ..fitting.view import PerceivedView, UnexplainedPatch
+from .space_carving import occupied_cells, retained_cells, surface_of
+from .voxel_grid import (
+    CELL,
+    NONE,
+    Indices,
+    Keys,
+    adjacent_cells,
+    cell_centres,
+    cell_indices,
+    cells_of,
+    obstacle_from_cells,
+)
 
 MOST = 24
 """Boxes of one obstacle at most; beyond it the pairs are joined that waste least."""
@@ -28,13 +38,13 @@ Span = tuple[Indices, Indices]
 """The first cell of a box and the one after its last, (3,) each."""
 
 
-def merged(packed: Keys, most: int = MOST) -> list[Span]:
+def merge_cells(packed: Keys, most: int = MOST) -> list[Span]:
     """Boxes that cover the cells, and nothing else unless there would be more than `most`.
 
     Greedy: from the first cell that is not covered yet the larger of two boxes is taken, one grown upwards
     and then along x and y, the other along y and x. Boxes may overlap, which makes them fewer.
     """
-    cells = indices(packed)
+    cells = cell_indices(packed)
     origin = cells.min(axis=0)
     filled: Grid = np.zeros(tuple(cells.max(axis=0) - origin + 1), dtype=np.bool_)
     filled[tuple((cells - origin).T)] = True
@@ -107,13 +117,13 @@ class _Seen:
     """The cells that hang together, and what the view shows of them."""
 
     cells: Keys
-    patches: tuple[Unexplained, ...]
+    patches: tuple[UnexplainedPatch, ...]
 
 
 def update_volumes(
     scene: PlanningScene,
-    view: View,
-    patches: Sequence[Unexplained],
+    view: PerceivedView,
+    patches: Sequence[UnexplainedPatch],
     items: Sequence[BeliefObject],
     now: float,
 ) -> list[ObjectId]:
@@ -122,8 +132,11 @@ def update_volumes(
     former = {o.id: cells_of(o) for o in scene.objects if o.role == "obstacle" and not o.attached}
     if not former and not patches:
         return []
-    new = _without(found(view, patches), items)
-    kept = {name: _without(still(view, _unless_item(cells, items)), items) for name, cells in former.items()}
+    new = _without(occupied_cells(view, patches), items)
+    kept = {
+        name: _without(retained_cells(view, _unless_item(cells, items)), items)
+        for name, cells in former.items()
+    }
     seen = _components(np.unique(np.concatenate([new, *kept.values()])), view, patches)
     names = _named(seen, former)
     for name, each in zip(names, seen, strict=True):
@@ -136,24 +149,24 @@ def update_volumes(
 
 def _without(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
     for item in items:
-        cells = cells[~inside(item.shape, item.pose, centres(cells), ITEM_MARGIN)]
+        cells = cells[~inside(item.shape, item.pose, cell_centres(cells), ITEM_MARGIN)]
     return cells
 
 
 def _unless_item(cells: Keys, items: Sequence[BeliefObject]) -> Keys:
     """No cells when they were a recognised item: what it hides now is not to stay."""
-    points = centres(cells)
+    points = cell_centres(cells)
     for item in items:
         if inside(item.shape, item.pose, points, float(CELL[0])).mean() > WAS_ITEM:
             return NONE
     return cells
 
 
-def _components(cells: Keys, view: View, patches: Sequence[Unexplained]) -> list[_Seen]:
+def _components(cells: Keys, view: PerceivedView, patches: Sequence[UnexplainedPatch]) -> list[_Seen]:
     """Cells that hang together as seen from above, the largest first."""
     if not len(cells):
         return []
-    columns = indices(cells)[:, :2]
+    columns = cell_indices(cells)[:, :2]
     origin = columns.min(axis=0) - 1
     at = tuple((columns - origin).T)
     plan = np.zeros(tuple(columns.max(axis=0) - origin + 2), dtype=np.uint8)
@@ -185,8 +198,10 @@ def _named(seen: Sequence[_Seen], former: dict[ObjectId, Keys]) -> list[ObjectId
             left.remove(name)
     for n, each in enumerate(seen):
         if names[n] is None and left:
-            middle = centres(each.cells).mean(axis=0)
-            away = {name: float(np.linalg.norm(centres(former[name]).mean(axis=0) - middle)) for name in left}
+            middle = cell_centres(each.cells).mean(axis=0)
+            away = {
+                name: float(np.linalg.norm(cell_centres(former[name]).mean(axis=0) - middle)) for name in left
+            }
             nearest = min(left, key=lambda name: (away[name], name))
             if away[nearest] < NEAR:
                 names[n] = nearest
@@ -200,12 +215,12 @@ def _put(scene: PlanningScene, name: ObjectId, seen: _Seen, before: Keys, now: f
     if known is not None:
         gone = np.setdiff1d(before, cells, assume_unique=True)
         # Edges come and go with the noise: what is next to what is there goes on being blocked.
-        cells = np.union1d(cells, gone[touching(gone, cells)])
+        cells = np.union1d(cells, gone[adjacent_cells(gone, cells)])
         if _alike(cells, before):
             if seen.patches:
                 scene.put(replace(known, last_seen=now), AGAIN)
             return
-    shape, pose, blocks = body_of(merged(cells))
+    shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
     colour = _colour(seen.patches) or (known.colour if known is not None else "grey")
     last_seen = now if seen.patches or known is None else known.last_seen
     belief = BeliefObject(
@@ -219,7 +234,7 @@ def _alike(cells: Keys, before: Keys) -> bool:
     new = np.setdiff1d(cells, before, assume_unique=True)
     if len(new) > SKIN * len(cells) or len(cells) - len(new) < len(before):
         return False
-    return bool(touching(new, before).all())
+    return bool(adjacent_cells(new, before).all())
 
 
 def _reason(cells: Keys, before: Keys) -> str:
@@ -230,7 +245,7 @@ def _reason(cells: Keys, before: Keys) -> str:
     return CHANGED if more and less else GREW if more else CLEARED
 
 
-def _colour(patches: Sequence[Unexplained]) -> str | None:
+def _colour(patches: Sequence[UnexplainedPatch]) -> str | None:
     """Of the largest patch."""
     largest = max(patches, key=lambda patch: len(patch.rows), default=None)
     return None if largest is None else largest.colour

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ...world.shapes import Box
 from ...world.values import Array, Pose
-from ..fitting.view import Unexplained, View
+from ..fitting.view import PerceivedView, UnexplainedPatch
 from ..segmentation import blobs
-from ..segmentation.blobs import Picture, Pixels, connected
-from .voxel_grid import CELL, HALF_DIAGONAL, NONE, Indices, Keys, centres, keys
+from ..segmentation.blobs import Pixels, SegmentationInput, connected_patches
+from .voxel_grid import CELL, HALF_DIAGONAL, NONE, Indices, Keys, cell_centres, cell_keys
 
 RAISED = 0.012
 """Grey depth must stand out by this to be something, m."""
@@ -28,8 +28,11 @@ BESIDE_ARM = 60
 """A patch beside the robot needs so many pixels: the model's edge leaves slivers."""
 
 
-def grey(
-    picture: Picture, backdrop: Array, robot: NDArray[np.bool_], in_heap: Callable[[Array], NDArray[np.bool_]]
+def unexplained_patches(
+    picture: SegmentationInput,
+    backdrop: Array,
+    robot: NDArray[np.bool_],
+    in_heap: Callable[[Array], NDArray[np.bool_]],
 ) -> list[tuple[Pixels, Pixels]]:
     """Patches of unsaturated depth in front of the `backdrop` (h, w) that are nothing known; points
     (n, 3) of the world that are `in_heap`, in a bin, are none."""
@@ -49,7 +52,7 @@ def grey(
     beside = cv2.dilate(robot.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(np.bool_)
     return [
         (rows, columns)
-        for rows, columns in connected(opened.astype(np.bool_), LEAST)
+        for rows, columns in connected_patches(opened.astype(np.bool_), LEAST)
         if len(rows) >= BESIDE_ARM or not beside[rows, columns].any()
     ]
 
@@ -67,7 +70,9 @@ def _backed(depth: Array, raised: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return raised & (backing >= BACKING)
 
 
-def boxed(picture: Picture, rows: Pixels, columns: Pixels, support: float) -> Unexplained | None:
+def bounding_box_of(
+    picture: SegmentationInput, rows: Pixels, columns: Pixels, support: float
+) -> UnexplainedPatch | None:
     """What a patch shows, with the upright box about it, from its support up; None when it is as flat as the
     support."""
     depths = picture.depth[rows, columns]
@@ -86,10 +91,10 @@ def boxed(picture: Picture, rows: Pixels, columns: Pixels, support: float) -> Un
     labels = picture.label[rows, columns]
     label = int(np.bincount(labels).argmax())
     pose = Pose.from_rpy(middle, (0.0, 0.0, math.radians(turn)))
-    return Unexplained(Box(size), pose, blobs.NAMES[label] or "grey", rows, columns)
+    return UnexplainedPatch(Box(size), pose, blobs.NAMES[label] or "grey", rows, columns)
 
 
-def points_of(picture: Picture, rows: Pixels, columns: Pixels) -> Array:
+def points_of(picture: SegmentationInput, rows: Pixels, columns: Pixels) -> Array:
     """What the pixels show in the world (n, 3), m."""
     rays = picture.sight.directions(np.stack([columns, rows], axis=1).astype(np.float64))
     return picture.sight.origin + rays * picture.depth[rows, columns][:, None]
@@ -107,7 +112,7 @@ SMOOTH = 5
 """Depth is the median over so many pixels square: tops that noise makes uneven are many boxes."""
 
 
-def found(view: View, patches: Sequence[Unexplained]) -> Keys:
+def occupied_cells(view: PerceivedView, patches: Sequence[UnexplainedPatch]) -> Keys:
     """The cells of what the patches show, from what is seen down to what it may stand on, but for those that
     rays pass through as a whole: below a bar that hangs."""
     surface = [_surface(view, patch) for patch in patches]
@@ -117,17 +122,17 @@ def found(view: View, patches: Sequence[Unexplained]) -> Keys:
     return columns[~_passed(view, columns, HALF_DIAGONAL, window=True)]
 
 
-def still(view: View, known: Keys) -> Keys:
+def retained_cells(view: PerceivedView, known: Keys) -> Keys:
     """Of cells that were taken up before those that no ray passes: hidden, out of the view, or seen again."""
     return known[~_passed(view, known, 0.0, window=False)] if len(known) else known
 
 
-def surface_of(view: View, patch: Unexplained) -> Keys:
+def surface_of(view: PerceivedView, patch: UnexplainedPatch) -> Keys:
     """The cells in which the patch's surface lies."""
-    return keys(np.floor(_surface(view, patch) / CELL).astype(np.int64))
+    return cell_keys(np.floor(_surface(view, patch) / CELL).astype(np.int64))
 
 
-def _surface(view: View, patch: Unexplained) -> Array:
+def _surface(view: PerceivedView, patch: UnexplainedPatch) -> Array:
     """Points (n, 3) on the patch's surface, each pixel's corners."""
     rows, columns = patch.rows, patch.columns
     y, x = int(rows.min()), int(columns.min())
@@ -143,7 +148,7 @@ def _surface(view: View, patch: Unexplained) -> Array:
     return np.concatenate(points)
 
 
-def _columns(points: Array, view: View) -> Keys:
+def _columns(points: Array, view: PerceivedView) -> Keys:
     """The cells that hold the points (n, 3), and those below them down to the supports."""
     supports = view.supports(points)
     upper = points[:, 2] > supports
@@ -161,13 +166,13 @@ def _columns(points: Array, view: View) -> Keys:
     stacked[:, :2] = np.repeat(places, heights, axis=0)
     starts = np.repeat(np.cumsum(heights) - heights, heights)
     stacked[:, 2] = np.arange(len(stacked)) - starts + np.repeat(bottoms, heights)
-    return keys(stacked)
+    return cell_keys(stacked)
 
 
-def _passed(view: View, cells: Keys, clear: float, *, window: bool) -> NDArray[np.bool_]:
+def _passed(view: PerceivedView, cells: Keys, clear: float, *, window: bool) -> NDArray[np.bool_]:
     """Which cells (n,) rays pass through, to what lies more than `clear` m behind their middles: the rays
     of the whole cell with `window`, else those through its middle."""
-    points = centres(cells)
+    points = cell_centres(cells)
     depth = (points - view.sight.origin) @ view.sight.rotation[:, 2]
     pixels = np.round(view.sight.pixels(points)).astype(np.int64)
     h, w = view.reach.shape

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from ...world.belief.planning_scene import BeliefObject, Block
+from ...world.belief.planning_scene import BeliefObject, ObstacleBlock
 from ...world.raycasting import inside
 from ...world.shapes import Box, ConvexMesh, Shape, extents
 from ...world.values import Array, Pose
@@ -35,45 +35,45 @@ _MASK = (1 << _BITS) - 1
 _AROUND = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)])
 
 
-def keys(cells: Indices) -> Keys:
+def cell_keys(cells: Indices) -> Keys:
     shifted = cells + _OFFSET
     return np.unique((shifted[:, 0] << (2 * _BITS)) | (shifted[:, 1] << _BITS) | shifted[:, 2])
 
 
-def indices(packed: Keys) -> Indices:
+def cell_indices(packed: Keys) -> Indices:
     parts = (packed >> (2 * _BITS), (packed >> _BITS) & _MASK, packed & _MASK)
     return np.stack(parts, axis=1) - _OFFSET
 
 
-def centres(packed: Keys) -> Array:
+def cell_centres(packed: Keys) -> Array:
     """In the world (n, 3), m."""
-    return (indices(packed) + 0.5) * CELL
+    return (cell_indices(packed) + 0.5) * CELL
 
 
-def touching(packed: Keys, others: Keys) -> NDArray[np.bool_]:
+def adjacent_cells(packed: Keys, others: Keys) -> NDArray[np.bool_]:
     """Which cells (n,) are among the others or next to one of them."""
-    around = indices(packed)[:, None, :] + _AROUND[None] + _OFFSET
+    around = cell_indices(packed)[:, None, :] + _AROUND[None] + _OFFSET
     near = (around[..., 0] << (2 * _BITS)) | (around[..., 1] << _BITS) | around[..., 2]
     return np.any(np.isin(near, others), axis=1)
 
 
-def within(shape: Shape, pose: Pose) -> Keys:
+def cells_in_body(shape: Shape, pose: Pose) -> Keys:
     """The cells whose centres lie in a body."""
     low, high = extents(shape, pose.rotation())
     first = np.floor((np.array(pose.position) + low) / CELL).astype(np.int64)
     last = np.ceil((np.array(pose.position) + high) / CELL).astype(np.int64)
     cells = _span(first, np.maximum(last, first))
-    return keys(cells[inside(shape, pose, (cells + 0.5) * CELL)])
+    return cell_keys(cells[inside(shape, pose, (cells + 0.5) * CELL)])
 
 
 def cells_of(o: BeliefObject) -> Keys:
     """What an obstacle of the belief takes up."""
     if not o.blocks:
-        return within(o.shape, o.pose)
-    return keys(np.concatenate([_cells(block, np.array(o.pose.position)) for block in o.blocks]))
+        return cells_in_body(o.shape, o.pose)
+    return cell_keys(np.concatenate([_cells(block, np.array(o.pose.position)) for block in o.blocks]))
 
 
-def _cells(block: Block, origin: Array) -> Indices:
+def _cells(block: ObstacleBlock, origin: Array) -> Indices:
     """The cells of a block of a body at `origin` (3,)."""
     middle, half = origin + block.at, np.array(block.size) / 2
     first = np.round((middle - half) / CELL).astype(np.int64)
@@ -81,7 +81,9 @@ def _cells(block: Block, origin: Array) -> Indices:
     return _span(first, last)
 
 
-def body_of(boxes: Sequence[tuple[Indices, Indices]]) -> tuple[Shape, Pose, tuple[Block, ...]]:
+def obstacle_from_cells(
+    boxes: Sequence[tuple[Indices, Indices]],
+) -> tuple[Shape, Pose, tuple[ObstacleBlock, ...]]:
     """What is about all, its place in the world, and each box as a block in it. A box is its first cell and
     the one after its last, (3,) each.
 
@@ -92,19 +94,20 @@ def body_of(boxes: Sequence[tuple[Indices, Indices]]) -> tuple[Shape, Pose, tupl
     last = np.max([high for _, high in boxes], axis=0)
     middle = (first + last) * CELL / 2
     blocks = tuple(
-        Block(_vector((high - low) * CELL), _vector((low + high) * CELL / 2 - middle)) for low, high in boxes
+        ObstacleBlock(_vector((high - low) * CELL), _vector((low + high) * CELL / 2 - middle))
+        for low, high in boxes
     )
     return _about(blocks), Pose(_vector(middle)), blocks
 
 
-def _about(blocks: Sequence[Block]) -> Shape:
+def _about(blocks: Sequence[ObstacleBlock]) -> Shape:
     signs = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     corners = np.concatenate([np.array(block.at) + signs * np.array(block.size) for block in blocks])
     low, high = corners.min(axis=0), corners.max(axis=0)
     if len(blocks) == 1:
         return Box(_vector(high - low))
     spans = [_cells(block, -low) for block in blocks]
-    volume = len(keys(np.concatenate(spans))) * float(np.prod(CELL))
+    volume = len(cell_keys(np.concatenate(spans))) * float(np.prod(CELL))
     hull = ConvexHull(corners)
     if float(hull.volume) > TIGHT * volume:
         return Box(_vector(high - low))

@@ -14,7 +14,7 @@ import numpy as np
 from ...world.values import Array
 
 
-class Part(Enum):
+class GeometryOwner(Enum):
     """What a geometry is a part of."""
 
     BASE = auto()
@@ -27,12 +27,12 @@ class Part(Enum):
     OBSTACLE = auto()
 
 
-GRIPPER = (Part.HAND, Part.FINGER, Part.HELD)
-AROUND = (Part.SUPPORT, Part.OBSTACLE)
+GRIPPER = (GeometryOwner.HAND, GeometryOwner.FINGER, GeometryOwner.HELD)
+AROUND = (GeometryOwner.SUPPORT, GeometryOwner.OBSTACLE)
 
 
 @dataclass(frozen=True, slots=True)
-class Margins:
+class CollisionMargins:
     """Least distances, m; negative: depth that is tolerated."""
 
     arm: float = 0.005
@@ -40,21 +40,21 @@ class Margins:
     finger_support: float = 0.0005
     held_support: float = -0.002
 
-    def between(self, a: Part, b: Part) -> float:
+    def between(self, a: GeometryOwner, b: GeometryOwner) -> float:
         """The least distance of two parts, in either order."""
         parts = {a, b}
-        if Part.ARM in parts or Part.BASE in parts:
+        if GeometryOwner.ARM in parts or GeometryOwner.BASE in parts:
             return self.arm
-        if parts == {Part.FINGER, Part.SUPPORT}:
+        if parts == {GeometryOwner.FINGER, GeometryOwner.SUPPORT}:
             return self.finger_support
-        if parts == {Part.HELD, Part.SUPPORT}:
+        if parts == {GeometryOwner.HELD, GeometryOwner.SUPPORT}:
             return self.held_support
         return self.gripper
 
     def table(self) -> Array:
         """`between` for all parts: rows and columns by the parts' values."""
-        table = np.zeros((len(Part) + 1, len(Part) + 1))
-        for a in Part:
-            for b in Part:
+        table = np.zeros((len(GeometryOwner) + 1, len(GeometryOwner) + 1))
+        for a in GeometryOwner:
+            for b in GeometryOwner:
                 table[a.value, b.value] = self.between(a, b)
         return table

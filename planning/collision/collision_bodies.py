@@ -35,7 +35,7 @@ class CoalShapes:
         return made
 
 
-def measuring(geometry: pin.GeometryModel) -> pin.GeometryData:
+def distance_request(geometry: pin.GeometryModel) -> pin.GeometryData:
     """Scratch memory for distances that depend on no earlier query: by default each begins where the last one
     of its pair ended, which moves the answer by up to 2 µm."""
     data = pin.GeometryData(geometry)
@@ -72,7 +72,7 @@ def _make(shape: Shape) -> coal.CollisionGeometry:
 
 
 @dataclass(frozen=True, slots=True)
-class Body:
+class CollisionBody:
     """One convex part of what a name stands for: a bin has five, an obstacle often one, else its blocks."""
 
     name: str
@@ -91,22 +91,26 @@ def is_board(shape: Shape, pose: Pose) -> bool:
     return z < x and z < y
 
 
-def still_bodies(scene: PlanningScene) -> tuple[Body, ...]:
+def fixed_bodies(scene: PlanningScene) -> tuple[CollisionBody, ...]:
     """Fixtures and the parts of the bins."""
-    fixtures = [Body(f.id, f.shape, f.pose, is_board(f.shape, f.pose)) for f in scene.fixtures.values()]
+    fixtures = [
+        CollisionBody(f.id, f.shape, f.pose, is_board(f.shape, f.pose)) for f in scene.fixtures.values()
+    ]
     parts = [
-        Body(b.id, part, pose, is_board(part, pose)) for b in scene.bins.values() for part, pose in b.parts()
+        CollisionBody(b.id, part, pose, is_board(part, pose))
+        for b in scene.bins.values()
+        for part, pose in b.parts()
     ]
     return (*fixtures, *parts)
 
 
-def loose_bodies(objects: Iterable[BeliefObject]) -> tuple[Body, ...]:
+def movable_bodies(objects: Iterable[BeliefObject]) -> tuple[CollisionBody, ...]:
     """Objects that are not in the hand."""
     return tuple(body for o in objects if not o.attached for body in bodies_of(o))
 
 
-def bodies_of(o: BeliefObject) -> tuple[Body, ...]:
+def bodies_of(o: BeliefObject) -> tuple[CollisionBody, ...]:
     """The convex parts of one object, all under its name: a hull stands for its blocks."""
     if not o.blocks or isinstance(o.shape, ConvexMesh):
-        return (Body(o.id, o.shape, o.pose),)
-    return tuple(Body(o.id, Box(block.size), o.pose @ Pose(block.at)) for block in o.blocks)
+        return (CollisionBody(o.id, o.shape, o.pose),)
+    return tuple(CollisionBody(o.id, Box(block.size), o.pose @ Pose(block.at)) for block in o.blocks)

@@ -15,10 +15,17 @@ from ...robots.urdf_tree import resolved_urdf
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.scene.description import Bin, Fixture
 from ...world.values import Array, Bounds, Vector3
-from ..requests import Contact
-from .clearances import GRIPPER, Margins, Part
-from .collision_bodies import Body, CoalShapes, hull, loose_bodies, still_bodies
-from .robot_geometry import FAINT, Built, Checker, Content, Piece, Robot
+from ..requests import ContactPair
+from .clearances import GRIPPER, CollisionMargins, GeometryOwner
+from .collision_bodies import CoalShapes, CollisionBody, fixed_bodies, hull, movable_bodies
+from .robot_geometry import (
+    FAINT,
+    CollisionGeometry,
+    CollisionModel,
+    CollisionModelKey,
+    MarginChecker,
+    RobotCollisionGeometry,
+)
 
 INSIDE = 0.002
 """Distance of the tool to the edges of the workspace that planning keeps, m."""
@@ -63,31 +70,32 @@ class Separation:
     gradient: Array
 
 
-class Collision:
+class CollisionChecker:
     """The robot in the believed scene. Call `update` before asking; `checks` counts what was asked.
 
     With a `workspace` (in the world) a configuration is free only if the TCP is INSIDE m within it.
 
-    Margins: see `Margins`. Names that a scene may allow to touch: object, fixture and bin ids, `arm`, and
+    Margins: see `CollisionMargins`. Names that a scene may allow to touch: object, fixture and bin ids,
+    `arm`, and
     `gripper` (hand, fingers and what they hold).
     """
 
     def __init__(
-        self, model: RobotModel, margins: Margins | None = None, workspace: Bounds | None = None
+        self, model: RobotModel, margins: CollisionMargins | None = None, workspace: Bounds | None = None
     ) -> None:
         self.model = model
         self._room = None if workspace is None else _narrowed(workspace)
         self.checks = 0
         self._shapes = CoalShapes()
-        self._robot = _robot(model, margins or Margins())
+        self._robot = _robot(model, margins or CollisionMargins())
         self._tcp_offset: Array = self._robot.tcp_in_joint.translation.copy()
         self._full_q = model.full_q(np.zeros(model.n), 0.0)
         self._arm_v = [_v_index(model.full, joint) for joint in model.description.joints]
         self._arm_q = _run([_q_index(model.full, joint) for joint in model.description.joints])
         self._seen: _Seen | None = None
-        self._still: tuple[Body, ...] = ()
-        self._kept: list[Built] = []
-        self._now = self._built(Content((), None, frozenset(), 0.0))
+        self._still: tuple[CollisionBody, ...] = ()
+        self._kept: list[CollisionModel] = []
+        self._now = self._built(CollisionModelKey((), None, frozenset(), 0.0))
 
     # ---- following the scene
 
@@ -100,14 +108,14 @@ class Collision:
         snapshot = scene.snapshot()
         seen = _Seen(scene.fixtures, scene.bins, snapshot.objects, snapshot.allowed, clearance)
         if self._seen is None or not seen.same_room(self._seen):
-            self._still = still_bodies(scene)
+            self._still = fixed_bodies(scene)
         elif seen.same_belief(self._seen):
             return
         self._seen = seen
-        bodies = (*self._still, *loose_bodies(snapshot.objects))
+        bodies = (*self._still, *movable_bodies(snapshot.objects))
         held = next((o for o in snapshot.objects if o.attached), None)
         self._now = self._built(
-            Content(
+            CollisionModelKey(
                 tuple((b.name, b.shape, b.support) for b in bodies),
                 None if held is None else (held.id, held.shape),
                 snapshot.allowed,
@@ -116,13 +124,13 @@ class Collision:
         )
         self._now.place(bodies, None if held is None else held.object_in_tcp)
 
-    def _built(self, content: Content) -> Built:
+    def _built(self, content: CollisionModelKey) -> CollisionModel:
         """The geometry of that content: one that was made for it before, or a new one. Both answer alike."""
         for index, built in enumerate(self._kept):
             if built.content == content:
                 self._kept.insert(0, self._kept.pop(index))
                 return built
-        self._kept.insert(0, Built(self._robot, content, self._shapes))
+        self._kept.insert(0, CollisionModel(self._robot, content, self._shapes))
         del self._kept[KEPT:]
         return self._kept[0]
 
@@ -143,7 +151,7 @@ class Collision:
         checker = self._now.halved
         return checker.free(self._at(q)) and self._inside(checker)
 
-    def excusing(self, contacts: tuple[Contact, ...], slack: float) -> Checker:
+    def excusing(self, contacts: tuple[ContactPair, ...], slack: float) -> MarginChecker:
         """A checker in which the pairs of `contacts` may come as close as they are, and `slack` m closer."""
         margins = self._now.least.copy()
         for contact in contacts:
@@ -152,7 +160,7 @@ class Collision:
                 margins[i, j] = margin if abs(margin) > FAINT else -FAINT
         return self._now.checker(margins)
 
-    def asked(self, checker: Checker, q: Array, *, within: bool = False) -> bool:
+    def asked(self, checker: MarginChecker, q: Array, *, within: bool = False) -> bool:
         """Ask another checker of this robot about q, and count it; `within`: and the workspace."""
         self.checks += 1
         return checker.free(self._at(q)) and not (within and not self._inside(checker))
@@ -167,13 +175,13 @@ class Collision:
         objects = () if self._seen is None else self._seen.objects
         return next((o for o in objects if o.id == name), None)
 
-    def contacts(self, q: Array) -> tuple[Contact, ...]:
+    def contacts(self, q: Array) -> tuple[ContactPair, ...]:
         """Every pair that is closer than its margin at q, the deepest first. Slow: for explanations."""
         self.checks += 1
         geometry, least, pieces = self._now.geometry, self._now.least, self._now.pieces
         data, geometry_data = self._now.distances
         pin.updateGeometryPlacements(self.model.full, data, geometry, geometry_data, self._at(q))
-        found: list[Contact] = []
+        found: list[ContactPair] = []
         for index, pair in enumerate(geometry.collisionPairs):
             distance = pin.computeDistance(geometry, geometry_data, index)
             margin = float(least[pair.first, pair.second])
@@ -183,10 +191,10 @@ class Collision:
                 x, y, z = (round(float(c), NANOMETRES) for c in distance.getNearestPoint2())
                 point: Vector3 = (x, y, z)
                 depth = round(float(distance.min_distance), NANOMETRES)
-                found.append(Contact(a.name, b.name, depth, point, margin))
+                found.append(ContactPair(a.name, b.name, depth, point, margin))
         return tuple(sorted(found, key=lambda contact: contact.distance))
 
-    def nearest(self, q: Array, within: float = np.inf, *, itself: bool = False) -> Contact | None:
+    def nearest(self, q: Array, within: float = np.inf, *, itself: bool = False) -> ContactPair | None:
         """The pair that is nearest at q, of all that may not touch, if nearer than `within` m: with what is
         around, or with `itself` among the robot's own links. Not counted: nothing is planned with it."""
         return self._now.gaps.nearest(self._at(q), within, itself=itself)
@@ -205,7 +213,7 @@ class Collision:
                 found.append(Separation(key, a.name, b.name, near.distance, margin, gradient))
         return tuple(found)
 
-    def penetrates(self, contact: Contact, tolerance: float) -> bool:
+    def penetrates(self, contact: ContactPair, tolerance: float) -> bool:
         """Whether a contact is deeper than `tolerance` m and than what is tolerated of its pair anyway."""
         allowed = min(
             (float(self._now.least[i, j]) for i, j in self._indices(contact.a, contact.b)), default=0.0
@@ -216,7 +224,7 @@ class Collision:
         pieces = list(enumerate(self._now.pieces))
         return [(i, j) for i, p in pieces for j, q in pieces[i + 1 :] if (p.name, q.name) == (a, b)]
 
-    def _inside(self, checker: Checker) -> bool:
+    def _inside(self, checker: MarginChecker) -> bool:
         """Whether the tool is within the workspace at the configuration that `checker` saw last."""
         if self._room is None:
             return True
@@ -243,7 +251,7 @@ def robot_geometry(model: RobotModel) -> tuple[pin.GeometryObject, ...]:
     return tuple(loaded.geometryObjects)
 
 
-def _robot_piece(model: RobotModel, o: pin.GeometryObject) -> Piece:
+def _robot_piece(model: RobotModel, o: pin.GeometryObject) -> CollisionGeometry:
     frames = model.full.frames
     link = frames[o.parentFrame].name
     chain, at = [link], o.parentFrame
@@ -251,18 +259,18 @@ def _robot_piece(model: RobotModel, o: pin.GeometryObject) -> Piece:
         at = frames[at].parentFrame
         chain.append(frames[at].name)
     if o.parentJoint == 0:
-        part = Part.BASE
+        part = GeometryOwner.BASE
     elif link in model.description.gripper.fingers:
-        part = Part.FINGER
+        part = GeometryOwner.FINGER
     elif model.description.flange_joint in chain:
-        part = Part.HAND
+        part = GeometryOwner.HAND
     else:
-        part = Part.ARM
-    return Piece(link, part, o.parentJoint)
+        part = GeometryOwner.ARM
+    return CollisionGeometry(link, part, o.parentJoint)
 
 
 def _self_pairs(
-    model: RobotModel, robot: tuple[pin.GeometryObject, ...], pieces: tuple[Piece, ...]
+    model: RobotModel, robot: tuple[pin.GeometryObject, ...], pieces: tuple[CollisionGeometry, ...]
 ) -> np.typing.NDArray[np.bool_]:
     disabled = {frozenset(pair) for pair in model.description.disabled_pairs}
     pairs = np.zeros((len(robot), len(robot)), dtype=np.bool_)
@@ -276,7 +284,7 @@ def _self_pairs(
     return pairs
 
 
-def _robot(model: RobotModel, margins: Margins) -> Robot:
+def _robot(model: RobotModel, margins: CollisionMargins) -> RobotCollisionGeometry:
     objects = robot_geometry(model)
     pieces = tuple(_robot_piece(model, o) for o in objects)
     geometry = pin.GeometryModel()
@@ -284,7 +292,7 @@ def _robot(model: RobotModel, margins: Margins) -> Robot:
         geometry.addGeometryObject(o)
     joint, placement = _tcp(model.full)
     pairs = _self_pairs(model, objects, pieces)
-    return Robot(model.full, geometry, pieces, pairs, joint, placement, margins.table())
+    return RobotCollisionGeometry(model.full, geometry, pieces, pairs, joint, placement, margins.table())
 
 
 def _narrowed(room: Bounds) -> tuple[Vector3, Vector3]:

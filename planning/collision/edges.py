@@ -14,23 +14,24 @@ from ...world.values import Array
 RESOLUTION = 0.03
 """Greatest step along an edge, rad (Euclidean over the joints)."""
 SWEEP = 0.1
-"""Greatest way of any point of the arm in a step of a `Strides`, m, by an upper bound; the hand really moves
+"""Greatest way of any point of the arm in a step of a `EdgeSteps`, m, by an upper bound; the hand really
+moves
 about half of that. A path is checked far more finely when it has been timed: one in thirty then grazes and is
 searched again in smaller steps, which costs less than smaller steps for all."""
 TURN = 0.2
-"""Greatest step of a `Strides` in joint space, rad (Euclidean)."""
+"""Greatest step of a `EdgeSteps` in joint space, rad (Euclidean)."""
 BEYOND = 0.1
 """How far hand and held object reach beyond the tool centre point, m."""
 
 Free = Callable[[Array], bool]
 
 
-class Strides:
+class EdgeSteps:
     """Edges in steps that are equally fine for every point of the arm: the wrist may turn further than the
     shoulder. `share` scales the steps."""
 
     def __init__(self, model: RobotModel, share: float = 1.0) -> None:
-        self._levers: Array = levers(model) / (SWEEP * share)
+        self._levers: Array = joint_levers(model) / (SWEEP * share)
         self._turns = 1.0 / (TURN * share)
 
     def count(self, along: Array) -> int:
@@ -46,7 +47,7 @@ class Strides:
         return all(map(free, a + along * (shares[1:] if ends_free else shares)))
 
 
-def levers(model: RobotModel) -> Array:
+def joint_levers(model: RobotModel) -> Array:
     """(n,): how far any point of the arm moves at most when a joint does, m/rad; m/m for one that slides."""
     arm = model.arm
     tool = float(np.linalg.norm(arm.frames[model.tcp_frame].placement.translation)) + BEYOND
@@ -64,7 +65,7 @@ def edge_free(free: Free, a: Array, b: Array, resolution: float = RESOLUTION) ->
 
 
 @lru_cache(maxsize=512)
-def halving(count: int) -> tuple[int, ...]:
+def bisection_order(count: int) -> tuple[int, ...]:
     """`count`, then the numbers below as halves, quarters, …, because collisions come in stretches."""
     order, spans = [count], [(0, count)]
     for low, high in spans:
@@ -77,12 +78,12 @@ def halving(count: int) -> tuple[int, ...]:
 
 @lru_cache(maxsize=512)
 def _shares(count: int) -> tuple[float, ...]:
-    """1/count … 1 in the order of `halving`."""
-    return tuple(k / count for k in halving(count))
+    """1/count … 1 in the order of `bisection_order`."""
+    return tuple(k / count for k in bisection_order(count))
 
 
 @lru_cache(maxsize=512)
 def _column(count: int) -> Array:
     """(count, 1): the same."""
-    column: Array = np.array(halving(count))[:, None] / count
+    column: Array = np.array(bisection_order(count))[:, None] / count
     return column

@@ -18,7 +18,7 @@ _REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
 
 
 @dataclass(frozen=True, slots=True)
-class Solid:
+class FclSolid:
     """A convex geometry in its own frame with the corners (m, 3) of a hull around it, for bounding boxes."""
 
     geometry: fcl.CollisionGeometry
@@ -28,17 +28,17 @@ class Solid:
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class FclMovedSolid:
     """A solid where python-fcl has put it."""
 
-    solid: Solid
+    solid: FclSolid
     object: fcl.CollisionObject
 
 
-class Placed:
+class FclPlacedSolid:
     """A solid at a pose in the world, with its axis-aligned bounds."""
 
-    def __init__(self, solid: Solid, rotation: Array, position: Array) -> None:
+    def __init__(self, solid: FclSolid, rotation: Array, position: Array) -> None:
         points = solid.corners @ rotation.T + position
         self.low: Array = points.min(axis=0)
         self.high: Array = points.max(axis=0)
@@ -46,7 +46,7 @@ class Placed:
         self.object = fcl.CollisionObject(solid.geometry, fcl.Transform(rotation, position))
 
 
-def solid(shape: Shape) -> Solid:
+def solid(shape: Shape) -> FclSolid:
     match shape:
         case Box((x, y, z)):
             geometry = fcl.Box(x, y, z)
@@ -56,10 +56,10 @@ def solid(shape: Shape) -> Solid:
             geometry = fcl.Sphere(radius)
         case ConvexMesh(vertices):
             return hull(np.array(vertices))
-    return Solid(geometry, corners(shape), shape)
+    return FclSolid(geometry, corners(shape), shape)
 
 
-def hull(points: Array) -> Solid:
+def hull(points: Array) -> FclSolid:
     """The convex hull of points (m, 3)."""
     # Imported here: it takes 0.3 s, and who only checks a mission needs no hulls.
     import trimesh
@@ -70,15 +70,15 @@ def hull(points: Array) -> Solid:
     flat = np.column_stack([np.full(len(faces), 3, dtype=np.int64), faces]).ravel()
     x, y, z = vertices.T
     shape = ConvexMesh(tuple(zip(x.tolist(), y.tolist(), z.tolist(), strict=True)), "")
-    return Solid(fcl.Convex(vertices, len(faces), flat), vertices, shape)
+    return FclSolid(fcl.Convex(vertices, len(faces), flat), vertices, shape)
 
 
-def place(shape: Solid, pose: Pose) -> Placed:
-    return Placed(shape, pose.rotation(), np.array(pose.position))
+def place(shape: FclSolid, pose: Pose) -> FclPlacedSolid:
+    return FclPlacedSolid(shape, pose.rotation(), np.array(pose.position))
 
 
 @dataclass(frozen=True, slots=True)
-class Gap:
+class FclDistance:
     """Signed distance, m (negative: depth), and the two nearest points in the world."""
 
     distance: float
@@ -86,17 +86,17 @@ class Gap:
     point_b: Vector3
 
 
-def gap(a: Placed | Moved, b: Placed | Moved) -> Gap:
+def distance_between(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSolid) -> FclDistance:
     """By python-fcl where they are apart; how deep they are in each other is measured by coal."""
     result = fcl.DistanceResult()
     fcl.distance(a.object, b.object, _REQUEST, result)
     if result.min_distance > 0.0:
         (ax, ay, az), (bx, by, bz) = (tuple(float(c) for c in p) for p in result.nearest_points)
-        return Gap(float(result.min_distance), (ax, ay, az), (bx, by, bz))
+        return FclDistance(float(result.min_distance), (ax, ay, az), (bx, by, bz))
     return _overlap(a, b)
 
 
-def _overlap(a: Placed | Moved, b: Placed | Moved) -> Gap:
+def _overlap(a: FclPlacedSolid | FclMovedSolid, b: FclPlacedSolid | FclMovedSolid) -> FclDistance:
     request, result = coal.DistanceRequest(), coal.DistanceResult()
     request.enable_signed_distance = True
     depth = coal.distance(*_for_coal(a), *_for_coal(b), request, result)
@@ -104,10 +104,10 @@ def _overlap(a: Placed | Moved, b: Placed | Moved) -> Gap:
         tuple(float(c) for c in p) for p in (result.getNearestPoint1(), result.getNearestPoint2())
     )
     # The two disagree by rounding about bodies that just touch.
-    return Gap(min(float(depth), 0.0), (ax, ay, az), (bx, by, bz))
+    return FclDistance(min(float(depth), 0.0), (ax, ay, az), (bx, by, bz))
 
 
-def _for_coal(body: Placed | Moved) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+def _for_coal(body: FclPlacedSolid | FclMovedSolid) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
     there = coal.Transform3s(body.object.getRotation(), body.object.getTranslation())
     return _SHAPES.of(body.solid.shape), there
 
@@ -115,6 +115,6 @@ def _for_coal(body: Placed | Moved) -> tuple[coal.CollisionGeometry, coal.Transf
 _SHAPES = CoalShapes()
 
 
-def bounds_apart(a: Placed, b: Placed, margin: float) -> bool:
+def bounds_apart(a: FclPlacedSolid, b: FclPlacedSolid, margin: float) -> bool:
     """Whether the bounding boxes are further apart than `margin`: then the bodies are, too."""
     return bool(np.any(a.low > b.high + margin) or np.any(b.low > a.high + margin))

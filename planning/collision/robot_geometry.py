@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from ...robots.model import se3
 from ...world.shapes import Shape
 from ...world.values import Array, Pose
-from ..requests import Contact
-from .clearances import GRIPPER, Part
-from .collision_bodies import Body, CoalShapes, measuring
+from ..requests import ContactPair
+from .clearances import GRIPPER, GeometryOwner
+from .collision_bodies import CoalShapes, CollisionBody, distance_request
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Near:
+class NearPair:
     """Two bodies by their numbers, their signed distance, m, and its gradient over the joints, m/rad."""
 
     first: int
@@ -27,7 +27,7 @@ class Near:
     gradient: Array
 
 
-class Gaps:
+class BodyDistances:
     """Distances between the pairs of one geometry model; bodies that are moved in it are followed."""
 
     def __init__(
@@ -38,7 +38,7 @@ class Gaps:
         self._geometry = geometry
         self._names = names
         self._data = model.createData()
-        self._geometry_data = measuring(geometry)
+        self._geometry_data = distance_request(geometry)
         boxes = [o.geometry.aabb_local for o in geometry.geometryObjects]
         low, high = np.array([b.min_ for b in boxes]), np.array([b.max_ for b in boxes])
         self._middles: Array = (low + high) / 2
@@ -47,12 +47,12 @@ class Gaps:
         self._second = np.array([pair.second for pair in geometry.collisionPairs], dtype=np.int64)
         self._itself = self._second < around
 
-    def nearest(self, full_q: Array, within: float = np.inf, *, itself: bool = False) -> Contact | None:
+    def nearest(self, full_q: Array, within: float = np.inf, *, itself: bool = False) -> ContactPair | None:
         """The nearest pair, if one is nearer than `within` m: of the robot (with what it holds) and what is
         around, or with `itself` of two of its own. Names, signed distance and the point on `b`."""
         pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._geometry_data, full_q)
         apart = np.where(self._itself == itself, self._apart(), np.inf)
-        best: Contact | None = None
+        best: ContactPair | None = None
         for index in np.argsort(apart, kind="stable"):
             if apart[index] >= within:
                 break
@@ -61,16 +61,16 @@ class Gaps:
                 within = float(found.min_distance)
                 x, y, z = (float(c) for c in found.getNearestPoint2())
                 a, b = int(self._first[index]), int(self._second[index])
-                best = Contact(self._names[a], self._names[b], within, (x, y, z))
+                best = ContactPair(self._names[a], self._names[b], within, (x, y, z))
         return best
 
-    def near(self, full_q: Array, within: float) -> list[Near]:
+    def near(self, full_q: Array, within: float) -> list[NearPair]:
         """Every pair nearer than `within` m, with how its distance changes with the joints."""
         model, data = self._model, self._data
         pin.computeJointJacobians(model, data, full_q)
         pin.updateGeometryPlacements(model, data, self._geometry, self._geometry_data, full_q)
         objects = self._geometry.geometryObjects
-        found: list[Near] = []
+        found: list[NearPair] = []
         for index in np.flatnonzero(self._apart() < within):
             pair = self._geometry.collisionPairs[int(index)]
             measured = pin.computeDistance(self._geometry, self._geometry_data, int(index))
@@ -86,7 +86,7 @@ class Gaps:
                     six = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
                     lever = np.asarray(point) - data.oMi[joint].translation
                     gradient += sign * (normal @ six[:3] + np.cross(lever, normal) @ six[3:])
-            found.append(Near(pair.first, pair.second, distance, gradient))
+            found.append(NearPair(pair.first, pair.second, distance, gradient))
         return found
 
     def _apart(self) -> Array:
@@ -107,16 +107,16 @@ for apart: it stops a micrometre from contact and looks no further (one of 2,000
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class CollisionGeometry:
     """One geometry, in the order in which pinocchio's model holds them."""
 
     name: str
-    part: Part
+    part: GeometryOwner
     joint: int
 
 
 @dataclass(frozen=True, slots=True)
-class Content:
+class CollisionModelKey:
     """All that the pairs and margins of a geometry model follow from; its bodies can be moved."""
 
     bodies: tuple[tuple[str, Shape, bool], ...]
@@ -128,12 +128,12 @@ class Content:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Robot:
+class RobotCollisionGeometry:
     """What is the same in every scene."""
 
     model: pin.Model
     geometry: pin.GeometryModel
-    pieces: tuple[Piece, ...]
+    pieces: tuple[CollisionGeometry, ...]
     self_pairs: NDArray[np.bool_]
     tcp_joint: int
     tcp_in_joint: pin.SE3
@@ -141,10 +141,10 @@ class Robot:
     """By the parts' values."""
 
 
-class Checker:
+class MarginChecker:
     """One set of margins over the geometry. Broad phase and answers do not depend on earlier queries."""
 
-    def __init__(self, robot: Robot, geometry: pin.GeometryModel, margins: Array) -> None:
+    def __init__(self, robot: RobotCollisionGeometry, geometry: pin.GeometryModel, margins: Array) -> None:
         self.model = robot.model
         self.data = robot.model.createData()
         self.tool_joint = self.data.oMi[robot.tcp_joint]
@@ -159,10 +159,10 @@ class Checker:
         return not pin.computeCollisions(self.model, self.data, self.manager, full_q, True)
 
 
-class Built:
+class CollisionModel:
     """A geometry model for one content; `place` moves the bodies and what is held."""
 
-    def __init__(self, robot: Robot, content: Content, shapes: CoalShapes) -> None:
+    def __init__(self, robot: RobotCollisionGeometry, content: CollisionModelKey, shapes: CoalShapes) -> None:
         self.content = content
         self._robot = robot
         self._poses: list[Pose | None] = [None] * len(content.bodies)
@@ -173,23 +173,25 @@ class Built:
             name, shape = content.held
             joint, at = robot.tcp_joint, robot.tcp_in_joint
             self.geometry.addGeometryObject(pin.GeometryObject("held", joint, 0, at, shapes.of(shape)))
-            pieces.append(Piece(name, Part.HELD, joint))
+            pieces.append(CollisionGeometry(name, GeometryOwner.HELD, joint))
         self._first = len(pieces)
         nowhere = pin.SE3.Identity()
         for index, (name, shape, support) in enumerate(content.bodies):
             self.geometry.addGeometryObject(
                 pin.GeometryObject(f"around {index}", 0, 0, nowhere, shapes.of(shape))
             )
-            pieces.append(Piece(name, Part.SUPPORT if support else Part.OBSTACLE, 0))
+            pieces.append(
+                CollisionGeometry(name, GeometryOwner.SUPPORT if support else GeometryOwner.OBSTACLE, 0)
+            )
         self.pieces = tuple(pieces)
         self.geometry.setCollisionPairs(self._pairs())
         self.least = self._least_distances()
         self.full = self.checker(self.least)
-        self._halved: Checker | None = None
+        self._halved: MarginChecker | None = None
         self._distances: tuple[pin.Data, pin.GeometryData] | None = None
-        self._gaps: Gaps | None = None
+        self._gaps: BodyDistances | None = None
 
-    def place(self, bodies: Sequence[Body], held_in_tcp: Pose | None) -> None:
+    def place(self, bodies: Sequence[CollisionBody], held_in_tcp: Pose | None) -> None:
         """Where the bodies of the content stand, in the world, and what is held in the hand."""
         objects = self.geometry.geometryObjects
         for index, body in enumerate(bodies):
@@ -200,12 +202,12 @@ class Built:
             self._held_in_tcp = held_in_tcp
             objects[self._first - 1].placement = self._robot.tcp_in_joint * se3(held_in_tcp)
 
-    def checker(self, margins: Array) -> Checker:
+    def checker(self, margins: Array) -> MarginChecker:
         """With margins of its own for each pair of pieces."""
-        return Checker(self._robot, self.geometry, margins)
+        return MarginChecker(self._robot, self.geometry, margins)
 
     @property
-    def halved(self) -> Checker:
+    def halved(self) -> MarginChecker:
         """With positive margins halved."""
         if self._halved is None:
             self._halved = self.checker(np.where(self.least > 0, self.least / 2, self.least))
@@ -215,14 +217,14 @@ class Built:
     def distances(self) -> tuple[pin.Data, pin.GeometryData]:
         """Scratch memory to measure distances with."""
         if self._distances is None:
-            self._distances = (self._robot.model.createData(), measuring(self.geometry))
+            self._distances = (self._robot.model.createData(), distance_request(self.geometry))
         return self._distances
 
     @property
-    def gaps(self) -> Gaps:
+    def gaps(self) -> BodyDistances:
         if self._gaps is None:
             names = [piece.name for piece in self.pieces]
-            self._gaps = Gaps(self._robot.model, self.geometry, names, self._first)
+            self._gaps = BodyDistances(self._robot.model, self.geometry, names, self._first)
         return self._gaps
 
     def _pairs(self) -> NDArray[np.bool_]:
@@ -234,12 +236,12 @@ class Built:
             if i < robots and self._first > robots:
                 # What is held meets the arm, but for the link that carries the hand.
                 carried = piece.joint == self._robot.tcp_joint
-                pairs[i, robots] = piece.part in (Part.BASE, Part.ARM) and not carried
-            if piece.part is not Part.BASE:
+                pairs[i, robots] = piece.part in (GeometryOwner.BASE, GeometryOwner.ARM) and not carried
+            if piece.part is not GeometryOwner.BASE:
                 pairs[i, self._first :] = self._may_not_touch(piece)
         return pairs
 
-    def _may_not_touch(self, a: Piece) -> NDArray[np.bool_]:
+    def _may_not_touch(self, a: CollisionGeometry) -> NDArray[np.bool_]:
         """(bodies,): the bodies around which `a`, of the robot or held, is checked against."""
         allowed = self.content.allowed
         checked = np.ones(len(self.content.bodies), dtype=np.bool_)

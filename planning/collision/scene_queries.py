@@ -11,10 +11,10 @@ from ...robots.model import RobotModel
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.shapes import Shape
 from ...world.values import Array, Pose, Vector3
-from ..requests import Contact
-from .clearances import Margins
-from .collision_bodies import Body, loose_bodies, still_bodies
-from .fcl_shapes import Gap, Placed, bounds_apart, gap, place, solid
+from ..requests import ContactPair
+from .clearances import CollisionMargins
+from .collision_bodies import CollisionBody, fixed_bodies, movable_bodies
+from .fcl_shapes import FclDistance, FclPlacedSolid, bounds_apart, distance_between, place, solid
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,19 +37,19 @@ class SceneQueries:
         self._gripper = model.description.gripper
         self._model = model
         self._scene = scene
-        self._margins = Margins()
+        self._margins = CollisionMargins()
         self._hand = [(solid(shape), pose) for shape, pose in self._gripper.hand]
         self._finger = solid(self._gripper.finger_boxes[0])
-        self._still = [(body, place(solid(body.shape), body.pose)) for body in still_bodies(scene)]
-        self._known: dict[Body, Placed] = {}
+        self._still = [(body, place(solid(body.shape), body.pose)) for body in fixed_bodies(scene)]
+        self._known: dict[CollisionBody, FclPlacedSolid] = {}
         self._objects: tuple[BeliefObject, ...] | None = None
-        self._around: list[tuple[Body, Placed]] = []
+        self._around: list[tuple[CollisionBody, FclPlacedSolid]] = []
         self._low: Array = np.empty((0, 3))
         self._high: Array = np.empty((0, 3))
 
     def hand_contacts(
         self, tcp_in_world: Pose, width: float, ignore: Collection[str] = (), margin: float = 0.003
-    ) -> list[Contact]:
+    ) -> list[ContactPair]:
         """What hand and fingers, opened by `width` m, would come closer to than `margin` at that pose.
 
         Fingers may come to 0.5 mm of a level board, unless a wider margin than the usual 3 mm is asked for.
@@ -59,21 +59,21 @@ class SceneQueries:
         parts = [("hand", place(s, tcp_in_world @ pose)) for s, pose in self._hand]
         for _, pose in self._model.finger_boxes(width):
             parts.append(("finger", place(self._finger, tcp_in_world @ pose)))
-        found: list[Contact] = []
+        found: list[ContactPair] = []
         for name, part in parts:
             for body, near in self._near(part, ignore, margin):
                 least = finger_support if name == "finger" and body.support else margin
                 if near.distance < least:
-                    found.append(Contact(name, body.name, near.distance, near.point_b))
+                    found.append(ContactPair(name, body.name, near.distance, near.point_b))
         return sorted(found, key=lambda contact: contact.distance)
 
     def free(
         self, shape: Shape, pose: Pose, ignore: Collection[str] = (), margin: float = 0.0
-    ) -> list[Contact]:
+    ) -> list[ContactPair]:
         """What a shape at a pose in the world would come closer to than `margin`; empty: it is free."""
         placed = place(solid(shape), pose)
         found = [
-            Contact("shape", body.name, near.distance, near.point_b)
+            ContactPair("shape", body.name, near.distance, near.point_b)
             for body, near in self._near(placed, ignore, margin)
             if near.distance < margin
         ]
@@ -82,14 +82,14 @@ class SceneQueries:
     def clearance(self, shape: Shape, pose: Pose, ignore: Collection[str] = ()) -> Clearance | None:
         """The body nearest to a shape at a pose in the world; None when there is no body."""
         placed = place(solid(shape), pose)
-        nearest: tuple[Body, Gap] | None = None
+        nearest: tuple[CollisionBody, FclDistance] | None = None
         self._follow()
         for body, other in self._around:
             if body.name in ignore:
                 continue
             if nearest is not None and bounds_apart(placed, other, nearest[1].distance):
                 continue
-            near = gap(placed, other)
+            near = distance_between(placed, other)
             if nearest is None or near.distance < nearest[1].distance:
                 nearest = (body, near)
         if nearest is None:
@@ -97,7 +97,9 @@ class SceneQueries:
         body, near = nearest
         return Clearance(body.name, near.distance, near.point_a, near.point_b)
 
-    def _near(self, part: Placed, ignore: Collection[str], margin: float) -> list[tuple[Body, Gap]]:
+    def _near(
+        self, part: FclPlacedSolid, ignore: Collection[str], margin: float
+    ) -> list[tuple[CollisionBody, FclDistance]]:
         """Bodies whose bounding boxes come within `margin` of the part's, with the exact gap."""
         self._follow()
         reach = max(0.0, margin)
@@ -105,15 +107,15 @@ class SceneQueries:
             self._high >= part.low - reach, axis=1
         )
         bodies = [self._around[int(k)] for k in np.flatnonzero(touched)]
-        return [(body, gap(part, other)) for body, other in bodies if body.name not in ignore]
+        return [(body, distance_between(part, other)) for body, other in bodies if body.name not in ignore]
 
     def _follow(self) -> None:
         """Take over what the scene believes now; what did not change is kept."""
         objects = self._scene.objects
         if self._objects == objects:
             return
-        known: dict[Body, Placed] = {}
-        for body in loose_bodies(objects):
+        known: dict[CollisionBody, FclPlacedSolid] = {}
+        for body in movable_bodies(objects):
             before = self._known.get(body)
             known[body] = before if before is not None else place(solid(body.shape), body.pose)
         self._objects, self._known = objects, known

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...world.values import Array
-from ..requests import Contact
-from .collision_checker import Collision
-from .robot_geometry import Checker
+from ..requests import ContactPair
+from .collision_checker import CollisionChecker
+from .robot_geometry import MarginChecker
 
 TOLERANCE = 0.001
 """Penetration at the start that is put down to errors of the belief whatever is touched, m."""
@@ -24,7 +24,7 @@ SLACK = 0.0005
 """How much closer it may come in there, m."""
 
 
-class Way:
+class StartTolerance:
     """Free or not, for configurations of a plan from `start` (n,).
 
     Pairs that are closer than their margin at the start are excused near it: they may not come closer, and
@@ -32,12 +32,12 @@ class Way:
     wrong: from there no plan may start.
     """
 
-    def __init__(self, collision: Collision, start: Array) -> None:
+    def __init__(self, collision: CollisionChecker, start: Array) -> None:
         self.model = collision.model
         self._collision = collision
         self._start = start
-        self.excused: tuple[Contact, ...] = ()
-        self._zones: list[tuple[float, Checker]] = []
+        self.excused: tuple[ContactPair, ...] = ()
+        self._zones: list[tuple[float, MarginChecker]] = []
         self._within = False
         if not collision.free(start):
             self.excused = collision.contacts(start)
@@ -62,16 +62,16 @@ class Way:
             return self._collision.asked(checker, q, within=self._within)
         return self._collision.nearly_free(q)
 
-    def _near_start(self, q: Array) -> Checker | None:
+    def _near_start(self, q: Array) -> MarginChecker | None:
         away = float(np.abs(q - self._start).max())
         return next((checker for zone, checker in self._zones if away <= zone), None)
 
-    def _loose(self, contact: Contact) -> bool:
+    def _loose(self, contact: ContactPair) -> bool:
         """Whether one of the two is an object that is not held."""
         objects = (self._collision.believed(contact.a), self._collision.believed(contact.b))
         return any(o is not None and not o.attached for o in objects)
 
-    def _tolerated(self, contact: Contact) -> float:
+    def _tolerated(self, contact: ContactPair) -> float:
         """Depth at the start that may be an error of the belief, m."""
         objects = (self._collision.believed(contact.a), self._collision.believed(contact.b))
         sigma = sum(o.sigma_position for o in objects if o is not None)

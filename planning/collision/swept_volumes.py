@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Pose
-from .fcl_shapes import Gap, Moved, Placed, Solid, gap
+from .fcl_shapes import FclDistance, FclMovedSolid, FclPlacedSolid, FclSolid, distance_between
 
 STEP = 0.005
 """Greatest way of the TCP between two moments, m."""
@@ -24,10 +24,10 @@ Pairs = NDArray[np.intp]
 _TURNS = tuple(Pose.from_rpy((0.0, 0.0, 0.0), rpy).rotation() for rpy in ((0.7, 1.1, 2.3), (-1.3, 0.4, 0.9)))
 
 
-class Carried:
+class LinkSolid:
     """A solid on a joint of the whole robot (0: what no joint moves), at a pose in that joint's frame."""
 
-    def __init__(self, solid: Solid, joint: int, pose_in_joint: Pose) -> None:
+    def __init__(self, solid: FclSolid, joint: int, pose_in_joint: Pose) -> None:
         self.solid = solid
         self.joint = joint
         self.rotation: Array = pose_in_joint.rotation()
@@ -38,14 +38,14 @@ class Carried:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moments:
+class TrajectorySamples:
     """Where a trajectory is looked at: times (t,) s and configurations (t, n) rad."""
 
     times: Array
     configurations: Array
 
 
-def moments_of(model: RobotModel, trajectory: Trajectory) -> Moments:
+def moments_of(model: RobotModel, trajectory: Trajectory) -> TrajectorySamples:
     """Evenly along the way, at most STEP of the TCP and TURN of the joints apart, from start to end."""
     q = trajectory.position
     data, frame = model.arm.createData(), model.tcp_frame
@@ -62,7 +62,7 @@ def moments_of(model: RobotModel, trajectory: Trajectory) -> Moments:
     # Between samples the way is taken to be even in time, which it is not quite.
     marks: Array = np.linspace(0.0, total, max(2, int(np.ceil(1.1 * total)) + 1))
     times: Array = np.interp(marks, along, trajectory.times)
-    return Moments(times, _at(trajectory, times))
+    return TrajectorySamples(times, _at(trajectory, times))
 
 
 def _at(trajectory: Trajectory, times: Array) -> Array:
@@ -78,7 +78,7 @@ def _at(trajectory: Trajectory, times: Array) -> Array:
     return configurations
 
 
-class Sweep:
+class RobotSweep:
     """What a robot carries at each of some moments, among bodies that stand still.
 
     Pairs (p, 2) are numbers: of what is carried and, from its count on, of the bodies around.
@@ -87,8 +87,8 @@ class Sweep:
     def __init__(
         self,
         model: RobotModel,
-        carried: Sequence[Carried],
-        around: Sequence[Placed],
+        carried: Sequence[LinkSolid],
+        around: Sequence[FclPlacedSolid],
         configurations: Array,
         width: float,
     ) -> None:
@@ -104,7 +104,7 @@ class Sweep:
         self._around_low: Array = np.array([b.low for b in around]).reshape(-1, 3)
         self._around_high: Array = np.array([b.high for b in around]).reshape(-1, 3)
         self._travel = self._travelled(centre, half)
-        self._moved = [Moved(c.solid, fcl.CollisionObject(c.solid.geometry)) for c in carried]
+        self._moved = [FclMovedSolid(c.solid, fcl.CollisionObject(c.solid.geometry)) for c in carried]
 
     def _travelled(self, centre: Array, half: Array) -> Array:
         """(moments, carried): the way that the fastest point of each has made up to each moment, m.
@@ -148,21 +148,21 @@ class Sweep:
         ways = np.concatenate([self._travel, still], axis=1)
         return ways[:, pairs[:, 0]] + ways[:, pairs[:, 1]]
 
-    def gap(self, moment: int, i: int, j: int) -> Gap:
+    def gap(self, moment: int, i: int, j: int) -> FclDistance:
         """The signed distance of a pair at a moment, by python-fcl."""
-        return gap(self._body(moment, i), self._body(moment, j))
+        return distance_between(self._body(moment, i), self._body(moment, j))
 
     def again(self, moment: int, i: int, j: int) -> tuple[float, ...]:
         """The same distance measured in other ways, m: the other way round, and with both bodies turned about
         the origin. Each is the distance of two points of the bodies: what is too large shows in the least."""
         a, b = self._body(moment, i), self._body(moment, j)
-        found = [gap(b, a).distance]
+        found = [distance_between(b, a).distance]
         for turn in _TURNS:
             one, other = (_turned_copy(body, turn) for body in (a, b))
-            found += [gap(one, other).distance, gap(other, one).distance]
+            found += [distance_between(one, other).distance, distance_between(other, one).distance]
         return tuple(found)
 
-    def _body(self, moment: int, i: int) -> Placed | Moved:
+    def _body(self, moment: int, i: int) -> FclPlacedSolid | FclMovedSolid:
         if i >= len(self._moved):
             return self._around[i - len(self._moved)]
         body = self._moved[i]
@@ -170,9 +170,9 @@ class Sweep:
         return body
 
 
-def _turned_copy(body: Placed | Moved, turn: Array) -> Moved:
+def _turned_copy(body: FclPlacedSolid | FclMovedSolid, turn: Array) -> FclMovedSolid:
     place = fcl.Transform(turn @ body.object.getRotation(), turn @ body.object.getTranslation())
-    return Moved(body.solid, fcl.CollisionObject(body.solid.geometry, place))
+    return FclMovedSolid(body.solid, fcl.CollisionObject(body.solid.geometry, place))
 
 
 def _of(moving: Array, still: Array, numbers: NDArray[np.intp]) -> Array:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
 from ...world.values import Array
-from .edges import halving
+from .edges import bisection_order
 
 STEP = 0.005
 """Greatest way of the TCP between two configurations that are checked, m."""
@@ -21,8 +21,9 @@ ROUNDING = 1e-6
 """By how much a trajectory may leave the joints' limits, rad."""
 
 
-class Kept(Protocol):
-    """What a trajectory is checked with: a `Way`, or a `Collision`, which excuses nothing at the start."""
+class ConfigurationCheck(Protocol):
+    """What a trajectory is checked with: a `Way`, or a `CollisionChecker`, which excuses nothing at the
+    start."""
 
     @property
     def model(self) -> RobotModel: ...
@@ -32,15 +33,15 @@ class Kept(Protocol):
     def nearly_free(self, q: Array) -> bool: ...
 
 
-def stays_free(kept: Kept, trajectory: Trajectory) -> bool:
+def is_trajectory_free(kept: ConfigurationCheck, trajectory: Trajectory) -> bool:
     """Whether a timed trajectory keeps the joints' limits and, at every step, at least half of the margins.
 
     Corners were cut, and its steps fall elsewhere than those of the path it was made from.
     """
-    return first_hit(kept, trajectory) is None
+    return first_collision(kept, trajectory) is None
 
 
-def first_hit(kept: Kept, trajectory: Trajectory) -> Array | None:
+def first_collision(kept: ConfigurationCheck, trajectory: Trajectory) -> Array | None:
     """A configuration (n,) of the trajectory that is not free or beyond a limit; None: there is none."""
     model, q = kept.model, trajectory.position
     # A start or an end that is given beyond a limit may be left or reached, but not exceeded.
@@ -49,12 +50,12 @@ def first_hit(kept: Kept, trajectory: Trajectory) -> Array | None:
     outside = np.flatnonzero(((q < lower) | (q > upper)).any(axis=1))
     if outside.size:
         return q[int(outside[0])].copy()
-    checked = steps(model, trajectory)
+    checked = sampled_configurations(model, trajectory)
     # What is closer than the full margins is rare: the checker of the halved ones is then asked, too.
     return next((at for at in _spread(checked) if not kept.free(at) and not kept.nearly_free(at)), None)
 
 
-def steps(model: RobotModel, trajectory: Trajectory) -> Array:
+def sampled_configurations(model: RobotModel, trajectory: Trajectory) -> Array:
     """Configurations (m, n) along a trajectory, start and end included, at most STEP and TURN apart."""
     q = trajectory.position
     tool = _tool_way(model, q)
@@ -81,5 +82,5 @@ def _spread(checked: Array) -> Iterator[Array]:
     """The end first, then halves, quarters, …: what is hit, is hit over a stretch."""
     yield checked[0]
     count = len(checked) - 1
-    for k in halving(count):
+    for k in bisection_order(count):
         yield checked[k]

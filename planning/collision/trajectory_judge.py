@@ -8,16 +8,16 @@ import numpy as np
 import trimesh
 
 from ...robots.model import TCP_FRAME, RobotModel, pose_of
-from ...robots.urdf_tree import LinkMesh, LinkShape, link_geometry
+from ...robots.urdf_tree import UrdfMesh, UrdfPrimitive, link_geometry
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
-from ..requests import Contact
-from .clearances import Margins, Part
-from .collision_bodies import loose_bodies, still_bodies
-from .fcl_shapes import Solid, hull, place, solid
+from ..requests import ContactPair
+from .clearances import CollisionMargins, GeometryOwner
+from .collision_bodies import fixed_bodies, movable_bodies
+from .fcl_shapes import FclSolid, hull, place, solid
 from .start_tolerance import LEAVING, SLACK, ZONE
-from .swept_volumes import Carried, Pairs, Sweep, moments_of
+from .swept_volumes import LinkSolid, Pairs, RobotSweep, moments_of
 
 TOLERANCE = 0.0001
 """Penetration that is put down to rounding, m."""
@@ -31,11 +31,11 @@ class _Thing:
     """A body of the robot or of the scene, wherever it is."""
 
     name: str
-    part: Part
+    part: GeometryOwner
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Closest:
+class ClosestApproach:
     """Where a trajectory comes nearest to anything that it may not touch."""
 
     a: str
@@ -53,7 +53,7 @@ class Closest:
 
 
 @dataclass(frozen=True, slots=True)
-class Tightest:
+class TightestPair:
     """The pair of one configuration that is closest to its margin, or deepest within it."""
 
     a: str
@@ -64,7 +64,7 @@ class Tightest:
     """What the pair must keep, m."""
 
 
-class Judge:
+class TrajectoryVerifier:
     """Judges trajectories of one robot; the hulls of its links are made once.
 
     It looks at a trajectory every 5 mm of the TCP. How far two bodies are apart is measured at few of these
@@ -73,24 +73,24 @@ class Judge:
 
     def __init__(self, model: RobotModel) -> None:
         self._model = model
-        self._margins = Margins()
+        self._margins = CollisionMargins()
         beyond = _links_beyond(model)
         fingers = model.description.gripper.fingers
-        self._limbs: list[Carried] = []
+        self._limbs: list[LinkSolid] = []
         self._things: list[_Thing] = []
         for element in link_geometry(model.description.urdf, "collision"):
             frame = model.full.frames[model.full.getFrameId(element.link)]
             if element.link in fingers:
-                part = Part.FINGER
+                part = GeometryOwner.FINGER
             elif element.link in beyond:
-                part = Part.HAND
+                part = GeometryOwner.HAND
             else:
-                part = Part.BASE if frame.parentJoint == 0 else Part.ARM
+                part = GeometryOwner.BASE if frame.parentJoint == 0 else GeometryOwner.ARM
             pose_in_joint = pose_of(frame.placement) @ element.pose_in_link
-            self._limbs.append(Carried(_solid_of(element), frame.parentJoint, pose_in_joint))
+            self._limbs.append(LinkSolid(_solid_of(element), frame.parentJoint, pose_in_joint))
             self._things.append(_Thing(element.link, part))
         disabled = {frozenset(pair) for pair in model.description.disabled_pairs}
-        gripper = (Part.HAND, Part.FINGER)
+        gripper = (GeometryOwner.HAND, GeometryOwner.FINGER)
         self._self_pairs = [
             (i, j)
             for i, a in enumerate(self._things)
@@ -110,7 +110,7 @@ class Judge:
 
     def judge(
         self, trajectory: Trajectory, scene: PlanningScene, width: float, *, excuse_start: bool = True
-    ) -> tuple[Contact, ...]:
+    ) -> tuple[ContactPair, ...]:
         """Every pair that penetrates on the way, at its deepest. Empty: the trajectory is free.
 
         Pairs that the scene allows to touch, and what a held object may sink into a board, do not count;
@@ -120,7 +120,7 @@ class Judge:
         from_start = np.abs(view.configurations - trajectory.start).max(axis=1)
         pairs = view.sweep.near(view.pairs, 0.0)
         bounds, travel = view.sweep.bounds(pairs), view.sweep.travel(pairs)
-        worst: dict[tuple[str, str], Contact] = {}
+        worst: dict[tuple[str, str], ContactPair] = {}
         at_start: dict[tuple[str, str], float] = {}
 
         def look(column: int, moment: int) -> float:
@@ -135,7 +135,7 @@ class Judge:
             if key in at_start and from_start[moment] <= (ZONE if scene.find(b.name) is None else LEAVING):
                 least = min(least, at_start[key] - SLACK)
             if between.distance < min(least - TOLERANCE, worst[key].distance if key in worst else 0.0):
-                worst[key] = Contact(a.name, b.name, between.distance, between.point_b)
+                worst[key] = ContactPair(a.name, b.name, between.distance, between.point_b)
             return between.distance - usual
 
         # First the start: what touches there is excused near it. Then halves of what is not proven free.
@@ -152,7 +152,7 @@ class Judge:
                 left = left[(away >= room) & (left != moment)]
         return tuple(sorted(worst.values(), key=lambda contact: contact.distance))
 
-    def clearance(self, trajectory: Trajectory, scene: PlanningScene, width: float) -> Closest | None:
+    def clearance(self, trajectory: Trajectory, scene: PlanningScene, width: float) -> ClosestApproach | None:
         """Where the robot, with what it holds, comes nearest to itself or to anything that the scene does not
         allow to touch; None when there is nothing.
 
@@ -187,16 +187,16 @@ class Judge:
         gap = sweep.gap(moment, i, j)
         time, configuration = float(view.times[moment]), view.configurations[moment]
         a, b = view.things[i].name, view.things[j].name
-        return Closest(a, b, gap.distance, time, configuration.copy(), gap.point_a, gap.point_b)
+        return ClosestApproach(a, b, gap.distance, time, configuration.copy(), gap.point_a, gap.point_b)
 
     def tightest(
         self,
         configurations: Array,
         scene: PlanningScene,
         width: float,
-        margins: Margins | None = None,
+        margins: CollisionMargins | None = None,
         reach: float = 0.001,
-    ) -> list[Tightest | None]:
+    ) -> list[TightestPair | None]:
         """For each configuration (m, n) the pair that keeps its margin by least; None where every pair is
         further than that by more than `reach` m."""
         view = self._among(configurations, scene, width)
@@ -204,9 +204,9 @@ class Judge:
         parts = [thing.part for thing in view.things]
         keep: Array = np.array([asked(parts[int(pair[0])], parts[int(pair[1])]) for pair in view.pairs])
         bounds = view.sweep.bounds(view.pairs)
-        found: list[Tightest | None] = []
+        found: list[TightestPair | None] = []
         for moment in range(len(configurations)):
-            least: Tightest | None = None
+            least: TightestPair | None = None
             for column in np.flatnonzero(bounds[moment] < keep + reach):
                 i, j = (int(k) for k in view.pairs[column])
                 distance, margin = view.sweep.gap(moment, i, j).distance, float(keep[column])
@@ -214,7 +214,7 @@ class Judge:
                     distance = min(distance, *view.sweep.again(moment, i, j))
                 so_far = reach if least is None else least.distance - least.margin
                 if distance - margin < so_far:
-                    least = Tightest(view.things[i].name, view.things[j].name, distance, margin)
+                    least = TightestPair(view.things[i].name, view.things[j].name, distance, margin)
             found.append(least)
         return found
 
@@ -223,22 +223,24 @@ class Judge:
         return replace(self._among(moments.configurations, scene, width), times=moments.times)
 
     def _among(self, configurations: Array, scene: PlanningScene, width: float) -> _View:
-        bodies = (*still_bodies(scene), *loose_bodies(scene.objects))
+        bodies = (*fixed_bodies(scene), *movable_bodies(scene.objects))
         around = [place(solid(body.shape), body.pose) for body in bodies]
         carried, things = list(self._limbs), list(self._things)
         held = scene.held
         if held is not None:
             carried.append(self._held(held))
-            things.append(_Thing(held.id, Part.HELD))
+            things.append(_Thing(held.id, GeometryOwner.HELD))
         robots = len(things)
-        things += [_Thing(b.name, Part.SUPPORT if b.support else Part.OBSTACLE) for b in bodies]
-        sweep = Sweep(self._model, carried, around, configurations, width)
+        things += [
+            _Thing(b.name, GeometryOwner.SUPPORT if b.support else GeometryOwner.OBSTACLE) for b in bodies
+        ]
+        sweep = RobotSweep(self._model, carried, around, configurations, width)
         pairs = self._pairs(scene, things, robots)
         return _View(np.zeros(len(configurations)), configurations, sweep, things, pairs)
 
-    def _held(self, held: BeliefObject) -> Carried:
+    def _held(self, held: BeliefObject) -> LinkSolid:
         assert held.object_in_tcp is not None
-        return Carried(solid(held.shape), self._tcp_joint, self._tcp_in_joint @ held.object_in_tcp)
+        return LinkSolid(solid(held.shape), self._tcp_joint, self._tcp_in_joint @ held.object_in_tcp)
 
     def _pairs(self, scene: PlanningScene, things: list[_Thing], robots: int) -> Pairs:
         """(pairs, 2): those that may not touch."""
@@ -246,9 +248,9 @@ class Judge:
         if robots > len(self._limbs):
             pairs += [(k, robots - 1) for k in self._held_against]
         for i, a in enumerate(things[:robots]):
-            if a.part is Part.BASE:
+            if a.part is GeometryOwner.BASE:
                 continue
-            side = "arm" if a.part is Part.ARM else "gripper"
+            side = "arm" if a.part is GeometryOwner.ARM else "gripper"
             for j, b in enumerate(things[robots:], robots):
                 if not (scene.allowed(side, b.name) or scene.allowed(a.name, b.name)):
                     pairs.append((i, j))
@@ -261,20 +263,20 @@ class _View:
 
     times: Array
     configurations: Array
-    sweep: Sweep
+    sweep: RobotSweep
     things: list[_Thing]
     pairs: Pairs
 
 
-def judge(
+def verify_trajectory(
     trajectory: Trajectory, scene: PlanningScene, model: RobotModel, width: float
-) -> tuple[Contact, ...]:
-    """One trajectory judged; see `Judge.judge`."""
-    return Judge(model).judge(trajectory, scene, width)
+) -> tuple[ContactPair, ...]:
+    """One trajectory judged; see `TrajectoryVerifier.judge`."""
+    return TrajectoryVerifier(model).judge(trajectory, scene, width)
 
 
-def _solid_of(element: LinkMesh | LinkShape) -> Solid:
-    if isinstance(element, LinkShape):
+def _solid_of(element: UrdfMesh | UrdfPrimitive) -> FclSolid:
+    if isinstance(element, UrdfPrimitive):
         return solid(element.shape)
     mesh: trimesh.Trimesh = trimesh.load_mesh(element.path)  # pyright: ignore[reportUnknownMemberType]
     return hull(np.array(mesh.vertices, dtype=np.float64) * np.array(element.scale))

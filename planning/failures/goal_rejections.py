@@ -8,13 +8,13 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.values import Array, Bounds, Vector3
-from ..collision.collision_checker import INSIDE, Collision
-from ..path_constraints import Broken, PathConstraints
-from ..requests import Contact
+from ..collision.collision_checker import INSIDE, CollisionChecker
+from ..path_constraints import ConstraintViolation, PathConstraints
+from ..requests import ContactPair
 
 
 @dataclass(frozen=True, slots=True)
-class Outside:
+class WorkspaceExcess:
     """The tool is outside of where planning may bring it: by how much it is beyond the workspace along which
     axis, m (less than nothing: within it, but nearer to its edge than planning goes), and where it is."""
 
@@ -24,24 +24,24 @@ class Outside:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rejection:
+class GoalRejection:
     """Of one configuration. All empty: it is at the very edge of a margin, where it may not come nearer."""
 
     q: Array
     """(n,)"""
-    contacts: tuple[Contact, ...] = ()
+    contacts: tuple[ContactPair, ...] = ()
     """Pairs that are closer than their margin, the deepest first."""
-    outside: Outside | None = None
-    broken: tuple[Broken, ...] = ()
+    outside: WorkspaceExcess | None = None
+    broken: tuple[ConstraintViolation, ...] = ()
 
 
-class Inspection:
+class GoalInspection:
     """Says of configurations why they are not free. Slow: for explanations."""
 
     def __init__(
         self,
         model: RobotModel,
-        collision: Collision,
+        collision: CollisionChecker,
         constraints: PathConstraints,
         workspace: Bounds | None,
     ) -> None:
@@ -50,12 +50,12 @@ class Inspection:
         self._constraints = constraints
         self._workspace = workspace
 
-    def rejection(self, q: Array) -> Rejection:
+    def rejection(self, q: Array) -> GoalRejection:
         """What is wrong with q (n,)."""
         tool = self._model.tcp(q).position
-        return Rejection(q, self._collision.contacts(q), self.outside(tool), self._constraints.broken(q))
+        return GoalRejection(q, self._collision.contacts(q), self.outside(tool), self._constraints.broken(q))
 
-    def outside(self, tool: Vector3) -> Outside | None:
+    def outside(self, tool: Vector3) -> WorkspaceExcess | None:
         """How far a point in the world is outside of where planning may bring the tool."""
         if self._workspace is None:
             return None
@@ -63,4 +63,4 @@ class Inspection:
         high = np.array(tool) - np.array(self._workspace.max) + INSIDE
         over = np.maximum(low, high)
         axis = int(np.argmax(over))
-        return Outside("xyz"[axis], float(over[axis]) - INSIDE, tool) if over[axis] > 0 else None
+        return WorkspaceExcess("xyz"[axis], float(over[axis]) - INSIDE, tool) if over[axis] > 0 else None

@@ -8,9 +8,9 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
-from ..kinematics.cartesian_lines import LineFound, between
+from ..kinematics.cartesian_lines import LineResult, interpolate_pose
 from ..kinematics.inverse_kinematics import InverseKinematics
-from .planning_failures import amount, missing
+from .planning_failures import describe_shortfall, format_joint_value
 
 AT_LIMIT = 0.002
 """A joint this near to where planning ends stands there, rad."""
@@ -19,7 +19,7 @@ SINGULAR = 0.03
 
 
 @dataclass(frozen=True, slots=True)
-class Ending:
+class LineStop:
     """In words, with the joint that is at its limit (or empty) and the smallest singular value there."""
 
     why: str
@@ -27,7 +27,9 @@ class Ending:
     singular: float
 
 
-def ending(model: RobotModel, ik: InverseKinematics, found: LineFound, tcp_in_world: Pose) -> Ending:
+def explain_line_stop(
+    model: RobotModel, ik: InverseKinematics, found: LineResult, tcp_in_world: Pose
+) -> LineStop:
     """Why a line towards that pose went no further, where it was no collision that ended it."""
     last = found.path[-1]
     singular = float(np.linalg.svd(model.jacobian(last), compute_uv=False)[-1])
@@ -35,18 +37,20 @@ def ending(model: RobotModel, ik: InverseKinematics, found: LineFound, tcp_in_wo
     if stands is not None:
         joint, limit = stands
         name = model.description.joints[joint]
-        return Ending(f"{name} is at its limit of {amount(model, joint, limit)}", name, singular)
+        return LineStop(
+            f"{name} is at its limit of {format_joint_value(model, joint, limit)}", name, singular
+        )
     if singular < SINGULAR:
         how = "stretched out or folded, in" if found.ended_by == "reach" else "near"
         why = f"the arm is {how} a singularity (smallest singular value {singular:.3f})"
-        return Ending(why, "", singular)
+        return LineStop(why, "", singular)
     if found.ended_by == "jump":
-        return Ending("the arm would have to swing round", "", singular)
+        return LineStop("the arm would have to swing round", "", singular)
     begin = model.tcp(found.path[0])
-    nearest = ik.nearest(between(begin, tcp_in_world, min(1.0, found.fraction + 0.02)), last)
+    nearest = ik.nearest(interpolate_pose(begin, tcp_in_world, min(1.0, found.fraction + 0.02)), last)
     if not nearest.obstacle:
-        return Ending("the arm cannot reach further without another posture", "", singular)
-    return Ending(f"the arm cannot reach further: {missing(model, nearest)}", "", singular)
+        return LineStop("the arm cannot reach further without another posture", "", singular)
+    return LineStop(f"the arm cannot reach further: {describe_shortfall(model, nearest)}", "", singular)
 
 
 def _at_limit(model: RobotModel, q: Array) -> tuple[int, float] | None:

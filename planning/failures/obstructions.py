@@ -10,9 +10,9 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.values import Array
-from ..collision.collision_checker import Collision
+from ..collision.collision_checker import CollisionChecker
 from ..collision.edges import RESOLUTION
-from ..collision.start_tolerance import Way
+from ..collision.start_tolerance import StartTolerance
 from ..path_constraints import PathConstraints
 
 TRIES = 240
@@ -32,7 +32,7 @@ LOOKED_AT = 40
 
 
 @dataclass(frozen=True, slots=True)
-class Blocked:
+class BlockingBodies:
     """Bodies by how often they were in the way, the most frequent first; links of the robot among them."""
 
     by: tuple[str, ...] = ()
@@ -46,14 +46,18 @@ class Enclosure:
 
     where: str
     radius: float
-    blocked: Blocked
+    blocked: BlockingBodies
 
 
-class Obstructions:
+class ObstructionSearch:
     """Looks into one request that found no path. Deterministic; its checks count as others do."""
 
     def __init__(
-        self, model: RobotModel, collision: Collision, way: Way, constraints: PathConstraints
+        self,
+        model: RobotModel,
+        collision: CollisionChecker,
+        way: StartTolerance,
+        constraints: PathConstraints,
     ) -> None:
         """`way` and `constraints`: what the search was done with."""
         self._model = model
@@ -61,7 +65,7 @@ class Obstructions:
         self._way = way
         self._constraints = constraints
 
-    def between(self, start: Array, goals: Sequence[Array]) -> Blocked:
+    def between(self, start: Array, goals: Sequence[Array]) -> BlockingBodies:
         """What blocks the straight ways in joint space from start to the goals (the first three)."""
         hit: list[Array] = []
         for goal in goals[:3]:
@@ -111,10 +115,10 @@ class Obstructions:
     def _free(self, q: Array) -> bool:
         return self._constraints.hold(q) and self._way.free(q)
 
-    def _blocked(self, hit: Sequence[Array]) -> Blocked:
+    def _blocked(self, hit: Sequence[Array]) -> BlockingBodies:
         """By the deepest contact of each of some of these configurations."""
         if not hit:
-            return Blocked()
+            return BlockingBodies()
         picked = np.unique(np.linspace(0, len(hit) - 1, min(len(hit), LOOKED_AT)).astype(int))
         names: Counter[str] = Counter()
         for k in picked:
@@ -124,7 +128,7 @@ class Obstructions:
             elif not self._constraints.hold(hit[int(k)]):
                 names.update((CONSTRAINT,))
         if not names:
-            return Blocked()
-        return Blocked(
+            return BlockingBodies()
+        return BlockingBodies(
             tuple(name for name, _ in names.most_common()), names.most_common(1)[0][1] / len(picked)
         )

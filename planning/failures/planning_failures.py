@@ -9,28 +9,28 @@ from math import degrees
 from ...robots.model import LIMIT_RESERVE, RobotModel
 from ...world.causes import Failure, planning
 from ...world.values import Array, Pose, Vector3
-from ..kinematics.cartesian_lines import LineFound
+from ..kinematics.cartesian_lines import LineResult
 from ..kinematics.levenberg_marquardt import is_hinge
-from ..kinematics.unreachable_poses import Nearest
-from ..path_constraints import Broken
+from ..kinematics.unreachable_poses import NearestReach
+from ..path_constraints import ConstraintViolation
 from ..requests import (
-    Contact,
+    BoxConstraint,
+    ContactPair,
     JointGoal,
-    Line,
+    LineGoal,
     NamedGoal,
-    Offset,
+    OffsetGoal,
     PoseGoal,
     RegionGoal,
     Request,
     Target,
-    Upright,
-    Within,
+    UprightConstraint,
 )
-from .goal_rejections import Outside, Rejection
-from .obstructions import Blocked, Enclosure
+from .goal_rejections import GoalRejection, WorkspaceExcess
+from .obstructions import BlockingBodies, Enclosure
 
 
-def amount(model: RobotModel, joint: int, value: float) -> str:
+def format_joint_value(model: RobotModel, joint: int, value: float) -> str:
     """A joint's position or a part of it: in deg, of one that slides in mm."""
     if is_hinge(model.arm.joints[joint + 1]):
         return f"{degrees(value):.1f} deg"
@@ -44,14 +44,12 @@ def beyond_limits(model: RobotModel, q: Array) -> list[str]:
         low, high = float(model.lower[joint]), float(model.upper[joint])
         if not low <= at <= high:
             limit = low if at < low else high
-            told.append(
-                f"{name} at {amount(model, joint, at)} is {amount(model, joint, abs(at - limit))} beyond its "
-                f"limit of {amount(model, joint, limit)}"
-            )
+            value, excess, bound = (format_joint_value(model, joint, x) for x in (at, abs(at - limit), limit))
+            told.append(f"{name} at {value} is {excess} beyond its limit of {bound}")
     return told
 
 
-def missing(model: RobotModel, nearest: Nearest) -> str:
+def describe_shortfall(model: RobotModel, nearest: NearestReach) -> str:
     """What keeps the arm from a pose, in words that go on after `out of reach:`."""
     match nearest.obstacle:
         case "position":
@@ -63,35 +61,36 @@ def missing(model: RobotModel, nearest: Nearest) -> str:
             joint = model.description.joints.index(worst.joint)
             over = abs(worst.wanted - worst.limit) - LIMIT_RESERVE
             low = worst.wanted < worst.limit
-            limit = amount(model, joint, float(model.lower[joint] if low else model.upper[joint]))
+            limit = format_joint_value(model, joint, float(model.lower[joint] if low else model.upper[joint]))
             if over <= 0:
-                kept = amount(model, joint, LIMIT_RESERVE)
+                kept = format_joint_value(model, joint, LIMIT_RESERVE)
                 return f"{worst.joint} would come nearer to its limit of {limit} than the {kept} to keep"
-            return f"{worst.joint} would have to go {amount(model, joint, over)} beyond its limit of {limit}"
+            excess = format_joint_value(model, joint, over)
+            return f"{worst.joint} would have to go {excess} beyond its limit of {limit}"
         case _:
             return "the search for a configuration found none, though there is one"
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class LineStopPoint:
     """Where a line stopped: the TCP's point in the world, what would be touched, the joint at its limit."""
 
     point: Vector3
-    contacts: tuple[Contact, ...] = ()
+    contacts: tuple[ContactPair, ...] = ()
     joint: str = ""
     singular: float | None = None
 
 
-def described(target: Target) -> str:
+def describe_goal(target: Target) -> str:
     """What is asked for in a few words, for the record."""
     match target:
         case NamedGoal(name):
             return f"to {name}"
         case JointGoal():
             return "to a configuration"
-        case Line(pose):
+        case LineGoal(pose):
             return f"straight to {_point(pose.position)}"
-        case Offset(by):
+        case OffsetGoal(by):
             return f"straight by {_point(by)}"
         case RegionGoal(pose):
             return f"near {_point(pose.position)}"
@@ -101,37 +100,37 @@ def described(target: Target) -> str:
             return f"to {_point(poses[0].position)}{more}" if poses else "to no pose"
 
 
-def asked(request: Request) -> str:
+def describe_request(request: Request) -> str:
     """The same with what is asked for beside the goal."""
-    words = [described(request.target)]
+    words = [describe_goal(request.target)]
     for constraint in request.constraints:
         match constraint:
-            case Upright(tilt):
+            case UprightConstraint(tilt):
                 words.append(f"upright within {degrees(tilt):.0f} deg")
-            case Within():
+            case BoxConstraint():
                 words.append("within a box")
     if request.clearance > 0:
         words.append(f"{request.clearance * 1000:.0f} mm clear")
     return ", ".join(words)
 
 
-def listed(contacts: Sequence[Contact]) -> list[str]:
+def contact_lines(contacts: Sequence[ContactPair]) -> list[str]:
     """Contacts as evidence: one line each, the first ten."""
     return [f"{c.a} {how_near(c)} {c.b}{_kept(c)}" for c in contacts[:10]]
 
 
-def _kept(contact: Contact) -> str:
+def _kept(contact: ContactPair) -> str:
     """The margin, where that alone is broken."""
     return f" ({contact.margin * 1000:.1f} mm to keep)" if 0 <= contact.distance < contact.margin else ""
 
 
-def stuck(q: Array, contacts: Sequence[Contact], *, believed: bool = True) -> Failure:
+def start_in_collision(q: Array, contacts: Sequence[ContactPair], *, believed: bool = True) -> Failure:
     """`believed`: the start q (n,) is where the arm is, not one that the request gave."""
     worst = contacts[0]
     return Failure(
         planning.START_IN_COLLISION,
         f"{_start(believed)} {worst.a} is {how_near(worst)} {worst.b}",
-        pairs=listed(contacts),
+        pairs=contact_lines(contacts),
         depth=-worst.distance,
         configuration=q.tolist(),
     )
@@ -149,13 +148,13 @@ def outside_limits(model: RobotModel, q: Array) -> Failure:
     )
 
 
-def out_of_reach(model: RobotModel, poses: Sequence[Pose], solves: int, nearest: Nearest) -> Failure:
+def out_of_reach(model: RobotModel, poses: Sequence[Pose], solves: int, nearest: NearestReach) -> Failure:
     """`nearest`: to the first pose."""
     count = len(poses)
     begun = "the pose is out of reach" if count == 1 else f"all {count} poses are out of reach, the first one"
     return Failure(
         planning.NO_IK,
-        f"{begun}: {missing(model, nearest)}",
+        f"{begun}: {describe_shortfall(model, nearest)}",
         poses=count,
         descents=solves,
         first=list(poses[0].position),
@@ -168,7 +167,7 @@ def out_of_reach(model: RobotModel, poses: Sequence[Pose], solves: int, nearest:
     )
 
 
-def outside_workspace(where: str, outside: Outside, poses: int = 1) -> Failure:
+def outside_workspace(where: str, outside: WorkspaceExcess, poses: int = 1) -> Failure:
     """`where`: as `at the goal`."""
     return Failure(
         planning.WORKSPACE,
@@ -180,7 +179,7 @@ def outside_workspace(where: str, outside: Outside, poses: int = 1) -> Failure:
     )
 
 
-def goal_rejected(each: Sequence[Rejection], poses: int) -> Failure:
+def goal_rejected(each: Sequence[GoalRejection], poses: int) -> Failure:
     """`each`: what is wrong with every configuration that was found; the least bad one is told."""
     best = "" if len(each) == 1 else f" (the best of {len(each)} solutions)"
     rejected = [f"{k + 1}: {how_rejected(one)}" for k, one in enumerate(each[:10])]
@@ -191,7 +190,7 @@ def goal_rejected(each: Sequence[Rejection], poses: int) -> Failure:
     return Failure(
         planning.GOAL_IN_COLLISION,
         f"at the goal {how_rejected(least)}{best}",
-        pairs=listed(least.contacts),
+        pairs=contact_lines(least.contacts),
         depth=-least.contacts[0].distance if least.contacts else 0.0,
         solutions=len(each),
         poses=poses,
@@ -200,7 +199,7 @@ def goal_rejected(each: Sequence[Rejection], poses: int) -> Failure:
     )
 
 
-def how_rejected(rejection: Rejection, verb: str = "is") -> str:
+def how_rejected(rejection: GoalRejection, verb: str = "is") -> str:
     """In words, beginning with what is wrong."""
     if rejection.contacts:
         worst = rejection.contacts[0]
@@ -213,7 +212,7 @@ def how_rejected(rejection: Rejection, verb: str = "is") -> str:
     return "the arm is at the very edge of its margin to something"
 
 
-def how_outside(outside: Outside) -> str:
+def how_outside(outside: WorkspaceExcess) -> str:
     """In words, with the axis."""
     at = dict(zip("xyz", outside.at, strict=True))[outside.axis]
     where = f"{outside.axis} = {at * 1000:.0f} mm"
@@ -222,14 +221,14 @@ def how_outside(outside: Outside) -> str:
     return f"{outside.by * 1000:.1f} mm outside of the workspace ({where})"
 
 
-def breaks(where: str, broken: Sequence[Broken]) -> Failure:
+def constraint_violated(where: str, broken: Sequence[ConstraintViolation]) -> Failure:
     """`where`: the beginning of the sentence, as `at the goal`."""
     return Failure(
         planning.CONSTRAINT, f"{where} {how_broken(broken[0])}", constraints=[how_broken(b) for b in broken]
     )
 
 
-def line_breaks(broken: Sequence[Broken], fraction: float) -> Failure:
+def line_breaks(broken: Sequence[ConstraintViolation], fraction: float) -> Failure:
     """`fraction`: of the line's time, when it breaks a constraint."""
     return Failure(
         planning.CONSTRAINT,
@@ -239,12 +238,12 @@ def line_breaks(broken: Sequence[Broken], fraction: float) -> Failure:
     )
 
 
-def how_broken(broken: Broken) -> str:
+def how_broken(broken: ConstraintViolation) -> str:
     """In words, with what is and what may be."""
     match broken.constraint:
-        case Upright(tilt):
+        case UprightConstraint(tilt):
             return f"the tool tilts by {degrees(broken.is_at):.1f} deg, {degrees(tilt):.1f} deg are allowed"
-        case Within():
+        case BoxConstraint():
             return f"the tool is {broken.by * 1000:.1f} mm outside of the box that it must stay in"
 
 
@@ -252,8 +251,8 @@ def not_found(
     spent: int,
     budget: int,
     goals: Sequence[Array],
-    excused: Sequence[Contact],
-    between: Blocked,
+    excused: Sequence[ContactPair],
+    between: BlockingBodies,
     enclosed: Enclosure | None,
 ) -> Failure:
     """`spent`: checks (and projections) of the search. What is in the way was looked for afterwards."""
@@ -264,19 +263,19 @@ def not_found(
         else "every path that was found comes too close to something when it is timed"
     )
     if enclosed is not None:
-        by = f" by {joined(enclosed.blocked.by[:4])}" if enclosed.blocked.by else ""
+        by = f" by {join_words(enclosed.blocked.by[:4])}" if enclosed.blocked.by else ""
         sentence += f": the {enclosed.where} seems enclosed{by}, a search from there gets no further than "
         sentence += f"{degrees(enclosed.radius):.0f} deg"
     elif between.by:
         are = "is" if len(between.by) == 1 else "are"
-        sentence += f": in the way of the straight motion {are} {joined(between.by[:3])}"
+        sentence += f": in the way of the straight motion {are} {join_words(between.by[:3])}"
     return Failure(
         planning.BUDGET if used_up and enclosed is None else planning.NO_PATH,
         sentence,
         checks=spent,
         goals=len(goals),
         configuration=goals[0].tolist(),
-        excused=listed(excused),
+        excused=contact_lines(excused),
         in_the_way=list(between.by),
         enclosed="" if enclosed is None else enclosed.where,
         enclosed_by=[] if enclosed is None else list(enclosed.blocked.by),
@@ -284,7 +283,7 @@ def not_found(
     )
 
 
-def line_ended(found: LineFound, least: float, length: float, why: str, at: Stop) -> Failure:
+def line_ended(found: LineResult, least: float, length: float, why: str, at: LineStopPoint) -> Failure:
     """`why`: what stopped the line, in words; `length` of the whole line, m."""
     where = f" (after {found.fraction * length * 1000:.0f} of {length * 1000:.0f} mm)" if length > 0 else ""
     return Failure(
@@ -293,14 +292,14 @@ def line_ended(found: LineFound, least: float, length: float, why: str, at: Stop
         fraction=found.fraction,
         ended_by=found.ended_by,
         at=list(at.point),
-        pairs=listed(at.contacts),
+        pairs=contact_lines(at.contacts),
         joint=at.joint,
         singular=at.singular,
         configuration=(found.path[-1] if found.blocked is None else found.blocked).tolist(),
     )
 
 
-def line_grazes(fraction: float, contacts: Sequence[Contact] = ()) -> Failure:
+def line_grazes(fraction: float, contacts: Sequence[ContactPair] = ()) -> Failure:
     """The line is free, its timing is not: what the first sample that is not touches."""
     why = f": {contacts[0].a} would be {how_near(contacts[0])} {contacts[0].b}" if contacts else ""
     return Failure(
@@ -308,17 +307,17 @@ def line_grazes(fraction: float, contacts: Sequence[Contact] = ()) -> Failure:
         f"the timed line comes too close to something{why}",
         fraction=fraction,
         ended_by="timing",
-        pairs=listed(contacts),
+        pairs=contact_lines(contacts),
     )
 
 
-def how_near(contact: Contact) -> str:
+def how_near(contact: ContactPair) -> str:
     """In words, to go between the two names."""
     depth = -contact.distance * 1000
     return f"{depth:.1f} mm deep in" if depth > 0 else f"only {-depth:.1f} mm from"
 
 
-def joined(names: Sequence[str]) -> str:
+def join_words(names: Sequence[str]) -> str:
     """`a, b and c`"""
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 

@@ -8,7 +8,16 @@ import numpy as np
 
 from ...errors import PicktreeError
 from ...robots.model import RobotModel
-from ..requests import JointGoal, Line, Offset, PoseGoal, RegionGoal, Request, Target, Upright
+from ..requests import (
+    JointGoal,
+    LineGoal,
+    OffsetGoal,
+    PoseGoal,
+    RegionGoal,
+    Request,
+    Target,
+    UprightConstraint,
+)
 
 
 def check_request(model: RobotModel, request: Request) -> None:
@@ -19,7 +28,7 @@ def check_request(model: RobotModel, request: Request) -> None:
     if not all(np.isfinite(_numbers(request.target))):
         raise PicktreeError("the goal has numbers that are not finite")
     for constraint in request.constraints:
-        if isinstance(constraint, Upright):
+        if isinstance(constraint, UprightConstraint):
             if not any(constraint.axis) or not 0 <= constraint.tilt <= np.pi:
                 raise PicktreeError("upright: needs an axis that is not zero, and a tilt of 0 to 180 deg")
         elif any(low > high for low, high in zip(constraint.box.min, constraint.box.max, strict=True)):
@@ -53,9 +62,9 @@ def _numbers(target: Target) -> list[float]:
             if min(yaw, tilt, *reach) < 0:
                 raise PicktreeError("a region's turn, tilt and reach must not be negative")
             return [*pose.position, *pose.orientation, yaw, tilt, *reach]
-        case Line(pose):
+        case LineGoal(pose):
             return [*pose.position, *pose.orientation]
-        case Offset(by):
+        case OffsetGoal(by):
             return list(by)
         case _:
             return []

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose, Quaternion
-from ..collision.start_tolerance import Way
+from ..collision.start_tolerance import StartTolerance
 from .inverse_kinematics import InverseKinematics
 
 STEP = 0.005
@@ -22,7 +22,7 @@ JUMP = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LineFound:
+class LineResult:
     """How far a line got: `path` (m, n) rad up to there, and what ended it before its end."""
 
     path: Array
@@ -36,16 +36,16 @@ class LineFound:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LineFrom:
+class LineFromStart:
     """A line from one of several starts, by its number."""
 
     start: int
-    found: LineFound
+    found: LineResult
 
 
-def straight(
-    model: RobotModel, ik: InverseKinematics, way: Way, start: Array, tcp_in_world: Pose
-) -> LineFound:
+def plan_line(
+    model: RobotModel, ik: InverseKinematics, way: StartTolerance, start: Array, tcp_in_world: Pose
+) -> LineResult:
     """From start (n,) straight to a pose, its orientation turned evenly (slerp).
 
     Steps of the TCP are at most STEP and TURN; each is solved from the one before.
@@ -56,7 +56,7 @@ def straight(
     path = [start]
     ended_by, blocked, pose = "", None, None
     for k in range(1, count + 1):
-        pose = between(begin, tcp_in_world, k / count) if k < count else tcp_in_world
+        pose = interpolate_pose(begin, tcp_in_world, k / count) if k < count else tcp_in_world
         at = path[-1]
         q = ik.descend(pose, at)
         if q is None:
@@ -70,33 +70,33 @@ def straight(
             continue
         break
     ended_at = pose if ended_by else None
-    return LineFound(np.array(path), (len(path) - 1) / count, ended_by, blocked, ended_at)
+    return LineResult(np.array(path), (len(path) - 1) / count, ended_by, blocked, ended_at)
 
 
-def straight_from_any(
+def plan_line_from_any(
     model: RobotModel,
     ik: InverseKinematics,
-    way: Callable[[Array], Way],
+    way: Callable[[Array], StartTolerance],
     starts: Sequence[Array],
     tcp_in_world: Pose,
-) -> LineFrom | None:
+) -> LineFromStart | None:
     """The same line from the first of several starts (n,) from which it is free to its end; else the one
     that gets furthest. None when there is no start.
 
     For who leaves the posture at the start open: an arm with a joint more than it needs, or with its elbow
     on the other side, gets through where this one meets a limit. `way` makes the collision test of a start.
     """
-    best: LineFrom | None = None
+    best: LineFromStart | None = None
     for index, start in enumerate(starts):
-        found = straight(model, ik, way(start), start, tcp_in_world)
+        found = plan_line(model, ik, way(start), start, tcp_in_world)
         if best is None or found.fraction > best.found.fraction:
-            best = LineFrom(index, found)
+            best = LineFromStart(index, found)
         if not found.ended_by:
             break
     return best
 
 
-def between(a: Pose, b: Pose, share: float) -> Pose:
+def interpolate_pose(a: Pose, b: Pose, share: float) -> Pose:
     """The pose at `share` (0 … 1) of the way: straight for the position, slerp for the orientation."""
     x, y, z = (p + (q - p) * share for p, q in zip(a.position, b.position, strict=True))
     return Pose((x, y, z), slerp(a.orientation, b.orientation, share))

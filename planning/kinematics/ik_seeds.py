@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from ...robots.model import RobotModel
 from ...world.values import Array
-from .levenberg_marquardt import Descent
+from .levenberg_marquardt import IkDescent
 
 SIZE = 2048
 """Configurations. Finding the nearest takes as long as two steps of a descent; twice as many save no step."""
@@ -15,16 +15,16 @@ LEVER = 0.3
 """What a turn counts beside a way, m/rad."""
 
 
-class Atlas:
+class IkSeeds:
     """Made from the robot alone, in 10 ms; the same in each process."""
 
-    def __init__(self, model: RobotModel, descent: Descent) -> None:
+    def __init__(self, model: RobotModel, descent: IkDescent) -> None:
         shares = np.random.default_rng(0).uniform(size=(SIZE, model.n))
         self.configurations: Array = model.planned_lower + shares * (
             model.planned_upper - model.planned_lower
         )
         """(SIZE, n), rad."""
-        self._keys: Array = np.array([key(descent.place(q)) for q in self.configurations])
+        self._keys: Array = np.array([pose_key(descent.place(q)) for q in self.configurations])
         self._half_squares: Array = 0.5 * np.einsum("ij,ij->i", self._keys, self._keys)
 
     def nearest(self, wanted: Array) -> int:
@@ -42,7 +42,7 @@ class Atlas:
         return self._keys.dot(wanted) - self._half_squares
 
 
-def key(place: pin.SE3) -> Array:
+def pose_key(place: pin.SE3) -> Array:
     """A pose as a point (12,): equal distances (m) for equal ways and, for small turns, equal arcs."""
     point: Array = np.empty(12)
     point[:3] = place.translation

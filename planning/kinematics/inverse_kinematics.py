@@ -10,11 +10,11 @@ import pinocchio as pin
 
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
-from .ik_seeds import Atlas, key
-from .levenberg_marquardt import ANGLE, GAIN, POSITION, STALL, TURN, Descent, is_hinge, target_of
-from .unreachable_poses import Beyond, Nearby, Nearest
+from .ik_seeds import IkSeeds, pose_key
+from .levenberg_marquardt import ANGLE, GAIN, POSITION, STALL, TURN, IkDescent, is_hinge, target_of
+from .unreachable_poses import LimitExcess, NearestReach, ReachExplainer
 
-__all__ = ["ANGLE", "APART", "POSITION", "RESTARTS", "Beyond", "InverseKinematics", "Nearest"]
+__all__ = ["ANGLE", "APART", "POSITION", "RESTARTS", "InverseKinematics", "LimitExcess", "NearestReach"]
 
 RESTARTS = 40
 """Descents in vain after which a pose is taken to be out of reach: of a thousand poses that can be reached
@@ -46,10 +46,10 @@ class InverseKinematics:
     def __init__(self, model: RobotModel) -> None:
         self.model = model
         self.solves = 0
-        self._descent = Descent(model)
+        self._descent = IkDescent(model)
         self._first_joint: list[float] = model.arm.jointPlacements[1].translation.tolist()
         self._length = _length(model)
-        self._atlas: Atlas | None = None
+        self._atlas: IkSeeds | None = None
         self._winding = _winding(model)
         self._facing = _Facing(model, self._descent) if model.n <= SPARING else None
         open_joints = [joint for joint, _, _ in self._winding]
@@ -114,15 +114,15 @@ class InverseKinematics:
                 return self._descend(target, q)
         return q
 
-    def nearest(self, tcp_in_world: Pose, near: Array) -> Nearest:
+    def nearest(self, tcp_in_world: Pose, near: Array) -> NearestReach:
         """How near the arm comes to a pose that it cannot reach, and what keeps it from it; `near` (n,) is
         one of the configurations to begin with. For explanations: some ten milliseconds, not counted."""
-        return Nearby(self.model, self._descent, self._known()).nearest(tcp_in_world, near)
+        return ReachExplainer(self.model, self._descent, self._known()).nearest(tcp_in_world, near)
 
-    def _known(self) -> Atlas:
+    def _known(self) -> IkSeeds:
         # Made when it is first needed: from the robot alone, so that no answer depends on when.
         if self._atlas is None:
-            self._atlas = Atlas(self.model, self._descent)
+            self._atlas = IkSeeds(self.model, self._descent)
         return self._atlas
 
     def _descend(self, target: pin.SE3, seed: Array, stall: int = STALL, gain: float = GAIN) -> Array | None:
@@ -139,7 +139,7 @@ class InverseKinematics:
         reaches nearby poses: by turns the nearest to `near` and any, passing over what would lead to what is
         `found` already. Then anything."""
         yield near if self._facing is None else self._facing.turned(near, target)
-        around = self._known().around(key(target), AROUND)
+        around = self._known().around(pose_key(target), AROUND)
         far = np.abs(around - near).max(axis=1)
         order = np.argsort(far, kind="stable")
         left = [around[int(k)] for k in order]
@@ -156,7 +156,7 @@ class InverseKinematics:
 class _Facing:
     """Turns the first joint so that the TCP comes into the plane of that joint's axis and the target."""
 
-    def __init__(self, model: RobotModel, descent: Descent) -> None:
+    def __init__(self, model: RobotModel, descent: IkDescent) -> None:
         self._model = model
         self._descent = descent
         self._origin: list[float] = model.arm.jointPlacements[1].translation.tolist()

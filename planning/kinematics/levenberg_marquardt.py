@@ -15,23 +15,6 @@ from scipy.linalg.lapack import dposv
 from ...robots.model import RobotModel
 from ...world.values import Array, Pose
 
-NEAR_LIMIT = 0.5
-"""Distance to a joint's limit below which a configuration becomes uncomfortable, rad."""
-NEAR_SINGULAR = 0.12
-"""The same for the smallest singular value of the Jacobian (m and rad mixed, as it comes)."""
-WEIGHT = 2.0
-"""What standing at one limit, or in a singularity, is worth as a detour, rad."""
-
-
-def discomfort(model: RobotModel, q: Array) -> float:
-    """0 for a comfortable configuration (n,), growing towards limits and singularities; in rad of detour."""
-    room = np.minimum(q - model.lower, model.upper - q)
-    limits = np.clip(1.0 - room / NEAR_LIMIT, 0.0, 1.0)
-    least = float(np.linalg.svd(model.jacobian(q), compute_uv=False)[-1])
-    singular = max(0.0, 1.0 - least / NEAR_SINGULAR)
-    return WEIGHT * (float(limits @ limits) + singular * singular)
-
-
 POSITION = 1e-5
 """Accuracy, m."""
 ANGLE = 1e-4
@@ -52,7 +35,7 @@ TURN = 2 * math.pi
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reached:
+class IkResult:
     """The best configuration (n,) of a descent; `solved`: it reaches the target within the accuracy."""
 
     q: Array
@@ -61,7 +44,7 @@ class Reached:
     """What is left: squared (weighted) distance and angle together, m² + rad²."""
 
 
-class Descent:
+class IkDescent:
     """Descends for one robot; holds scratch memory only. A step costs about ten bare forward kinematics:
     most of it is the price of calling numpy, so calls are few and work on arrays that stand ready."""
 
@@ -88,7 +71,7 @@ class Descent:
         stall: int = STALL,
         gain: float = GAIN,
         steps: int = STEPS,
-    ) -> Reached:
+    ) -> IkResult:
         """From a seed (n,) within the limits (n,) towards the TCP's target in the world.
 
         `weights` (6,) scale the error's three linear and three angular parts, in the TCP's axes: 0 leaves
@@ -122,7 +105,7 @@ class Descent:
                 # What is out of reach would pull the arm to and fro.
                 error[:3] *= PULL / math.sqrt(position)
             if position < POSITION**2 and angle < ANGLE**2:
-                return Reached(q, True, left)
+                return IkResult(q, True, left)
             if left < gain * best:
                 best, best_q, patience = left, q, stall
             else:
@@ -154,7 +137,7 @@ class Descent:
                     at_limit = True
             if at_limit:
                 q = np.array(angles)
-        return Reached(best_q, False, best)
+        return IkResult(best_q, False, best)
 
 
 def target_of(pose: Pose) -> pin.SE3:

@@ -11,8 +11,8 @@ import pinocchio as pin
 
 from ...robots.model import RobotModel, pose_of
 from ...world.values import Array, Pose
-from .ik_seeds import Atlas, key
-from .levenberg_marquardt import TURN, Descent, Reached, is_hinge, target_of
+from .ik_seeds import IkSeeds, pose_key
+from .levenberg_marquardt import TURN, IkDescent, IkResult, is_hinge, target_of
 
 SEEDS = 12
 """Configurations from which each question is answered; the best answer counts."""
@@ -29,7 +29,7 @@ Obstacle = Literal["", "position", "orientation", "limits"]
 
 
 @dataclass(frozen=True, slots=True)
-class Beyond:
+class LimitExcess:
     """A joint that would have to go beyond a limit: where to, and the limit; rad (m for one that slides)."""
 
     joint: str
@@ -38,7 +38,7 @@ class Beyond:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Nearest:
+class NearestReach:
     """How near the arm comes to a pose of the TCP, with the limits that are planned with."""
 
     q: Array
@@ -55,15 +55,15 @@ class Nearest:
     reached, but not turned like that)."""
     at_limit: tuple[str, ...] = ()
     """Joints that stand at a limit in q."""
-    beyond: tuple[Beyond, ...] = ()
+    beyond: tuple[LimitExcess, ...] = ()
     """With the obstacle `limits`: the joints that would have to go beyond them, in the configuration that
     needs the least of it."""
 
 
-class Nearby:
+class ReachExplainer:
     """Answers for one robot."""
 
-    def __init__(self, model: RobotModel, descent: Descent, atlas: Atlas) -> None:
+    def __init__(self, model: RobotModel, descent: IkDescent, atlas: IkSeeds) -> None:
         self._model = model
         self._descent = descent
         self._atlas = atlas
@@ -72,11 +72,11 @@ class Nearby:
         self._open_upper: Array = np.where(hinge, TURN, model.planned_upper)
         self._hinge = hinge
 
-    def nearest(self, tcp_in_world: Pose, near: Array) -> Nearest:
+    def nearest(self, tcp_in_world: Pose, near: Array) -> NearestReach:
         """How near the arm comes to a pose: depends on the pose, on `near` (n,) and the robot alone."""
         model, target = self._model, target_of(tcp_in_world)
         lower, upper = model.planned_lower, model.planned_upper
-        seeds: list[Array] = [np.clip(near, lower, upper), *self._atlas.around(key(target), SEEDS - 1)]
+        seeds: list[Array] = [np.clip(near, lower, upper), *self._atlas.around(pose_key(target), SEEDS - 1)]
         for seed in seeds:
             reached = self._minimum(target, seed, None)
             if reached.solved:
@@ -92,11 +92,11 @@ class Nearby:
             return replace(best, obstacle="limits", beyond=beyond)
         return best if best.distance < THERE else replace(best, obstacle="position")
 
-    def _minimum(self, target: pin.SE3, seed: Array, weights: Array | None) -> Reached:
+    def _minimum(self, target: pin.SE3, seed: Array, weights: Array | None) -> IkResult:
         lower, upper = self._model.planned_lower, self._model.planned_upper
         return self._descent.run(target, seed, lower, upper, weights=weights, stall=8, gain=0.9999, steps=150)
 
-    def _beyond(self, target: pin.SE3, seeds: list[Array]) -> tuple[Beyond, ...]:
+    def _beyond(self, target: pin.SE3, seeds: list[Array]) -> tuple[LimitExcess, ...]:
         """What the limits forbid, in the solution that breaks them least; () when there is none at all."""
         model = self._model
         lower, upper = model.planned_lower, model.planned_upper
@@ -114,16 +114,16 @@ class Nearby:
             return ()
         joints = zip(model.description.joints, best.tolist(), lower.tolist(), upper.tolist(), strict=True)
         return tuple(
-            Beyond(name, angle, low if angle < low else high)
+            LimitExcess(name, angle, low if angle < low else high)
             for name, angle, low, high in joints
             if not low <= angle <= high
         )
 
-    def _answer(self, q: Array, tcp_in_world: Pose, obstacle: Obstacle) -> Nearest:
+    def _answer(self, q: Array, tcp_in_world: Pose, obstacle: Obstacle) -> NearestReach:
         model = self._model
         reached = pose_of(self._descent.place(q))
         stands = (q <= model.planned_lower + AT_LIMIT) | (q >= model.planned_upper - AT_LIMIT)
         names = zip(model.description.joints, stands.tolist(), strict=True)
         at_limit = tuple(name for name, at in names if at)
         distance, angle = reached.distance(tcp_in_world), reached.angle(tcp_in_world)
-        return Nearest(q, reached, distance, angle, obstacle, at_limit)
+        return NearestReach(q, reached, distance, angle, obstacle, at_limit)

@@ -13,14 +13,15 @@ import numpy as np
 from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
 from ...world.values import Array
-from ..collision.collision_checker import Collision
+from ..collision.collision_checker import CollisionChecker
 from ..collision.edges import RESOLUTION, edge_free
-from ..collision.start_tolerance import Way
-from ..kinematics.levenberg_marquardt import discomfort
+from ..collision.start_tolerance import StartTolerance
+from ..collision.trajectory_check import is_trajectory_free
+from ..kinematics.configuration_cost import configuration_cost
 from ..path_constraints import RESERVE, PathConstraints
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners, time_smooth
-from .joint_planner import RADII, Found, stays_free
+from .joint_planner import RADII, TimedPath
 
 NAME = "CBiRRT"
 STRIDE = 0.3
@@ -41,7 +42,7 @@ ATTEMPTS = 3
 
 
 class ConstrainedPlanner:
-    """One request's search under constraints; the same questions as `Planner`.
+    """One request's search under constraints; the same questions as `JointPlanner`.
 
     The trees' projections count against the budget together with the collision checks.
     """
@@ -49,10 +50,10 @@ class ConstrainedPlanner:
     def __init__(
         self,
         model: RobotModel,
-        way: Way,
+        way: StartTolerance,
         start: Array,
         scaling: Scaling,
-        collision: Collision,
+        collision: CollisionChecker,
         checks: int,
         constraints: PathConstraints,
     ) -> None:
@@ -65,21 +66,21 @@ class ConstrainedPlanner:
         self._constraints = constraints
         self._end = collision.checks + constraints.projections + checks
 
-    def direct(self, goals: Sequence[Array]) -> Found | None:
+    def direct(self, goals: Sequence[Array]) -> TimedPath | None:
         """Straight in joint space to one of the goals, where the constraints hold on that."""
 
         def effort(k: int) -> float:
-            return float(np.linalg.norm(goals[k] - self._start)) + discomfort(self._model, goals[k])
+            return float(np.linalg.norm(goals[k] - self._start)) + configuration_cost(self._model, goals[k])
 
         for k in sorted(range(len(goals)), key=effort):
             if self.edge(self._start, goals[k], RESOLUTION):
                 path = np.array([self._start, goals[k]])
                 trajectory = self._timed(path)
                 if trajectory is not None:
-                    return Found(trajectory, path, "direct", k)
+                    return TimedPath(trajectory, path, "direct", k)
         return None
 
-    def around(self, goals: Sequence[Array], seed: int) -> Found | None:
+    def around(self, goals: Sequence[Array], seed: int) -> TimedPath | None:
         """By projected trees to any of the goals. None: the budget is spent, or no timing keeps to it all."""
         lower: Array = np.min([self._model.planned_lower, self._start, *goals], axis=0)
         upper: Array = np.max([self._model.planned_upper, self._start, *goals], axis=0)
@@ -94,7 +95,7 @@ class ConstrainedPlanner:
             trajectory = self._timed(path)
             if trajectory is not None:
                 nearest = [float(np.abs(goal - path[-1]).max()) for goal in goals]
-                return Found(trajectory, path, NAME, int(np.argmin(nearest)))
+                return TimedPath(trajectory, path, NAME, int(np.argmin(nearest)))
         return None
 
     def project(self, q: Array, lower: Array, upper: Array, reserve: float = RESERVE) -> Array | None:
@@ -128,7 +129,7 @@ class ConstrainedPlanner:
         return min(found, key=lambda trajectory: trajectory.duration, default=None)
 
     def _stays(self, trajectory: Trajectory) -> bool:
-        return all(self._constraints.hold(q) for q in trajectory.position) and stays_free(
+        return all(self._constraints.hold(q) for q in trajectory.position) and is_trajectory_free(
             self._way, trajectory
         )
 

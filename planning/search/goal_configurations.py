@@ -13,11 +13,11 @@ from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.causes import Failure
 from ...world.values import Array, Pose
-from ..collision.start_tolerance import Way
+from ..collision.start_tolerance import StartTolerance
 from ..failures import planning_failures
-from ..failures.goal_rejections import Inspection
+from ..failures.goal_rejections import GoalInspection
+from ..kinematics.configuration_cost import configuration_cost
 from ..kinematics.inverse_kinematics import InverseKinematics
-from ..kinematics.levenberg_marquardt import discomfort
 from ..path_constraints import PathConstraints
 from ..requests import Goal, JointGoal, NamedGoal, PoseGoal, RegionGoal
 
@@ -25,7 +25,7 @@ SAMPLES = 64
 """Poses that are tried of a region, beside its middle."""
 
 
-def poses(region: RegionGoal, count: int = SAMPLES) -> tuple[Pose, ...]:
+def region_poses(region: RegionGoal, count: int = SAMPLES) -> tuple[Pose, ...]:
     """The pose itself, then `count` others, spread evenly over the region and sorted by how far they are off.
 
     A turn, a tilt or a shift counts by the share of what is allowed of it. Additive recurrence on powers of
@@ -87,22 +87,22 @@ ENOUGH = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Target:
+class GoalConfiguration:
     """A configuration (n,) that reaches pose number `index` of the goal."""
 
     q: Array
     index: int
 
 
-class Goals:
+class GoalSet:
     """What one request's goal means for the arm."""
 
     def __init__(
         self,
         model: RobotModel,
         ik: InverseKinematics,
-        inspection: Inspection,
-        way: Way,
+        inspection: GoalInspection,
+        way: StartTolerance,
         start: Array,
         constraints: PathConstraints,
         goal: Goal,
@@ -116,7 +116,7 @@ class Goals:
         self._goal = goal
         self._home = model.named(HOME)
 
-    def near(self) -> Iterator[list[Target]]:
+    def near(self) -> Iterator[list[GoalConfiguration]]:
         """For each pose the solution that the start itself leads to, where it is free; those of a region in
         parts, near ones first. Where that one is uncomfortable, also the one that home leads to: else the
         arm would wander into its limits."""
@@ -124,13 +124,13 @@ class Goals:
             case PoseGoal():
                 yield self._near(self._possible(self._goal.tcp_in_world))
             case RegionGoal():
-                rest = iter(self._possible(poses(self._goal)))
+                rest = iter(self._possible(region_poses(self._goal)))
                 for count in NEAR:
                     yield self._near(list(islice(rest, count)))
             case _:
                 return
 
-    def all(self, seed: int) -> list[Target]:
+    def all(self, seed: int) -> list[GoalConfiguration]:
         """Free configurations for all poses of the goal, for a region until there are enough.
 
         Fails with planning.no_ik, .goal_in_collision or .constraint when there is none.
@@ -139,9 +139,9 @@ class Goals:
             case PoseGoal(wanted):
                 return self._all(wanted, seed, None)
             case RegionGoal():
-                return self._all(poses(self._goal), seed, ENOUGH)
+                return self._all(region_poses(self._goal), seed, ENOUGH)
             case _:
-                return [Target(self._joints(self._goal), 0)]
+                return [GoalConfiguration(self._joints(self._goal), 0)]
 
     def _possible(self, wanted: tuple[Pose, ...]) -> list[tuple[int, Pose]]:
         """Those in the workspace at which the constraints hold, numbered."""
@@ -151,19 +151,19 @@ class Goals:
             if self._inspection.outside(pose.position) is None and not self._constraints.broken_by(pose)
         ]
 
-    def _near(self, possible: list[tuple[int, Pose]]) -> list[Target]:
-        targets: list[Target] = []
+    def _near(self, possible: list[tuple[int, Pose]]) -> list[GoalConfiguration]:
+        targets: list[GoalConfiguration] = []
         for k, pose in possible:
             q = self._ik.descend(pose, self._start)
             if q is not None and self._way.free(q):
-                targets.append(Target(q, k))
-            if q is None or discomfort(self._model, q) > UNCOMFORTABLE:
+                targets.append(GoalConfiguration(q, k))
+            if q is None or configuration_cost(self._model, q) > UNCOMFORTABLE:
                 other = self._ik.descend(pose, self._home)
                 if other is not None and self._way.free(other):
-                    targets.append(Target(other, k))
+                    targets.append(GoalConfiguration(other, k))
         return targets
 
-    def _all(self, wanted: tuple[Pose, ...], seed: int, enough: int | None) -> list[Target]:
+    def _all(self, wanted: tuple[Pose, ...], seed: int, enough: int | None) -> list[GoalConfiguration]:
         if not wanted:
             raise PicktreeError("the goal names no pose")
         possible = self._possible(wanted)
@@ -171,11 +171,11 @@ class Goals:
             raise self._impossible(wanted)
         rng = np.random.default_rng(seed)
         before = self._ik.solves
-        targets: list[Target] = []
-        rejected: list[Target] = []
+        targets: list[GoalConfiguration] = []
+        rejected: list[GoalConfiguration] = []
         for k, pose in possible:
             for q in self._ik.solutions(pose, rng, self._start, SOLUTIONS):
-                (targets if self._way.free(q) else rejected).append(Target(q, k))
+                (targets if self._way.free(q) else rejected).append(GoalConfiguration(q, k))
             if enough is not None and len(targets) >= enough:
                 break
         if targets:
@@ -195,14 +195,16 @@ class Goals:
                 "at the goal", min(off, key=lambda one: one.by), len(wanted)
             )
         each = [broken for pose in wanted if (broken := self._constraints.broken_by(pose))]
-        return planning_failures.breaks("at the goal", min(each, key=lambda broken: broken[0].by))
+        return planning_failures.constraint_violated(
+            "at the goal", min(each, key=lambda broken: broken[0].by)
+        )
 
     def _joints(self, goal: NamedGoal | JointGoal) -> Array:
         q = self._model.named(goal.name) if isinstance(goal, NamedGoal) else np.array(goal.position)
         if bool(np.any(q < self._model.lower) or np.any(q > self._model.upper)):
             raise planning_failures.outside_limits(self._model, q)
         if broken := self._constraints.broken(q):
-            raise planning_failures.breaks("at the goal", broken)
+            raise planning_failures.constraint_violated("at the goal", broken)
         if not self._way.free(q):
             raise planning_failures.goal_rejected([self._inspection.rejection(q)], 1)
         return q

@@ -10,16 +10,15 @@ import numpy as np
 from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
 from ...world.values import Array
-from ..collision.collision_checker import Collision
-from ..collision.edges import Strides
-from ..collision.start_tolerance import Way
-from ..collision.trajectory_check import first_hit
-from ..collision.trajectory_check import stays_free as stays_free
-from ..kinematics.levenberg_marquardt import discomfort
+from ..collision.collision_checker import CollisionChecker
+from ..collision.edges import EdgeSteps
+from ..collision.start_tolerance import StartTolerance
+from ..collision.trajectory_check import first_collision
+from ..kinematics.configuration_cost import configuration_cost
 from ..requests import Scaling
 from ..timing.time_parameterization import time_corners
-from .rrt_connect import EdgeFree, Rooted, connect, shortened
-from .start_retreat import retreat
+from .rrt_connect import EdgeFree, Rooted, rrt_connect, shortcut_path
+from .start_retreat import retreat_path
 
 RADII = (0.1, 0.05, 0.02, 0.005)
 """How far corners are cut, tried in this order until the timed path is free, rad."""
@@ -31,10 +30,10 @@ ROOTS = 4
 """Goals, the nearest first, of which a way out is looked for."""
 
 
-class Budget:
+class CheckBudget:
     """Collision checks that a request may still spend."""
 
-    def __init__(self, collision: Collision, checks: int) -> None:
+    def __init__(self, collision: CollisionChecker, checks: int) -> None:
         self._collision = collision
         self._end = collision.checks + checks
 
@@ -43,7 +42,7 @@ class Budget:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class TimedPath:
     """A timed answer: its corners (m, n) rad, how it was found, and which goal it reached."""
 
     trajectory: Trajectory
@@ -52,59 +51,61 @@ class Found:
     goal: int
 
 
-class Planner:
+class JointPlanner:
     """One request's search from the start of `way` (n,) to goals; edges and budget are shared."""
 
-    def __init__(self, model: RobotModel, way: Way, start: Array, scaling: Scaling, budget: Budget) -> None:
+    def __init__(
+        self, model: RobotModel, way: StartTolerance, start: Array, scaling: Scaling, budget: CheckBudget
+    ) -> None:
         self._model = model
         self._way = way
         self._start = start
         self._scaling = scaling
         self._budget = budget
-        self._strides = Strides(model)
+        self._strides = EdgeSteps(model)
 
-    def direct(self, goals: Sequence[Array]) -> Found | None:
+    def direct(self, goals: Sequence[Array]) -> TimedPath | None:
         """Straight in joint space to one of the goals: the nearest first, uncomfortable ones as detours."""
 
         def effort(k: int) -> float:
-            return float(np.linalg.norm(goals[k] - self._start)) + discomfort(self._model, goals[k])
+            return float(np.linalg.norm(goals[k] - self._start)) + configuration_cost(self._model, goals[k])
 
         for k in sorted(range(len(goals)), key=effort):
             if self._edge(self._start, goals[k]):
                 path = np.array([self._start, goals[k]])
                 trajectory = self._timed(path)
                 if trajectory is not None:
-                    return Found(trajectory, path, "direct", k)
+                    return TimedPath(trajectory, path, "direct", k)
         return None
 
-    def around(self, goals: Sequence[Array], seed: int) -> Found | None:
+    def around(self, goals: Sequence[Array], seed: int) -> TimedPath | None:
         """By RRT-Connect to any of the goals. None: the budget is spent, or no timing keeps the margins."""
         # Start and goals may lie nearer to the limits than what is planned between them.
         lower, upper = self._model.planned_lower, self._model.planned_upper
         # A path that grazes between its steps is searched again with smaller ones.
         for attempt, share in enumerate(SHARES):
-            strides = Strides(self._model, share)
+            strides = EdgeSteps(self._model, share)
             rng = np.random.default_rng([seed, attempt])
 
-            def edge(a: Array, b: Array, strides: Strides = strides) -> bool:
+            def edge(a: Array, b: Array, strides: EdgeSteps = strides) -> bool:
                 return strides.free(self._free, a, b)
 
-            def between(a: Array, b: Array, strides: Strides = strides) -> bool:
+            def between(a: Array, b: Array, strides: EdgeSteps = strides) -> bool:
                 return strides.free(self._free, a, b, ends_free=True)
 
             def rooted(q: Array, edge: EdgeFree = edge) -> Rooted:
-                return q, retreat(self._model, edge, q)
+                return q, retreat_path(self._model, edge, q)
 
             ends = self._near_first(goals, rooted)
             spent = self._budget.is_spent
-            path = connect(lower, upper, rooted(self._start), ends, edge, between, spent, rng)
+            path = rrt_connect(lower, upper, rooted(self._start), ends, edge, between, spent, rng)
             if path is None:
                 return None
-            corners = np.array(shortened(path, between, rng))
+            corners = np.array(shortcut_path(path, between, rng))
             trajectory = self._timed(corners)
             if trajectory is not None:
                 missed = [float(np.abs(goal - corners[-1]).max()) for goal in goals]
-                return Found(trajectory, corners, "RRTConnect", int(np.argmin(missed)))
+                return TimedPath(trajectory, corners, "RRTConnect", int(np.argmin(missed)))
         return None
 
     def _near_first(self, goals: Sequence[Array], rooted: Callable[[Array], Rooted]) -> list[Rooted]:
@@ -122,7 +123,7 @@ class Planner:
             trajectory = time_corners(self._model, path, self._scaling, radius)
             if trajectory is None:
                 continue
-            hit = first_hit(self._way, trajectory)
+            hit = first_collision(self._way, trajectory)
             if hit is None:
                 return trajectory
             if _apart(path, hit) < ON_PATH:

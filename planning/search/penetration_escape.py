@@ -4,20 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from scipy.optimize import nnls
 
 from ...robots.model import RobotModel
 from ...world.values import Array
-from ..collision.collision_checker import Collision, Separation
-
-Direction: TypeAlias = Literal["out", "back", "up", "inwards", "left", "right", "outwards", "down"]
-"""`out`: where the depths shrink fastest; `back`: against the tool; `inwards`, `outwards`: towards the axis
-of the base and away from it; `left`, `right`: about that axis."""
-DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
-
+from ..collision.collision_checker import CollisionChecker, Separation
+from .escape_directions import Direction
 
 STEP = 0.005
 """Way of whatever moves most in a step, m."""
@@ -38,7 +32,7 @@ DAMPING = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WayOut:
+class EscapePath:
     """A way in one direction: configurations (m, n) from where it began, and how it ended."""
 
     direction: str
@@ -54,14 +48,14 @@ class WayOut:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Inequalities:
+class StepConstraints:
     """G x ≥ h over a step x (n,) of the joints."""
 
     g: Array
     h: Array
 
 
-class Outward:
+class EscapeSearch:
     """Walks out of the belief that `collision` has taken over last, from one configuration.
 
     A step is the least change of the joints that goes where it is asked to, while every pair that is too
@@ -70,14 +64,14 @@ class Outward:
     too close may not come closer, and nothing else may be touched. The answer follows from belief and start.
     """
 
-    def __init__(self, model: RobotModel, collision: Collision, start: Array) -> None:
+    def __init__(self, model: RobotModel, collision: CollisionChecker, start: Array) -> None:
         self._model = model
         self._collision = collision
         self._start = start
         self._lower = np.minimum(model.planned_lower, start)
         self._upper = np.maximum(model.planned_upper, start)
 
-    def way(self, direction: Direction, reach: float, *, until_free: bool = True) -> WayOut:
+    def way(self, direction: Direction, reach: float, *, until_free: bool = True) -> EscapePath:
         """In that direction until it is free, or, without `until_free`, for `reach` m of the tool; at most
         that far in either case."""
         model, q = self._model, self._start
@@ -112,9 +106,9 @@ class Outward:
         free = not violated and self._free(q)
         if not free and not ended_by and until_free:
             ended_by = f"not free after {length * 1000:.0f} mm"
-        return WayOut(direction, np.array(path), free, length, depth, ended_by)
+        return EscapePath(direction, np.array(path), free, length, depth, ended_by)
 
-    def along(self, name: str, path: Array) -> WayOut:
+    def along(self, name: str, path: Array) -> EscapePath:
         """Along configurations (m, n), the first where it begins, as far as nothing comes closer than it may.
         `name`: what that direction is called."""
         near = self._collision.separations(path[0], BAND)
@@ -132,7 +126,7 @@ class Outward:
             length += self._model.tcp(path[k - 1]).distance(self._model.tcp(path[k]))
         depth = max((s.margin - s.distance for s in _violated(near)), default=0.0)
         free = depth == 0.0 and self._free(path[end - 1])
-        return WayOut(name, path[:end], free, length, depth, ended_by)
+        return EscapePath(name, path[:end], free, length, depth, ended_by)
 
     def heading(self, direction: Direction) -> Array:
         """Where the tool goes in that direction: unit vector (3,) in the world; zero for `out`."""
@@ -165,7 +159,7 @@ class Outward:
                 least.append(np.array([-room]))
             else:
                 least.append(np.array([min(-room, STEP) if direction == "out" else 0.0]))
-        bounds = Inequalities(np.concatenate(rows), np.concatenate(least))
+        bounds = StepConstraints(np.concatenate(rows), np.concatenate(least))
         return least_distance(bounds, wanted)
 
     def _wanted(self, q: Array, direction: Direction) -> Array:
@@ -210,7 +204,7 @@ class Outward:
         return max(float(np.linalg.norm(six[:3])) + 0.1 * float(np.linalg.norm(six[3:])), 1e-9)
 
 
-def least_distance(bounds: Inequalities, wanted: Array) -> Array | None:
+def least_distance(bounds: StepConstraints, wanted: Array) -> Array | None:
     """The x nearest to `wanted` (n,) with G x ≥ h; None when there is none."""
     h = bounds.h - bounds.g @ wanted
     if float(h.max(initial=0.0)) <= 1e-12:

@@ -30,7 +30,7 @@ Rooted = tuple[Array, Sequence[Array]]
 """A root (n,) and a chain of configurations that leads away from it by free edges."""
 
 
-def connect(
+def rrt_connect(
     lower: Array,
     upper: Array,
     start: Rooted,
@@ -64,7 +64,7 @@ def connect(
     return None
 
 
-def shortened(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
+def shortcut_path(path: list[Array], between: EdgeFree, rng: np.random.Generator) -> list[Array]:
     """A path with the same ends and free edges that is no longer; `between` is asked about free ends only."""
     known: dict[tuple[bytes, bytes], bool] = {}
 

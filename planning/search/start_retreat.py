@@ -22,7 +22,7 @@ DAMPING = 1e-4
 EdgeFree = Callable[[Array, Array], bool]
 
 
-def retreat(model: RobotModel, edge: EdgeFree, q: Array) -> list[Array]:
+def retreat_path(model: RobotModel, edge: EdgeFree, q: Array) -> list[Array]:
     """Configurations (n,) behind q, one after the other with free edges; no nearer to the limits than is
     planned, or than q is.
 

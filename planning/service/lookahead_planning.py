@@ -10,20 +10,20 @@ from weakref import WeakKeyDictionary
 from ...errors import PicktreeError
 from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
-from ...world.thinking_time import ThinkingAccount
+from ...world.thinking_time import ComputeTimeAccount
 from ...world.trajectory import Trajectory
-from ..collision.start_tolerance import Way
-from ..collision.trajectory_check import stays_free
-from ..requests import JointGoal, Plan, Request
-from .motion_chain import parts
-from .solver import Solver
+from ..collision.start_tolerance import StartTolerance
+from ..collision.trajectory_check import is_trajectory_free
+from ..requests import JointGoal, MotionPlan, Request
+from .motion_chain import split_into_legs
+from .solver import RequestSolver
 
 SAME_WIDTH = 0.002
 """Change of the fingers' opening that makes no difference, m."""
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class CheckedBelief:
     """The belief and the hand for which a trajectory was found free."""
 
     version: int
@@ -32,7 +32,7 @@ class Seen:
     width: float
     """Opening of the fingers, m."""
 
-    def covers(self, now: Seen, *, width_matters: bool) -> bool:
+    def covers(self, now: CheckedBelief, *, width_matters: bool) -> bool:
         """Whether what was free then is free now: nothing new is believed, and nothing allowed then is
         forbidden now."""
         same_hand = not width_matters or abs(self.width - now.width) <= SAME_WIDTH
@@ -40,55 +40,55 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Made:
+class PlanProvenance:
     """What a trajectory was planned for, and the belief in which it was found free last."""
 
     requests: tuple[Request, ...]
     """One motion's, or those of a chain's legs."""
     passes: tuple[float, ...]
     """When each of them ends, s."""
-    seen: Seen
+    seen: CheckedBelief
 
 
-class MadePlans:
+class PlanProvenanceStore:
     """Remembers plans for as long as somebody keeps their trajectory. Nothing of it outlives a checkpoint,
     because no plan does."""
 
     def __init__(self, scene: PlanningScene, width: Callable[[], float]) -> None:
         self._scene = scene
         self._width = width
-        self._made: WeakKeyDictionary[Trajectory, Made] = WeakKeyDictionary()
+        self._made: WeakKeyDictionary[Trajectory, PlanProvenance] = WeakKeyDictionary()
 
-    def note(self, plan: Plan) -> None:
+    def note(self, plan: MotionPlan) -> None:
         """The plan's trajectory was just found free."""
         requests = [leg.request for leg in plan.legs or (plan,)]
         passes = plan.passes or (plan.trajectory.duration,)
         known = tuple(request for request in requests if request is not None)
         if len(known) == len(passes):
-            self._made[plan.trajectory] = Made(known, passes, self.now())
+            self._made[plan.trajectory] = PlanProvenance(known, passes, self.now())
 
     def renew(self, trajectory: Trajectory) -> None:
         """The trajectory, which need be no plan of ours, was found free in the belief as it is now."""
         made = self._made.get(trajectory)
         if made is None:
             request = Request(JointGoal(trajectory.end), trajectory.start)
-            made = Made((request,), (trajectory.duration,), self.now())
+            made = PlanProvenance((request,), (trajectory.duration,), self.now())
         self._made[trajectory] = replace(made, seen=self.now())
 
-    def of(self, trajectory: Trajectory) -> Made | None:
+    def of(self, trajectory: Trajectory) -> PlanProvenance | None:
         """None: no plan of ours, and never found free."""
         return self._made.get(trajectory)
 
-    def now(self) -> Seen:
+    def now(self) -> CheckedBelief:
         snapshot = self._scene.snapshot()
-        return Seen(snapshot.version, snapshot.allowed, self._width())
+        return CheckedBelief(snapshot.version, snapshot.allowed, self._width())
 
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Prepared(Generic[T]):
+class LookaheadResult(Generic[T]):
     """What planning ahead came to. `PlanService.take` hands it out, not before `ready`."""
 
     answer: T | Failure
@@ -102,20 +102,20 @@ class Prepared(Generic[T]):
     """Which checkpoints it has seen: those that come later drop it."""
 
 
-class Ahead:
+class LookaheadPlanner:
     """A second line of thought beside the one that skills wait for. It does one thing after the other.
 
     Nothing of it is kept in a checkpoint: what was prepared before is forgotten there.
     """
 
-    def __init__(self, thinking: ThinkingAccount, now: Callable[[], float]) -> None:
+    def __init__(self, thinking: ComputeTimeAccount, now: Callable[[], float]) -> None:
         """`now`: simulated seconds."""
         self._thinking = thinking
         self._now = now
         self._free = 0.0
         self._generation = 0
 
-    def prepare(self, steps: Generator[None, None, T], version: int) -> Prepared[T]:
+    def prepare(self, steps: Generator[None, None, T], version: int) -> LookaheadResult[T]:
         """Compute `steps` at once, without letting time pass. They may wait for nothing but thinking."""
         thinking = self._thinking
         owed, before = thinking.owed, thinking.total
@@ -129,14 +129,14 @@ class Ahead:
             cost = thinking.total - before
             thinking.owed = owed
         self._free = max(self._free, self._now()) + cost
-        return Prepared(answer, self._free, cost, version, self._generation)
+        return LookaheadResult(answer, self._free, cost, version, self._generation)
 
-    def wait(self, prepared: Prepared[T]) -> Generator[None, None, None]:
+    def wait(self, prepared: LookaheadResult[T]) -> Generator[None, None, None]:
         """Yield until it is ready."""
         while self._now() < prepared.ready - 1e-9:
             yield
 
-    def remembers(self, prepared: Prepared[T]) -> bool:
+    def remembers(self, prepared: LookaheadResult[T]) -> bool:
         """Whether no checkpoint has come since."""
         return prepared.generation == self._generation
 
@@ -159,12 +159,12 @@ class Ahead:
                 raise PicktreeError("only planning can be done ahead: these steps wait for something else")
 
 
-def still_free(solver: Solver, plan: Plan) -> bool:
+def is_plan_free(solver: RequestSolver, plan: MotionPlan) -> bool:
     """Whether a plan's trajectory is free in the belief as it is now, by the fast checker.
 
     What is held now is taken as it is believed to be, where the plan supposed that object in the hand.
     """
-    trajectories = parts(plan) if plan.legs else [plan.trajectory]
+    trajectories = split_into_legs(plan) if plan.legs else [plan.trajectory]
     for leg, trajectory in zip(plan.legs or (plan,), trajectories, strict=True):
         request = leg.request
         if request is None:
@@ -176,7 +176,7 @@ def still_free(solver: Solver, plan: Plan) -> bool:
             solver.look(request)
         except Failure:  # what it supposed to hold is no longer known
             return False
-        way = Way(solver.collision, solver.start(request))
-        if way.stuck or not stays_free(way, trajectory):
+        way = StartTolerance(solver.collision, solver.start(request))
+        if way.stuck or not is_trajectory_free(way, trajectory):
             return False
     return True

@@ -12,16 +12,23 @@ import numpy as np
 from ...world.causes import Failure, planning
 from ...world.trajectory import Trajectory
 from ...world.values import Array
-from ..collision.start_tolerance import Way
-from ..collision.trajectory_check import stays_free
+from ..collision.start_tolerance import StartTolerance
+from ..collision.trajectory_check import is_trajectory_free
 from ..failures import planning_failures
 from ..path_constraints import PathConstraints
-from ..requests import Line, Offset, Plan, Request
+from ..requests import LineGoal, MotionPlan, OffsetGoal, Request
 from ..search.joint_planner import RADII
-from ..timing.path_curves import Curve, bridge, cornered, distinct, joined, splined
-from ..timing.time_parameterization import Timed, standing, time_curve
-from ..timing.toppra_profile import Stretch
-from .solver import Solver
+from ..timing.path_curves import (
+    JointCurve,
+    blend_curves,
+    concatenate,
+    distinct,
+    rounded_polyline,
+    spline_through,
+)
+from ..timing.time_parameterization import TimedTrajectory, stationary_trajectory, time_curve
+from ..timing.toppra_profile import ScaledStretch
+from .solver import RequestSolver
 
 ROUNDED = 0.02
 """How much of a straight line may be rounded at each of its ends unless the caller says otherwise, m."""
@@ -41,25 +48,25 @@ class _Leg:
 
     index: int
     request: Request
-    plan: Plan
-    curve: Curve
+    plan: MotionPlan
+    curve: JointCurve
 
     @property
     def line(self) -> bool:
-        return isinstance(self.request.target, Line | Offset)
+        return isinstance(self.request.target, LineGoal | OffsetGoal)
 
 
-class Chain:
+class MotionChain:
     """The legs of one request to `PlanService.through`."""
 
-    def __init__(self, solver: Solver, rounded: float = ROUNDED) -> None:
+    def __init__(self, solver: RequestSolver, rounded: float = ROUNDED) -> None:
         """`rounded`: how much of a straight line may be rounded at each of its ends, m."""
         self._solver = solver
         self._rounded = rounded
 
-    def solve(self, legs: Sequence[Request], seeds: Sequence[int]) -> Plan:
+    def solve(self, legs: Sequence[Request], seeds: Sequence[int]) -> MotionPlan:
         """The chain's plan. Fails as the leg that fails does, and says which it is."""
-        plans: list[Plan] = []
+        plans: list[MotionPlan] = []
         requests: list[Request] = []
         for k, (leg, seed) in enumerate(zip(legs, seeds, strict=True)):
             request = replace(leg, start=plans[-1].path[-1]) if plans else leg
@@ -70,7 +77,7 @@ class Chain:
             requests.append(replace(request, start=plans[-1].path[0]))
         return self._as_one(requests, plans)
 
-    def _as_one(self, requests: Sequence[Request], plans: Sequence[Plan]) -> Plan:
+    def _as_one(self, requests: Sequence[Request], plans: Sequence[MotionPlan]) -> MotionPlan:
         begun = self._solver.collision.checks
         moving = [
             _Leg(k, request, plan, curve)
@@ -78,7 +85,7 @@ class Chain:
             if (curve := self._curve(request, plan)) is not None
         ]
         if not moving:
-            trajectory, ends = standing(plans[-1].path[-1]), [0.0] * len(plans)
+            trajectory, ends = stationary_trajectory(plans[-1].path[-1]), [0.0] * len(plans)
         else:
             corners = [self._corner(a, b) for a, b in itertools.pairwise(moving)]
             timed = self._timed(moving, corners)
@@ -94,7 +101,7 @@ class Chain:
             ends = _passes([leg.index for leg in moving], passed, len(plans))
         checks = sum(plan.checks for plan in plans) + self._solver.collision.checks - begun
         path = np.concatenate([plans[0].path[:1], *(plan.path[1:] for plan in plans)])
-        return Plan(
+        return MotionPlan(
             trajectory,
             path,
             "chain",
@@ -105,27 +112,27 @@ class Chain:
             legs=tuple(plans),
         )
 
-    def _way(self, request: Request) -> Way:
+    def _way(self, request: Request) -> StartTolerance:
         """The leg's own test of collision. The checker follows its supposition from now on."""
         self._solver.look(request)
         assert request.start is not None
-        return Way(self._solver.collision, request.start)
+        return StartTolerance(self._solver.collision, request.start)
 
-    def _curve(self, request: Request, plan: Plan) -> Curve | None:
+    def _curve(self, request: Request, plan: MotionPlan) -> JointCurve | None:
         points = distinct(plan.path)
         if len(points) < 2:
             return None
         if len(points) == 2:
-            return cornered(points, 0.0)
-        if isinstance(request.target, Line | Offset):
-            return splined(points)
+            return rounded_polyline(points, 0.0)
+        if isinstance(request.target, LineGoal | OffsetGoal):
+            return spline_through(points)
         if not request.constraints:
             way = self._way(request)
             for radius in RADII:
-                curve = cornered(points, radius)
+                curve = rounded_polyline(points, radius)
                 if all(way.nearly_free(q) for q in curve.at(_steps(0.0, curve.length))):
                     return curve
-        return splined(distinct(plan.trajectory.position[:: max(1, len(plan.trajectory.times) // 60)]))
+        return spline_through(distinct(plan.trajectory.position[:: max(1, len(plan.trajectory.times) // 60)]))
 
     def _corner(self, before: _Leg, after: _Leg) -> float | None:
         """How far the corner between two legs is cut, rad; None: the arm stops there."""
@@ -134,7 +141,7 @@ class Chain:
         room = min(self._room(before, at_end=True), self._room(after, at_end=False))
         tried = sorted({min(radius, room) for radius in BETWEEN if min(radius, room) > 1e-3}, reverse=True)
         for radius in tried:
-            blend = bridge(before.curve, after.curve, radius)
+            blend = blend_curves(before.curve, after.curve, radius)
             first, second = _steps(0.0, radius), _steps(radius, 2.0 * radius)
             if self._allows(before, blend.at(first)) and self._allows(after, blend.at(second)):
                 return radius
@@ -164,12 +171,14 @@ class Chain:
     ) -> tuple[Trajectory, list[float]] | None:
         """The trajectory with these corners, and when it passes the end of each leg; None: not free."""
         model = self._solver.model
-        parts: list[Timed] = []
+        parts: list[TimedTrajectory] = []
         passed: list[float] = []
         elapsed = 0.0
         for run in _runs(legs, corners):
             curve, ends = _run(run)
-            stretches = [Stretch(end, leg.request.scaling) for (leg, _), end in zip(run, ends, strict=True)]
+            stretches = [
+                ScaledStretch(end, leg.request.scaling) for (leg, _), end in zip(run, ends, strict=True)
+            ]
             timed = time_curve(model, curve, stretches)
             if timed is None:
                 return None
@@ -183,9 +192,9 @@ class Chain:
     def _stay_free(self, legs: Sequence[_Leg], trajectory: Trajectory, passed: Sequence[float]) -> bool:
         begin = 0.0
         for leg, end in zip(legs, passed, strict=True):
-            part = between(trajectory, begin, end)
+            part = slice_trajectory(trajectory, begin, end)
             constraints = PathConstraints(self._solver.model, leg.request.constraints)
-            if not stays_free(self._way(leg.request), part):
+            if not is_trajectory_free(self._way(leg.request), part):
                 return False
             if not all(constraints.hold(q) for q in part.position):
                 return False
@@ -193,13 +202,13 @@ class Chain:
         return True
 
 
-def parts(plan: Plan) -> list[Trajectory]:
+def split_into_legs(plan: MotionPlan) -> list[Trajectory]:
     """A chain's trajectory cut where it passes from one leg to the next."""
     begins = (0.0, *plan.passes[:-1])
-    return [between(plan.trajectory, a, b) for a, b in zip(begins, plan.passes, strict=True)]
+    return [slice_trajectory(plan.trajectory, a, b) for a, b in zip(begins, plan.passes, strict=True)]
 
 
-def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
+def slice_trajectory(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
     """The samples from the last one not after `begin` to the first one not before `end`, s; moving."""
     low = max(0, int(np.searchsorted(trajectory.times, begin, side="right")) - 1)
     high = min(len(trajectory.times), int(np.searchsorted(trajectory.times, end, side="left")) + 1)
@@ -213,7 +222,7 @@ def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
 
 
 def _of_leg(failure: Failure, index: int, leg: Request, count: int) -> Failure:
-    where = f"motion {index + 1} of {count} ({planning_failures.described(leg.target)})"
+    where = f"motion {index + 1} of {count} ({planning_failures.describe_goal(leg.target)})"
     return Failure(failure.cause, f"{where}: {failure.message}", **{**failure.evidence, "leg": index})
 
 
@@ -238,9 +247,9 @@ def _runs(legs: Sequence[_Leg], corners: Sequence[float | None]) -> list[list[tu
     return runs[:-1]
 
 
-def _run(run: Sequence[tuple[_Leg, float | None]]) -> tuple[Curve, list[float]]:
+def _run(run: Sequence[tuple[_Leg, float | None]]) -> tuple[JointCurve, list[float]]:
     """The path of one run, and its parameter at the end of each leg: there, in the middle of the corner."""
-    pieces: list[Curve] = []
+    pieces: list[JointCurve] = []
     ends: list[float] = []
     done, begin = 0.0, 0.0
     for k, (leg, corner) in enumerate(run):
@@ -248,12 +257,12 @@ def _run(run: Sequence[tuple[_Leg, float | None]]) -> tuple[Curve, list[float]]:
         pieces.append(leg.curve.piece(begin, leg.curve.length - cut))
         done += pieces[-1].length
         if corner is not None:
-            pieces.append(bridge(leg.curve, run[k + 1][0].curve, corner))
+            pieces.append(blend_curves(leg.curve, run[k + 1][0].curve, corner))
             ends.append(done + corner)
             done += pieces[-1].length
         begin = cut
     ends.append(done)
-    return joined(pieces), ends
+    return concatenate(pieces), ends
 
 
 def _concatenated(parts: Sequence[Trajectory]) -> Trajectory:
@@ -270,7 +279,7 @@ def _concatenated(parts: Sequence[Trajectory]) -> Trajectory:
     return Trajectory(np.concatenate(times), rows("position"), rows("velocity"), rows("acceleration"))
 
 
-def _end(curve: Curve) -> Array:
+def _end(curve: JointCurve) -> Array:
     return curve.at(curve.length, 1)
 
 

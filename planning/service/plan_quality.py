@@ -10,8 +10,8 @@ import numpy as np
 from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
 from ...world.values import Array
-from ..collision.collision_checker import Collision
-from ..requests import Contact
+from ..collision.collision_checker import CollisionChecker
+from ..requests import ContactPair
 
 STEP = 0.05
 """Greatest way in joint space between two configurations that are measured, rad."""
@@ -20,15 +20,15 @@ FAR = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Nearest:
+class NearestBody:
     """What comes nearest on the way: names, distance in m, and when, s."""
 
-    contact: Contact
+    contact: ContactPair
     at: float
 
 
 @dataclass(frozen=True, slots=True)
-class JointRoom:
+class JointMargin:
     """The joint that comes nearest to one of its limits: how near (rad, m for a slider), and when, s."""
 
     joint: str
@@ -37,7 +37,7 @@ class JointRoom:
 
 
 @dataclass(frozen=True, slots=True)
-class Quality:
+class PlanQuality:
     """Measured along the timed trajectory, every STEP rad."""
 
     length: float
@@ -46,31 +46,31 @@ class Quality:
     """Way of the TCP, m."""
     duration: float
     """s"""
-    nearest: Nearest | None
+    nearest: NearestBody | None
     """Of robot (and what it holds) and surroundings, what may touch left out; None: nothing within FAR."""
-    itself: Nearest | None
+    itself: NearestBody | None
     """The same of the robot's own links (and what it holds)."""
     singular: float
     """Smallest singular value of the TCP's Jacobian (rows in m/rad and rad/rad, as they come); 0 where the
     arm cannot move the tool in some direction."""
     singular_at: float
     """When that is, s."""
-    joint: JointRoom
+    joint: JointMargin
 
 
-class Measuring:
+class PlanQualityMeter:
     """Qualities of plans for one robot. It asks a collision checker, whose scene is up to the caller."""
 
-    def __init__(self, model: RobotModel, collision: Collision) -> None:
+    def __init__(self, model: RobotModel, collision: CollisionChecker) -> None:
         self._model = model
         self._collision = collision
 
-    def quality(self, trajectory: Trajectory) -> Quality:
+    def quality(self, trajectory: Trajectory) -> PlanQuality:
         """Of a whole trajectory, in the scene that the checker was updated with last."""
         picked = list(_picked(trajectory))
-        least = least_singular(self._model, trajectory.position[picked])
+        least = smallest_singular_values(self._model, trajectory.position[picked])
         worst = int(np.argmin(least))
-        return Quality(
+        return PlanQuality(
             length(trajectory.position),
             self._way(trajectory),
             trajectory.duration,
@@ -81,33 +81,33 @@ class Measuring:
             self._joint(trajectory),
         )
 
-    def _nearest(self, trajectory: Trajectory, picked: Sequence[int], *, itself: bool) -> Nearest | None:
-        nearest: Nearest | None = None
+    def _nearest(self, trajectory: Trajectory, picked: Sequence[int], *, itself: bool) -> NearestBody | None:
+        nearest: NearestBody | None = None
         for k in picked:
             within = FAR if nearest is None else nearest.contact.distance
             contact = self._collision.nearest(trajectory.position[k], within, itself=itself)
             if contact is not None:
-                nearest = Nearest(contact, float(trajectory.times[k]))
+                nearest = NearestBody(contact, float(trajectory.times[k]))
         return nearest
 
     def _way(self, trajectory: Trajectory) -> float:
         return length(np.array([self._model.tcp(q).position for q in trajectory.position]))
 
-    def _joint(self, trajectory: Trajectory) -> JointRoom:
+    def _joint(self, trajectory: Trajectory) -> JointMargin:
         q = trajectory.position
         room = np.minimum(q - self._model.lower, self._model.upper - q)
         moment, joint = (int(k) for k in np.unravel_index(int(np.argmin(room)), room.shape))
         name = self._model.description.joints[joint]
-        return JointRoom(name, float(room[moment, joint]), float(trajectory.times[moment]))
+        return JointMargin(name, float(room[moment, joint]), float(trajectory.times[moment]))
 
 
-def least_singular(model: RobotModel, path: Array) -> Array:
+def smallest_singular_values(model: RobotModel, path: Array) -> Array:
     """Smallest singular value of the TCP's Jacobian at each configuration of a path (m, n)."""
     jacobians = np.array([model.jacobian(q) for q in path])
     return np.asarray(np.linalg.svd(jacobians, compute_uv=False), np.float64)[:, -1]
 
 
-def together(parts: Sequence[Quality]) -> Quality:
+def combine_qualities(parts: Sequence[PlanQuality]) -> PlanQuality:
     """Of several motions, one after the other, as one; times from the beginning of the first."""
     whole = parts[0]
     for part in parts[1:]:
@@ -116,7 +116,7 @@ def together(parts: Sequence[Quality]) -> Quality:
         joint = part.joint if part.joint.room < whole.joint.room else whole.joint
         if joint is part.joint:
             joint = replace(joint, at=since + joint.at)
-        whole = Quality(
+        whole = PlanQuality(
             whole.length + part.length,
             whole.way + part.way,
             since + part.duration,
@@ -129,7 +129,7 @@ def together(parts: Sequence[Quality]) -> Quality:
     return whole
 
 
-def _nearer(a: Nearest | None, b: Nearest | None, since: float) -> Nearest | None:
+def _nearer(a: NearestBody | None, b: NearestBody | None, since: float) -> NearestBody | None:
     if b is None or (a is not None and a.contact.distance <= b.contact.distance):
         return a
     return replace(b, at=since + b.at)

@@ -15,42 +15,42 @@ from ...errors import PicktreeError
 from ...robots.model import RobotModel
 from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
-from ...world.journal import Journal, PlanMade
-from ...world.random_streams import Streams
+from ...world.journal import Journal, PlanEntry
+from ...world.random_streams import RandomStreams
 from ...world.stopwatch import Stopwatch
-from ...world.thinking_time import ThinkingAccount
+from ...world.thinking_time import ComputeTimeAccount
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
 from ..collision.scene_queries import SceneQueries
-from ..collision.trajectory_judge import Judge
+from ..collision.trajectory_judge import TrajectoryVerifier
 from ..failures import planning_failures
-from ..requests import BUDGET, Contact, Goal, Line, Offset, Plan, Request, Scaling
+from ..requests import BUDGET, ContactPair, Goal, LineGoal, MotionPlan, OffsetGoal, Request, Scaling
 from ..search.goal_configurations import SOLUTIONS
-from ..search.penetration_escape import Outward
-from .lookahead_planning import Ahead, MadePlans, Prepared, still_free
-from .motion_chain import ROUNDED, Chain, parts
-from .plan_quality import Measuring, Quality, least_singular, length, together
-from .planner_overrides import Manner
-from .planning_costs import Meter, Spent
-from .reachability import Reached, reached
-from .solver import Solver
+from ..search.penetration_escape import EscapeSearch
+from .lookahead_planning import LookaheadPlanner, LookaheadResult, PlanProvenanceStore, is_plan_free
+from .motion_chain import ROUNDED, MotionChain, split_into_legs
+from .plan_quality import PlanQuality, PlanQualityMeter, combine_qualities, length, smallest_singular_values
+from .planner_overrides import PlannerOverrides
+from .planning_costs import CostMeter, MeasuredCost
+from .reachability import ReachResult, check_reach
+from .solver import RequestSolver
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class Disagreement:
+class VerifierDisagreement:
     """The judge found penetration in a trajectory that the planner called free."""
 
     request: str
-    contacts: tuple[Contact, ...]
+    contacts: tuple[ContactPair, ...]
 
 
 class PlanService:
     """Plans for one robot in one believed scene.
 
-    A request computes at once when its generator is first advanced, notes a `PlanMade`, and then yields the
+    A request computes at once when its generator is first advanced, notes a `PlanEntry`, and then yields the
     ticks that its collision checks and IK descents cost; what is left below a tick stays in the thinking
     account. With `verify` each trajectory is judged a second time, which changes `disagreements` only.
     """
@@ -60,9 +60,9 @@ class PlanService:
         model: RobotModel,
         scene: PlanningScene,
         queries: SceneQueries,
-        streams: Streams,
+        streams: RandomStreams,
         journal: Journal,
-        thinking: ThinkingAccount,
+        thinking: ComputeTimeAccount,
         cost: float,
         *,
         configuration: Callable[[], Array],
@@ -83,18 +83,20 @@ class PlanService:
         self._thinking = thinking
         self._configuration = configuration
         self._stopwatch = stopwatch or Stopwatch()
-        self.solver = Solver(model, scene, configuration=configuration, width=width, workspace=workspace)
-        self._meter = Meter(self.solver.collision, self.solver.ik, thinking, cost)
-        self._ahead = Ahead(thinking, now)
-        self._judge = Judge(model) if verify else None
-        self._disagreements: list[Disagreement] = []
-        self.made = MadePlans(scene, width)
+        self.solver = RequestSolver(
+            model, scene, configuration=configuration, width=width, workspace=workspace
+        )
+        self._meter = CostMeter(self.solver.collision, self.solver.ik, thinking, cost)
+        self._ahead = LookaheadPlanner(thinking, now)
+        self._judge = TrajectoryVerifier(model) if verify else None
+        self._disagreements: list[VerifierDisagreement] = []
+        self.made = PlanProvenanceStore(scene, width)
         self.finds_nothing: Callable[[], bool] | None = None
         """Asked for each request whether no way is found, whatever there is; None: never."""
-        self._manner = Manner()
+        self._manner = PlannerOverrides()
 
     @contextmanager
-    def in_manner(self, manner: Manner) -> Generator[None]:
+    def in_manner(self, manner: PlannerOverrides) -> Generator[None]:
         """What is asked meanwhile is asked in that manner, besides the one in force."""
         before = self._manner
         self._manner = before & manner
@@ -104,18 +106,18 @@ class PlanService:
             self._manner = before
 
     @property
-    def disagreements(self) -> tuple[Disagreement, ...]:
+    def disagreements(self) -> tuple[VerifierDisagreement, ...]:
         """What the judge found against the planner, with `verify`."""
         return tuple(self._disagreements)
 
-    def solve(self, request: Request, *, node: str = "") -> Generator[None, None, Plan]:
+    def solve(self, request: Request, *, node: str = "") -> Generator[None, None, MotionPlan]:
         """The trajectory that a request asks for; `node` keys the planner's randomness.
 
         Fails with planning.no_ik, .goal_in_collision, .start_in_collision, .constraint, .budget or .no_path.
         """
         request = self._manner.of(request)
         seed = self._seed(request, node)
-        answer: Plan | Failure
+        answer: MotionPlan | Failure
         if self.finds_nothing is not None:
             self.solver.finds_nothing = self.finds_nothing()
         with self._stopwatch.measure("planning"), self._meter.measure() as spent:
@@ -123,10 +125,10 @@ class PlanService:
                 answer = self.solver.solve(request, seed)
             except Failure as failure:
                 answer = failure
-        if isinstance(answer, Plan):
+        if isinstance(answer, MotionPlan):
             self.made.note(answer)
             self.verify(request, answer.trajectory)
-        self._note(planning_failures.asked(request), self.solver.start(request), spent, answer)
+        self._note(planning_failures.describe_request(request), self.solver.start(request), spent, answer)
         yield from self.charge()
         if isinstance(answer, Failure):
             raise answer
@@ -140,19 +142,19 @@ class PlanService:
         start: Array | None = None,
         node: str = "",
         budget: int = BUDGET,
-    ) -> Generator[None, None, Plan]:
+    ) -> Generator[None, None, MotionPlan]:
         """A trajectory from `start` (n,) rad (default: where the arm is) to the goal; see `solve`."""
         request = Request(goal, start, scaling=scaling or Scaling(), budget=budget)
         return (yield from self.solve(request, node=node))
 
     def line(
         self,
-        line: Line | Offset,
+        line: LineGoal | OffsetGoal,
         *,
         scaling: Scaling | None = None,
         start: Array | None = None,
         node: str = "",
-    ) -> Generator[None, None, Plan]:
+    ) -> Generator[None, None, MotionPlan]:
         """The TCP straight to a pose or by an offset; as much of it as is free and reachable.
 
         Fails with planning.no_path when that is less than `least_fraction`, or .start_in_collision. A line
@@ -162,9 +164,9 @@ class PlanService:
 
     def through(
         self, legs: Sequence[Request], *, node: str = "", rounded: float = ROUNDED
-    ) -> Generator[None, None, Plan]:
+    ) -> Generator[None, None, MotionPlan]:
         """One trajectory through several motions, each from where the one before ends, without a stop
-        between them; `Plan.passes` says when each ends.
+        between them; `MotionPlan.passes` says when each ends.
 
         Each leg keeps its own scaling, allowed pairs, width and what it supposes to be held; only the first
         may say where it starts. The corner between two legs is rounded as far as that is free, of a straight
@@ -175,33 +177,33 @@ class PlanService:
             raise PicktreeError("a chain needs legs, of which only the first may say where it starts")
         legs = [self._manner.of(leg) for leg in legs]
         seeds = [self._seed(leg, node) for leg in legs]
-        answer: Plan | Failure
+        answer: MotionPlan | Failure
         if self.finds_nothing is not None:
             self.solver.finds_nothing = self.finds_nothing()
         with self._stopwatch.measure("planning"), self._meter.measure() as spent:
             try:
-                answer = Chain(self.solver, rounded).solve(legs, seeds)
+                answer = MotionChain(self.solver, rounded).solve(legs, seeds)
             except Failure as failure:
                 answer = failure
-        if isinstance(answer, Plan):
+        if isinstance(answer, MotionPlan):
             self.made.note(answer)
-            for leg, part in zip(legs, parts(answer), strict=True):
+            for leg, part in zip(legs, split_into_legs(answer), strict=True):
                 self.verify(leg, part)
-        asked = ", then ".join(planning_failures.asked(leg) for leg in legs)
+        asked = ", then ".join(planning_failures.describe_request(leg) for leg in legs)
         self._note(asked, self.solver.start(legs[0]), spent, answer)
         yield from self.charge()
         if isinstance(answer, Failure):
             raise answer
         return answer
 
-    def ahead(self, steps: Generator[None, None, T]) -> Prepared[T]:
+    def ahead(self, steps: Generator[None, None, T]) -> LookaheadResult[T]:
         """Plan while something else goes on: `steps`, as `to(…)` or `through(…)` give them, are computed at
         once and charged to no one; `take` hands out what they come to when that time has passed. What is
         begun second waits for the first."""
         return self._ahead.prepare(steps, self._scene.version)
 
     def take(
-        self, prepared: Prepared[T], holds: Callable[[T], bool] | None = None
+        self, prepared: LookaheadResult[T], holds: Callable[[T], bool] | None = None
     ) -> Generator[None, None, T | None]:
         """What was planned ahead, as soon as it is ready; raises the failure that it came to.
 
@@ -222,18 +224,18 @@ class PlanService:
             return None
         if holds is not None:
             held = holds(answer)
-        elif isinstance(answer, Plan):
+        elif isinstance(answer, MotionPlan):
             held = self.still_free(answer)
         else:
             held = False
         yield from self.charge()
         return answer if held else None
 
-    def still_free(self, plan: Plan) -> bool:
+    def still_free(self, plan: MotionPlan) -> bool:
         """Whether a plan is free of collision in the belief as it is now. Answers at once; the cost is owed
         to the thinking account."""
         with self._stopwatch.measure("planning"), self._meter.measure():
-            free = still_free(self.solver, plan)
+            free = is_plan_free(self.solver, plan)
         if free:
             self.made.renew(plan.trajectory)
         return free
@@ -264,38 +266,38 @@ class PlanService:
             solutions = solver.ik.solutions(tcp_in_world, rng, around, SOLUTIONS)
             return next((q for q in solutions if solver.collision.free(q)), None)
 
-    def reached(self, request: Request) -> Reached:
+    def reached(self, request: Request) -> ReachResult:
         """Whether the arm gets to the first pose of a request's goal, near the request's start, in the scene
         as the request supposes it, and if not, what is in the way. Nothing is planned.
 
         Answers at once; the cost is owed to the thinking account.
         """
         with self._stopwatch.measure("planning"), self._meter.measure():
-            return reached(self.solver, self._manner.of(request), self._streams.at("ik", 0))
+            return check_reach(self.solver, self._manner.of(request), self._streams.at("ik", 0))
 
-    def quality(self, plan: Plan) -> Quality:
+    def quality(self, plan: MotionPlan) -> PlanQuality:
         """How long a plan is, how near it comes to anything, to singularities and to joints' limits, in the
         belief as it is now with what the plan supposed. Not charged: it decides nothing.
 
         It takes as long as planning a simple motion; so it is not part of every plan.
         """
-        measured: list[Quality] = []
-        pieces = parts(plan) if plan.legs else [plan.trajectory]
+        measured: list[PlanQuality] = []
+        pieces = split_into_legs(plan) if plan.legs else [plan.trajectory]
         for leg, trajectory in zip(plan.legs or (plan,), pieces, strict=True):
             self.solver.look(leg.request)
-            measured.append(Measuring(self._model, self.solver.collision).quality(trajectory))
-        return together(measured)
+            measured.append(PlanQualityMeter(self._model, self.solver.collision).quality(trajectory))
+        return combine_qualities(measured)
 
-    def contacts(self, q: Array | None = None) -> tuple[Contact, ...]:
+    def contacts(self, q: Array | None = None) -> tuple[ContactPair, ...]:
         """What the arm at q (n,) (default: where it is) is closer to than its margins; not charged."""
         self.solver.look()
         return self.solver.collision.contacts(self._configuration() if q is None else q)
 
-    def outward(self) -> Outward:
+    def outward(self) -> EscapeSearch:
         """Ways out of what the arm is believed to be in or next to, from where it is. What is asked of it
         within `checking` is owed to the thinking account."""
         self.solver.look()
-        return Outward(self._model, self.solver.collision, self._configuration())
+        return EscapeSearch(self._model, self.solver.collision, self._configuration())
 
     def charge(self) -> Generator[None, None, None]:
         """Let the simulated time pass that computing has cost so far."""
@@ -303,7 +305,7 @@ class PlanService:
 
     def _seed(self, request: Request, node: str) -> int:
         """Keyed by the node; a line draws nothing at random."""
-        line = isinstance(request.target, Line | Offset)
+        line = isinstance(request.target, LineGoal | OffsetGoal)
         return 0 if line else self._streams.number(self._manner.stream(f"planner {node}"))
 
     def verify(self, request: Request, trajectory: Trajectory) -> None:
@@ -314,12 +316,14 @@ class PlanService:
             solver = self.solver
             contacts = self._judge.judge(trajectory, solver.scene(request), solver.width(request))
         if contacts:
-            name = planning_failures.described(request.target)
-            self._disagreements.append(Disagreement(name, contacts))
-            _log.error("%s: judged to collide: %s", name, "; ".join(planning_failures.listed(contacts)))
+            name = planning_failures.describe_goal(request.target)
+            self._disagreements.append(VerifierDisagreement(name, contacts))
+            _log.error(
+                "%s: judged to collide: %s", name, "; ".join(planning_failures.contact_lines(contacts))
+            )
 
-    def _note(self, asked: str, start: Array, spent: Spent, answer: Plan | Failure) -> None:
-        noted = PlanMade(
+    def _note(self, asked: str, start: Array, spent: MeasuredCost, answer: MotionPlan | Failure) -> None:
+        noted = PlanEntry(
             asked,
             "",
             spent.checks,
@@ -345,6 +349,6 @@ class PlanService:
                 tool_path=tool_path,
                 length=length(q),
                 way=length(np.array(tool_path)),
-                singular=float(least_singular(self._model, picked).min()),
+                singular=float(smallest_singular_values(self._model, picked).min()),
             )
         )

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..requests import Line, Offset, Request
+from ..requests import LineGoal, OffsetGoal, Request
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
+class PlannerOverrides:
     """Changes what is asked of the planner; as it stands it changes nothing."""
 
     seed: int = 0
@@ -18,17 +18,17 @@ class Manner:
     clearance: float = 0.0
     """Added to the room that free motions keep, m. A straight line goes close to things on purpose."""
 
-    def __and__(self, inner: Manner) -> Manner:
+    def __and__(self, inner: PlannerOverrides) -> PlannerOverrides:
         """Both at once, the other within this one."""
         seed = inner.seed or self.seed
-        return Manner(seed, self.budget * inner.budget, self.clearance + inner.clearance)
+        return PlannerOverrides(seed, self.budget * inner.budget, self.clearance + inner.clearance)
 
     def of(self, request: Request) -> Request:
         """The request as it is asked in this manner."""
         if self.budget == 1.0 and not self.clearance:
             return request
         budget = max(1, round(request.budget * self.budget))
-        straight = isinstance(request.target, Line | Offset)
+        straight = isinstance(request.target, LineGoal | OffsetGoal)
         clearance = request.clearance + (0.0 if straight else self.clearance)
         return replace(request, budget=budget, clearance=clearance)
 

@@ -6,24 +6,24 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from ...world.thinking_time import ThinkingAccount
-from ..collision.collision_checker import Collision
+from ...world.thinking_time import ComputeTimeAccount
+from ..collision.collision_checker import CollisionChecker
 from ..kinematics.inverse_kinematics import InverseKinematics
 
 
 @dataclass(slots=True)
-class Spent:
+class MeasuredCost:
     """Filled in when the measured block ends."""
 
     checks: int = 0
     seconds: float = 0.0
 
 
-class Meter:
+class CostMeter:
     """Owes to the thinking account what is asked of `collision` and `ik` within `measure`."""
 
     def __init__(
-        self, collision: Collision, ik: InverseKinematics, thinking: ThinkingAccount, cost: float
+        self, collision: CollisionChecker, ik: InverseKinematics, thinking: ComputeTimeAccount, cost: float
     ) -> None:
         self._collision = collision
         self._ik = ik
@@ -31,8 +31,8 @@ class Meter:
         self._cost = cost
 
     @contextmanager
-    def measure(self) -> Generator[Spent]:
-        spent = Spent()
+    def measure(self) -> Generator[MeasuredCost]:
+        spent = MeasuredCost()
         checks, solves = self._collision.checks, self._ik.solves
         try:
             yield spent

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...world.values import Array
-from ..kinematics.levenberg_marquardt import discomfort
-from ..requests import Contact, PoseGoal, Request
-from .solver import Solver
+from ..kinematics.configuration_cost import configuration_cost
+from ..requests import ContactPair, PoseGoal, Request
+from .solver import RequestSolver
 
 HOME = "home"
 """Pose of the robot file from which a comfortable solution is likely."""
@@ -20,13 +20,13 @@ SOLUTIONS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reached:
+class ReachResult:
     """`q` (n,) rad reaches the pose and is free; None: `contact` is what is in the way at the best of so many
     `solutions`, or the pose is out of reach."""
 
     q: Array | None
     solutions: int
-    contact: Contact | None = None
+    contact: ContactPair | None = None
 
     @property
     def why_not(self) -> str:
@@ -40,7 +40,7 @@ class Reached:
         return f"{self.contact.a} would be {near} {self.contact.b}"
 
 
-def reached(solver: Solver, request: Request, rng: np.random.Generator) -> Reached:
+def check_reach(solver: RequestSolver, request: Request, rng: np.random.Generator) -> ReachResult:
     """A free configuration for the first pose of a request's goal, near the request's start, in the scene
     as the request supposes it. What lies between is not looked at."""
     assert isinstance(request.target, PoseGoal), "a pose is asked for"
@@ -52,23 +52,23 @@ def reached(solver: Solver, request: Request, rng: np.random.Generator) -> Reach
         q = solver.ik.descend(pose, seed)
         if q is not None:
             solutions.append(q)
-            if solver.collision.free(q) and discomfort(solver.model, q) < UNCOMFORTABLE:
-                return Reached(q, len(solutions))
+            if solver.collision.free(q) and configuration_cost(solver.model, q) < UNCOMFORTABLE:
+                return ReachResult(q, len(solutions))
     if not any(solver.collision.free(q) for q in solutions):
         blocked = next((c for q in solutions[:1] for c in solver.collision.contacts(q)), None)
         if blocked is not None and _of_the_hand(solver, request, blocked):
-            return Reached(None, len(solutions), blocked)
+            return ReachResult(None, len(solutions), blocked)
         solutions += solver.ik.solutions(pose, rng, near, SOLUTIONS)
     free = [q for q in solutions if solver.collision.free(q)]
     if free:
-        best = min(free, key=lambda q: float(np.linalg.norm(q - near)) + discomfort(solver.model, q))
-        return Reached(best, len(solutions))
+        best = min(free, key=lambda q: float(np.linalg.norm(q - near)) + configuration_cost(solver.model, q))
+        return ReachResult(best, len(solutions))
     worst = [contacts[0] for q in solutions if (contacts := solver.collision.contacts(q))]
     least = max(worst, key=lambda contact: contact.distance, default=None)
-    return Reached(None, len(solutions), least)
+    return ReachResult(None, len(solutions), least)
 
 
-def _of_the_hand(solver: Solver, request: Request, contact: Contact) -> bool:
+def _of_the_hand(solver: RequestSolver, request: Request, contact: ContactPair) -> bool:
     """Whether it is the hand, or what it holds, that touches something around: then it does so at this pose
     however the arm stands."""
     description, scene = solver.model.description, solver.scene(request)

@@ -12,25 +12,26 @@ from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
-from ..collision.clearances import Margins
-from ..collision.collision_checker import Collision
-from ..collision.start_tolerance import Way
+from ..collision.clearances import CollisionMargins
+from ..collision.collision_checker import CollisionChecker
+from ..collision.start_tolerance import StartTolerance
+from ..collision.trajectory_check import is_trajectory_free
 from ..failures import planning_failures
-from ..failures.goal_rejections import Inspection
-from ..failures.line_failures import ending
-from ..failures.obstructions import Obstructions
+from ..failures.goal_rejections import GoalInspection
+from ..failures.line_failures import explain_line_stop
+from ..failures.obstructions import ObstructionSearch
 from ..failures.request_checks import check_request
-from ..kinematics.cartesian_lines import LineFound, straight
+from ..kinematics.cartesian_lines import LineResult, plan_line
 from ..kinematics.inverse_kinematics import InverseKinematics
 from ..path_constraints import PathConstraints
-from ..requests import Contact, Goal, Line, Offset, Plan, Request
+from ..requests import ContactPair, Goal, LineGoal, MotionPlan, OffsetGoal, Request
 from ..search.constrained_rrt import ConstrainedPlanner
-from ..search.goal_configurations import Goals, Target
-from ..search.joint_planner import Budget, Found, Planner, stays_free
+from ..search.goal_configurations import GoalConfiguration, GoalSet
+from ..search.joint_planner import CheckBudget, JointPlanner, TimedPath
 from ..timing.time_parameterization import time_smooth
 
 
-class Solver:
+class RequestSolver:
     """Answers requests for one robot in one believed scene.
 
     The answer depends on the request, the belief, where arm and fingers are, and the seed.
@@ -44,11 +45,11 @@ class Solver:
         configuration: Callable[[], Array],
         width: Callable[[], float],
         workspace: Bounds | None = None,
-        margins: Margins | None = None,
+        margins: CollisionMargins | None = None,
     ) -> None:
         """`configuration` and `width` say where arm (n,) rad and fingers (m) are when a request does not."""
         self.model = model
-        self.collision = Collision(model, margins, workspace=workspace)
+        self.collision = CollisionChecker(model, margins, workspace=workspace)
         self.ik = InverseKinematics(model)
         self.finds_nothing = False
         """A request is answered as if no way was found: for faults that are planted."""
@@ -57,12 +58,12 @@ class Solver:
         self._width = width
         self._workspace = workspace
 
-    def solve(self, request: Request, seed: int) -> Plan:
+    def solve(self, request: Request, seed: int) -> MotionPlan:
         """The plan for a request. Fails with planning.*, see `PlanService.solve`."""
         check_request(self.model, request)
         self.look(request)
         begun = self._begun(request)
-        if isinstance(request.target, Line | Offset):
+        if isinstance(request.target, LineGoal | OffsetGoal):
             plan = self._line(begun, request.target)
         else:
             plan = self._plan(begun, request.target, seed)
@@ -93,19 +94,19 @@ class Solver:
 
     def _begun(self, request: Request) -> _Begun:
         start = self.start(request)
-        way = Way(self.collision, start)
+        way = StartTolerance(self.collision, start)
         if way.stuck:
-            raise planning_failures.stuck(start, way.stuck, believed=request.start is None)
+            raise planning_failures.start_in_collision(start, way.stuck, believed=request.start is None)
         constraints = PathConstraints(self.model, request.constraints)
         if broken := constraints.broken(start):
-            raise planning_failures.breaks("where the motion starts", broken)
+            raise planning_failures.constraint_violated("where the motion starts", broken)
         return _Begun(request, start, way, constraints, self.collision.checks)
 
-    def _plan(self, begun: _Begun, goal: Goal, seed: int) -> Plan:
+    def _plan(self, begun: _Begun, goal: Goal, seed: int) -> MotionPlan:
         constraints = begun.constraints
         planner = self._planner(begun)
-        inspection = Inspection(self.model, self.collision, constraints, self._workspace)
-        goals = Goals(self.model, self.ik, inspection, begun.way, begun.start, constraints, goal)
+        inspection = GoalInspection(self.model, self.collision, constraints, self._workspace)
+        goals = GoalSet(self.model, self.ik, inspection, begun.way, begun.start, constraints, goal)
         try:
             found, reached = self._found(planner, goals, seed)
             if found is None or self.finds_nothing:
@@ -113,19 +114,21 @@ class Solver:
         finally:
             self.ik.solves += constraints.projections
         checks = self.collision.checks - begun.checks
-        return Plan(found.trajectory, found.path, found.planner, checks, reached[found.goal].index)
+        return MotionPlan(found.trajectory, found.path, found.planner, checks, reached[found.goal].index)
 
-    def _planner(self, begun: _Begun) -> Planner | ConstrainedPlanner:
+    def _planner(self, begun: _Begun) -> JointPlanner | ConstrainedPlanner:
         way, start, request = begun.way, begun.start, begun.request
         if request.constraints:
             return ConstrainedPlanner(
                 self.model, way, start, request.scaling, self.collision, request.budget, begun.constraints
             )
-        return Planner(self.model, way, start, request.scaling, Budget(self.collision, request.budget))
+        return JointPlanner(
+            self.model, way, start, request.scaling, CheckBudget(self.collision, request.budget)
+        )
 
     def _found(
-        self, planner: Planner | ConstrainedPlanner, goals: Goals, seed: int
-    ) -> tuple[Found | None, list[Target]]:
+        self, planner: JointPlanner | ConstrainedPlanner, goals: GoalSet, seed: int
+    ) -> tuple[TimedPath | None, list[GoalConfiguration]]:
         """What the planner found, and the configurations that it looked for."""
         for near in goals.near():
             found = planner.direct([target.q for target in near])
@@ -139,7 +142,7 @@ class Solver:
         """The failure, with what is in the way: looked for now, and charged, but not to the budget."""
         spent = self.collision.checks - begun.checks + begun.constraints.projections
         way = begun.way
-        looked = Obstructions(self.model, self.collision, way, begun.constraints)
+        looked = ObstructionSearch(self.model, self.collision, way, begun.constraints)
         enclosed = None
         for end in ends:
             enclosed = looked.enclosure("goal", end)
@@ -150,39 +153,41 @@ class Solver:
         between = looked.between(begun.start, ends)
         return planning_failures.not_found(spent, begun.request.budget, ends, way.excused, between, enclosed)
 
-    def _line(self, begun: _Begun, line: Line | Offset) -> Plan:
+    def _line(self, begun: _Begun, line: LineGoal | OffsetGoal) -> MotionPlan:
         start, way = begun.start, begun.way
-        target = line.tcp_in_world if isinstance(line, Line) else self.model.tcp(start).shifted(line.by)
-        found = straight(self.model, self.ik, way, start, target)
+        target = line.tcp_in_world if isinstance(line, LineGoal) else self.model.tcp(start).shifted(line.by)
+        found = plan_line(self.model, self.ik, way, start, target)
         if self.finds_nothing:
-            found = LineFound(found.path[:1], 0.0, "reach", ended_at=target)
+            found = LineResult(found.path[:1], 0.0, "reach", ended_at=target)
         if found.fraction < line.least_fraction:
             raise self._line_ended(found, line.least_fraction, target)
         trajectory = time_smooth(self.model, found.path, begun.request.scaling)
-        if trajectory is None or not stays_free(way, trajectory):
+        if trajectory is None or not is_trajectory_free(way, trajectory):
             graze = () if trajectory is None else self._first_contacts(way, trajectory)
             raise planning_failures.line_grazes(found.fraction, graze)
         for k, q in enumerate(trajectory.position):
             if broken := begun.constraints.broken(q):
                 raise planning_failures.line_breaks(broken, k / (len(trajectory.position) - 1))
         checks = self.collision.checks - begun.checks
-        return Plan(trajectory, found.path, "line", checks, fraction=found.fraction)
+        return MotionPlan(trajectory, found.path, "line", checks, fraction=found.fraction)
 
-    def _line_ended(self, found: LineFound, least: float, target: Pose) -> Failure:
+    def _line_ended(self, found: LineResult, least: float, target: Pose) -> Failure:
         begin, last = self.model.tcp(found.path[0]), self.model.tcp(found.path[-1])
         length = begin.distance(target)
         if found.blocked is None:
-            why = ending(self.model, self.ik, found, target)
-            stop = planning_failures.Stop(last.position, (), why.joint, why.singular)
+            why = explain_line_stop(self.model, self.ik, found, target)
+            stop = planning_failures.LineStopPoint(last.position, (), why.joint, why.singular)
             return planning_failures.line_ended(found, least, length, why.why, stop)
-        inspection = Inspection(self.model, self.collision, PathConstraints(self.model, ()), self._workspace)
+        inspection = GoalInspection(
+            self.model, self.collision, PathConstraints(self.model, ()), self._workspace
+        )
         rejected = inspection.rejection(found.blocked)
-        stop = planning_failures.Stop(last.position, rejected.contacts)
+        stop = planning_failures.LineStopPoint(last.position, rejected.contacts)
         return planning_failures.line_ended(
             found, least, length, planning_failures.how_rejected(rejected, "would be"), stop
         )
 
-    def _first_contacts(self, way: Way, trajectory: Trajectory) -> tuple[Contact, ...]:
+    def _first_contacts(self, way: StartTolerance, trajectory: Trajectory) -> tuple[ContactPair, ...]:
         """What the first sample of a trajectory that is too close to something touches."""
         for q in trajectory.position:
             if not way.nearly_free(q):
@@ -196,6 +201,6 @@ class _Begun:
 
     request: Request
     start: Array
-    way: Way
+    way: StartTolerance
     constraints: PathConstraints
     checks: int

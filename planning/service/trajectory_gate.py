@@ -11,12 +11,12 @@ from ...robots.model import RobotModel
 from ...world.causes import Cause, Failure, planning, safety
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds
-from ..collision.start_tolerance import Way
-from ..collision.trajectory_check import first_hit, steps
+from ..collision.start_tolerance import StartTolerance
+from ..collision.trajectory_check import first_collision, sampled_configurations
 from ..failures import planning_failures
 from ..requests import JointGoal, Request
-from .lookahead_planning import Made
-from .motion_chain import between
+from .lookahead_planning import PlanProvenance
+from .motion_chain import slice_trajectory
 from .plan_service import PlanService
 
 TOLERANCE = 0.02
@@ -27,7 +27,7 @@ WITHIN = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Where between two samples a motion is looked at, as shares of the time between them."""
 
 
-class Gate:
+class TrajectoryGate:
     """Refuses a trajectory that must not be followed: the arm stays where it is, and the failure says why.
 
     Always: numbers and times are sound; between the samples, too, joints keep their soft limits and their
@@ -116,7 +116,7 @@ class Gate:
 
     def _stays_inside(self, trajectory: Trajectory) -> None:
         low, high = np.array(self._workspace.min), np.array(self._workspace.max)
-        path = steps(self._model, trajectory)
+        path = sampled_configurations(self._model, trajectory)
         tool = np.array([self._model.tcp(q).position for q in path])
         outside = np.maximum(low - tool, tool - high).max(axis=1)
         # From outside it may come back, but not go further out.
@@ -135,13 +135,13 @@ class Gate:
             fraction=_share(at, trajectory),
         )
 
-    def _free(self, trajectory: Trajectory, made: Made | None, done: float = 0.0) -> None:
+    def _free(self, trajectory: Trajectory, made: PlanProvenance | None, done: float = 0.0) -> None:
         begin = 0.0
         for request, end in _pieces(trajectory, made):
             since, begin = max(begin, done), end
             if since > 0.0 and since >= end:
                 continue
-            part = between(trajectory, since, end)
+            part = slice_trajectory(trajectory, since, end)
             supposed = self._supposed(request)
             if made is not None and done > 0.0:
                 allowed = tuple((a, b) for a, b in map(sorted, made.seen.allowed))
@@ -156,8 +156,8 @@ class Gate:
                     **failure.evidence,
                 ) from None
             start = part.start if supposed.start is None else supposed.start
-            way = Way(solver.collision, start)
-            hit = first_hit(way, part)
+            way = StartTolerance(solver.collision, start)
+            hit = first_collision(way, part)
             if hit is not None:
                 self._refuse(trajectory, part, way, since, hit)
             self._plans.verify(supposed, part)
@@ -170,30 +170,32 @@ class Gate:
             return replace(request, holding=None)
         return request
 
-    def _refuse(self, trajectory: Trajectory, part: Trajectory, way: Way, begin: float, found: Array) -> None:
+    def _refuse(
+        self, trajectory: Trajectory, part: Trajectory, way: StartTolerance, begin: float, found: Array
+    ) -> None:
         """`found` (n,): some configuration that is hit; the earliest one is told."""
         collision = self._plans.solver.collision
-        path = steps(self._model, part)
+        path = sampled_configurations(self._model, part)
         hit = next((q for q in path if not way.free(q) and not way.nearly_free(q)), found)
         at = begin + _time_of(part, hit)
         contacts = collision.contacts(hit)
-        touched = "; ".join(planning_failures.listed(contacts)) or "the edge of the workspace"
+        touched = "; ".join(planning_failures.contact_lines(contacts)) or "the edge of the workspace"
         raise Failure(
             planning.BLOCKED,
             f"the way is not free: {touched} {_when(at, trajectory)}",
-            contacts=planning_failures.listed(contacts),
+            contacts=planning_failures.contact_lines(contacts),
             time=at,
             fraction=_share(at, trajectory),
             configuration=[round(float(c), 4) for c in hit],
         )
 
 
-def _still_holds(made: Made, plans: PlanService) -> bool:
+def _still_holds(made: PlanProvenance, plans: PlanService) -> bool:
     width_matters = any(request.width is None for request in made.requests)
     return made.seen.covers(plans.made.now(), width_matters=width_matters)
 
 
-def _pieces(trajectory: Trajectory, made: Made | None) -> list[tuple[Request, float]]:
+def _pieces(trajectory: Trajectory, made: PlanProvenance | None) -> list[tuple[Request, float]]:
     """What each stretch of a trajectory supposes, and when it ends, s."""
     if made is None:
         return [(Request(JointGoal(trajectory.end), trajectory.start), trajectory.duration)]

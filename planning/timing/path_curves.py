@@ -26,7 +26,7 @@ _FACTORS = [
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Curve:
+class JointCurve:
     """breaks (k + 1,) ascending from 0; coefficients (k, 6, n) of the powers of s - breaks[i]."""
 
     breaks: Array
@@ -56,7 +56,7 @@ class Curve:
             for order in range(first, last + 1)
         ]
 
-    def piece(self, low: float, high: float) -> Curve:
+    def piece(self, low: float, high: float) -> JointCurve:
         """The part between two parameters, its own parameter from 0."""
         inner = self.breaks[(self.breaks > low + 1e-12) & (self.breaks < high - 1e-12)]
         breaks: Array = np.concatenate([[low], inner, [high]])
@@ -65,19 +65,19 @@ class Curve:
         begin = float(low - self.breaks[index[0]])
         if begin > 0.0:
             coefficients[0] = _shifted(coefficients[0], begin)
-        return Curve(breaks - low, coefficients)
+        return JointCurve(breaks - low, coefficients)
 
 
-def joined(curves: list[Curve]) -> Curve:
+def concatenate(curves: list[JointCurve]) -> JointCurve:
     """One after the other: each must begin where the one before ends."""
     breaks, begin = [np.zeros(1)], 0.0
     for curve in curves:
         breaks.append(curve.breaks[1:] + begin)
         begin += curve.length
-    return Curve(np.concatenate(breaks), np.concatenate([curve.coefficients for curve in curves]))
+    return JointCurve(np.concatenate(breaks), np.concatenate([curve.coefficients for curve in curves]))
 
 
-def cornered(points: Array, radius: float) -> Curve:
+def rounded_polyline(points: Array, radius: float) -> JointCurve:
     """A polyline (m, n), m > 1, no two in a row the same, its corners rounded.
 
     Each arc begins and ends at most `radius` rad from its corner; two arcs share a segment. On an arc the
@@ -98,10 +98,10 @@ def cornered(points: Array, radius: float) -> Curve:
         if cuts[k + 1] > 0.0:
             spans.append(2.0 * float(cuts[k + 1]))
             coefficients.append(_arc(points[k + 1], units[k], units[k + 1], float(cuts[k + 1])))
-    return Curve(np.concatenate([[0.0], np.cumsum(spans)]), np.array(coefficients))
+    return JointCurve(np.concatenate([[0.0], np.cumsum(spans)]), np.array(coefficients))
 
 
-def splined(points: Array) -> Curve:
+def spline_through(points: Array) -> JointCurve:
     """The natural cubic spline through points (m, n), m > 2, no two in a row the same."""
     along = np.diff(points, axis=0)
     h: Array = np.linalg.norm(along, axis=1)[:, None]
@@ -117,17 +117,17 @@ def splined(points: Array) -> Curve:
     coefficients[:, 1] = slopes - h * (2.0 * bend[:-1] + bend[1:]) / 6.0
     coefficients[:, 2] = bend[:-1] / 2.0
     coefficients[:, 3] = np.diff(bend, axis=0) / (6.0 * h)
-    return Curve(np.concatenate([[0.0], np.cumsum(h)]), coefficients)
+    return JointCurve(np.concatenate([[0.0], np.cumsum(h)]), coefficients)
 
 
-def bridge(before: Curve, after: Curve, radius: float) -> Curve:
+def blend_curves(before: JointCurve, after: JointCurve, radius: float) -> JointCurve:
     """From `radius` before the end of one to `radius` behind the beginning of the other: the polynomial of
     the fifth degree that agrees with both in its first and second derivatives."""
     span = 2.0 * radius
     a, b = before.length - radius, radius
     p0, v0, w0 = (value[0] for value in before.derivatives(np.array([a]), 2))
     p1, v1, w1 = (value[0] for value in after.derivatives(np.array([b]), 2))
-    return Curve(np.array([0.0, span]), quintic(p0, v0, w0, p1, v1, w1, span)[None])
+    return JointCurve(np.array([0.0, span]), quintic(p0, v0, w0, p1, v1, w1, span)[None])
 
 
 def distinct(path: Array) -> Array:

@@ -17,8 +17,8 @@ from ...robots.model import RobotModel
 from ...world.trajectory import Trajectory
 from ...world.values import Array
 from ..requests import Scaling
-from .path_curves import Curve, cornered, distinct, splined
-from .toppra_profile import Limits, Stretch, TimeLaw, fastest, least_ratio
+from .path_curves import JointCurve, distinct, rounded_polyline, spline_through
+from .toppra_profile import PathLimits, ScaledStretch, TimeLaw, least_ratio, time_optimal_law
 
 PERIOD = 0.01
 """Between two samples of a trajectory, at most, s."""
@@ -43,7 +43,7 @@ TURN = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Timed:
+class TimedTrajectory:
     """A trajectory, and the path's parameter (m,) at each of its samples."""
 
     trajectory: Trajectory
@@ -58,28 +58,32 @@ def time_corners(model: RobotModel, path: Array, scaling: Scaling, radius: float
     """Along a polyline (m, n) with its corners cut by at most `radius` rad. None when no timing is found."""
     points = distinct(path)
     if len(points) < 2:
-        return standing(path[-1])
-    return _trajectory(model, cornered(points, radius), scaling)
+        return stationary_trajectory(path[-1])
+    return _trajectory(model, rounded_polyline(points, radius), scaling)
 
 
 def time_smooth(model: RobotModel, path: Array, scaling: Scaling) -> Trajectory | None:
     """Along a cubic spline through dense waypoints (m, n), as those of a Cartesian line."""
     points = distinct(path)
     if len(points) < 2:
-        return standing(path[-1])
-    return _trajectory(model, splined(points) if len(points) > 2 else cornered(points, 0.0), scaling)
+        return stationary_trajectory(path[-1])
+    return _trajectory(
+        model, spline_through(points) if len(points) > 2 else rounded_polyline(points, 0.0), scaling
+    )
 
 
-def standing(q: Array) -> Trajectory:
+def stationary_trajectory(q: Array) -> Trajectory:
     """No motion at all, for one period."""
     still = np.zeros((2, len(q)))
     return Trajectory(np.array([0.0, PERIOD]), np.array([q, q]), still, still)
 
 
-def time_curve(model: RobotModel, curve: Curve, stretches: Sequence[Stretch]) -> Timed | None:
+def time_curve(
+    model: RobotModel, curve: JointCurve, stretches: Sequence[ScaledStretch]
+) -> TimedTrajectory | None:
     """Along a curve from rest to rest, each stretch of it with its own scaling; the last one ends where the
     curve does. None when no timing is found, or when the curve leaves the joints' limits."""
-    limits = Limits(model, stretches)
+    limits = PathLimits(model, stretches)
     grid = _grid(curve, stretches)
     at, first, second, third = curve.derivatives(grid, 3)
     # The averaged law is where the profile was a moment ago.
@@ -88,9 +92,9 @@ def time_curve(model: RobotModel, curve: Curve, stretches: Sequence[Stretch]) ->
     # At a constant speed the joints still jerk, where the path's bend changes.
     speed = np.minimum(speed, np.cbrt(least_ratio(BEND * limits.jerk, third)))
     inertia, bending = (share / HEAVY for share in limits.torques(at, first, second))
-    best: Timed | None = None
+    best: TimedTrajectory | None = None
     for _ in range(PASSES):
-        law = fastest(grid, first, second, speed, acceleration, (inertia, bending))
+        law = time_optimal_law(grid, first, second, speed, acceleration, (inertia, bending))
         if law is None:
             break
         timed, excess, times = _followed(limits, curve, law)
@@ -105,12 +109,12 @@ def time_curve(model: RobotModel, curve: Curve, stretches: Sequence[Stretch]) ->
     return best if best is not None and _within(model, curve, best.trajectory.position) else None
 
 
-def _trajectory(model: RobotModel, curve: Curve, scaling: Scaling) -> Trajectory | None:
-    timed = time_curve(model, curve, (Stretch(curve.length, scaling),))
+def _trajectory(model: RobotModel, curve: JointCurve, scaling: Scaling) -> Trajectory | None:
+    timed = time_curve(model, curve, (ScaledStretch(curve.length, scaling),))
     return None if timed is None else timed.trajectory
 
 
-def _followed(limits: Limits, curve: Curve, law: TimeLaw) -> tuple[Timed, Array, Array]:
+def _followed(limits: PathLimits, curve: JointCurve, law: TimeLaw) -> tuple[TimedTrajectory, Array, Array]:
     """The averaged law's motion, stretched as a whole until it keeps all limits; by how much each sample
     (m,) exceeded them before, and when it was (m,), s."""
     duration = float(law.times[-1]) + WINDOW
@@ -125,7 +129,7 @@ def _followed(limits: Limits, curve: Curve, law: TimeLaw) -> tuple[Timed, Array,
     excess = limits.excess(times, s, q, v, a)
     stretch = max(1.0, float(excess.max()))
     t, q, v, a = (rows[::2] for rows in (times * stretch, q, v / stretch, a / stretch**2))
-    return Timed(Trajectory(t, q, v, a), s[::2]), excess, times
+    return TimedTrajectory(Trajectory(t, q, v, a), s[::2]), excess, times
 
 
 def _where(law: TimeLaw, grid: Array, times: Array, excess: Array) -> Array:
@@ -139,7 +143,7 @@ def _where(law: TimeLaw, grid: Array, times: Array, excess: Array) -> Array:
     return slower
 
 
-def _grid(curve: Curve, stretches: Sequence[Stretch]) -> Array:
+def _grid(curve: JointCurve, stretches: Sequence[ScaledStretch]) -> Array:
     """Every break and end of a stretch, and more between them: see GRID, STEPS and TURN."""
     marks = np.unique(np.concatenate([curve.breaks, [stretch.end for stretch in stretches[:-1]]]))
     marks = marks[np.concatenate([[True], np.diff(marks) > 1e-9])]
@@ -153,7 +157,7 @@ def _grid(curve: Curve, stretches: Sequence[Stretch]) -> Array:
     return grid
 
 
-def _within(model: RobotModel, curve: Curve, q: Array) -> bool:
+def _within(model: RobotModel, curve: JointCurve, q: Array) -> bool:
     """Whether configurations (m, n) on the curve keep the joints' limits, and where its own corners lie
     beyond them, those."""
     corners = curve.coefficients[:, 0]

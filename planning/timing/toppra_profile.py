@@ -22,17 +22,17 @@ APART = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class ScaledStretch:
     """How fast the path may be followed up to parameter `end`, rad."""
 
     end: float
     scaling: Scaling
 
 
-class Limits:
+class PathLimits:
     """Of one robot along one path. A stretch scales velocity and acceleration, not jerk and torque."""
 
-    def __init__(self, model: RobotModel, stretches: Sequence[Stretch]) -> None:
+    def __init__(self, model: RobotModel, stretches: Sequence[ScaledStretch]) -> None:
         self.jerk: Array = model.acceleration_limit / RISE
         self._model = model
         self._data = model.arm.createData()
@@ -163,7 +163,7 @@ class TimeLaw:
         )
 
 
-def fastest(
+def time_optimal_law(
     grid: Array,
     first: Array,
     second: Array,

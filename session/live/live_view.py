@@ -21,19 +21,19 @@ from ...logs.run_result import RunResult
 from ...logs.schema import topics
 from ...logs.schema.topics import Topic
 from ...trees.running.runner import NodeInfo, TickReport
-from ..observer import Watcher
+from ..observer import SessionWatcher
 
 _LAG = 0.5
 """Wall seconds that are made up for when a tick took long; a longer delay is let be."""
 
 
-class Paced:
+class WallClockPacer:
     """A watcher that waits after each tick, until simulated time has gone no faster than `factor` times the
     wall clock; all else it leaves to the watcher that it wraps. The run itself does not notice."""
 
     def __init__(
         self,
-        watcher: Watcher,
+        watcher: SessionWatcher,
         factor: float,
         *,
         clock: Callable[[], float] = time.monotonic,
@@ -84,7 +84,7 @@ _PASSING = frozenset(
 """Topics of what happens at a moment; the last message of all others still holds when a client comes."""
 
 
-class LiveView:
+class LiveServer:
     """Serves from its beginning until it is closed; a context manager.
 
     Raises PicktreeError when the port cannot be had. `port` 0 takes any that is free.
@@ -139,7 +139,7 @@ class LiveView:
             time.sleep(_GRACE if self._met else 0.0)
             self._server.stop()
 
-    def __enter__(self) -> LiveView:
+    def __enter__(self) -> LiveServer:
         return self
 
     def __exit__(

@@ -13,9 +13,9 @@ from ...logs.run_log import RunLog
 from ...logs.run_record import RunRecord
 from ...logs.schema import topics
 from ...logs.visits import with_transitions
-from ...world.journal import Happened, Plain
+from ...world.journal import JournalEvent, Plain
 from ..checkpoints import RunState
-from ..run_tally import Tally
+from ..run_tally import RunCounters
 
 _JUST = 1e-6
 """Less than a tick, s."""
@@ -44,15 +44,15 @@ def completed(state: RunState, run: RunRecord) -> RunState:
     return state
 
 
-def tally_of(run: RunRecord, time: float) -> Tally:
+def tally_of(run: RunRecord, time: float) -> RunCounters:
     """What the run amounted to by then, simulated s."""
-    tally = Tally()
+    tally = RunCounters()
     coming = list(run.trees)
-    events: dict[float, list[Happened]] = {}
+    events: dict[float, list[JournalEvent]] = {}
     for at in run.events:
         event = at.record
         data = cast("Mapping[str, Plain]", event.data)
-        events.setdefault(at.time, []).append(Happened(event.kind, event.message, event.node, data))
+        events.setdefault(at.time, []).append(JournalEvent(event.kind, event.message, event.node, data))
     ticks = run.log.ticks(end=time)
     for at in ticks if run.log.format >= 2 else with_transitions(ticks):
         while coming and coming[0].time <= at.time:

@@ -25,7 +25,7 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 @dataclass(frozen=True, slots=True)
-class Card:
+class RecipeHeader:
     """What a recipe says besides its files and the seed."""
 
     mission: str
@@ -40,13 +40,13 @@ class Card:
     """By name in the archive: SHA-256 in hex and path of the file that it was made from."""
 
 
-_ADAPTER = TypeAdapter(Card)
+_ADAPTER = TypeAdapter(RecipeHeader)
 
 
 def write_recipe(recipe: Recipe, path: Path) -> None:
     """Without its seed. Raises PicktreeError when the file cannot be written."""
     files = list(recipe_files(recipe))
-    card = Card(
+    card = RecipeHeader(
         recipe.mission.name,
         recipe.scene.name,
         recipe.robot.name,

@@ -11,13 +11,13 @@ from typing import Final
 
 from ...errors import PicktreeError
 from ...logs.run_record import RunRecord
-from ...logs.schema.records import Continues
+from ...logs.schema.records import ResumedFrom
 from ...simulation.backends import Backend
 from ...trees.mission import Mission
 from ..checkpoints import RunState
-from ..mission_edits import News
+from ..mission_edits import ReloadMessage
 from ..observer import Operator, RecordedAnswers
-from ..recipe import LIMIT, Recipe, Start
+from ..recipe import LIMIT, Recipe, StartCheckpoint
 from ..session_recording import START
 from .older_checkpoints import completed
 from .unpacking import Unpacking
@@ -27,7 +27,7 @@ _EARLY: Final = 1e-6
 """Simulated s."""
 
 
-class Recorded:
+class RecordedRun:
     """What one log holds to run again. Its files are unpacked into a folder that goes with this.
 
     Raises PicktreeError where the log lacks something, FileError for a file that is no longer accepted.
@@ -44,7 +44,7 @@ class Recorded:
     def close(self) -> None:
         self._folder.cleanup()
 
-    def __enter__(self) -> Recorded:
+    def __enter__(self) -> RecordedRun:
         return self
 
     def __exit__(
@@ -60,7 +60,7 @@ class Recorded:
         backend: Backend = info.backend
         start = None
         if info.continues is not None:
-            start = Start(RunState.from_json(log.attachment(START)), info.continues)
+            start = StartCheckpoint(RunState.from_json(log.attachment(START)), info.continues)
         return Recipe(
             self._unpacking.mission(),
             self._unpacking.scene(),
@@ -115,8 +115,8 @@ class Recorded:
             recipe = replace(recipe, mission=self._unpacking.mission(edits[-1]))
         assert state.recording is not None
         log = str(self.run.path.absolute())
-        continues = Continues(log, name, state.time, state.items_done, state.recording.digest)
-        return replace(recipe, start=Start(state, continues))
+        continues = ResumedFrom(log, name, state.time, state.items_done, state.recording.digest)
+        return replace(recipe, start=StartCheckpoint(state, continues))
 
     def _limit(self) -> float:
         """Of an older log that does not tell it: what the run came to when it was ended at it."""
@@ -134,7 +134,7 @@ class RecordedEdits:
         self._unpacking = unpacking
         self._edits = edits
 
-    def look(self, current: Mission, now: float) -> tuple[News, ...]:
+    def look(self, current: Mission, now: float) -> tuple[ReloadMessage, ...]:
         # One at a time, and not before: a plug-in of a later version would replace the one that runs.
         if self._edits and now >= self._edits[0][0] - _EARLY:
             self.pending = self._unpacking.mission(self._edits.pop(0)[1])

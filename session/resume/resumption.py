@@ -19,29 +19,29 @@ from ...logs.recording.true_state import WHOLE_EVERY, folded, read_state
 from ...logs.run_record import RunRecord
 from ...logs.schema import topics
 from ...logs.schema.arithmetic_record import departure
-from ...logs.schema.records import Continues
+from ...logs.schema.records import ResumedFrom
 from ...simulation.backends import build_hardware
-from ...simulation.faults.injector import FaultState, Injector
-from ...simulation.standing_state import standing
+from ...simulation.faults.injector import FaultInjector, FaultState
+from ...simulation.standing_state import snapshot_at_rest
 from ...trees.running.builder import build
 from ...trees.running.debugger import Debugger
-from ...world.journal import Happened, Plain
+from ...world.journal import JournalEvent, Plain
 from ..arithmetic_probe import arithmetic
-from ..assembly import assemble
+from ..assembly import assemble_world
 from ..checkpoints import RunState, take
-from ..observer import GivenAnswers, Operator, Watcher
-from ..recipe import Recipe, Start
-from ..run_tally import Tally, TallyState
+from ..observer import Operator, PresetAnswers, SessionWatcher
+from ..recipe import Recipe, StartCheckpoint
+from ..run_tally import RunCounters, RunCountersState
 from ..session import Session
 from ..session_recording import START
 from .older_checkpoints import simulated_messages
-from .recorded_recipe import Recorded
+from .recorded_recipe import RecordedRun
 
 _FAULTS = TypeAdapter(tuple[FaultState, ...])
 _NEVER = -1.0
 
 
-def as_it_stands(recorded: Recorded) -> tuple[Recipe, str, float]:
+def recipe_from_truth(recorded: RecordedRun) -> tuple[Recipe, str, float]:
     """The recipe of a run that goes on as things stood last; what it knows, as a sentence; and up to when it
     knows what happened, simulated s, -1 when it knows nothing.
 
@@ -67,7 +67,7 @@ def as_it_stands(recorded: Recorded) -> tuple[Recipe, str, float]:
                 _NEVER,
                 "there is no checkpoint: it knows nothing",
             )
-    stood = standing(recipe.backend, last.simulation, len(recipe.robot.joints))
+    stood = snapshot_at_rest(recipe.backend, last.simulation, len(recipe.robot.joints))
     state = replace(
         known,
         time=time,
@@ -80,11 +80,11 @@ def as_it_stands(recorded: Recorded) -> tuple[Recipe, str, float]:
         recording=_recording(run, known, knows, time),
     )
     assert state.recording is not None
-    continues = Continues(
+    continues = ResumedFrom(
         str(run.path.absolute()), name, time, known.items_done, state.recording.digest, as_it_stands=True
     )
     told = f"going on with {run.path} as things stood at {time:.2f} s, at rest; {told}: it looks first"
-    return replace(recipe, start=Start(state, continues)), told, knows
+    return replace(recipe, start=StartCheckpoint(state, continues)), told, knows
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,24 +135,24 @@ def _control(
 def _beginning(recipe: Recipe) -> RunState:
     """All that the robot knows when nothing has happened yet."""
     hardware = build_hardware(recipe.backend, recipe.scene, recipe.robot, recipe.seed)
-    world = assemble(hardware, recipe.scene, recipe.robot, recipe.seed, verify=recipe.verify)
+    world = assemble_world(hardware, recipe.scene, recipe.robot, recipe.seed, verify=recipe.verify)
     tree = build(recipe.mission, world, recipe.parameters)
     empty = RecordingState(_NEVER, _NEVER, (), (), Digest().hex)
-    return take(world, tree, hardware, Injector(recipe.faults, hardware), Tally(), empty)
+    return take(world, tree, hardware, FaultInjector(recipe.faults, hardware), RunCounters(), empty)
 
 
-def _tally(run: RunRecord, known: RunState, since: float, until: float) -> TallyState:
+def _tally(run: RunRecord, known: RunState, since: float, until: float) -> RunCountersState:
     """What the run amounted to by then: all of it did happen, whatever the robot has forgotten. What it
     believes to be done is for it to find out, and the troubles that it was in are those of the checkpoint."""
-    before = known.tally if known.tally is not None else Tally().state()
-    tally = Tally.resumed(before)
+    before = known.tally if known.tally is not None else RunCounters().state()
+    tally = RunCounters.resumed(before)
     tally.follow(run.tree_at(since).nodes)
-    events: dict[float, list[Happened]] = {}
+    events: dict[float, list[JournalEvent]] = {}
     for at in run.events:
         if since < at.time <= until + 1e-9:
             event = at.record
             data = cast("Mapping[str, Plain]", event.data)
-            events.setdefault(at.time, []).append(Happened(event.kind, event.message, event.node, data))
+            events.setdefault(at.time, []).append(JournalEvent(event.kind, event.message, event.node, data))
     for at in run.log.ticks(since + 1e-6 if since >= 0.0 else None, until):
         leaves = frozenset(node.path for node in run.tree_at(at.time).nodes if not node.children)
         tick = at.record
@@ -204,7 +204,7 @@ class Resumption:
         with ExitStack() as stack:
             self.run = stack.enter_context(RunRecord(request.log))
             _refuse_finished(self.run, request.limit)
-            self.recorded = stack.enter_context(Recorded(self.run))
+            self.recorded = stack.enter_context(RecordedRun(self.run))
             self.recipe, self.told, self._knows = self._recipe()
             self._open = stack.pop_all()
 
@@ -218,7 +218,7 @@ class Resumption:
 
     def session(
         self,
-        watcher: Watcher | None = None,
+        watcher: SessionWatcher | None = None,
         debugger: Debugger | None = None,
         *,
         listener: Listener | None = None,
@@ -232,7 +232,7 @@ class Resumption:
             out=self.request.out,
             revisions=self.recorded.edits(self._knows),
             listener=listener,
-            operator=self.recorded.answers(self.since, GivenAnswers(self.request.answers, operator)),
+            operator=self.recorded.answers(self.since, PresetAnswers(self.request.answers, operator)),
             rotation=self.request.rotation,
         )
 
@@ -244,7 +244,7 @@ class Resumption:
     def _recipe(self) -> tuple[Recipe, str, float]:
         """What goes on, which it is, as a sentence, and up to when it knows what happened, simulated s."""
         limit = self.request.limit
-        found = as_it_stands(self.recorded) if self.request.as_it_stands else self._from_checkpoint()
+        found = recipe_from_truth(self.recorded) if self.request.as_it_stands else self._from_checkpoint()
         recipe, told, knows = found
         return (recipe if limit is None else replace(recipe, limit=limit)), told, knows
 

@@ -30,7 +30,7 @@ from ...world.scene.loading.scene_loading import parse_scene
 from ..recipe import ROBOT_MESHES, plain_reference
 
 
-class Names(Protocol):
+class RecordedFileNames(Protocol):
     """What the files of a run were called, as `RunInfo` tells."""
 
     @property
@@ -43,13 +43,13 @@ class Names(Protocol):
     def files(self) -> Mapping[str, str]: ...
 
 
-class Kept(Protocol):
+class RecordedFileStore(Protocol):
     """Where the files of a run are kept: its log, or a recipe of a batch."""
 
     @property
     def path(self) -> Path: ...
     @property
-    def run(self) -> Names: ...
+    def run(self) -> RecordedFileNames: ...
     @property
     def attachments(self) -> tuple[str, ...]: ...
     def attachment(self, name: str) -> bytes:
@@ -61,7 +61,7 @@ class Unpacking:
     """Reads the files of one run. All methods raise PicktreeError for what the log does not hold, and
     FileError where this version of picktree no longer takes a file."""
 
-    def __init__(self, log: Kept, folder: Path) -> None:
+    def __init__(self, log: RecordedFileStore, folder: Path) -> None:
         self._log = log
         self._folder = folder
         self._names = log.attachments

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...world.colours import ITEM_COLOURS, Rgb
-from ...world.random_streams import Streams
+from ...world.random_streams import RandomStreams
 from ...world.scene.description import CameraDescription, SensorNoise
 from ...world.values import Array, Quaternion, rotated
 
@@ -18,7 +18,7 @@ SATURATED, DARK = 0.4, 0.08
 """What is less saturated, or darker, than this has no colour."""
 
 
-def shown(picture: NDArray[np.uint8], others: Mapping[str, str]) -> NDArray[np.uint8]:
+def mislabelled(picture: NDArray[np.uint8], others: Mapping[str, str]) -> NDArray[np.uint8]:
     """The picture (h, w, 3) with everything in a colour that is a key of `others` in the other one, as bright
     and with as much grey in it as it was."""
     if not others:
@@ -74,7 +74,7 @@ COLOUR_NOISE = 4
 class BlockNoise:
     """Errors of one sensor, (channels,) a step, with a standard deviation each."""
 
-    def __init__(self, streams: Streams, sensor: str, deviations: Sequence[float]) -> None:
+    def __init__(self, streams: RandomStreams, sensor: str, deviations: Sequence[float]) -> None:
         self._streams = streams
         self._stream = f"sensor/{sensor}"
         self._deviations = np.array(deviations)
@@ -103,7 +103,7 @@ class BlockNoise:
         return row
 
 
-class WrenchBias:
+class WrenchBiasNoise:
     """What the wrist's sensor adds, in its own axes: drawn for the run, and wandering by a share of itself.
 
     The wandering is a sum of slow sines, so that it depends on seed and time alone.
@@ -114,7 +114,7 @@ class WrenchBias:
     EVERY = 0.05
     """Time for which it stands still, s."""
 
-    def __init__(self, noise: SensorNoise, streams: Streams) -> None:
+    def __init__(self, noise: SensorNoise, streams: RandomStreams) -> None:
         rng = streams.at("sensor/wrench_bias", 0)
         deviations = np.array([noise.force_bias] * 3 + [noise.torque_bias] * 3)
         self._constant = rng.standard_normal(6) * deviations
@@ -140,15 +140,15 @@ class WrenchBias:
         return (*rotated(turn, (a, b, c)), *rotated(turn, (d, e, f)))
 
 
-class BodyNoise:
+class RobotSensorNoise:
     """Errors of encoders, gripper and wrist at each step, in their units."""
 
-    def __init__(self, noise: SensorNoise, streams: Streams, joints: int) -> None:
+    def __init__(self, noise: SensorNoise, streams: RandomStreams, joints: int) -> None:
         rate = noise.encoder * VELOCITY_RATE
         self._encoders = BlockNoise(streams, "encoders", [noise.encoder] * joints + [rate] * joints)
         self._width = BlockNoise(streams, "width", [noise.width])
         self._wrench = BlockNoise(streams, "wrench", [noise.force] * 3 + [noise.torque] * 3)
-        self._bias = WrenchBias(noise, streams)
+        self._bias = WrenchBiasNoise(noise, streams)
 
     def encoders(self, step: int) -> Array:
         """Errors of the joints' positions, rad, and then velocities, rad/s: (2 n,)."""

@@ -5,22 +5,22 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ...world.random_streams import Streams
+from ...world.random_streams import RandomStreams
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.scene.holes import CERTAIN
 from ...world.values import Pose, quaternion_product
 
 
-def displaced(scene: SceneDescription, seed: int, *, level: bool = False) -> SceneDescription:
+def displace_fixtures(scene: SceneDescription, seed: int, *, level: bool = False) -> SceneDescription:
     """The scene with its fixtures where they really stand. It is the simulation's own: what the robot is told
     is the scene as it was given. `level`: shifted and turned just so, but not tilted."""
     if all(fixture.uncertainty == CERTAIN for fixture in scene.fixtures):
         return scene
-    streams = Streams(seed)
+    streams = RandomStreams(seed)
     return replace(scene, fixtures=tuple(_displaced(fixture, streams, level) for fixture in scene.fixtures))
 
 
-def _displaced(fixture: Fixture, streams: Streams, level: bool) -> Fixture:
+def _displaced(fixture: Fixture, streams: RandomStreams, level: bool) -> Fixture:
     """Shifted along its own x and y and turned about its own z, evenly within the bounds, and tilted about a
     level axis through its middle, whichever."""
     most = fixture.uncertainty

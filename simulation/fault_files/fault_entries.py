@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ...world.scene.loading.scene_entries import unknown
+from ...world.scene.loading.scene_entries import hidden_body
 from ...world.values import Pose
 from .device_entries import (
     Ailing,
@@ -30,23 +30,34 @@ from .device_entries import (
     WrenchDead,
 )
 from .fault_schema import FaultEntryFile, TargetFile
-from .item_entries import Appear, Bump, Friction, Heavier, ItemFault, Larger, Obstacle, Remove, Slip, Target
+from .item_entries import (
+    Appear,
+    Bump,
+    FaultTarget,
+    Friction,
+    Heavier,
+    ItemFault,
+    Larger,
+    Obstacle,
+    Remove,
+    Slip,
+)
 
 __all__ = [
     "Appear",
     "AtNode",
     "AtTime",
     "Bump",
-    "Expect",
+    "FaultExpectation",
     "FaultFile",
     "FaultSpec",
+    "FaultTarget",
     "Friction",
     "Heavier",
     "Larger",
     "Obstacle",
     "Remove",
     "Slip",
-    "Target",
     "When",
 ]
 
@@ -56,7 +67,7 @@ FaultSpec: TypeAlias = ItemFault | Slip | Appear | Obstacle | Ailing | ProgramFa
 
 
 @dataclass(frozen=True, slots=True)
-class Expect:
+class FaultExpectation:
     """What whoever judges a run with these faults takes as right. Neither robot nor simulation reads it."""
 
     causes: tuple[str, ...] = ()
@@ -73,7 +84,7 @@ class FaultFile:
     source: str = ""
     text: str = ""
     """The file as it was read, for the log."""
-    expect: Expect | None = None
+    expect: FaultExpectation | None = None
 
 
 _NONE = (0.0, 0.0, 0.0)
@@ -92,14 +103,14 @@ def _when(entry: FaultEntryFile) -> When:
     return AtNode(when.node, when.start or 1, when.delay or 0.0, bool(when.each), probability)
 
 
-def _target(entry: FaultEntryFile) -> Target:
+def _target(entry: FaultEntryFile) -> FaultTarget:
     chosen = entry.target or TargetFile()
-    return Target(chosen.index, chosen.kind, chosen.form, chosen.colour, chosen.nearest_to)
+    return FaultTarget(chosen.index, chosen.kind, chosen.form, chosen.colour, chosen.nearest_to)
 
 
 def _obstacle(entry: FaultEntryFile, when: When) -> Obstacle:
     assert entry.body is not None
-    return Obstacle(when, unknown(entry.name or "obstacle", entry.body), entry.stays)
+    return Obstacle(when, hidden_body(entry.name or "obstacle", entry.body), entry.stays)
 
 
 def _appear(entry: FaultEntryFile, when: When) -> Appear:

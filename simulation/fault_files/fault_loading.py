@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import PicktreeError
-from ...files.models.validation import Checker, describe
-from ...files.value_wording import nearest
-from ...files.yaml.document import Document, Fault, FileError, Location, open_document, read_document
+from ...files.models.validation import DocumentChecker, describe
+from ...files.value_wording import suggest_name
+from ...files.yaml.document import Diagnostic, Document, FileError, Location, open_document, read_document
 from ...robots.description import RobotDescription
 from ...robots.loading import load_robot
 from ...world.causes import all_causes
 from ...world.scene.description import SceneDescription
 from ...world.scene.loading.scene_entries import check_unknown
 from ...world.scene.loading.scene_loading import load_scene
-from .fault_entries import Expect, FaultFile, spec
+from .fault_entries import FaultExpectation, FaultFile, spec
 from .fault_schema import (
     MAY,
     NEEDS,
@@ -30,14 +30,14 @@ from .fault_schema import (
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class FaultContext:
     """Where faults are to happen: a scene, and the joints of its robot's arm; None: not known."""
 
     scene: SceneDescription
     joints: tuple[str, ...] | None = None
 
 
-def check_entry(check: Checker, n: int, entry: FaultEntryFile) -> None:
+def check_entry(check: DocumentChecker, n: int, entry: FaultEntryFile) -> None:
     """The n-th entry by itself."""
     loc: Location = ("faults", n)
     with check.readable():
@@ -67,7 +67,7 @@ def check_entry(check: Checker, n: int, entry: FaultEntryFile) -> None:
             check.fault((*loc, "shown_as"), f"{entry.colour} is shown as itself", code="P609")
 
 
-def _check_when(check: Checker, loc: Location, when: WhenFile) -> None:
+def _check_when(check: DocumentChecker, loc: Location, when: WhenFile) -> None:
     chosen = check.one_of(loc, WhenFile.one_of)
     others = {"at": ("start", "delay", "each"), "node": ("every",)}
     for name in others.get(chosen or "", ()):
@@ -76,14 +76,14 @@ def _check_when(check: Checker, loc: Location, when: WhenFile) -> None:
             check.fault((*loc, name), f"{name!r} belongs to {owner!r}", code="P605", key=True)
 
 
-def check_items(check: Checker, n: int, entry: FaultEntryFile, scene: SceneDescription) -> None:
+def check_items(check: DocumentChecker, n: int, entry: FaultEntryFile, scene: SceneDescription) -> None:
     """Whether the scene has an item that is meant."""
     with check.readable():
         if entry.target is not None:
             _check_target(check, ("faults", n, "target"), entry.target, scene)
 
 
-def _check_target(check: Checker, loc: Location, target: TargetFile, scene: SceneDescription) -> None:
+def _check_target(check: DocumentChecker, loc: Location, target: TargetFile, scene: SceneDescription) -> None:
     counts = [count for load in scene.loads for count in load.counts]
     kinds = list(dict.fromkeys(kind for kind, _ in counts))
     forms = list(dict.fromkeys(str(scene.entry(kind).form) for kind in kinds))
@@ -94,7 +94,7 @@ def _check_target(check: Checker, loc: Location, target: TargetFile, scene: Scen
             name: str | None = getattr(target, key)
             if name is not None and name not in known:
                 message = f"the scene {scene.name} has no item of {key} {describe(name)}"
-                check.fault((*loc, key), message, nearest(name, known), code="P608")
+                check.fault((*loc, key), message, suggest_name(name, known), code="P608")
     with check.readable():
         if target.index is not None and total is not None and target.index >= total:
             hint = f"it has {total} items, counted from 0" if total else "it has no items"
@@ -102,7 +102,7 @@ def _check_target(check: Checker, loc: Location, target: TargetFile, scene: Scen
             check.fault((*loc, "index"), message, hint, code="P608")
 
 
-def check_place(check: Checker, n: int, entry: FaultEntryFile, place: Place) -> None:
+def check_place(check: DocumentChecker, n: int, entry: FaultEntryFile, place: FaultContext) -> None:
     """Whether the cell has the camera, the joint and the kind of item that an entry names."""
     scene = place.scene
     kinds = [each.kind for each in scene.catalogue]
@@ -118,10 +118,10 @@ def check_place(check: Checker, n: int, entry: FaultEntryFile, place: Place) -> 
             name: str | None = getattr(entry, key)
             if name is not None and known is not None and name not in known:
                 message = f"{begun} {describe(name)}"
-                check.fault(("faults", n, key), message, nearest(name, known), code="P609")
+                check.fault(("faults", n, key), message, suggest_name(name, known), code="P609")
 
 
-def check_expected(check: Checker, expect: ExpectFile) -> None:
+def check_expected(check: DocumentChecker, expect: ExpectFile) -> None:
     """Whether there are such causes. A plug-in's own are not known before it is read."""
     known = [cause.name for cause in all_causes()]
     families = dict.fromkeys(f"{name.rpartition('.')[0]}.*" for name in known)
@@ -130,7 +130,7 @@ def check_expected(check: Checker, expect: ExpectFile) -> None:
         for n, pattern in enumerate(expect.causes):
             if pattern not in named:
                 message = f"no cause is called {describe(pattern)}"
-                check.fault(("expect", "causes", n), message, nearest(pattern, named), code="P610")
+                check.fault(("expect", "causes", n), message, suggest_name(pattern, named), code="P610")
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +138,7 @@ class FaultsCheck:
     """What was found in a faults file: its content, None when there are errors, and all faults."""
 
     file: FaultFile | None
-    faults: tuple[Fault, ...]
+    faults: tuple[Diagnostic, ...]
     """Also those of the scene that it names, with their own places."""
 
 
@@ -155,13 +155,13 @@ def parse_faults(text: str, path: Path) -> FaultFile:
     return _faultless(read_document(text, path, "faults"), None)
 
 
-def check_faults(document: Document, place: Place | None = None) -> FaultsCheck:
+def check_faults(document: Document, place: FaultContext | None = None) -> FaultsCheck:
     """Everything that can be said of a document of kind `faults`; never raises for what stands in it.
 
     Kinds, forms, colours and numbers of items are compared with the scene where the file names one; cameras,
     joints and what is to appear with `place`, or else with that scene.
     """
-    check = Checker(document)
+    check = DocumentChecker(document)
     check.keys(("scene", "expect", "faults"))
     rest = check.read(FaultsRestFile, ignore=[key for key in document.data if key not in ("scene", "expect")])
     scene: SceneDescription | None = None
@@ -175,7 +175,7 @@ def check_faults(document: Document, place: Place | None = None) -> FaultsCheck:
     entries = check.sequence(FaultEntryFile, "faults")
     if place is None and scene is not None:
         asked = any(document.get(("faults", n, "joint")) is not None for n in range(len(entries)))
-        place = Place(scene, _joints(scene) if asked else None)
+        place = FaultContext(scene, _joints(scene) if asked else None)
     for n, entry in enumerate(entries):
         check_entry(check, n, entry)
         if scene is not None:
@@ -184,19 +184,19 @@ def check_faults(document: Document, place: Place | None = None) -> FaultsCheck:
             check_place(check, n, entry, place)
     if any(fault.severity == "error" for fault in check.faults):
         return FaultsCheck(None, tuple(check.faults))
-    expect = None if rest.expect is None else Expect(tuple(rest.expect.causes), rest.expect.lost)
+    expect = None if rest.expect is None else FaultExpectation(tuple(rest.expect.causes), rest.expect.lost)
     specs = tuple(map(spec, entries))
     return FaultsCheck(FaultFile(specs, str(document.path), document.text, expect), tuple(check.faults))
 
 
-def _faultless(document: Document, place: Place | None) -> FaultFile:
+def _faultless(document: Document, place: FaultContext | None) -> FaultFile:
     found = check_faults(document, place)
     if found.file is None:
         raise FileError(found.faults)
     return found.file
 
 
-def _scene(check: Checker, name: str | None) -> SceneDescription | None:
+def _scene(check: DocumentChecker, name: str | None) -> SceneDescription | None:
     if name is None:
         return None
     try:
@@ -208,10 +208,10 @@ def _scene(check: Checker, name: str | None) -> SceneDescription | None:
     return None
 
 
-def _place(scene: SceneDescription | None, robot: RobotDescription | None) -> Place | None:
+def _place(scene: SceneDescription | None, robot: RobotDescription | None) -> FaultContext | None:
     if scene is None:
         return None
-    return Place(scene, None if robot is None else tuple(robot.joints))
+    return FaultContext(scene, None if robot is None else tuple(robot.joints))
 
 
 def _joints(scene: SceneDescription) -> tuple[str, ...] | None:

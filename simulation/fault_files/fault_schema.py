@@ -13,16 +13,16 @@ from ...files.models.validation import (
     Duration,
     FileModel,
     Flag,
+    InvalidValue,
     Length,
     Mass,
     Name,
     Share,
     Vector,
-    Wrong,
     describe,
     quantity,
 )  # fmt: skip
-from ...files.value_wording import nearest
+from ...files.value_wording import suggest_name
 from ...world.colours import ITEM_COLOURS
 from ...world.scene.description import Form
 from ...world.scene.scene_schema import UnknownFile
@@ -31,13 +31,13 @@ from ...world.scene.scene_schema import UnknownFile
 def _colour(name: str) -> str:
     if name not in ITEM_COLOURS:
         message = f"{describe(name)} is no colour that an item may have"
-        raise Wrong(message, nearest(name, ITEM_COLOURS), code="P108")
+        raise InvalidValue(message, suggest_name(name, ITEM_COLOURS), code="P108")
     return name
 
 
 def _pattern(text: str) -> str:
     if not text.strip("/"):
-        raise Wrong("the node is empty", "its name, or a path as SortOne/Grasp", code="P606")
+        raise InvalidValue("the node is empty", "its name, or a path as SortOne/Grasp", code="P606")
     return text
 
 

@@ -11,7 +11,7 @@ from .device_entries import When
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class FaultTarget:
     """A true item: among those that fit all that is given, the nearest to `nearest_to`, else the first.
 
     `tool` is the TCP; `object` the place where the belief has what the node's port `object` names.
@@ -31,7 +31,7 @@ class Remove:
 
     name: ClassVar[str] = "remove"
     when: When
-    target: Target
+    target: FaultTarget
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Friction:
 
     name: ClassVar[str] = "friction"
     when: When
-    target: Target
+    target: FaultTarget
     friction: float
     mass: float | None = None
 
@@ -51,7 +51,7 @@ class Bump:
 
     name: ClassVar[str] = "bump"
     when: When
-    target: Target
+    target: FaultTarget
     velocity: Vector3
     spin: Vector3 = (0.0, 0.0, 0.0)
 
@@ -73,7 +73,7 @@ class Heavier:
 
     name: ClassVar[str] = "heavier"
     when: When
-    target: Target
+    target: FaultTarget
     mass: float
 
 
@@ -83,7 +83,7 @@ class Larger:
 
     name: ClassVar[str] = "larger"
     when: When
-    target: Target
+    target: FaultTarget
     factor: float
 
 

@@ -29,7 +29,7 @@ SQUEEZE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Silence:
+class FrozenReading:
     """The last that a sensor has said, and when, s."""
 
     wrench: Wrench
@@ -37,7 +37,7 @@ class Silence:
 
 
 @dataclass(frozen=True, slots=True)
-class CameraTrouble:
+class CameraFaultState:
     """What is wrong with one camera now."""
 
     drops: tuple[int, ...] = ()
@@ -50,7 +50,7 @@ class CameraTrouble:
     """Colours that are shown as others."""
 
 
-class Ailments:
+class DeviceFaults:
     """The faults of devices that last now, by their number in the fault file, and what they come to. Held by
     a backend; its devices ask."""
 
@@ -128,7 +128,7 @@ class Ailments:
         self.biased = bool(biases)
         self.bias = (_total(f.force for f in biases), _total(f.torque for f in biases))
         self._planless = [n for n, f in faults.items() if isinstance(f, NoPlan)]
-        self.cameras: dict[str, CameraTrouble] = {}
+        self.cameras: dict[str, CameraFaultState] = {}
         for name in self._names:
             of = {
                 n: f
@@ -153,9 +153,9 @@ def clipped(torque: Array, limits: Array) -> Array:
     return torque.clip(-limits, limits)
 
 
-def _silence(held: tuple[float, ...]) -> Silence:
+def _silence(held: tuple[float, ...]) -> FrozenReading:
     fx, fy, fz, tx, ty, tz, since = held
-    return Silence(Wrench((fx, fy, fz), (tx, ty, tz)), since)
+    return FrozenReading(Wrench((fx, fy, fz), (tx, ty, tz)), since)
 
 
 def _total(vectors: Iterable[Vector3]) -> Vector3:
@@ -165,7 +165,7 @@ def _total(vectors: Iterable[Vector3]) -> Vector3:
     return x, y, z
 
 
-def _trouble(faults: Mapping[int, CameraFault]) -> CameraTrouble:
+def _trouble(faults: Mapping[int, CameraFault]) -> CameraFaultState:
     moved, noise = Pose(), 1.0
     shown: dict[str, str] = {}
     for fault in faults.values():
@@ -179,4 +179,4 @@ def _trouble(faults: Mapping[int, CameraFault]) -> CameraTrouble:
             case CameraDrop():
                 pass
     drops = tuple(n for n, fault in faults.items() if isinstance(fault, CameraDrop))
-    return CameraTrouble(drops, moved, noise, shown)
+    return CameraFaultState(drops, moved, noise, shown)

@@ -9,10 +9,10 @@ from ...world.scene.description import Fixture
 from ...world.values import ObjectId, Pose, Vector3
 from ..fault_files.device_entries import Ailing
 from ..scoring.truth import TrueBody, TrueObstacle
-from .device_faults import Ailments
+from .device_faults import DeviceFaults
 
 
-class Faulty(Protocol):
+class InjectableRobot(Protocol):
     """A simulated robot and its surroundings."""
 
     @property
@@ -20,7 +20,7 @@ class Faulty(Protocol):
     @property
     def gripper(self) -> Gripper: ...
     @property
-    def ailments(self) -> Ailments:
+    def ailments(self) -> DeviceFaults:
         """What is wrong with its devices now."""
         ...
 

@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 
 from ...files.node_patterns import node_matches
 from ...world.journal import Plain
-from ...world.random_streams import Streams
+from ...world.random_streams import RandomStreams
 from ...world.values import Vector3
 from ..fault_files.device_entries import AtNode, AtTime, When
-from ..fault_files.item_entries import Bump, Friction, Heavier, ItemFault, Larger, Remove, Target
+from ..fault_files.item_entries import Bump, FaultTarget, Friction, Heavier, ItemFault, Larger, Remove
 from ..scoring.truth import TrueBody
-from .fault_interface import Faulty
+from .fault_interface import InjectableRobot
 
 
-def choose(
-    hardware: Faulty, target: Target, node: str, object_place: Callable[[str], Vector3 | None]
+def choose_target(
+    hardware: InjectableRobot, target: FaultTarget, node: str, object_place: Callable[[str], Vector3 | None]
 ) -> TrueBody | None:
     """The item that is meant; `object_place` tells where the belief has the object of a node."""
     fitting = [
@@ -59,7 +59,7 @@ def told_of(fault: ItemFault, body: TrueBody) -> dict[str, Plain]:
     return data
 
 
-def carry_out(fault: ItemFault, body: TrueBody, hardware: Faulty) -> str | None:
+def apply_item_fault(fault: ItemFault, body: TrueBody, hardware: InjectableRobot) -> str | None:
     """What was done, in words; None: there is no room for it now."""
     match fault:
         case Remove():
@@ -82,7 +82,7 @@ def carry_out(fault: ItemFault, body: TrueBody, hardware: Faulty) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Due:
+class DueFault:
     """That something is to happen."""
 
     time: float
@@ -111,22 +111,22 @@ class FaultState:
     """It is due, but something is in its place."""
     chances: int = 0
     """Occasions so far at which it might have happened."""
-    then: tuple[Due, ...] = ()
+    then: tuple[DueFault, ...] = ()
     """What is due after that."""
     held: tuple[float, ...] = ()
-    """What a device was doing when the fault began, as `Ailments` keeps it."""
+    """What a device was doing when the fault began, as `DeviceFaults` keeps it."""
 
     @property
-    def dues(self) -> tuple[Due, ...]:
-        return () if self.due is None or self.done else (Due(self.due, self.node), *self.then)
+    def dues(self) -> tuple[DueFault, ...]:
+        return () if self.due is None or self.done else (DueFault(self.due, self.node), *self.then)
 
 
-class Occasions:
+class FaultSchedule:
     """When the faults of a run happen. Whether one takes an occasion is drawn by the run's seed, the fault's
     number in the file and the number of the occasion: nothing else that happens changes it."""
 
     def __init__(self, seed: int) -> None:
-        self._streams = Streams(seed)
+        self._streams = RandomStreams(seed)
 
     def begun(self, number: int, when: When, since: float | None = None) -> FaultState:
         """Of a fault that is new; what should have happened until `since`, s, does not happen any more."""
@@ -152,7 +152,7 @@ class Occasions:
             return state if when.each else replace(state, done=True)
         # What waits for room, or for something in the hand, waits once.
         before = () if state.waits else state.dues
-        return _with(state, (*before, Due(now + when.delay, path)))
+        return _with(state, (*before, DueFault(now + when.delay, path)))
 
     def taken(self, number: int, when: When, state: FaultState, now: float) -> FaultState:
         """What was due has happened, or there was nothing for it to happen to."""
@@ -188,7 +188,7 @@ class Occasions:
         return float(rng.random()) < when.probability
 
 
-def _with(state: FaultState, dues: tuple[Due, ...]) -> FaultState:
+def _with(state: FaultState, dues: tuple[DueFault, ...]) -> FaultState:
     if not dues:
         return replace(state, due=None, node="", then=())
     return replace(state, due=dues[0].time, node=dues[0].node, then=dues[1:])

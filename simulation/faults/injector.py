@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol, cast
 
 from ...errors import PicktreeError
-from ...world.journal import Happened, Plain
+from ...world.journal import JournalEvent, Plain
 from ...world.values import ObjectId, Vector3
 from ..fault_files.device_entries import (
     Ailing,
@@ -39,11 +39,11 @@ from ..fault_files.item_entries import (
     Remove,
     Slip,
 )
-from .fault_interface import Faulty
+from .fault_interface import InjectableRobot
 from .fault_sentences import begins, details, ends
-from .fault_states import FaultState, Occasions, carry_out, choose, told_of
+from .fault_states import FaultSchedule, FaultState, apply_item_fault, choose_target, told_of
 
-__all__ = ["FaultState", "Faulty", "Injector", "Program", "new_states"]
+__all__ = ["FaultInjector", "FaultState", "InjectableProgram", "InjectableRobot", "new_states"]
 
 _AILING: tuple[type, ...] = (
     GripperJam, GripperWeak, JointWeak, Stall, WrenchBias, WrenchDead, CameraDrop, CameraShift, CameraNoise,
@@ -53,7 +53,7 @@ _PLANTED = "planted by the fault file"
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class InjectionResult:
     """What came of an occasion."""
 
     message: str
@@ -64,7 +64,7 @@ class Outcome:
     """It could not be yet; the message is told once."""
 
 
-class Program(Protocol):
+class InjectableProgram(Protocol):
     """The tree that runs, as far as faults meddle with it."""
 
     def acting(self, path: str = "") -> str | None:
@@ -76,7 +76,7 @@ class Program(Protocol):
         ...
 
 
-class Injector:
+class FaultInjector:
     """Carries out faults between two ticks.
 
     `object_place` tells where the belief has the object of a node, by the node's path; `program` gives the
@@ -86,11 +86,11 @@ class Injector:
     def __init__(
         self,
         faults: FaultFile | None,
-        hardware: Faulty,
+        hardware: InjectableRobot,
         object_place: Callable[[str], Vector3 | None] = lambda _: None,
         *,
         seed: int = 0,
-        program: Callable[[], Program] | None = None,
+        program: Callable[[], InjectableProgram] | None = None,
         kill: Callable[[], None] | None = None,
     ) -> None:
         self._faults: tuple[FaultSpec, ...] = faults.faults if faults else ()
@@ -98,9 +98,9 @@ class Injector:
         self._object_place = object_place
         self._program = program
         self._kill = kill
-        self._occasions = Occasions(seed)
+        self._occasions = FaultSchedule(seed)
         self._states = list(new_states(faults, seed))
-        self._told: list[Happened] = []
+        self._told: list[JournalEvent] = []
 
     @property
     def no_plan(self) -> Callable[[], bool] | None:
@@ -119,7 +119,7 @@ class Injector:
             if isinstance(fault, Hang | Raise) and len(state.dues) > len(before.dues):
                 self._strike_at_once(n, fault, path, now)
 
-    def tick(self) -> tuple[Happened, ...]:
+    def tick(self) -> tuple[JournalEvent, ...]:
         """Carry out what is due now. Called after each tick of the tree."""
         now = self._hardware.clock.now
         happened, self._told = self._told, []
@@ -164,7 +164,7 @@ class Injector:
             return True
         return state.until is not None and now >= state.until - 1e-9
 
-    def _end(self, n: int, fault: FaultSpec) -> list[Happened]:
+    def _end(self, n: int, fault: FaultSpec) -> list[JournalEvent]:
         """What lasted is over."""
         state = self._states[n]
         name, self._states[n] = state.standing, replace(state, standing="")
@@ -185,15 +185,15 @@ class Injector:
             case _:
                 self._hardware.relieve(n)
                 message = ends(cast(Ailing, fault))
-        return [Happened("fault", message, state.node, data | {"gone": True})]
+        return [JournalEvent("fault", message, state.node, data | {"gone": True})]
 
-    def _strike(self, n: int, fault: FaultSpec, now: float) -> list[Happened]:
+    def _strike(self, n: int, fault: FaultSpec, now: float) -> list[JournalEvent]:
         """Carry out the first that is due."""
         state = self._states[n]
         if state.standing and not isinstance(fault, Obstacle):
             self._end(n, fault)
         outcome = self._outcome(n, fault, state)
-        told = Happened("fault", outcome.message, state.node, outcome.data)
+        told = JournalEvent("fault", outcome.message, state.node, outcome.data)
         if outcome.waits:
             self._states[n] = replace(self._states[n], waits=True)
             return [] if state.waits or not outcome.message else [told]
@@ -205,7 +205,7 @@ class Injector:
         self._states[n] = after
         return [told]
 
-    def _outcome(self, n: int, fault: FaultSpec, state: FaultState) -> Outcome:
+    def _outcome(self, n: int, fault: FaultSpec, state: FaultState) -> InjectionResult:
         match fault:
             case Obstacle():
                 return self._obstruct(fault, state)
@@ -216,69 +216,71 @@ class Injector:
             case Hang() | Raise():
                 return self._meddle(fault, state)
             case Kill():
-                return Outcome("the process is killed", {"fault": "kill"}, standing="kill")
+                return InjectionResult("the process is killed", {"fault": "kill"}, standing="kill")
             case Remove() | Friction() | Bump() | Heavier() | Larger():
                 return self._befall(fault, state)
             case _:
                 width = self._hardware.gripper.read().width
                 self._hardware.afflict(n, fault)
-                return Outcome(begins(fault, width), details(fault), standing=fault.name)
+                return InjectionResult(begins(fault, width), details(fault), standing=fault.name)
 
-    def _befall(self, fault: ItemFault, state: FaultState) -> Outcome:
+    def _befall(self, fault: ItemFault, state: FaultState) -> InjectionResult:
         name = fault.name
-        body = choose(self._hardware, fault.target, state.node, self._object_place)
+        body = choose_target(self._hardware, fault.target, state.node, self._object_place)
         if body is None:
-            return Outcome(f"{name}: no item fits", {"fault": name, "item": None})
-        message, data = carry_out(fault, body, self._hardware), told_of(fault, body)
+            return InjectionResult(f"{name}: no item fits", {"fault": name, "item": None})
+        message, data = apply_item_fault(fault, body, self._hardware), told_of(fault, body)
         if message is None:
-            return Outcome(f"{body.id} waits for room to be larger", data | {"waits": True}, waits=True)
-        return Outcome(message, data)
+            return InjectionResult(
+                f"{body.id} waits for room to be larger", data | {"waits": True}, waits=True
+            )
+        return InjectionResult(message, data)
 
-    def _obstruct(self, fault: Obstacle, state: FaultState) -> Outcome:
+    def _obstruct(self, fault: Obstacle, state: FaultState) -> InjectionResult:
         """Put the obstacle where it belongs, or wait until nothing is there."""
         body = fault.body
         data: dict[str, Plain] = {"fault": "obstacle", "obstacle": body.id, "at": list(body.pose.position)}
         if state.standing:  # what it put there before
-            return Outcome("", data, waits=True)
+            return InjectionResult("", data, waits=True)
         if not self._hardware.room_for(body):
             message = f"{body.id} waits until nothing is in its place"
-            return Outcome(message, data | {"waits": True}, waits=True)
+            return InjectionResult(message, data | {"waits": True}, waits=True)
         name = self._hardware.put_obstacle(body)
         standing = "" if fault.stays is None else str(name)
-        return Outcome(f"{name} is put into the way", data | {"obstacle": name}, standing=standing)
+        return InjectionResult(f"{name} is put into the way", data | {"obstacle": name}, standing=standing)
 
-    def _appear(self, fault: Appear) -> Outcome:
+    def _appear(self, fault: Appear) -> InjectionResult:
         what = f"a {fault.colour} {fault.kind}"
         data: dict[str, Plain] = {"fault": "appear", "kind": fault.kind, "colour": fault.colour}
         x, y = fault.place
         try:
             name = self._hardware.appear(fault.kind, fault.colour, fault.place, fault.yaw)
         except PicktreeError as error:
-            return Outcome(f"{what} does not appear: {error}", data | {"item": None})
+            return InjectionResult(f"{what} does not appear: {error}", data | {"item": None})
         if name is None:
             message = f"{what} waits until nothing is in its place"
-            return Outcome(message, data | {"waits": True}, waits=True)
-        return Outcome(f"{name}, {what}, appears at ({x:.3f}, {y:.3f})", data | {"item": name})
+            return InjectionResult(message, data | {"waits": True}, waits=True)
+        return InjectionResult(f"{name}, {what}, appears at ({x:.3f}, {y:.3f})", data | {"item": name})
 
-    def _slip(self, fault: Slip) -> Outcome:
+    def _slip(self, fault: Slip) -> InjectionResult:
         data: dict[str, Plain] = {"fault": "slip", "friction": fault.friction, "lasts": fault.lasts}
         item = self._hardware.in_hand()
         if item is None:  # it waits for something to be held
-            return Outcome("", data, waits=True)
+            return InjectionResult("", data, waits=True)
         self._hardware.lubricate(item, fault.friction)
         lasting = "" if fault.lasts is None else f" for {fault.lasts:g} s"
         message = f"{item} slips: its friction is {fault.friction:g}{lasting}"
-        return Outcome(message, data | {"item": item}, standing=item)
+        return InjectionResult(message, data | {"item": item}, standing=item)
 
-    def _meddle(self, fault: Hang | Raise, state: FaultState) -> Outcome:
+    def _meddle(self, fault: Hang | Raise, state: FaultState) -> InjectionResult:
         """Take the place of the skill that runs."""
         name = fault.name
         tree = None if self._program is None else self._program()
         path = None if tree is None else tree.acting(state.node)
         if tree is None or path is None:
-            return Outcome(f"{name}: the node had ended before", {"fault": name, "skill": None})
+            return InjectionResult(f"{name}: the node had ended before", {"fault": name, "skill": None})
         if not path:
-            return Outcome("", {}, waits=True)
+            return InjectionResult("", {}, waits=True)
         tree.stand_in(path, _body(fault))
         return _meddled(fault, path)
 
@@ -289,7 +291,7 @@ class Injector:
             return
         if self._program().stand_in(path, _body(fault)):
             outcome = _meddled(fault, path)
-            self._told.append(Happened("fault", outcome.message, path, outcome.data))
+            self._told.append(JournalEvent("fault", outcome.message, path, outcome.data))
             self._states[n] = self._occasions.taken(n, fault.when, state, now)
 
 
@@ -301,17 +303,17 @@ def new_states(
 ) -> tuple[FaultState, ...]:
     """Of faults that are new at the time `since`, s, or when the run begins: what should have happened before
     does not happen any more. A fault that stood in the same place in the file `before` is none of those."""
-    occasions, known = Occasions(seed), dict(enumerate(before[0].faults if before[0] else ()))
+    occasions, known = FaultSchedule(seed), dict(enumerate(before[0].faults if before[0] else ()))
     return tuple(
         before[1][n] if known.get(n) == fault else occasions.begun(n, fault.when, since)
         for n, fault in enumerate(faults.faults if faults else ())
     )
 
 
-def _meddled(fault: Hang | Raise, path: str) -> Outcome:
+def _meddled(fault: Hang | Raise, path: str) -> InjectionResult:
     name = path.rsplit("/", 1)[-1]
     does = "hangs" if isinstance(fault, Hang) else "raises an exception"
-    return Outcome(f"the code of {name} {does}", {"fault": fault.name, "skill": path})
+    return InjectionResult(f"the code of {name} {does}", {"fault": fault.name, "skill": path})
 
 
 def _body(fault: Hang | Raise) -> Callable[[], Generator[None, None, None]]:

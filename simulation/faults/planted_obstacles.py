@@ -21,7 +21,7 @@ ROOM = 0.01
 """Nobody puts anything nearer than this to an item or the robot, m."""
 
 
-class Obstacles:
+class HiddenObstacles:
     """The bodies of one run. `body` is whatever a backend has for one: `put` makes it, `take` ends it."""
 
     def __init__(self, put: Callable[[Fixture], None], take: Callable[[ObjectId], None]) -> None:
@@ -57,7 +57,7 @@ class Obstacles:
             self.put(body)
 
 
-class Room:
+class FreeSpaceCheck:
     """Whether a place is free of items and robot. Fixtures do not count: they do not mind."""
 
     def __init__(self, model: RobotModel) -> None:

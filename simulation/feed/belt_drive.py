@@ -47,7 +47,7 @@ class BeltState:
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class BeltSurface:
     """A belt's level top. `pose` is its middle, x along the way that items ride."""
 
     pose: Pose
@@ -55,7 +55,7 @@ class Track:
     width: float
 
     @classmethod
-    def of(cls, fixture: Fixture) -> Track:
+    def of(cls, fixture: Fixture) -> BeltSurface:
         assert isinstance(fixture.shape, Box)
         length, width, height = fixture.shape.size
         return cls(fixture.pose @ Pose((0.0, 0.0, height / 2)), length, width)
@@ -90,7 +90,7 @@ class BeltDrive(ABC):
 
     def __init__(self, belt: Belt, fixture: Fixture) -> None:
         self.belt = belt
-        self.track = Track.of(fixture)
+        self.track = BeltSurface.of(fixture)
         self.state = BeltState(belt.id)
 
     @property

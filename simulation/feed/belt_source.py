@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from ...world.journal import Happened
-from ...world.random_streams import Streams
+from ...world.journal import JournalEvent
+from ...world.random_streams import RandomStreams
 from ...world.scene.description import SceneDescription
 from ...world.scene.feed import Delivery
 from ...world.scene.loading.feed_loading import APART, SPREAD, reach
@@ -15,8 +15,8 @@ from ...world.shapes import bottom
 from ...world.values import Pose
 from ..common.footprints import distance, footprint
 from ..spawning.spawn import LooseItem, SpawnedItem, draw_load
-from .belt_drive import BeltDrive, Track
-from .cell_interface import LOOK, Cell
+from .belt_drive import BeltDrive, BeltSurface
+from .cell_interface import LOOK, FeedCell
 from .light_curtain import Zone
 
 MARGIN = 0.05
@@ -54,17 +54,19 @@ class BeltFeedState:
     deliveries: int = 0
 
 
-class BeltFeeding:
-    """`Bringer` of an entry with a belt. The belt stops when its light barrier sees another item come; one
+class BeltFeed:
+    """`ItemSource` of an entry with a belt. The belt stops when its light barrier sees another item come; one
     that was left lying there rides on. When all have come it stops once the last is at the barrier."""
 
-    def __init__(self, scene: SceneDescription, number: int, cell: Cell, drive: BeltDrive, seed: int) -> None:
+    def __init__(
+        self, scene: SceneDescription, number: int, cell: FeedCell, drive: BeltDrive, seed: int
+    ) -> None:
         self._scene = scene
         self._number = number
         self._delivery: Delivery = scene.deliveries[number]
         self._cell = cell
         self._drive = drive
-        self._streams = Streams(seed)
+        self._streams = RandomStreams(seed)
         load = self._delivery.load
         # Each round of the mixture has every colour as often.
         self._round = replace(load, counts=tuple((kind, n * len(load.colours)) for kind, n in load.counts))
@@ -77,7 +79,7 @@ class BeltFeeding:
         self._zone = zone_of(track)
         self._state = BeltFeedState()
         self._next = self._drawn(0)
-        self._events: list[Happened] = []
+        self._events: list[JournalEvent] = []
 
     @property
     def exhausted(self) -> bool:
@@ -114,7 +116,7 @@ class BeltFeeding:
                 if step % LOOK == 0 and not self._drive.moving:
                     self._wait_for_rest()
 
-    def take_events(self) -> tuple[Happened, ...]:
+    def take_events(self) -> tuple[JournalEvent, ...]:
         events, self._events = tuple(self._events), []
         return events
 
@@ -199,7 +201,7 @@ class BeltFeeding:
         self._state = replace(self._state, put=self._state.put + 1, last=self._drive.travelled)
         self._next = self._drawn(self._state.put)
 
-    def _drawn(self, number: int) -> Coming:
+    def _drawn(self, number: int) -> NextBeltItem:
         """The item of that number: from scene and seed alone."""
         name = f"feed/{self._number}"
         rng = self._streams.at(name, number // self._size)
@@ -208,16 +210,16 @@ class BeltFeeding:
         place = self._streams.at(f"{name}/place", number)
         spacing = self._delivery.spacing * float(place.uniform(1 - SPREAD, 1 + SPREAD))
         aside = float(place.uniform(-self._aside, self._aside))
-        return Coming(items[int(order[number % self._size])], spacing, aside)
+        return NextBeltItem(items[int(order[number % self._size])], spacing, aside)
 
     def _tell(self, kind: str, does: str, data: dict[str, int]) -> None:
         belt = self._drive.id
         known = {"feed": self._number, "belt": belt, "number": self._state.runs}
-        self._events.append(Happened(kind, f"{belt} {does}", "", {**known, **data}))
+        self._events.append(JournalEvent(kind, f"{belt} {does}", "", {**known, **data}))
 
 
 @dataclass(frozen=True, slots=True)
-class Coming:
+class NextBeltItem:
     """The next item for a belt."""
 
     item: LooseItem
@@ -227,7 +229,7 @@ class Coming:
     """From the belt's middle line, m."""
 
 
-def zone_of(track: Track) -> Zone:
+def zone_of(track: BeltSurface) -> Zone:
     """Where no arm may be while the belt runs."""
     x, y, _ = track.pose.position
     ahead = track.pose.rotation()[:, 0]

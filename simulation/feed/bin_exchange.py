@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ...errors import PicktreeError
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.scene.description import Bin, SceneDescription
 from ...world.values import ObjectId
 from ..scoring.truth import TrueBody
-from .cell_interface import LOOK, Cell
+from .cell_interface import LOOK, FeedCell
 from .light_curtain import Zone
 
 MARGIN = 0.05
@@ -35,7 +35,7 @@ class ExchangeState:
 class BinExchange:
     """One person: bins are exchanged one after the other. Without `exchange` in the scene nobody hears."""
 
-    def __init__(self, scene: SceneDescription, cell: Cell) -> None:
+    def __init__(self, scene: SceneDescription, cell: FeedCell) -> None:
         self._cell = cell
         self._bins: Mapping[str, Bin] = {each.id: each for each in scene.bins}
         self._exchange = scene.exchange
@@ -43,7 +43,7 @@ class BinExchange:
         self._worked = 0.0
         self._done: Counter[ObjectId] = Counter()
         self.obstructed = False
-        self._events: list[Happened] = []
+        self._events: list[JournalEvent] = []
 
     @property
     def busy(self) -> bool:
@@ -74,7 +74,7 @@ class BinExchange:
         if self._worked >= self._exchange.seconds - 1e-9:
             self._carry_out(each)
 
-    def take_events(self) -> tuple[Happened, ...]:
+    def take_events(self) -> tuple[JournalEvent, ...]:
         """What has happened since it was asked last."""
         events, self._events = tuple(self._events), []
         return events
@@ -96,7 +96,9 @@ class BinExchange:
         number = self._done[each.id]
         message = f"{each.id} is exchanged for an empty one, with {_counted(len(inside))} in it"
         self._events.append(
-            Happened("bin_exchanged", message, "", {"bin": each.id, "items": len(inside), "number": number})
+            JournalEvent(
+                "bin_exchanged", message, "", {"bin": each.id, "items": len(inside), "number": number}
+            )
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Protocol
 
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.values import ObjectId
 from ..scoring.truth import TrueBody
 from ..spawning.spawn import SpawnedItem
@@ -15,7 +15,7 @@ LOOK = 12
 """Control periods from one look of theirs at the cell to the next."""
 
 
-class Cell(Protocol):
+class FeedCell(Protocol):
     """A simulated cell as people and feeders meet it."""
 
     @property
@@ -53,7 +53,7 @@ class Cell(Protocol):
         ...
 
 
-class Bringer(Protocol):
+class ItemSource(Protocol):
     """One entry of a scene's feed at work."""
 
     @property
@@ -84,6 +84,6 @@ class Bringer(Protocol):
         """A control period has passed, the step-th of the run."""
         ...
 
-    def take_events(self) -> tuple[Happened, ...]:
+    def take_events(self) -> tuple[JournalEvent, ...]:
         """What has happened since it was asked last."""
         ...

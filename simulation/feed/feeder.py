@@ -6,22 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ...errors import PicktreeError
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.protocols import FeedSignals
 from ...world.scene.description import SceneDescription
 from ...world.values import ObjectId
 from .belt_drive import BeltDrive
-from .belt_source import BeltFeeding, BeltFeedState
+from .belt_source import BeltFeed, BeltFeedState
 from .bin_exchange import BinExchange, ExchangeState
-from .cell_interface import Bringer, Cell
-from .table_source import TableFeeding, TableState
+from .cell_interface import FeedCell, ItemSource
+from .table_source import TableFeed, TableFeedState
 
 
 @dataclass(frozen=True, slots=True)
 class FeederState:
     """For a checkpoint: each part in the order of the scene file."""
 
-    tables: tuple[TableState, ...] = ()
+    tables: tuple[TableFeedState, ...] = ()
     belts: tuple[BeltFeedState, ...] = ()
     exchange: ExchangeState = field(default_factory=ExchangeState)
 
@@ -30,20 +30,20 @@ class Feeder:
     """Runs the entries of the scene's feed and the exchange of bins."""
 
     def __init__(
-        self, scene: SceneDescription, cell: Cell, seed: int, belts: Mapping[ObjectId, BeltDrive]
+        self, scene: SceneDescription, cell: FeedCell, seed: int, belts: Mapping[ObjectId, BeltDrive]
     ) -> None:
         """Raises PicktreeError when nothing of an entry fits into its area."""
         self._tables = tuple(
-            TableFeeding(scene, n, cell, seed)
+            TableFeed(scene, n, cell, seed)
             for n, delivery in enumerate(scene.deliveries)
             if delivery.belt is None
         )
         self._belts = tuple(
-            BeltFeeding(scene, n, cell, belts[delivery.belt], seed)
+            BeltFeed(scene, n, cell, belts[delivery.belt], seed)
             for n, delivery in enumerate(scene.deliveries)
             if delivery.belt is not None
         )
-        self._bringers: tuple[Bringer, ...] = (*self._tables, *self._belts)
+        self._bringers: tuple[ItemSource, ...] = (*self._tables, *self._belts)
         self._exchange = BinExchange(scene, cell)
 
     def ready(self) -> None:
@@ -69,7 +69,7 @@ class Feeder:
             each.stepped(step)
         self._exchange.stepped(step)
 
-    def take_events(self) -> tuple[Happened, ...]:
+    def take_events(self) -> tuple[JournalEvent, ...]:
         """What has happened since it was asked last, for the journal: numbers, bins and belts, never where
         an item lies."""
         events = [event for each in self._bringers for event in each.take_events()]

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, replace
 
 from ...errors import PicktreeError
-from ...world.journal import Happened
-from ...world.random_streams import Streams
+from ...world.journal import JournalEvent
+from ...world.random_streams import RandomStreams
 from ...world.scene.description import SceneDescription
-from ...world.scene.feed import At, Clear, Delivery, Every
+from ...world.scene.feed import AtIntervals, AtTimes, Delivery, WhenClear
 from ...world.scene.loading.feed_loading import reach
 from ...world.values import Array, ObjectId, Quaternion
 from ..common.footprints import footprint, support_height
@@ -18,10 +18,10 @@ from ..spawning.spawn import (
     SpawnedItem,
     draw_load,
     lay_out_some,
+    occupied_outlines,
     set_down,
-    standing,
 )
-from .cell_interface import LOOK, Cell
+from .cell_interface import LOOK, FeedCell
 from .light_curtain import Zone
 
 MARGIN = 0.05
@@ -44,7 +44,7 @@ class WaitingItem:
 
 
 @dataclass(frozen=True, slots=True)
-class TableState:
+class TableFeedState:
     """How far an entry of the feed has come."""
 
     drawn: int = 0
@@ -69,10 +69,11 @@ class TableState:
     deliveries: int = 0
 
 
-class TableFeeding:
-    """`Bringer` of an entry with an area. Raises PicktreeError when not even one of its items fits there."""
+class TableFeed:
+    """`ItemSource` of an entry with an area. Raises PicktreeError when not even one of its items fits
+    there."""
 
-    def __init__(self, scene: SceneDescription, number: int, cell: Cell, seed: int) -> None:
+    def __init__(self, scene: SceneDescription, number: int, cell: FeedCell, seed: int) -> None:
         self._scene = scene
         self._number = number
         self._where = f"{scene.source or scene.name}: feed[{number}]"
@@ -81,11 +82,11 @@ class TableFeeding:
         self._size = sum(count for _, count in self._load.counts)
         when = self._delivery.when
         self._total = self._delivery.total
-        if self._total is None and isinstance(when, At):
+        if self._total is None and isinstance(when, AtTimes):
             self._total = self._size * len(when.times)
         self._cell = cell
-        self._streams = Streams(seed)
-        self._standing = standing(scene)
+        self._streams = RandomStreams(seed)
+        self._standing = occupied_outlines(scene)
         widest = max(reach(scene.entry(kind).shape, 1.0) for kind, _ in self._load.counts)
         (x0, y0), (x1, y1) = self._load.area
         middle, half = ((x0 + x1) / 2, (y0 + y1) / 2), ((x1 - x0) / 2, (y1 - y0) / 2)
@@ -93,8 +94,8 @@ class TableFeeding:
         levels = (support_height(scene.fixtures, x, y) for x in (x0, x1) for y in (y0, y1))
         self._level = min((level for level in levels if level is not None), default=-math.inf)
         """Of the table: what lies lower is in nobody's way, m."""
-        self._events: list[Happened] = []
-        self._state = TableState(due=when.period if isinstance(when, Every) else 0.0)
+        self._events: list[JournalEvent] = []
+        self._state = TableFeedState(due=when.period if isinstance(when, AtIntervals) else 0.0)
         first, _ = self._hand()
         if not self._places(first, empty=True):
             raise PicktreeError(
@@ -121,7 +122,7 @@ class TableFeeding:
 
     def ready(self) -> None:
         """What is being set down is what the robot is ready for."""
-        if isinstance(self._delivery.when, Clear) and not self._state.settling and not self._all_brought:
+        if isinstance(self._delivery.when, WhenClear) and not self._state.settling and not self._all_brought:
             self._state = replace(self._state, pending=True)
 
     def stepped(self, step: int) -> None:
@@ -141,15 +142,15 @@ class TableFeeding:
         if not self._state.obstructed:
             self._bring(now)
 
-    def take_events(self) -> tuple[Happened, ...]:
+    def take_events(self) -> tuple[JournalEvent, ...]:
         events, self._events = tuple(self._events), []
         return events
 
-    def state(self) -> TableState:
+    def state(self) -> TableFeedState:
         """For a checkpoint."""
         return self._state
 
-    def restore(self, state: TableState) -> None:
+    def restore(self, state: TableFeedState) -> None:
         self._state = state
 
     @property
@@ -161,11 +162,11 @@ class TableFeeding:
         if self._all_brought:
             return False
         match self._delivery.when:
-            case Clear():
+            case WhenClear():
                 return False
-            case Every():
+            case AtIntervals():
                 return now >= self._state.due - 1e-9
-            case At(times):
+            case AtTimes(times):
                 return self._state.loads >= len(times) or now >= times[self._state.loads] - 1e-9
 
     def _bring(self, now: float) -> None:
@@ -235,7 +236,7 @@ class TableFeeding:
 
     def _next_due(self, now: float) -> float:
         match self._delivery.when:
-            case Every(period):
+            case AtIntervals(period):
                 return (int((now + 1e-9) // period) + 1) * period
             case _:
                 return now
@@ -249,7 +250,7 @@ class TableFeeding:
         number = self._state.loads
         message = f"{_counted(items)} set down" + (f", {waiting} more found no room" if waiting else "")
         self._events.append(
-            Happened(
+            JournalEvent(
                 "delivery",
                 message,
                 "",

@@ -13,30 +13,30 @@ import pinocchio as pin
 from ...errors import PicktreeError
 from ...robots.description import RobotDescription
 from ...robots.model import RobotModel, pose_of
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.protocols import Camera, Feed, NoFeed, SensorStamps
-from ...world.random_streams import Streams
+from ...world.random_streams import RandomStreams
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape, bottom, scaled
 from ...world.values import GRAVITY, Array, JointState, ObjectId, Pose, Quaternion, Vector3, Wrench
 from ..checkpoints.kinematic_state import ItemState, KinematicState
 from ..checkpoints.physics_state import GripperCommand
 from ..common.footprints import floor_height
-from ..common.uncertain_fixtures import displaced
+from ..common.uncertain_fixtures import displace_fixtures
 from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
-from ..faults.device_faults import Ailments, jammed
-from ..faults.planted_obstacles import ROOM, Obstacles, Room
+from ..faults.device_faults import DeviceFaults, jammed
+from ..faults.planted_obstacles import ROOM, FreeSpaceCheck, HiddenObstacles
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
-from ..scoring.truth import Boards, TrueBody, TrueObstacle
+from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
 from ..spawning.inventory import Inventory
-from ..spawning.spawn import TIGHT, SpawnedItem, arriving, grown, spawn_items, walls
+from ..spawning.spawn import TIGHT, SpawnedItem, enlarged_item, placed_item, spawn_items, walls
 from .belts import KinematicBelts
-from .bodies import Bodies, Body, Prism
-from .camera import KinematicCamera, Posture, Stage
+from .bodies import KinematicBodies, KinematicBody, Prism
+from .camera import KinematicCamera, Posture, RenderStage
 from .cell_access import KinematicCell, body_of, true_body
 from .gripper import KinematicGripper, WeakJoints
-from .pushing import Feet, KinematicPushing
+from .pushing import KinematicContacts, KinematicPushing
 
 STIFFNESS = 2.0e4
 """Of a contact with what is below, N/m."""
@@ -53,10 +53,10 @@ HELD = "held"
 class KinematicArm:
     """`protocols.Arm`: follows exactly, or integrates the rigid-body dynamics under torques."""
 
-    def __init__(self, model: RobotModel, period: float, ailments: Ailments | None = None) -> None:
+    def __init__(self, model: RobotModel, period: float, ailments: DeviceFaults | None = None) -> None:
         self._model = model
         self._period = period
-        self._ailments = ailments or Ailments(())
+        self._ailments = ailments or DeviceFaults(())
         self._weak = WeakJoints(model, period)
         self._torque: Array | None = None
         self.set(model.named("home"), np.zeros(model.n))
@@ -117,7 +117,7 @@ class KinematicArm:
 class KinematicWrench:
     """`protocols.WrenchSensor`, without noise."""
 
-    def __init__(self, ailments: Ailments, turn: Callable[[], Quaternion]) -> None:
+    def __init__(self, ailments: DeviceFaults, turn: Callable[[], Quaternion]) -> None:
         """`turn`: how the sensor is turned in the world."""
         self.reading = Wrench()
         self._ailments = ailments
@@ -159,24 +159,24 @@ class KinematicHardware:
         self.model = RobotModel(robot)
         same = robot.tool == scene.tool
         self._believed = self.model if same else RobotModel(replace(robot, tool=scene.tool))
-        self._real = real = displaced(scene, seed, level=True)
+        self._real = real = displace_fixtures(scene, seed, level=True)
         items = spawn_items(scene, seed)
         self._inventory = Inventory(scene, items)
-        self._boards = Boards(real.fixtures)
-        self.bodies = Bodies(real, (body_of(item) for item in items))
-        self._obstacles = Obstacles(lambda _: self._restand(), lambda _: self._restand())
+        self._boards = HoledFixtures(real.fixtures)
+        self.bodies = KinematicBodies(real, (body_of(item) for item in items))
+        self._obstacles = HiddenObstacles(lambda _: self._restand(), lambda _: self._restand())
         self._obstacles.renew(scene.unknown)
-        self._room: Room | None = None
+        self._room: FreeSpaceCheck | None = None
         self.bodies.settle()
         floor = floor_height(scene.fixtures, robot.base_in_world.position[2])
         self._belts = KinematicBelts(scene, self.bodies, floor, period)
         self.clock = KinematicClock(period)
-        self.ailments = Ailments(c.name for c in scene.cameras)
+        self.ailments = DeviceFaults(c.name for c in scene.cameras)
         self.arm = KinematicArm(self.model, period, self.ailments)
         self.gripper = KinematicGripper(robot.gripper, self.bodies, self.ailments)
         self.wrench = KinematicWrench(self.ailments, lambda: self.model.flange(self.arm.position).orientation)
-        streams = Streams(seed)
-        stage = Stage(real, robot, period)
+        streams = RandomStreams(seed)
+        stage = RenderStage(real, robot, period)
         self.cameras: Mapping[str, Camera] = MappingProxyType(
             {
                 c.name: KinematicCamera(
@@ -216,7 +216,7 @@ class KinematicHardware:
         self._touching = False
         self._lent: dict[ObjectId, tuple[float, float]] = {}
         """Friction of items, their own and the one that a fault has lent them for a while."""
-        self._feet = Feet()
+        self._feet = KinematicContacts()
         self._pushing = KinematicPushing(robot.gripper, self.bodies)
         self._sense()
 
@@ -228,7 +228,7 @@ class KinematicHardware:
         if self._feeder is not None:
             self._feeder.stepped(self.clock.periods)
 
-    def take_events(self) -> tuple[Happened, ...]:
+    def take_events(self) -> tuple[JournalEvent, ...]:
         """What those who bring and take have done since it was asked last."""
         return self._feeder.take_events() if self._feeder is not None else ()
 
@@ -317,7 +317,7 @@ class KinematicHardware:
         self, shape: Shape, pose: Pose, but: str, room: float, more: Iterable[tuple[Shape, Pose]] = ()
     ) -> bool:
         """Whether a body fits between the items, all but one, and the robot."""
-        self._room = self._room or Room(self.model)
+        self._room = self._room or FreeSpaceCheck(self.model)
         items = [(item.entry.shape, item.pose) for item in self.bodies.present if item.id != but]
         return self._room.free(shape, pose, [*items, *more], self.arm.position, self.gripper.width, room)
 
@@ -342,7 +342,7 @@ class KinematicHardware:
         """A fault: the item is so many times as large, its mass and its friction stay; False: there is no
         room for it between the others and the robot, or it is held."""
         body = self._known(item)
-        entry, pose = grown(body.entry, body.pose, factor)
+        entry, pose = enlarged_item(body.entry, body.pose, factor)
         if self.bodies.held == body.id or not self._free(entry.shape, pose, item, TIGHT):
             return False
         self.bodies.put(replace(body, entry=entry, pose=pose, scale=body.scale * factor))
@@ -352,7 +352,7 @@ class KinematicHardware:
     def appear(self, kind: str, colour: str, place: tuple[float, float], yaw: float) -> ObjectId | None:
         """A fault: a further item lies there; None: something is there now. Raises PicktreeError where no
         fixture is below."""
-        item = arriving(self._real, self._inventory.next_id(), kind, colour, place, yaw)
+        item = placed_item(self._real, self._inventory.next_id(), kind, colour, place, yaw)
         if not self._free(item.entry.shape, item.pose, "", TIGHT, walls(self.scene)):
             return None
         self._inventory.add(item)
@@ -372,7 +372,7 @@ class KinematicHardware:
         self.ailments.end(number)
 
     def _doing(self, fault: Ailing) -> tuple[float, ...]:
-        """What the device is doing that a fault befalls, as `Ailments` keeps it."""
+        """What the device is doing that a fault befalls, as `DeviceFaults` keeps it."""
         match fault:
             case GripperJam():
                 told = GripperCommand(self.gripper.target, self.gripper.force)
@@ -448,12 +448,12 @@ class KinematicHardware:
         self._pushing.forget()
         self._sense(still=True)
 
-    def _item_state(self, body: Body) -> ItemState:
+    def _item_state(self, body: KinematicBody) -> ItemState:
         """With the friction that is its own, not one that a fault has lent it."""
         own = self._lent.get(body.id, (body.friction, 0.0))[0]
         return ItemState(body.id, body.pose, own, body.entry.mass, body.present, body.scale)
 
-    def _known(self, item: str) -> Body:
+    def _known(self, item: str) -> KinematicBody:
         if self._inventory.has_left(item):
             raise PicktreeError(f"item {item!r} was taken away before")
         if item not in self.bodies:
@@ -583,8 +583,8 @@ class KinematicHardware:
         return found
 
 
-def _restored(item: SpawnedItem, saved: ItemState) -> Body:
+def _restored(item: SpawnedItem, saved: ItemState) -> KinematicBody:
     entry = replace(item.entry, mass=saved.mass)
     if saved.scale != 1.0:
         entry = replace(entry, shape=scaled(entry.shape, saved.scale))
-    return Body(item.id, entry, item.colour, saved.pose, saved.friction, saved.present, saved.scale)
+    return KinematicBody(item.id, entry, item.colour, saved.pose, saved.friction, saved.present, saved.scale)

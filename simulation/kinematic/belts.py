@@ -13,7 +13,7 @@ from ...world.scene.description import Fixture, SceneDescription
 from ...world.scene.feed import Belt
 from ...world.values import ObjectId, Vector3
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
-from .bodies import Bodies, Body, Prism
+from .bodies import KinematicBodies, KinematicBody, Prism
 
 STANDS = 1e-3
 """So near to what is below it an item stands on it, m."""
@@ -24,7 +24,9 @@ BESIDE = 1e-3
 class KinematicBelt(BeltDrive):
     """One belt under the items of a run."""
 
-    def __init__(self, belt: Belt, fixture: Fixture, bodies: Bodies, floor: float, period: float) -> None:
+    def __init__(
+        self, belt: Belt, fixture: Fixture, bodies: KinematicBodies, floor: float, period: float
+    ) -> None:
         super().__init__(belt, fixture)
         self._bodies = bodies
         self._floor = floor
@@ -60,9 +62,9 @@ class KinematicBelt(BeltDrive):
         for body in riding:
             self._drop_beyond(body.id)
 
-    def _riding(self) -> list[Body]:
+    def _riding(self) -> list[KinematicBody]:
         """Who stands on the belt, and who stands on those."""
-        riding: list[Body] = []
+        riding: list[KinematicBody] = []
         tops: list[Prism] = []
         track = self.track
         for body, prism in sorted(self._bodies.standing(), key=lambda each: (each[1].low[2], each[0].id)):
@@ -96,7 +98,7 @@ def _crosses(prism: Prism, one: Vector3, other: Vector3) -> bool:
 class KinematicBelts:
     """All belts of a scene."""
 
-    def __init__(self, scene: SceneDescription, bodies: Bodies, floor: float, period: float) -> None:
+    def __init__(self, scene: SceneDescription, bodies: KinematicBodies, floor: float, period: float) -> None:
         self.drives: Mapping[ObjectId, KinematicBelt] = MappingProxyType(
             {b.id: KinematicBelt(b, scene.fixture(b.id), bodies, floor, period) for b in scene.belts}
         )

@@ -9,14 +9,14 @@ from ...world.scene.description import CatalogueEntry, Fixture, SceneDescription
 from ...world.shapes import Shape, extents
 from ...world.values import ObjectId, Pose, Vector3
 from ..common.footprints import Footprint, distance, footprint
-from .holes import Mouths, Under
+from .holes import HoleBelow, KinematicHoles
 
 SINKING = 0.005
 """A surface counts as below when it is at most this much above the lowest point, m."""
 
 
 @dataclass(frozen=True, slots=True)
-class Body:
+class KinematicBody:
     """One item as it really is."""
 
     id: ObjectId
@@ -84,16 +84,16 @@ class Prism:
         )
 
 
-class Bodies:
+class KinematicBodies:
     """All items of a run over the fixtures and bins of its scene."""
 
-    def __init__(self, scene: SceneDescription, items: Iterable[Body]) -> None:
+    def __init__(self, scene: SceneDescription, items: Iterable[KinematicBody]) -> None:
         parts = [(f.id, f.shape, f.pose) for f in scene.fixtures]
         parts += [(b.id, box, pose) for b in scene.bins for box, pose in b.parts()]
         self._fixed = tuple(Prism.of(name, shape, pose) for name, shape, pose in parts)
         self._scenery = self._fixed
-        self._mouths = Mouths(scene.fixtures)
-        self._items: dict[ObjectId, Body] = {}
+        self._mouths = KinematicHoles(scene.fixtures)
+        self._items: dict[ObjectId, KinematicBody] = {}
         self._prisms: dict[ObjectId, Prism] = {}
         self.held: ObjectId | None = None
         self.highest = 0.0
@@ -101,7 +101,7 @@ class Bodies:
         self.replace_all(items, None)
 
     @property
-    def items(self) -> tuple[Body, ...]:
+    def items(self) -> tuple[KinematicBody, ...]:
         """All that did not leave with a bin, those too that a fault took away."""
         return tuple(self._items.values())
 
@@ -111,29 +111,29 @@ class Bodies:
         return self._fixed
 
     @property
-    def present(self) -> tuple[Body, ...]:
+    def present(self) -> tuple[KinematicBody, ...]:
         return tuple(body for body in self._items.values() if body.present)
 
-    def __getitem__(self, item: ObjectId) -> Body:
+    def __getitem__(self, item: ObjectId) -> KinematicBody:
         return self._items[item]
 
     def __contains__(self, item: object) -> bool:
         return item in self._items
 
-    def replace_all(self, items: Iterable[Body], held: ObjectId | None) -> None:
+    def replace_all(self, items: Iterable[KinematicBody], held: ObjectId | None) -> None:
         self._items = {body.id: body for body in items}
         self.held = held
         self._prisms = {b.id: Prism.of(b.id, b.entry.shape, b.pose) for b in self.present if b.id != held}
         self._measure()
 
-    def put(self, body: Body) -> None:
+    def put(self, body: KinematicBody) -> None:
         """Set the item where it says, without asking what is below."""
         self._items[body.id] = body
         if body.present and body.id != self.held:
             self._prisms[body.id] = Prism.of(body.id, body.entry.shape, body.pose)
             self._measure()
 
-    def standing(self) -> tuple[tuple[Body, Prism], ...]:
+    def standing(self) -> tuple[tuple[KinematicBody, Prism], ...]:
         """Who is present and not held."""
         return tuple((self._items[name], prism) for name, prism in self._prisms.items())
 
@@ -212,7 +212,7 @@ class Bodies:
             body = replace(body, pose=body.pose.shifted((0.0, 0.0, surface - prism.low[2])))
         self.put(body)
 
-    def in_hole(self, body: Body) -> Under | None:
+    def in_hole(self, body: KinematicBody) -> HoleBelow | None:
         """The hole that holds the body, if one does."""
         hole = self._mouths.under(body.entry.shape, body.pose)
         return hole if hole is not None and hole.entered else None

@@ -9,18 +9,18 @@ import numpy as np
 
 from ...robots.description import RobotDescription
 from ...world.protocols import Clock, NoImage, RgbdImage
-from ...world.random_streams import Streams
+from ...world.random_streams import RandomStreams
 from ...world.scene.description import CameraDescription, Fixture, SceneDescription
 from ...world.shapes import Shape
 from ...world.values import Array, ObjectId, Pose
-from ..common.sensor_noise import noisy_colour, noisy_depth, shown
-from ..faults.device_faults import Ailments
+from ..common.sensor_noise import mislabelled, noisy_colour, noisy_depth
+from ..faults.device_faults import DeviceFaults
 from ..physics.bodies import add_item, add_obstacle
 from ..physics.engine.pybullet_import import Client, pb
-from ..physics.rgbd_camera import Picture, Scenery, View, in_front, intrinsics
+from ..physics.rgbd_camera import CameraRenderer, RenderedImage, StaticScene, in_front, intrinsics
 from ..physics.robot.robot_body import RobotBody
 from ..spawning.spawn import SpawnedItem
-from .bodies import Bodies, Body
+from .bodies import KinematicBodies, KinematicBody
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +33,7 @@ class Posture:
     believed_tool: Pose
 
 
-class Stage:
+class RenderStage:
     """A pybullet client that is only looked at. It is made when the first image is taken."""
 
     def __init__(self, scene: SceneDescription, robot: RobotDescription, period: float) -> None:
@@ -44,16 +44,16 @@ class Stage:
         self._numbers: dict[ObjectId, int] = {}
         self._shapes: dict[ObjectId, Shape] = {}
         self._obstacles: dict[Fixture, int] = {}
-        self._scenery: Scenery | None = None
+        self._scenery: StaticScene | None = None
 
     def render(
         self,
         camera: CameraDescription,
         posture: Posture,
-        bodies: Iterable[Body],
+        bodies: Iterable[KinematicBody],
         obstacles: Iterable[Fixture] = (),
         moved: Pose | None = None,
-    ) -> Picture:
+    ) -> RenderedImage:
         """What the camera sees of robot, items and obstacles, in front of what never moves; `bodies` and
         `obstacles` are those that are there. `moved`: its optical frame in the frame as it was."""
         if self._scenery is None:
@@ -62,20 +62,20 @@ class Stage:
         self._body.place(joints, (0.0,) * len(joints))
         self._set(bodies)
         self._stand(obstacles)
-        view = View(camera)
+        view = CameraRenderer(camera)
         optical = view.truly(posture.tool)
         if moved is not None:
             optical = optical @ moved
         return in_front(view.render(self._client, optical), self._scenery.behind(view, optical))
 
-    def _open(self) -> Scenery:
+    def _open(self) -> StaticScene:
         owner = Client()
         self._client = owner.id
         self._body = RobotBody(self._robot, owner, self._period)
         self._body.load()
-        return Scenery(self._scene)
+        return StaticScene(self._scene)
 
-    def _set(self, bodies: Iterable[Body]) -> None:
+    def _set(self, bodies: Iterable[KinematicBody]) -> None:
         """Bring those that are there where they are, and take the others away."""
         there = {body.id: body for body in bodies}
         for name in [name for name in self._numbers if name not in there]:
@@ -105,17 +105,17 @@ class KinematicCamera:
     def __init__(
         self,
         camera: CameraDescription,
-        stage: Stage,
-        bodies: Bodies,
+        stage: RenderStage,
+        bodies: KinematicBodies,
         clock: Clock,
         posture: Callable[[], Posture],
         obstacles: Callable[[], Iterable[Fixture]] = tuple,
-        ailments: Ailments | None = None,
-        streams: Streams | None = None,
+        ailments: DeviceFaults | None = None,
+        streams: RandomStreams | None = None,
     ) -> None:
         """`ailments` and `streams`: what is wrong with the cameras, and for the noise that a fault makes."""
-        self._ailments = ailments or Ailments(())
-        self._streams = streams or Streams(0)
+        self._ailments = ailments or DeviceFaults(())
+        self._streams = streams or RandomStreams(0)
         self._camera = camera
         self._stage = stage
         self._bodies = bodies
@@ -133,7 +133,7 @@ class KinematicCamera:
         picture = self._stage.render(self._camera, posture, self._bodies.present, self._obstacles(), moved)
         depth, colour = np.where(np.isfinite(picture.depth), picture.depth, np.float32(0.0)), picture.colour
         if trouble is not None:
-            colour = shown(colour, trouble.shown)
+            colour = mislabelled(colour, trouble.shown)
         if trouble is not None and trouble.noise != 1.0:
             rng = self._streams.at(f"sensor/camera/{name}", round(1000.0 * self._clock.now))
             colour = noisy_colour(colour, rng, trouble.noise)
@@ -144,5 +144,5 @@ class KinematicCamera:
             depth=depth,
             stamp=self._clock.now,
             intrinsics=intrinsics(self._camera),
-            camera_in_world=View(self._camera).believed(posture.believed_tool),
+            camera_in_world=CameraRenderer(self._camera).believed(posture.believed_tool),
         )

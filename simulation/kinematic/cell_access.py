@@ -12,7 +12,7 @@ from ..feed.light_curtain import LightCurtain, Zone
 from ..scoring.truth import TrueBody
 from ..spawning.inventory import Inventory, departed
 from ..spawning.spawn import SpawnedItem
-from .bodies import Bodies, Body
+from .bodies import KinematicBodies, KinematicBody
 from .camera import Posture
 
 
@@ -22,7 +22,7 @@ class KinematicCell:
     def __init__(
         self,
         model: RobotModel,
-        bodies: Bodies,
+        bodies: KinematicBodies,
         inventory: Inventory,
         clock: Clock,
         period: float,
@@ -65,12 +65,12 @@ class KinematicCell:
         return self._curtain.crossed(zone, posture.position, posture.width)
 
 
-def body_of(item: SpawnedItem) -> Body:
+def body_of(item: SpawnedItem) -> KinematicBody:
     """An item as it comes into the world."""
-    return Body(item.id, item.entry, item.colour, item.pose, item.entry.friction)
+    return KinematicBody(item.id, item.entry, item.colour, item.pose, item.entry.friction)
 
 
-def true_body(body: Body, inventory: Inventory) -> TrueBody:
+def true_body(body: KinematicBody, inventory: Inventory) -> TrueBody:
     """A body as truth."""
     brought_by = inventory.here[body.id].brought_by
     true = TrueBody.of(body.id, body.entry, body.colour, body.pose)

@@ -11,8 +11,8 @@ from ...robots.model import RobotModel
 from ...world.shapes import extents
 from ...world.values import GRAVITY, Array, GripperState, ObjectId, Pose
 from ..checkpoints.physics_state import GripperCommand
-from ..faults.device_faults import Ailments
-from .bodies import Bodies, Body
+from ..faults.device_faults import DeviceFaults
+from .bodies import KinematicBodies, KinematicBody
 
 STIFFNESS = 60.0
 """Of the servo of a joint that cannot follow exactly: natural frequency, rad/s; critically damped."""
@@ -70,10 +70,10 @@ class KinematicGripper:
     """`protocols.Gripper`. Holding needs friction: 2μF must carry the weight."""
 
     def __init__(
-        self, description: GripperDescription, bodies: Bodies, ailments: Ailments | None = None
+        self, description: GripperDescription, bodies: KinematicBodies, ailments: DeviceFaults | None = None
     ) -> None:
         self._description = description
-        self._ailments = ailments or Ailments(())
+        self._ailments = ailments or DeviceFaults(())
         self._bodies = bodies
         pad = description.pads[0][0].size
         self._reach_x = pad[0] / 2
@@ -139,7 +139,7 @@ class KinematicGripper:
         self.width = width
         self.speed = (width - before) / period
 
-    def _carries(self, body: Body, force: float) -> bool:
+    def _carries(self, body: KinematicBody, force: float) -> bool:
         friction = body.friction * self._description.pad_contact.friction
         return 2.0 * friction * force >= body.entry.mass * GRAVITY
 

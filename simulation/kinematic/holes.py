@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ...world.belief.hole_matching import Slack, slack
+from ...world.belief.hole_matching import Slack, hole_clearance
 from ...world.scene.description import Fixture
 from ...world.scene.holes import Hole
 from ...world.shapes import Box, Shape, bottom
@@ -29,7 +29,7 @@ HELD_WITHIN = 0.008
 
 
 @dataclass(frozen=True, slots=True)
-class Under:
+class HoleBelow:
     """The hole that an item is over, or in."""
 
     fixture: ObjectId
@@ -42,13 +42,13 @@ class Under:
     """It is so deep in the hole that the walls hold it."""
 
 
-class Mouths:
+class KinematicHoles:
     """The holes of fixtures, which stand level, as they really are."""
 
     def __init__(self, fixtures: Iterable[Fixture]) -> None:
         self._holes = [(f.id, hole, f.pose @ hole.pose) for f in fixtures for hole in f.holes]
 
-    def under(self, shape: Shape, pose: Pose) -> Under | None:
+    def under(self, shape: Shape, pose: Pose) -> HoleBelow | None:
         """The hole into which an item at `pose` goes if it is lowered; None when there is none."""
         for fixture, hole, mouth in self._holes:
             found = _under(fixture, hole, mouth, shape, pose)
@@ -57,8 +57,8 @@ class Mouths:
         return None
 
 
-def _under(fixture: ObjectId, hole: Hole, mouth: Pose, shape: Shape, pose: Pose) -> Under | None:
-    left = slack(hole, shape)
+def _under(fixture: ObjectId, hole: Hole, mouth: Pose, shape: Shape, pose: Pose) -> HoleBelow | None:
+    left = hole_clearance(hole, shape)
     if left is None or min(left) <= 0.0:
         return None
     item = mouth.inverse() @ pose
@@ -78,7 +78,7 @@ def _under(fixture: ObjectId, hole: Hole, mouth: Pose, shape: Shape, pose: Pose)
         if leaning > UPRIGHT or abs(turn) > max(TURN, (min(left) + 2 * hole.chamfer) / max(hole.size)):
             return None
     seated = mouth @ _seated(hole, left, item, turn)
-    return Under(fixture, hole, mouth.position[2] - hole.depth, seated, entered)
+    return HoleBelow(fixture, hole, mouth.position[2] - hole.depth, seated, entered)
 
 
 def _turn(hole: Hole, shape: Shape, rotation: Array) -> float:

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from ...manipulation.push.push_arcs import tool_outline
-from ...manipulation.push.quasi_static_pushing import Sliding
+from ...manipulation.push.quasi_static_pushing import PlanarPushModel
 from ...robots.description import GripperDescription
-from ...world.planar_geometry import Outline, Planar, moved, outline, planar
+from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, planar
 from ...world.values import GRAVITY, Array, ObjectId
-from .bodies import Bodies, Prism
+from .bodies import KinematicBodies, Prism
 
 FRESH = 0.005
 """Depth up to which a foot counts as standing upon a top where it is not known from where it came, m."""
@@ -21,7 +21,7 @@ LEVEL = 5e-4
 """A foot that was no more than this below a top came from above, m."""
 
 
-class Feet:
+class KinematicContacts:
     """Remembers upon which tops each foot has come down: a finger tip, or the bottom of what is held.
 
     A foot stands upon a body that it has entered from above, until it leaves the outline. What it entered
@@ -59,7 +59,7 @@ SIDEWAYS = 1e-7
 class KinematicPushing:
     """Moves the items of `bodies` out of the way of the finger pads."""
 
-    def __init__(self, gripper: GripperDescription, bodies: Bodies) -> None:
+    def __init__(self, gripper: GripperDescription, bodies: KinematicBodies) -> None:
         self._gripper = gripper
         self._bodies = bodies
         self._high = gripper.pads[0][0].size[2]
@@ -95,10 +95,10 @@ class KinematicPushing:
         reach = width + 0.2
         if not any(math.dist(b.pose.position[:2], position[:2].tolist()) < reach for b, _ in here):
             return 0.0, 0.0
-        at = Planar(
+        at = PlanarPose(
             float(position[0]), float(position[1]), math.atan2(float(rotation[1, 0]), float(rotation[0, 0]))
         )
-        sliding = Sliding(
+        sliding = PlanarPushModel(
             {b.id: (outline(b.entry.shape, b.pose), planar(b.entry.shape, b.pose)) for b, _ in here},
             [_still(prism) for prism in self._bodies.fixed if low < prism.high[2] - OVER],
         )
@@ -124,7 +124,7 @@ class KinematicPushing:
                 return
 
 
-def _still(prism: Prism) -> tuple[Outline, Planar]:
+def _still(prism: Prism) -> tuple[PlanarOutline, PlanarPose]:
     """Something that does not move, as it is placed in the world."""
     x, y = prism.outline.centre
-    return Outline(np.array(prism.outline.polygon), prism.outline.radius), Planar(x, y)
+    return PlanarOutline(np.array(prism.outline.polygon), prism.outline.radius), PlanarPose(x, y)

@@ -12,31 +12,39 @@ import numpy as np
 from ...errors import PicktreeError
 from ...robots.description import RobotDescription
 from ...robots.model import RobotModel
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.protocols import Camera, Clock, Feed, NoFeed, SensorStamps
-from ...world.random_streams import Streams
+from ...world.random_streams import RandomStreams
 from ...world.scene.description import Fixture, SceneDescription
 from ...world.shapes import Shape
 from ...world.values import GRAVITY, ObjectId, Pose, Vector3
 from ..checkpoints.physics_state import Checkpoint, RobotReading
-from ..common.sensor_noise import BodyNoise
-from ..common.uncertain_fixtures import displaced
+from ..common.sensor_noise import RobotSensorNoise
+from ..common.uncertain_fixtures import displace_fixtures
 from ..fault_files.device_entries import Ailing, GripperJam, Stall, WrenchDead, counted
-from ..faults.device_faults import Ailments, jammed
-from ..faults.planted_obstacles import ROOM, Obstacles, Room
+from ..faults.device_faults import DeviceFaults, jammed
+from ..faults.planted_obstacles import ROOM, FreeSpaceCheck, HiddenObstacles
 from ..feed.belt_drive import BeltDrive
 from ..feed.feeder import Feeder, FeederState, has_feeder
-from ..scoring.truth import Boards, TrueBody, TrueObstacle
-from ..spawning.spawn import TIGHT, arriving, grown, spawn_items, walls
-from .belts import Belts
+from ..scoring.truth import HoledFixtures, TrueBody, TrueObstacle
+from ..spawning.spawn import TIGHT, enlarged_item, placed_item, spawn_items, walls
+from .belts import PhysicsBelts
 from .bodies import add_fixed, add_obstacle
 from .cell_access import PhysicsCell
-from .crushing import Crushing
-from .engine.pybullet_import import EVERYDAY, RESOLUTION, SOLVER_ITERATIONS, Client, checked, pb, tune
+from .crushing import CrushDetector
+from .engine.pybullet_import import (
+    EVERYDAY,
+    RESOLUTION,
+    SOLVER_ITERATIONS,
+    Client,
+    check_step_rate,
+    pb,
+    set_step_rate,
+)
 from .items import PhysicsItems
 from .penetration import Penetrations
-from .rgbd_camera import PhysicsCamera, Scenery
-from .robot.devices import PhysicsArm, PhysicsGripper, PhysicsWrench, Senses
+from .rgbd_camera import PhysicsCamera, StaticScene
+from .robot.devices import IdealSensors, PhysicsArm, PhysicsGripper, PhysicsWrench
 from .robot.robot_body import RobotBody
 from .sleeping_items import EVERY, REST_LOOKS
 
@@ -70,28 +78,28 @@ class PhysicsHardware:
         self.scene = scene
         self.robot = robot
         self.seed = seed
-        self._real = displaced(scene, seed)
-        self._streams = Streams(seed)
+        self._real = displace_fixtures(scene, seed)
+        self._streams = RandomStreams(seed)
         client = Client()
         self.close = client.close
         """Frees the client; it happens by itself when hardware and devices are no longer used."""
         self._client = client.id
         self._body = RobotBody(robot, client, 1 / EVERYDAY)
-        noise = BodyNoise(scene.noise, self._streams, len(robot.joints))
-        self._senses = senses = Senses(noise, 0, RobotReading((), (), (), ()))
-        self._belts = Belts(scene, client.id)
+        noise = RobotSensorNoise(scene.noise, self._streams, len(robot.joints))
+        self._senses = senses = IdealSensors(noise, 0, RobotReading((), (), (), ()))
+        self._belts = PhysicsBelts(scene, client.id)
         self._items = PhysicsItems(scene, spawn_items(scene, seed), client.id, self._belts.running)
-        self._boards = Boards(self._real.fixtures)
+        self._boards = HoledFixtures(self._real.fixtures)
         self.penetrations = Penetrations(client.id)
         """How deep items and fixtures with holes are in each other, for tests and benchmarks."""
         self._fixed: dict[int, str] = {}
         self._standing: dict[ObjectId, int] = {}
-        self._obstacles = Obstacles(self._stand, self._unstand)
-        self._room: Room | None = None
-        self.ailments = Ailments(c.name for c in scene.cameras)
+        self._obstacles = HiddenObstacles(self._stand, self._unstand)
+        self._room: FreeSpaceCheck | None = None
+        self.ailments = DeviceFaults(c.name for c in scene.cameras)
         self.arm = PhysicsArm(senses, self._body, self.ailments)
         self._model: RobotModel | None = None
-        scenery = Scenery(self._real)
+        scenery = StaticScene(self._real)
         self._cameras = MappingProxyType(
             {
                 c.name: PhysicsCamera(
@@ -109,7 +117,7 @@ class PhysicsHardware:
         )
         self.gripper = PhysicsGripper(senses, self._body)
         limits = {e.kind: e.force_limit for e in scene.catalogue if e.force_limit is not None}
-        self.crushing = Crushing(self._body, self._items, limits, client.id)
+        self.crushing = CrushDetector(self._body, self._items, limits, client.id)
         """How hard the fingers have pressed fragile items, for tests and benchmarks."""
         self.wrench = PhysicsWrench(senses, self.ailments)
         self._feeder: Feeder | None = None
@@ -154,10 +162,10 @@ class PhysicsHardware:
     def pace(self, rate: int | None = None) -> None:
         """Step and control so often a second from now on; by default as everyday. The contact solver gets
         what suits it. Raises PicktreeError for what is no rate."""
-        rate = EVERYDAY if rate is None else checked(rate)
+        rate = EVERYDAY if rate is None else check_step_rate(rate)
         if rate != self._senses.rate:
             self._senses.rate = rate
-            tune(rate, self._client)
+            set_step_rate(rate, self._client)
             self._body.pace(1 / rate)
 
     @property
@@ -195,7 +203,7 @@ class PhysicsHardware:
             if self._feeder is not None:
                 self._feeder.stepped(senses.everyday_steps)
 
-    def take_events(self) -> tuple[Happened, ...]:
+    def take_events(self) -> tuple[JournalEvent, ...]:
         """What those who bring and take have done since it was asked last, and what was crushed."""
         brought = self._feeder.take_events() if self._feeder is not None else ()
         return (*brought, *self.crushing.take_events())
@@ -332,7 +340,7 @@ class PhysicsHardware:
         """A fault: the item is so many times as large, its mass and its friction stay; False: there is no
         room for it between the others and the robot."""
         body = next(body for body in self._items.here() if body.id == item)
-        entry, pose = grown(self._items.inventory.here[body.id].entry, body.pose, factor)
+        entry, pose = enlarged_item(self._items.inventory.here[body.id].entry, body.pose, factor)
         others = ((other.shape, other.pose) for other in self._items.here() if other.id != item)
         if not self._free(entry.shape, pose, others, TIGHT):
             return False
@@ -342,7 +350,7 @@ class PhysicsHardware:
     def appear(self, kind: str, colour: str, place: tuple[float, float], yaw: float) -> ObjectId | None:
         """A fault: a further item lies there; None: something is there now. Raises PicktreeError where no
         fixture is below."""
-        item = arriving(self._real, self._items.inventory.next_id(), kind, colour, place, yaw)
+        item = placed_item(self._real, self._items.inventory.next_id(), kind, colour, place, yaw)
         others = [(other.shape, other.pose) for other in self._items.here()]
         if not self._free(item.entry.shape, item.pose, [*others, *walls(self.scene)], TIGHT):
             return None
@@ -364,7 +372,7 @@ class PhysicsHardware:
         self._ail()
 
     def _doing(self, fault: Ailing) -> tuple[float, ...]:
-        """What the device is doing that a fault befalls, as `Ailments` keeps it."""
+        """What the device is doing that a fault befalls, as `DeviceFaults` keeps it."""
         match fault:
             case GripperJam():
                 reading, n = self._senses.reading, len(self.robot.joints)
@@ -390,7 +398,7 @@ class PhysicsHardware:
 
     def _free(self, shape: Shape, pose: Pose, others: Iterable[tuple[Shape, Pose]], room: float) -> bool:
         """Whether a body fits between others and the robot."""
-        self._room = self._room or Room(RobotModel(self.robot))
+        self._room = self._room or FreeSpaceCheck(RobotModel(self.robot))
         position, n = self._senses.reading.position, len(self.robot.joints)
         return self._room.free(shape, pose, others, np.array(position[:n]), sum(position[n:]), room)
 
@@ -421,7 +429,7 @@ class PhysicsHardware:
         pb.setGravity(0, 0, -GRAVITY, physicsClientId=client)
         self._senses.rate = EVERYDAY
         self._body.period = 1 / EVERYDAY
-        tune(EVERYDAY, client)
+        set_step_rate(EVERYDAY, client)
         pb.setPhysicsEngineParameter(
             solverResidualThreshold=RESIDUAL_THRESHOLD,
             deterministicOverlappingPairs=1,

@@ -153,7 +153,7 @@ class PhysicsBelt(BeltDrive):
         )
 
 
-class Belts:
+class PhysicsBelts:
     """All belts of a scene in one pybullet client."""
 
     def __init__(self, scene: SceneDescription, client: int) -> None:

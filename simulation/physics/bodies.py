@@ -17,10 +17,10 @@ import numpy as np
 
 from ...errors import PicktreeError
 from ...world.colours import COLOURS
-from ...world.scene.calibration_results import PROUD, sticker
+from ...world.scene.calibration_results import PROUD, tile_body
 from ...world.scene.description import Bin, Fixture, SceneDescription
 from ...world.scene.fixture_surfaces import surface
-from ...world.scene.hole_geometry import bored
+from ...world.scene.hole_geometry import convex_pieces
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, ObjectId, Pose, Vector3
 from ..common.footprints import floor_height
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 
-def add_bored(fixture: Fixture, client: int) -> tuple[int, ...]:
+def add_holed_fixture(fixture: Fixture, client: int) -> tuple[int, ...]:
     """The pieces of the fixture, to be touched but not seen; pybullet's body numbers."""
     numbers: list[int] = []
-    for piece, piece_in_fixture in bored(fixture):
+    for piece, piece_in_fixture in convex_pieces(fixture):
         pose = fixture.pose @ piece_in_fixture
         shape = pb.createCollisionShape(pb.GEOM_MESH, vertices=piece.vertices, physicsClientId=client)
         number = pb.createMultiBody(0.0, shape, -1, pose.position, pose.orientation, physicsClientId=client)
@@ -44,7 +44,7 @@ def add_bored(fixture: Fixture, client: int) -> tuple[int, ...]:
     return tuple(numbers)
 
 
-def bored_visual(fixture: Fixture, rgba: tuple[float, float, float, float], client: int) -> int:
+def holed_visual(fixture: Fixture, rgba: tuple[float, float, float, float], client: int) -> int:
     """A visual shape of the fixture in its own frame, with the insides of its holes."""
     corners, order, normals = _lists(fixture)
     return pb.createVisualShape(
@@ -86,7 +86,7 @@ def add_fixed(scene: SceneDescription, base_in_world: Pose, client: int) -> dict
     for fixture in (floor, *scene.fixtures):
         check_body(fixture.id, fixture.shape, fixture.pose)
         if fixture.holes:
-            bodies |= dict.fromkeys(add_bored(fixture, client), str(fixture.id))
+            bodies |= dict.fromkeys(add_holed_fixture(fixture, client), str(fixture.id))
             continue
         shape = _collision(fixture.shape, client)
         bodies[_fixed(shape, -1, fixture.pose, client)] = fixture.id
@@ -113,12 +113,12 @@ def add_scenery(scene: SceneDescription, client: int) -> None:
     """Fixtures and bins, to be seen but not touched."""
     for fixture in scene.fixtures:
         if fixture.holes:
-            visual = bored_visual(fixture, _rgba(fixture.colour), client)
+            visual = holed_visual(fixture, _rgba(fixture.colour), client)
         else:
             visual = _visual(fixture.shape, fixture.colour, client)
         _fixed(-1, visual, fixture.pose, client)
         for tile in fixture.tiles:
-            box, inner = sticker(tile, 2 * PROUD)
+            box, inner = tile_body(tile, 2 * PROUD)
             _fixed(-1, _visual(box, tile.colour, client), fixture.pose @ inner, client)
     for each in scene.bins:
         for box, pose in each.parts():

@@ -13,13 +13,13 @@ from ..feed.light_curtain import LightCurtain, Zone
 from ..scoring.truth import TrueBody
 from ..spawning.spawn import SpawnedItem
 from .items import PhysicsItems
-from .robot.devices import PERIOD, Senses
+from .robot.devices import PERIOD, IdealSensors
 
 
 class PhysicsCell:
     """`cell.Cell`"""
 
-    def __init__(self, robot: RobotDescription, items: PhysicsItems, senses: Senses) -> None:
+    def __init__(self, robot: RobotDescription, items: PhysicsItems, senses: IdealSensors) -> None:
         self._items = items
         self._senses = senses
         self._joints = len(robot.joints)

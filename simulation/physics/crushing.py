@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from ...world.journal import Happened
+from ...world.journal import JournalEvent
 from ...world.values import ObjectId
 from ..checkpoints.physics_state import PressedItem, RobotReading
 from ..scoring.truth import TrueBody
@@ -18,7 +18,7 @@ FELT = 0.15
 
 
 @dataclass(frozen=True, slots=True)
-class Pressed:
+class PeakFingerForce:
     """The greatest force of one finger on a fragile item so far, N, and what it survives."""
 
     force: float
@@ -31,7 +31,7 @@ class Pressed:
         return self.force > self.limit
 
 
-class Crushing:
+class CrushDetector:
     """Looks at the contacts of the fingers in every step in which they press against something."""
 
     def __init__(
@@ -46,8 +46,8 @@ class Crushing:
         self._worth = FELT * min(limits.values(), default=float("inf"))
         if body.description.gripper.linkage is not None:
             self._worth = 0.0
-        self._most: dict[ObjectId, Pressed] = {}
-        self._events: list[Happened] = []
+        self._most: dict[ObjectId, PeakFingerForce] = {}
+        self._events: list[JournalEvent] = []
 
     def stepped(self, now: float, reading: RobotReading) -> None:
         """After each step."""
@@ -58,11 +58,11 @@ class Crushing:
             if name in fingers:
                 self._look(link, name, now)
 
-    def most(self) -> Mapping[ObjectId, Pressed]:
+    def most(self) -> Mapping[ObjectId, PeakFingerForce]:
         """Of every fragile item that was between the fingers."""
         return dict(self._most)
 
-    def take_events(self) -> tuple[Happened, ...]:
+    def take_events(self) -> tuple[JournalEvent, ...]:
         events, self._events = tuple(self._events), []
         return events
 
@@ -71,7 +71,7 @@ class Crushing:
         return tuple(PressedItem(name, p.force, p.limit, p.gripped) for name, p in self._most.items())
 
     def restore(self, state: Iterable[PressedItem]) -> None:
-        self._most = {item.id: Pressed(item.force, item.limit, item.gripped) for item in state}
+        self._most = {item.id: PeakFingerForce(item.force, item.limit, item.gripped) for item in state}
         self._events = []
 
     def told(self, body: TrueBody) -> TrueBody:
@@ -93,15 +93,15 @@ class Crushing:
         limit = self._limits.get(self._items.inventory.here[name].entry.kind)
         if limit is None:
             return
-        before = self._most.get(name) or Pressed(0.0, limit)
+        before = self._most.get(name) or PeakFingerForce(0.0, limit)
         gripped = force if self._body.grip.width <= 0.0 else 0.0
         if force <= before.force and gripped <= before.gripped:
             return
-        after = Pressed(max(force, before.force), limit, max(gripped, before.gripped))
+        after = PeakFingerForce(max(force, before.force), limit, max(gripped, before.gripped))
         self._most[name] = after
         if after.crushed and not before.crushed:
             self._events.append(
-                Happened(
+                JournalEvent(
                     "crushed",
                     f"{name} was crushed: {finger} pressed with {force:.1f} N, and it bears {limit:g} N",
                     data={"object": name, "finger": finger, "force": force, "limit": limit, "time": now},

@@ -17,7 +17,7 @@ from ..spawning.spawn import SpawnedItem
 from .bodies import add_item, forget_contacts, set_friction, set_mass
 from .engine.pybullet_import import pb
 from .robot.robot_body import finite
-from .sleeping_items import Sleepers
+from .sleeping_items import SleepingItems
 
 STILL = (0.0, 0.0, 0.0)
 
@@ -35,7 +35,7 @@ class PhysicsItems:
         """`running` tells which of the fixed bodies move now."""
         self._client = client
         self.inventory = Inventory(scene, spawned)
-        self.sleepers = Sleepers(client, running)
+        self.sleepers = SleepingItems(client, running)
         self._ledger: list[DynamicsChange] = []
         self._gone: dict[ObjectId, BodyState] = {}
         self._numbers: dict[ObjectId, int] = {}

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...world.protocols import Clock, Intrinsics, NoImage, RgbdImage
-from ...world.random_streams import Streams
+from ...world.random_streams import RandomStreams
 from ...world.scene.description import CameraDescription, SceneDescription
 from ...world.values import Pose
-from ..common.sensor_noise import noisy_colour, noisy_depth, shown
-from ..faults.device_faults import Ailments
+from ..common.sensor_noise import mislabelled, noisy_colour, noisy_depth
+from ..faults.device_faults import DeviceFaults
 from .bodies import add_scenery
 from .engine.pybullet_import import Client, pb
 
@@ -34,7 +34,7 @@ def intrinsics(camera: CameraDescription) -> Intrinsics:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+class RenderedImage:
     """Noise-free colour (h, w, 3), and depth (h, w) along the optical axis, m; infinite where nothing is, 0
     where something is nearer than the camera can measure."""
 
@@ -42,7 +42,7 @@ class Picture:
     depth: NDArray[np.float32]
 
 
-class View:
+class CameraRenderer:
     """The projection of a camera: renders what stands in a pybullet client."""
 
     def __init__(self, camera: CameraDescription) -> None:
@@ -61,7 +61,7 @@ class View:
         """The optical frame in the world as everybody believes it, for a tool believed to be at `tool`."""
         return self.camera.pose if self.camera.on == "world" else tool @ self.camera.pose
 
-    def render(self, client: int, optical: Pose) -> Picture:
+    def render(self, client: int, optical: Pose) -> RenderedImage:
         """What the camera with its true optical frame there sees."""
         width, height = self.camera.size
         _, _, colour, buffer, _ = pb.getCameraImage(
@@ -84,10 +84,10 @@ class View:
         depth = np.where(z < 0.999 * far, z, np.inf).astype(np.float32)
         if near < self.camera.near:
             depth[depth < self.camera.near] = 0.0
-        return Picture(colour.reshape(height, width, 4)[:, :, :3].copy(), depth)
+        return RenderedImage(colour.reshape(height, width, 4)[:, :, :3].copy(), depth)
 
 
-class Scenery:
+class StaticScene:
     """What never moves, as cameras see it: fixtures and bins. Filling a picture with a table is four fifths
     of the cost of rendering, so it is done once for a camera that hangs still, and again for each picture of
     one that moves."""
@@ -96,11 +96,11 @@ class Scenery:
         client = Client()
         add_scenery(scene, client.id)
         still = [camera for camera in scene.cameras if camera.on == "world"]
-        self._still = {c.name: _still(View(c), client.id) for c in still}
+        self._still = {c.name: _still(CameraRenderer(c), client.id) for c in still}
         self._client = client if len(still) < len(scene.cameras) else None
         self._scene = scene
 
-    def behind(self, view: View, optical: Pose) -> Picture:
+    def behind(self, view: CameraRenderer, optical: Pose) -> RenderedImage:
         """What the camera, its true optical frame there, sees where nothing that moves is in the way."""
         picture = self._still.get(view.camera.name)
         if picture is not None and optical == view.truly(Pose()):
@@ -111,14 +111,14 @@ class Scenery:
         return view.render(self._client.id, optical)
 
 
-def _still(view: View, client: int) -> Picture:
+def _still(view: CameraRenderer, client: int) -> RenderedImage:
     return view.render(client, view.truly(Pose()))
 
 
-def in_front(front: Picture, behind: Picture) -> Picture:
+def in_front(front: RenderedImage, behind: RenderedImage) -> RenderedImage:
     """One picture of two that were taken from the same place."""
     nearer = front.depth < behind.depth
-    return Picture(
+    return RenderedImage(
         np.where(nearer[:, :, None], front.colour, behind.colour),
         np.where(nearer, front.depth, behind.depth),
     )
@@ -130,13 +130,13 @@ class PhysicsCamera:
     def __init__(
         self,
         camera: CameraDescription,
-        scenery: Scenery,
-        streams: Streams,
+        scenery: StaticScene,
+        streams: RandomStreams,
         client: Client,
         clock: Clock,
         tool: Callable[[], Pose],
         believed_tool: Callable[[], Pose],
-        ailments: Ailments,
+        ailments: DeviceFaults,
     ) -> None:
         """`tool`: where the TCP truly is in the world; `believed_tool`: where it is by the encoders. Only a
         camera on the hand asks."""
@@ -150,7 +150,7 @@ class PhysicsCamera:
         self._believed_tool = believed_tool
         self._ailments = ailments
         self._intrinsics = intrinsics(camera)
-        self._view = View(camera)
+        self._view = CameraRenderer(camera)
 
     def capture(self) -> RgbdImage:
         camera, moving = self._description, self._description.on == "hand"
@@ -169,7 +169,7 @@ class PhysicsCamera:
         depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))
         colour, times = seen.colour, 1.0
         if trouble is not None:
-            colour, times = shown(colour, trouble.shown), trouble.noise
+            colour, times = mislabelled(colour, trouble.shown), trouble.noise
         return RgbdImage(
             camera=camera.name,
             colour=noisy_colour(colour, rng, times),

@@ -30,7 +30,7 @@ Its answers are widened, its questions are not."""
 STILL = (0.0, 0.0, 0.0)
 
 
-class Sleepers:
+class SleepingItems:
     """Watches the items of one pybullet client; their poses alone decide who may sleep."""
 
     def __init__(self, client: int, running: Callable[[], Collection[int]] = tuple) -> None:

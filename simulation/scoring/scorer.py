@@ -14,7 +14,7 @@ from ...world.scene.destinations import destination_rule, is_at
 from ...world.scene.feed import Delivery
 from ...world.shapes import bottom
 from ...world.values import ObjectId
-from .truth import Seat, TrueBody
+from .truth import HoleSeating, TrueBody
 
 Verdict: TypeAlias = Literal["sorted", "misplaced", "left"]
 
@@ -42,7 +42,7 @@ class ItemScore:
     bin: ObjectId | None
     """Bin or hole in which it rests."""
     verdict: Verdict
-    seat: Seat | None = None
+    seat: HoleSeating | None = None
     """How it is at a hole, measured; None when it is at none."""
     reason: str = ""
     """Why what is at a hole is not in it, or may not be."""
@@ -130,7 +130,7 @@ def _judged_by_place(body: TrueBody, destination: ObjectId | None, bins: Iterabl
     return ItemScore(body.id, body.form, destination, within, verdict)
 
 
-def _judged_in_hole(body: TrueBody, seat: Seat, destination: ObjectId | None) -> ItemScore:
+def _judged_in_hole(body: TrueBody, seat: HoleSeating, destination: ObjectId | None) -> ItemScore:
     reason = why_not_seated(body, seat)
     within, verdict = (None if reason else seat.hole), "left"
     if seat.penetration > HAIR:
@@ -144,7 +144,7 @@ def _judged_in_hole(body: TrueBody, seat: Seat, destination: ObjectId | None) ->
     return ItemScore(body.id, body.form, destination, within, verdict, seat, reason)
 
 
-def why_not_seated(body: TrueBody, seat: Seat) -> str:
+def why_not_seated(body: TrueBody, seat: HoleSeating) -> str:
     """What is wrong about an item at a hole; empty when it rests in it."""
     if seat.penetration > HAIR:
         return f"it is {1000 * seat.penetration:.2f} mm deep in a wall of {seat.hole}"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ...world.belief.hole_matching import fits
+from ...world.belief.hole_matching import fits_hole
 from ...world.scene.description import CatalogueEntry, Fixture, Form
 from ...world.scene.holes import Hole
 from ...world.shapes import Box, Shape, Sphere, bottom
@@ -17,7 +17,7 @@ BELOW = 0.001
 
 
 @dataclass(frozen=True, slots=True)
-class Seat:
+class HoleSeating:
     """An item that reaches below the top face of a fixture with holes, at the hole that is nearest to it."""
 
     hole: ObjectId
@@ -38,7 +38,7 @@ class Seat:
     it was pushed through a wall."""
 
 
-class Boards:
+class HoledFixtures:
     """The fixtures with holes, where they really stand."""
 
     def __init__(self, fixtures: Iterable[Fixture]) -> None:
@@ -47,7 +47,7 @@ class Boards:
     def __bool__(self) -> bool:
         return bool(self._boards)
 
-    def seat(self, shape: Shape, pose: Pose) -> Seat | None:
+    def seat(self, shape: Shape, pose: Pose) -> HoleSeating | None:
         """How an item at `pose` in the world is in a hole; None when it stands on a board or elsewhere."""
         for board in self._boards:
             assert isinstance(board.shape, Box)
@@ -61,20 +61,20 @@ class Boards:
         return None
 
 
-def _seat(hole: Hole, shape: Shape, item_in_board: Pose) -> Seat:
+def _seat(hole: Hole, shape: Shape, item_in_board: Pose) -> HoleSeating:
     item = hole.pose.inverse() @ item_in_board
     x, y, _ = item.position
     half_x, half_y = hole.size[0] / 2, hole.size[1] / 2
     over = math.hypot(x, y) < half_x if hole.form == "round" else abs(x) < half_x and abs(y) < half_y
     upright = 1.0 if isinstance(shape, Sphere) else min(1.0, abs(float(item.rotation()[2, 2])))
-    return Seat(
+    return HoleSeating(
         hole.id,
         -bottom(shape, item),
         hole.depth,
         math.acos(upright),
         math.hypot(x, y),
         over,
-        fits(hole, shape),
+        fits_hole(hole, shape),
     )
 
 
@@ -101,7 +101,7 @@ class TrueBody:
     """Force of a finger that it did not survive, N; 0 while it is whole."""
     brought_by: int | None = None
     """Which entry of the feed has brought it; None: it was there when the run began."""
-    seat: Seat | None = None
+    seat: HoleSeating | None = None
     """How it is in a hole; None when it is in none."""
 
     @property

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...errors import PicktreeError
-from ...world.random_streams import Streams
+from ...world.random_streams import RandomStreams
 from ...world.scene.description import CatalogueEntry, SceneDescription, Spawn
 from ...world.shapes import Shape, bottom, scaled
 from ...world.values import Array, ObjectId, Pose, Quaternion, quaternion_product
 from ..common.footprints import Footprint, distance, footprint, support_height
-from .touching_items import side_by_side
+from .touching_items import lay_out_touching
 
 TUMBLE_HEIGHT = 0.1
 """Free fall of a tumbled item, m."""
@@ -54,8 +54,8 @@ def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
 
     Raises PicktreeError when an area is too small for its items or nothing is below it.
     """
-    streams = Streams(seed)
-    taken = standing(scene)
+    streams = RandomStreams(seed)
+    taken = occupied_outlines(scene)
     items: list[SpawnedItem] = []
     for n, spawn in enumerate(scene.spawn):
         where = f"{scene.source or scene.name}: spawn[{n}]"
@@ -64,7 +64,7 @@ def spawn_items(scene: SceneDescription, seed: int) -> tuple[SpawnedItem, ...]:
         shapes = [scene.entry(item.kind).shape for item in load]
         beside = None
         if spawn.touching:
-            beside = side_by_side(spawn, shapes, [item.turn for item in load], taken, rng)
+            beside = lay_out_touching(spawn, shapes, [item.turn for item in load], taken, rng)
             if beside is None:
                 raise _too_small(where, spawn, len(load))
             load = [replace(item, turn=turn) for item, turn in zip(load, beside.turns, strict=True)]
@@ -121,7 +121,7 @@ def _too_small(where: str, spawn: Spawn, items: int) -> PicktreeError:
     )
 
 
-def standing(scene: SceneDescription) -> list[Footprint]:
+def occupied_outlines(scene: SceneDescription) -> list[Footprint]:
     """Outlines of bins, of fixtures that stand on another fixture, and of what the robot is not told of."""
     bins = [
         footprint(box, pose.orientation).at(pose.position[:2]) for b in scene.bins for box, pose in b.parts()
@@ -255,7 +255,7 @@ TIGHT = 5e-4
 """What becomes larger needs no more room than this around it, m."""
 
 
-def arriving(
+def placed_item(
     scene: SceneDescription, name: ObjectId, kind: str, colour: str, place: tuple[float, float], yaw: float
 ) -> SpawnedItem:
     """An item of the catalogue, its centre over `place` (x, y), m, turned by `yaw` about z, rad.
@@ -272,7 +272,7 @@ def arriving(
     return SpawnedItem(name, entry, colour, pose, dropped=False, brought_by=OF_A_FAULT)
 
 
-def grown(entry: CatalogueEntry, pose: Pose, factor: float) -> tuple[CatalogueEntry, Pose]:
+def enlarged_item(entry: CatalogueEntry, pose: Pose, factor: float) -> tuple[CatalogueEntry, Pose]:
     """An item that is so many times as large, and where it is then: its lowest point stays as high."""
     larger = replace(entry, shape=scaled(entry.shape, factor))
     lift = bottom(entry.shape, pose) - bottom(larger.shape, pose)

@@ -25,20 +25,20 @@ FACE_TO_FACE = 0.9
 
 
 @dataclass(frozen=True, slots=True)
-class Beside:
+class TouchingLayout:
     """How the items are turned, and their centres (2,) each, in their order."""
 
     turns: tuple[Quaternion, ...]
     places: tuple[Array, ...]
 
 
-def side_by_side(
+def lay_out_touching(
     spawn: Spawn,
     shapes: Sequence[Shape],
     turns: Sequence[Quaternion],
     taken: Sequence[Footprint],
     rng: np.random.Generator,
-) -> Beside | None:
+) -> TouchingLayout | None:
     """A group of all items within the area of `spawn`, its `gap` away from what is `taken`; None when
     there is no room for one."""
     for _ in range(GROUPS):
@@ -54,7 +54,7 @@ def _group(
     turns: Sequence[Quaternion],
     taken: Sequence[Footprint],
     rng: np.random.Generator,
-) -> Beside | None:
+) -> TouchingLayout | None:
     low, high = np.array(spawn.area[0]), np.array(spawn.area[1])
     order = [int(k) for k in rng.permutation(len(shapes))]
     turned = list(turns)
@@ -76,7 +76,7 @@ def _group(
                 break
         else:
             return None
-    return Beside(tuple(turned), tuple(places[k] for k in range(len(shapes))))
+    return TouchingLayout(tuple(turned), tuple(places[k] for k in range(len(shapes))))
 
 
 def _beside(

@@ -13,8 +13,8 @@ from picktree.analysis.compare.diff import RunDiff, diff
 from picktree.analysis.compare.run_settings import FileChange
 from picktree.analysis.compare.text.diff_text import to_json_text, to_text
 from picktree.logs.run_result import ItemCount, PickCount, RunResult, WallSeconds
-from picktree.logs.schema.records import Transition, Write
-from picktree.world.journal import Happened
+from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.world.journal import JournalEvent
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 
@@ -24,21 +24,21 @@ ITEM = "red_block_1"
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 """Of format 1."""
 SEEN = [Seen(ITEM, 0.4)]
-Script = Mapping[int, Sequence[Transition | Write | Happened]]
+Script = Mapping[int, Sequence[TransitionRecord | WriteRecord | JournalEvent]]
 
 GOOD: Script = {
     0: [begins("Main"), begins(GRASP, ITEM)],
-    3: [Happened("pick", "held", GRASP, {"object": ITEM, "held": True})],
+    3: [JournalEvent("pick", "held", GRASP, {"object": ITEM, "held": True})],
     4: [ends(GRASP), begins(PLACE, ITEM, into="red_bin")],
     8: [
         ends(PLACE),
         ends("Main"),
-        Happened("item_done", "placed", PLACE, {"object": ITEM, "into": "red_bin"}),
+        JournalEvent("item_done", "placed", PLACE, {"object": ITEM, "into": "red_bin"}),
     ],
 }
 BAD: Script = {
     0: GOOD[0],
-    3: [Happened("pick", "not held", GRASP, {"object": ITEM, "held": False})],
+    3: [JournalEvent("pick", "not held", GRASP, {"object": ITEM, "held": False})],
     5: [ends(GRASP, "FAILURE", "grasp.missed", width=0.00012345678), ends("Main", "FAILURE", "grasp.missed")],
 }
 

@@ -8,12 +8,12 @@ from types import ModuleType
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.compare.divergence import Difference, first_difference
+from picktree.analysis.compare.divergence import MessageDifference, first_difference
 from picktree.analysis.compare.message_fields import FieldDifference, first_apart, first_field
 from picktree.logs.recording import foxglove_messages
 from picktree.logs.recording.foxglove_messages import encode_image, encode_scene
 from picktree.logs.recording.recorder import Recorder
-from picktree.logs.schema.records import Body, Joints, Scene, Tick
+from picktree.logs.schema.records import BodyRecord, Joints, Scene, Tick
 from picktree.world.shapes import Sphere
 from picktree.world.values import Pose, Wrench
 
@@ -22,7 +22,9 @@ from ..logs.scripted_log import begins, ends, record, tree
 NODES = tree("Main:Sequence", "Main/Grasp", "Main/Place")
 
 
-def compared(a: Path, b: Path, since: float | None = None, until: float | None = None) -> Difference | None:
+def compared(
+    a: Path, b: Path, since: float | None = None, until: float | None = None
+) -> MessageDifference | None:
     with Run(a) as one, Run(b) as other:
         return first_difference(one, other, since=since, until=until)
 
@@ -38,7 +40,7 @@ def test_a_field_of_a_json_topic_is_named(tmp_path: Path) -> None:
     script = {0: [begins("Main"), begins("Main/Grasp")]}
     a = record(tmp_path / "a.mcap", NODES, 9, {**script, 6: [ends("Main/Grasp")]})
     b = record(tmp_path / "b.mcap", NODES, 9, {**script, 6: [ends("Main/Grasp", "FAILURE")]})
-    expected = Difference(
+    expected = MessageDifference(
         6, 0.3, "/bt/tick", "", False, "nodes[1].status", "Main/Grasp", "SUCCESS", "FAILURE"
     )
     assert compared(a, b) == expected
@@ -57,7 +59,7 @@ def test_a_field_of_a_protobuf_topic_is_named() -> None:
 
 def test_a_record_in_the_metadata_of_an_entity_is_looked_into() -> None:
     bodies = (
-        Body("red_ball_1", "ball", "sphere", "red", Sphere(0.02), Pose(), place=place)
+        BodyRecord("red_ball_1", "ball", "sphere", "red", Sphere(0.02), Pose(), place=place)
         for place in ("table", "red_bin")
     )
     a, b = (encode_scene(0, Scene((body,), ()), locked=True) for body in bodies)
@@ -98,7 +100,7 @@ def test_the_log_that_ends_first_is_named(tmp_path: Path) -> None:
     a = record(tmp_path / "a.mcap", NODES, 9, script)
     b = record(tmp_path / "b.mcap", NODES, 4, script)
     ended = compared(a, b)
-    assert ended == Difference(4, 0.2, "/bt/tick", "b", True, "", "", None, None)
+    assert ended == MessageDifference(4, 0.2, "/bt/tick", "b", True, "", "", None, None)
     mirrored = compared(b, a)
     assert mirrored is not None and (mirrored.missing, mirrored.ended, mirrored.tick) == ("a", True, 3)
 
@@ -116,6 +118,6 @@ def test_a_message_that_only_one_side_has_is_named(sample: ModuleType, tmp_path:
         "file": "", "line": 0,
     }  # fmt: skip
     found = compared(tmp_path / "a.mcap", tmp_path / "b.mcap")
-    assert found == Difference(2, 0.1, "/log", "a", False, "", "", None, line)
+    assert found == MessageDifference(2, 0.1, "/log", "a", False, "", "", None, line)
     found = compared(tmp_path / "b.mcap", tmp_path / "a.mcap")
-    assert found == Difference(2, 0.1, "/log", "b", False, "", "", line, None)
+    assert found == MessageDifference(2, 0.1, "/log", "b", False, "", "", line, None)

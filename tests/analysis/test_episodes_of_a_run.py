@@ -13,7 +13,7 @@ from picktree.analysis.explain.text.rendering import to_json_text, to_text
 from picktree.analysis.run import Run
 from picktree.logs.episodes.episode_counts import CureCount, PlantedCount, added_planted, by_cause
 from picktree.session.resume.older_checkpoints import tally_of
-from picktree.session.run_tally import EpisodesState, Tally, TallyState
+from picktree.session.run_tally import EpisodeCountersState, RunCounters, RunCountersState
 
 from ..logs.scripted_log import begins, ends, record, tree
 from ..logs.test_episodes import tries
@@ -46,12 +46,12 @@ def test_times_within_a_run_add_up_to_what_its_branches_took(troubled_log: Path)
 def test_a_checkpoint_keeps_what_was_counted(troubled_log: Path) -> None:
     with Run(troubled_log) as run:
         state = tally_of(run, run.end).state()
-    states = TypeAdapter(TallyState)
+    states = TypeAdapter(RunCountersState)
     text = states.dump_json(state)
-    assert Tally.resumed(states.validate_json(text)).state() == state
+    assert RunCounters.resumed(states.validate_json(text)).state() == state
     older = json.loads(text)
     del older["episodes"]
-    assert states.validate_python(older).episodes == EpisodesState()
+    assert states.validate_python(older).episodes == EpisodeCountersState()
 
 
 def test_the_story_of_a_failure_says_what_cured_it(tmp_path: Path) -> None:

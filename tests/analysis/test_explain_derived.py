@@ -9,9 +9,9 @@ from picktree.analysis import Run
 from picktree.analysis.explain.explain import explain
 from picktree.analysis.explain.failure_stories import failures_of
 from picktree.analysis.explain.investigation.explanation import FailureStory
-from picktree.analysis.explain.investigation.failure_course import Family
-from picktree.logs.run_log import At
-from picktree.logs.schema.records import NodeStatus, Tick
+from picktree.analysis.explain.investigation.failure_course import VisitTree
+from picktree.logs.run_log import Stamped
+from picktree.logs.schema.records import NodeStatusRecord, Tick
 from picktree.logs.visits import derived_visits, with_transitions
 
 
@@ -25,18 +25,18 @@ def told(story: FailureStory) -> tuple[object, ...]:
 def test_the_same_failures_follow_from_the_statuses(troubled_log: Path) -> None:
     with Run(troubled_log) as run:
         known = [told(story) for story in run.failures]
-        derived = Family(derived_visits(run.log))
+        derived = VisitTree(derived_visits(run.log))
         assert [told(story) for story in failures_of(run, derived)] == known
         assert len(known) > 1
         leaves = [
-            (v.path, v.outcome, v.first, v.last) for v in run.visits if not Family(run.visits).children(v)
+            (v.path, v.outcome, v.first, v.last) for v in run.visits if not VisitTree(run.visits).children(v)
         ]
         found = {(v.path, v.outcome, v.first, v.last) for v in derived.visits}
         assert [leaf for leaf in leaves if leaf not in found] == []
 
 
-def status(path: str, status: str, *, ticked: bool = True, cause: str = "") -> NodeStatus:
-    return NodeStatus(path, path.rsplit("/", 1)[-1], status, ticked, "no luck" if cause else "", cause)
+def status(path: str, status: str, *, ticked: bool = True, cause: str = "") -> NodeStatusRecord:
+    return NodeStatusRecord(path, path.rsplit("/", 1)[-1], status, ticked, "no luck" if cause else "", cause)
 
 
 def test_beginnings_ends_halts_and_origins_of_statuses() -> None:
@@ -49,7 +49,7 @@ def test_beginnings_ends_halts_and_origins_of_statuses() -> None:
     ]
     found = [
         [(t.path, t.status, t.origin) for t in at.record.transitions]
-        for at in with_transitions(At(0.05 * k, tick) for k, tick in enumerate(ticks))
+        for at in with_transitions(Stamped(0.05 * k, tick) for k, tick in enumerate(ticks))
     ]
     assert found == [
         [("Main", "RUNNING", ""), ("Main/A", "RUNNING", "")],

@@ -10,9 +10,9 @@ import pytest
 from picktree.analysis import Run
 from picktree.analysis.explain.failure_stories import failures_of
 from picktree.analysis.explain.investigation.explanation import FailureStory
-from picktree.analysis.explain.investigation.failure_course import Family
-from picktree.logs.schema.records import Transition, Write
-from picktree.world.journal import CandidatesRanked, CandidateTried, Happened, PlanMade
+from picktree.analysis.explain.investigation.failure_course import VisitTree
+from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, PlanEntry
 from picktree.world.values import ObjectId, Pose
 
 from ..logs.scripted_log import Said, begins, ends, record, tree
@@ -24,19 +24,19 @@ NODES = tree("Main:ForEach", "Main/Recover", "Main/Recover/Do:Sequence", GRASP, 
              "Main/Recover/Resort:SafeRetreat")  # fmt: skip
 ITEM = "red_block_1"
 START: Sequence[Said] = [
-    begins(LOOP), Write("/item", ITEM, LOOP), begins(RECOVER), begins(DO), begins(GRASP, ITEM)
+    begins(LOOP), WriteRecord("/item", ITEM, LOOP), begins(RECOVER), begins(DO), begins(GRASP, ITEM)
 ]  # fmt: skip
 
 
-def fails(origin: str, *above: str, cause: str = "grasp.missed") -> list[Transition]:
+def fails(origin: str, *above: str, cause: str = "grasp.missed") -> list[TransitionRecord]:
     """The failure of a node, and of those above it that end with it."""
     first = ends(origin, "FAILURE", cause, width=0.0)
-    return [first, *(Transition(p, "FAILURE", {}, "", cause, origin, first.message) for p in above)]
+    return [first, *(TransitionRecord(p, "FAILURE", {}, "", cause, origin, first.message) for p in above)]
 
 
-def recovery(cause: str = "grasp.missed", handler: str = "grasp.*", attempt: int = 1) -> Happened:
+def recovery(cause: str = "grasp.missed", handler: str = "grasp.*", attempt: int = 1) -> JournalEvent:
     data = {"cause": cause, "failed": GRASP, "handler": handler, "attempt": attempt}
-    return Happened("recovery", "a cure is tried", RECOVER, data)
+    return JournalEvent("recovery", "a cure is tried", RECOVER, data)
 
 
 MISSED: Mapping[int, Sequence[Said]] = {
@@ -50,7 +50,7 @@ MISSED: Mapping[int, Sequence[Said]] = {
 
 def stories(path: Path, script: Mapping[int, Sequence[Said]], ticks: int = 40) -> tuple[FailureStory, ...]:
     with Run(record(path / "log.mcap", NODES, ticks, script)) as run:
-        return failures_of(run, Family(run.visits))
+        return failures_of(run, VisitTree(run.visits))
 
 
 def links(story: FailureStory) -> list[tuple[str, str]]:
@@ -118,9 +118,9 @@ def test_a_hand_that_is_not_free_follows_from_who_left_it_full(tmp_path: Path) -
         tmp_path,
         {
             0: START,
-            10: [*fails(GRASP, DO, RECOVER, cause="control.timeout"), Write("/item", other, LOOP)],
+            10: [*fails(GRASP, DO, RECOVER, cause="control.timeout"), WriteRecord("/item", other, LOOP)],
             11: [begins(RECOVER), begins(DO), begins(GRASP, other)],
-            12: [held, *(Transition(p, "FAILURE", {}, "", held.cause, GRASP, held.message) for p in
+            12: [held, *(TransitionRecord(p, "FAILURE", {}, "", held.cause, GRASP, held.message) for p in
                  (DO, RECOVER)), ends(LOOP)],
         },
     )  # fmt: skip
@@ -159,13 +159,13 @@ def test_a_timeout_stops_what_runs_and_fails_by_itself(tmp_path: Path) -> None:
 
 def test_candidates_and_plans_that_were_refused(tmp_path: Path) -> None:
     tried = tuple(
-        CandidateTried(f"yaw {n}", Pose(), 0.5, "the hand would touch wall" if n < 3 else "out of reach")
+        CandidateEntry(f"yaw {n}", Pose(), 0.5, "the hand would touch wall" if n < 3 else "out of reach")
         for n in range(4)
     )
     path = tmp_path / "log.mcap"
-    choice = CandidatesRanked("grasp by Grasp", ObjectId(ITEM), {"ranked": 4, "hand fits": 1}, tried)
+    choice = CandidateSearchEntry("grasp by Grasp", ObjectId(ITEM), {"ranked": 4, "hand fits": 1}, tried)
     plans = [
-        PlanMade(f"to ({n})", "", 50, 0.1, "planning.no_path", f"only {n} % of the line is free", 0.0)
+        PlanEntry(f"to ({n})", "", 50, 0.1, "planning.no_path", f"only {n} % of the line is free", 0.0)
         for n in (10, 20)
     ]
     script: Mapping[int, Sequence[Said]] = {

@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from picktree.analysis.explain.causes.slip_causes import not_held, too_heavy
-from picktree.analysis.explain.investigation.case import Case
+from picktree.analysis.explain.causes.slip_causes import grip_loss_cause, too_heavy
+from picktree.analysis.explain.investigation.case import Investigation
 from picktree.analysis.explain.investigation.explanation import FailureStory
 from picktree.logs.series import JointSeries, WrenchSeries
 from picktree.world.scene.description import CatalogueEntry
@@ -20,7 +20,7 @@ ENTRY = CatalogueEntry("block", "box", Box((0.04, 0.04, 0.04)), 0.5, 0.6)
 """4.9 N of weight."""
 
 
-def case(pressed: float, pulled: float, entry: CatalogueEntry = ENTRY) -> Case:
+def case(pressed: float, pulled: float, entry: CatalogueEntry = ENTRY) -> Investigation:
     """A log of two seconds: fingers that stood open close, press with one force while the wrist feels one
     pull, and let go."""
     times = np.arange(40) * 0.05
@@ -43,7 +43,7 @@ def case(pressed: float, pulled: float, entry: CatalogueEntry = ENTRY) -> Case:
         "changes": lambda *_, **__: [attached],
         "believed_at": lambda _: [SimpleNamespace(id=ITEM, attached=True)],
     }
-    return cast("Case", SimpleNamespace(**told))
+    return cast("Investigation", SimpleNamespace(**told))
 
 
 def failure(cause: str = "grasp.slipped", **evidence: object) -> FailureStory:
@@ -73,12 +73,12 @@ def failure(cause: str = "grasp.slipped", **evidence: object) -> FailureStory:
 def test_what_slipped_was_slippery_heavy_or_gripped_too_gently(
     pressed: float, pulled: float, cause: str, title: str
 ) -> None:
-    found = not_held(case(pressed, pulled), failure())
+    found = grip_loss_cause(case(pressed, pulled), failure())
     assert (("", "") if found is None else (found.cause, found.title)) == (cause, title)
 
 
 def test_what_was_missed_did_not_slip() -> None:
-    assert not_held(case(20.0, 1.0), failure("grasp.missed")) is None
+    assert grip_loss_cause(case(20.0, 1.0), failure("grasp.missed")) is None
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from pyarrow import parquet
 
 from picktree.analysis import Run
 from picktree.analysis.export.exporting import TABLES, export
-from picktree.analysis.export.tables.columns import Says, Table, columns
+from picktree.analysis.export.tables.columns import ColumnDoc, TableSpec, columns
 from picktree.analysis.export.tables.csv_file import read_csv, write_csv
 from picktree.analysis.export.tables.parquet_file import read_parquet, write_parquet
 from picktree.errors import PicktreeError
@@ -40,7 +40,7 @@ def folders(run: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Pat
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
 def test_both_forms_read_back_as_the_rows_of_the_run(
-    table: Table[Any], run: Run, folders: dict[str, Path]
+    table: TableSpec[Any], run: Run, folders: dict[str, Path]
 ) -> None:
     rows = tuple(table.rows(run))
     assert read_csv(folders["csv"] / f"{table.name}.csv", table) == rows
@@ -83,12 +83,12 @@ def test_csv_is_what_the_rfc_says(folders: dict[str, Path]) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Odd:
-    text: Annotated[str, Says("anything")]
-    number: Annotated[float | None, Says("may be missing", "m")]
-    yes: Annotated[bool | None, Says("may be missing")]
+    text: Annotated[str, ColumnDoc("anything")]
+    number: Annotated[float | None, ColumnDoc("may be missing", "m")]
+    yes: Annotated[bool | None, ColumnDoc("may be missing")]
 
 
-ODD = Table("odd", "something odd", Odd, lambda run: ())
+ODD = TableSpec("odd", "something odd", Odd, lambda run: ())
 TEXTS = (
     "", "plain", 'a "quoted", text\nof two lines', "=1+1", "+49", "-1", "@SUM(A1)", "\tx", "'=1", "''-2",
     "'quoted'", "µm – °",
@@ -186,7 +186,7 @@ def test_without_pyarrow_the_extra_is_named(
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
-def test_another_reader_of_csv_finds_the_same(table: Table[Any], folders: dict[str, Path]) -> None:
+def test_another_reader_of_csv_finds_the_same(table: TableSpec[Any], folders: dict[str, Path]) -> None:
     """pyarrow's, which guesses the types as pandas does."""
     read = arrow_csv.read_csv(
         folders["csv"] / f"{table.name}.csv",

@@ -14,7 +14,7 @@ from google.protobuf.json_format import MessageToDict
 
 from picktree.analysis import Run
 from picktree.analysis.export.layout.lanes import LEAVES, lanes
-from picktree.analysis.export.layout.layout import Layout, camera_state, layout, paths_of
+from picktree.analysis.export.layout.layout import ViewerLayout, camera_state, layout, paths_of
 from picktree.analysis.export.layout.layout_format import Split
 from picktree.analysis.export.layout.panels import literal, parse, values
 from picktree.logs.run_log import RunLog
@@ -24,7 +24,7 @@ GOLDEN = Path(__file__).parents[1] / "logs" / "golden"
 
 
 @pytest.fixture(scope="module")
-def made(troubled_log: Path) -> Layout:
+def made(troubled_log: Path) -> ViewerLayout:
     with Run(troubled_log) as run:
         return layout(run)
 
@@ -44,7 +44,7 @@ def messages(log: RunLog, topic: str) -> Iterator[object]:
             )
 
 
-def test_every_message_path_finds_something_in_the_log(troubled_log: Path, made: Layout) -> None:
+def test_every_message_path_finds_something_in_the_log(troubled_log: Path, made: ViewerLayout) -> None:
     empty: list[str] = []
     with RunLog(troubled_log) as log:
         for key, panel in made.panels:
@@ -56,7 +56,7 @@ def test_every_message_path_finds_something_in_the_log(troubled_log: Path, made:
     assert empty == []
 
 
-def test_a_lane_has_one_status_in_every_tick(troubled_log: Path, made: Layout) -> None:
+def test_a_lane_has_one_status_in_every_tick(troubled_log: Path, made: ViewerLayout) -> None:
     panels = dict(made.panels)
     paths = [t for t in paths_of(panels["StateTransitions!picktree0"]) if t.startswith("/bt/tick.")]
     assert len(paths) > 5
@@ -95,7 +95,7 @@ def test_lanes_are_the_root_and_what_took_time_in_the_trees_order(troubled_log: 
     assert len(chosen) <= LEAVES + 6
 
 
-def test_the_arrangement_holds_every_panel_once(made: Layout) -> None:
+def test_the_arrangement_holds_every_panel_once(made: ViewerLayout) -> None:
     def leaves(node: str | Split) -> Iterator[str]:
         if not isinstance(node, str):
             assert 0 < node["splitPercentage"] < 100
@@ -115,7 +115,7 @@ def test_the_arrangement_holds_every_panel_once(made: Layout) -> None:
     assert kinds == {"3D", "StateTransitions", "Plot", "RawMessages", "Image", "RosOut", "Tab"}
 
 
-def test_the_topics_of_the_panels_are_those_of_the_log(troubled_log: Path, made: Layout) -> None:
+def test_the_topics_of_the_panels_are_those_of_the_log(troubled_log: Path, made: ViewerLayout) -> None:
     panels: dict[str, Any] = dict(made.panels)
     with RunLog(troubled_log) as log:
         for key, panel in panels.items():

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.report.page_data.body_frames import Frames, Sampled
-from picktree.analysis.report.page_data.body_motion import Motion, deviations, motion_of
+from picktree.analysis.report.page_data.body_frames import Frames, TrueBodySamples
+from picktree.analysis.report.page_data.body_motion import SceneMotion, deviations, motion_of
 from picktree.analysis.report.page_data.packing import Section
 from picktree.analysis.report.panels.board import pack_board, sightings, unknown_bodies, yaw_and_tilt
 from picktree.analysis.report.panels.events import happenings, pack_failures, plain, plan_words
-from picktree.logs.schema.records import Body, Plan, Write
+from picktree.logs.schema.records import BodyRecord, Plan, WriteRecord
 from picktree.world.shapes import Box
 from picktree.world.values import Pose
 
@@ -30,8 +30,8 @@ def data(section: Section) -> Mapping[str, Any]:
 
 def test_writes_to_the_blackboard_keep_their_tick_and_writer(tmp_path: Path) -> None:
     script = {
-        0: [begins("Main"), Write("Main/items", ["a", "b"], "Main/Observe")],
-        2: [Write("Main/n", 1, "Main")],
+        0: [begins("Main"), WriteRecord("Main/items", ["a", "b"], "Main/Observe")],
+        2: [WriteRecord("Main/n", 1, "Main")],
     }
     with Run(record(tmp_path / "log.mcap", tree("Main", "Main/Observe"), 4, script)) as run:
         writes = data(pack_board(run))["writes"]
@@ -86,12 +86,12 @@ def test_the_truth_beside_the_belief_says_how_far_off_and_what_was_taken_away(tr
 
 def test_what_is_taken_away_unseen_is_unknown_no_longer() -> None:
     shape = Box((0.04, 0.04, 0.04))
-    stays, taken = (Body(name, "block", "box", "red", shape, Pose()) for name in ("item_0", "item_1"))
+    stays, taken = (BodyRecord(name, "block", "box", "red", shape, Pose()) for name in ("item_0", "item_1"))
     samples = {stays.id: (0, 20, 40), taken.id: (0, 20, 30)}
     truths = [
-        Sampled(body, np.array(samples[body.id]), np.zeros((3, 7))) for body in (stays, taken)
+        TrueBodySamples(body, np.array(samples[body.id]), np.zeros((3, 7))) for body in (stays, taken)
     ]  # fmt: skip
-    motion = Motion(Frames({}, 41), [], truths, [None, None])
+    motion = SceneMotion(Frames({}, 41), [], truths, [None, None])
     told = sorted(deviations(motion), key=lambda one: one.tick)
     assert list(unknown_bodies(told, motion)) == [
         (0, ("red block (item_0)", "red block (item_1)")),

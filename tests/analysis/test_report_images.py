@@ -11,18 +11,18 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.report.panels.images import fitting, pack_images
-from picktree.logs.run_log import At, Shot
+from picktree.logs.run_log import CameraImage, Stamped
 from picktree.world.protocols import Intrinsics
 
 
-def shots(count: int) -> list[At[Shot]]:
+def shots(count: int) -> list[Stamped[CameraImage]]:
     """Pictures with some texture, a second apart."""
     rng = np.random.default_rng(5)
     rough = rng.integers(0, 255, (30, 40, 3), dtype=np.uint8)
     colour = cv2.resize(rough, (320, 240), interpolation=cv2.INTER_CUBIC).astype(np.uint8)
     depth = np.linspace(0.5, 0.9, 240 * 320, dtype=np.float32).reshape(240, 320)
     intrinsics = Intrinsics(320, 240, 280.0, 280.0, 160.0, 120.0)
-    return [At(float(k), Shot("overhead", colour, depth, intrinsics)) for k in range(count)]
+    return [Stamped(float(k), CameraImage("overhead", colour, depth, intrinsics)) for k in range(count)]
 
 
 def opened(data: bytes) -> np.ndarray:

@@ -22,8 +22,8 @@ from picktree.analysis.report.page_data.tick_table import (
 from picktree.analysis.report.panels.lanes import OUTCOMES, item_spans, pack_lanes
 from picktree.analysis.report.panels.tree import pack_tree
 from picktree.errors import PicktreeError
-from picktree.logs.schema.records import Tree, TreeNode, Write
-from picktree.session.mission_edits import Edits
+from picktree.logs.schema.records import Tree, TreeNode, WriteRecord
+from picktree.session.mission_edits import EditSource
 from picktree.session.session import RunRequest, Session
 from picktree.trees.loading.loader import parse_mission
 
@@ -70,10 +70,18 @@ def loop_log(tmp_path: Path) -> Path:
         10,
         {
             0: [begins("Main"), begins("Main/ForEach")],
-            1: [Write("Main/item", "a", "Main/ForEach"), begins("Main/ForEach/Sequence"), begins(GRASP, "a")],
+            1: [
+                WriteRecord("Main/item", "a", "Main/ForEach"),
+                begins("Main/ForEach/Sequence"),
+                begins(GRASP, "a"),
+            ],
             3: [ends(GRASP), begins(PLACE, "a", into="bin")],
             5: [ends(PLACE), ends("Main/ForEach/Sequence")],
-            6: [Write("Main/item", "b", "Main/ForEach"), begins("Main/ForEach/Sequence"), begins(GRASP, "b")],
+            6: [
+                WriteRecord("Main/item", "b", "Main/ForEach"),
+                begins("Main/ForEach/Sequence"),
+                begins(GRASP, "b"),
+            ],
             8: [
                 ends(GRASP, "FAILURE", "grasp.missed", width=0.001),
                 ends("Main/ForEach/Sequence", "FAILURE"),
@@ -130,7 +138,11 @@ def test_bands_of_items_span_the_outermost_visit_about_them(loop_log: Path) -> N
 def test_a_second_try_within_the_work_on_an_item_is_no_band_of_its_own(tmp_path: Path) -> None:
     script = {
         0: [begins("Main"), begins("Main/ForEach")],
-        1: [Write("Main/item", "a", "Main/ForEach"), begins("Main/ForEach/Sequence"), begins(GRASP, "a")],
+        1: [
+            WriteRecord("Main/item", "a", "Main/ForEach"),
+            begins("Main/ForEach/Sequence"),
+            begins(GRASP, "a"),
+        ],
         3: [ends(GRASP, "FAILURE", "grasp.missed"), begins(GRASP, "a")],
         5: [ends(GRASP), ends("Main/ForEach/Sequence")],
     }
@@ -217,7 +229,7 @@ def test_an_edited_mission_has_a_chart_for_each_of_its_trees(tmp_path: Path) -> 
     mission = tmp_path / "mission.yaml"
     mission.write_text(MISSION)
     editor = Editor(tmp_path, {0.3: {"mission.yaml": LOGGED}})
-    edits: Edits = editor
+    edits: EditSource = editor
     session = Session(
         RunRequest(mission=mission, out=tmp_path / "runs", backend="kinematic", watch=True), edits=edits
     )

@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from picktree.analysis import Run
-from picktree.analysis.report.panels.plots import Curve, Plot, pack_plots, plots_of, thinned
+from picktree.analysis.report.panels.plots import CurvePlot, PlotCurve, pack_plots, plots_of, thinned
 
 from ..logs.scripted_log import record, tree
 
 
-def plot(values: np.ndarray) -> Plot:
+def plot(values: np.ndarray) -> CurvePlot:
     times = np.linspace(0.0, 0.05 * len(values), len(values), dtype=np.float64)
-    return Plot("p", "P", "N", 0.01, times, (Curve("x", values),))
+    return CurvePlot("p", "P", "N", 0.01, times, (PlotCurve("x", values),))
 
 
 def test_a_run_has_plots_of_joints_tracking_wrench_and_gripper(troubled_log: Path) -> None:

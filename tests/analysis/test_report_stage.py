@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.analysis.report.page_data.body_frames import Believed, Look, Sampled, spans
+from picktree.analysis.report.page_data.body_frames import (
+    BelievedBody,
+    BodyAppearance,
+    TrueBodySamples,
+    spans,
+)
 from picktree.analysis.report.page_data.body_motion import motion_of
 from picktree.analysis.report.page_data.packing import Quantised
 from picktree.analysis.report.page_data.poses import between, composed, continuous, filled, inverse, row
@@ -17,7 +22,7 @@ from picktree.analysis.report.panels.stage import MOST_FACES, pack_stage, packed
 from picktree.analysis.run import Run
 from picktree.logs.meshes.binary_gltf import write_glb
 from picktree.logs.meshes.triangle_meshes import joined, shape_mesh
-from picktree.logs.schema.records import Body, LinkMesh
+from picktree.logs.schema.records import BodyRecord, LinkMesh
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose
 
@@ -84,23 +89,23 @@ def test_spans_of_flags() -> None:
     assert spans(np.zeros(3, dtype=np.bool_)) == []
 
 
-def body(name: str, colour: str = "red", kind: str = "block") -> Body:
-    return Body(name, kind, "box", colour, Box((0.04, 0.04, 0.04)), Pose())
+def body(name: str, colour: str = "red", kind: str = "block") -> BodyRecord:
+    return BodyRecord(name, kind, "box", colour, Box((0.04, 0.04, 0.04)), Pose())
 
 
-def believed(name: str, xs: Array, held: Array | None = None, colour: str = "red") -> Believed:
+def believed(name: str, xs: Array, held: Array | None = None, colour: str = "red") -> BelievedBody:
     """At (x, 0, 0) at each tick."""
     rows = np.tile(np.array(STILL), (len(xs), 1))
     rows[:, 0] = xs
     rows[np.isnan(xs)] = np.nan
     flags = np.zeros(len(xs), dtype=np.bool_) if held is None else held.astype(np.bool_)
-    return Believed(name, rows, flags, (Look(0, body(name, colour)),))
+    return BelievedBody(name, rows, flags, (BodyAppearance(0, body(name, colour)),))
 
 
-def sampled(name: str, ticks: list[int], xs: list[float], colour: str = "red") -> Sampled:
+def sampled(name: str, ticks: list[int], xs: list[float], colour: str = "red") -> TrueBodySamples:
     rows = np.tile(np.array(STILL), (len(ticks), 1))
     rows[:, 0] = xs
-    return Sampled(body(name, colour), np.array(ticks), rows)
+    return TrueBodySamples(body(name, colour), np.array(ticks), rows)
 
 
 def test_true_bodies_are_matched_to_the_nearest_believed_ones_of_their_kind() -> None:

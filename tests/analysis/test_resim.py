@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.resim.changes import Changes
+from picktree.analysis.resim.changes import RunChanges
 from picktree.analysis.resim.difference_reasons import notes, reasons
-from picktree.analysis.resim.resim import Answer, Order, carry_out, resimulate
-from picktree.analysis.resim.resim_comparison import Difference
+from picktree.analysis.resim.resim import ResimAnswer, ResimOrder, carry_out, resimulate
+from picktree.analysis.resim.resim_comparison import RecordDifference
 from picktree.analysis.run import Run
 from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
@@ -125,9 +125,9 @@ def greeting(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     return result
 
 
-def again(log: Path, changes: Changes | None = None, until: float | None = None) -> Answer:
+def again(log: Path, changes: RunChanges | None = None, until: float | None = None) -> ResimAnswer:
     """As the other process does it."""
-    return carry_out(Order(log, changes or Changes(), until, None), lambda _: None)
+    return carry_out(ResimOrder(log, changes or RunChanges(), until, None), lambda _: None)
 
 
 def test_a_run_is_made_again_from_its_log_alone(greeting: RunResult) -> None:
@@ -161,7 +161,7 @@ def test_another_process_with_another_hash_seed_says_so(greeting: RunResult, tmp
 def test_the_first_tick_and_field_that_differ_are_named(greeting: RunResult, tmp_path: Path) -> None:
     mission = write_files(tmp_path / "other")
     mission.write_text(MISSION.replace("message: hello", "message: good bye"))
-    answer = again(greeting.log, Changes(mission=mission))
+    answer = again(greeting.log, RunChanges(mission=mission))
     assert answer.told == (
         "mission line 14: `- Log: {message: good bye}` instead of `- Log: {message: hello}`",
     )
@@ -173,7 +173,7 @@ def test_the_first_tick_and_field_that_differ_are_named(greeting: RunResult, tmp
     )
     with Run(greeting.log) as run:
         log = next(v for v in run.visits if v.id == "Log")
-        assert answer.difference == Difference(
+        assert answer.difference == RecordDifference(
             log.first, log.start, "/events", "", "message", "", "hello", "good bye"
         )
         assert answer.ticks == log.first
@@ -182,7 +182,7 @@ def test_the_first_tick_and_field_that_differ_are_named(greeting: RunResult, tmp
 def test_a_new_node_makes_a_difference_when_it_begins(greeting: RunResult, tmp_path: Path) -> None:
     mission = write_files(tmp_path / "other")
     mission.write_text(MISSION.replace("- Greet\n", "- Greet\n      - AlwaysSuccess: {name: extra}\n"))
-    answer = again(greeting.log, Changes(mission=mission))
+    answer = again(greeting.log, RunChanges(mission=mission))
     assert answer.trees is not None
     assert answer.difference is not None
     assert answer.difference.field == "transitions[3].path"
@@ -404,4 +404,4 @@ def test_a_faulty_mission_is_refused_as_by_the_checker(greeting: RunResult, tmp_
     (tmp_path / "common.yaml").write_text(COMMON)
     (tmp_path / "wave.py").write_text(WAVE)
     with pytest.raises(PicktreeError, match="the scene 'own' has no camera 'underhead'"):
-        again(greeting.log, Changes(mission=mission))
+        again(greeting.log, RunChanges(mission=mission))

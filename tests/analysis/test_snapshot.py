@@ -7,10 +7,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from picktree.analysis.render.lighting import Look
+from picktree.analysis.render.lighting import LightingSetup
 from picktree.analysis.render.renderer import render
 from picktree.analysis.render.snapshot import draw, snapshot
-from picktree.analysis.render.viewpoint import View
+from picktree.analysis.render.viewpoint import PictureView
 from picktree.errors import PicktreeError
 from picktree.logs.meshes.triangle_meshes import joined, shape_mesh
 from picktree.logs.recording.images import decode_colour
@@ -18,7 +18,7 @@ from picktree.logs.run_log import RunLog
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Pose
 
-ABOVE = View(
+ABOVE = PictureView(
     target=(0.0, 0.0, 0.0), distance=2.0, azimuth=0.0, elevation=math.radians(89.9), fov=math.radians(60)
 )
 
@@ -30,7 +30,7 @@ def red(picture: np.ndarray) -> np.ndarray:
 
 def test_a_box_is_where_the_pinhole_says() -> None:
     box = shape_mesh(Box((0.2, 0.4, 0.1)), (0.9, 0.05, 0.05)).placed(Pose((0.3, 0.0, -0.05)))
-    picture = render(box, ABOVE, (200, 200), Look(floor=-0.1))
+    picture = render(box, ABOVE, (200, 200), LightingSetup(floor=-0.1))
     rows, columns = np.nonzero(red(picture))
     # Seen from above with +x down the picture's up axis: 1 m at 2 m distance is 100/(2·tan 30°) pixels.
     metre = 100 / (2 * math.tan(math.radians(30)))
@@ -49,7 +49,9 @@ def test_what_is_nearer_hides_what_is_behind() -> None:
 
 def test_a_shadow_falls_away_from_the_sun() -> None:
     ball = shape_mesh(Sphere(0.15)).placed(Pose((0.0, 0.0, 0.15)))
-    picture = render(ball, ABOVE, (120, 120), Look(floor=0.0, sun=(0.0, 1.0, 1.0))).astype(int).sum(axis=2)
+    picture = (
+        render(ball, ABOVE, (120, 120), LightingSetup(floor=0.0, sun=(0.0, 1.0, 1.0))).astype(int).sum(axis=2)
+    )
     left, right = picture[60, 43:50].mean(), picture[60, 70:77].mean()
     # In this view +y lies to the right, so the shadow lies to the left.
     assert left < right - 50

@@ -9,10 +9,10 @@ import pytest
 
 from picktree.analysis import Run
 from picktree.analysis.replay.cursor import Cursor
-from picktree.analysis.replay.node_names import fitting, one_fitting
+from picktree.analysis.replay.node_names import find_node, find_nodes
 from picktree.errors import PicktreeError
-from picktree.logs.schema.records import Transition, Write
-from picktree.world.journal import Happened, PlanMade
+from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.world.journal import JournalEvent, PlanEntry
 
 from ..logs.scripted_log import Seen, begins, ends, record, tree
 
@@ -20,15 +20,15 @@ NODES = tree("Main:ForEach", "Main/Part:Sequence", "Main/Part/Grasp", "Main/Part
 PART, GRASP, PLACE = "Main/Part", "Main/Part/Grasp", "Main/Part/Place"
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 """Of format 1."""
-SCRIPT: Mapping[int, Sequence[Transition | Write | Happened | PlanMade]] = {
+SCRIPT: Mapping[int, Sequence[TransitionRecord | WriteRecord | JournalEvent | PlanEntry]] = {
     0: [begins("Main")],
-    2: [Write("Main/item", "red_block_1", "Main"), begins(PART), begins(GRASP, "red_block_1")],
+    2: [WriteRecord("Main/item", "red_block_1", "Main"), begins(PART), begins(GRASP, "red_block_1")],
     5: [
         ends(GRASP, "FAILURE", "grasp.missed", width=0.0),
         ends(PART, "FAILURE", "grasp.missed", GRASP),
-        Happened("handled", "passed over", "Main"),
+        JournalEvent("handled", "passed over", "Main"),
     ],
-    6: [Write("Main/item", "red_block_2", "Main"), begins(PART), begins(GRASP, "red_block_2")],
+    6: [WriteRecord("Main/item", "red_block_2", "Main"), begins(PART), begins(GRASP, "red_block_2")],
     9: [ends(GRASP), begins(PLACE, "red_block_2")],
     12: [ends(PLACE, "FAILURE", "place.missed"), ends(PART, "FAILURE", "place.missed", PLACE), ends("Main")],
 }
@@ -162,9 +162,9 @@ def test_of_an_old_log_the_moves_are_derived() -> None:
 
 def test_nodes_are_called_by_path_end_type_or_pattern() -> None:
     nodes = NODES.nodes
-    assert [node.path for node in fitting("Main/Part", nodes)] == [PART]
-    assert [node.path for node in fitting("Part/Grasp", nodes)] == [GRASP]
-    assert [node.path for node in fitting("Sequence", nodes)] == [PART]
-    assert [node.path for node in fitting("Part/*", nodes)] == [GRASP, PLACE]
+    assert [node.path for node in find_nodes("Main/Part", nodes)] == [PART]
+    assert [node.path for node in find_nodes("Part/Grasp", nodes)] == [GRASP]
+    assert [node.path for node in find_nodes("Sequence", nodes)] == [PART]
+    assert [node.path for node in find_nodes("Part/*", nodes)] == [GRASP, PLACE]
     with pytest.raises(PicktreeError, match=r"^2 nodes fit 'Part/\*': Main/Part/Grasp, Main/Part/Place$"):
-        one_fitting("Part/*", nodes)
+        find_node("Part/*", nodes)

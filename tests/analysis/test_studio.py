@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from picktree.analysis.render.captions import Caption, Trouble, write
-from picktree.analysis.render.renderer import Studio, render
-from picktree.analysis.render.viewpoint import View, parse_size, parse_view
+from picktree.analysis.render.captions import Caption, CaptionFailure, write
+from picktree.analysis.render.renderer import MeshRenderer, render
+from picktree.analysis.render.viewpoint import PictureView, parse_size, parse_view
 from picktree.errors import PicktreeError
 from picktree.logs.meshes.triangle_meshes import Mesh, joined, shape_mesh
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Pose
 
-VIEW = View(target=(0.0, 0.0, 0.0), distance=2.0, elevation=math.radians(40), fov=math.radians(60))
+VIEW = PictureView(target=(0.0, 0.0, 0.0), distance=2.0, elevation=math.radians(40), fov=math.radians(60))
 SIZE = (240, 160)
 TABLE = shape_mesh(Box((1.2, 1.2, 0.04)), (0.7, 0.7, 0.7)).placed(Pose((0.0, 0.0, -0.02)))
 WALL = shape_mesh(Box((0.05, 0.5, 0.3)), (0.2, 0.3, 0.8)).placed(Pose((-0.3, 0.0, 0.15)))
@@ -26,11 +26,11 @@ def whole(place: Pose) -> Mesh:
 
 
 def test_what_stands_still_need_not_be_drawn_again() -> None:
-    studio = Studio(joined([TABLE, WALL]), VIEW, SIZE)
+    studio = MeshRenderer(joined([TABLE, WALL]), VIEW, SIZE)
     ball = studio.model(BALL)
     for place in PLACES:  # in one studio, so that nothing of a picture may stay for the next
         drawn = studio.picture([(ball, place)]).astype(int)
-        anew = Studio(whole(place), VIEW, SIZE).picture([]).astype(int)
+        anew = MeshRenderer(whole(place), VIEW, SIZE).picture([]).astype(int)
         difference = np.abs(drawn - anew).max(axis=2)
         assert difference.max() < 40
         assert (difference > 3).mean() < 0.0015
@@ -38,7 +38,7 @@ def test_what_stands_still_need_not_be_drawn_again() -> None:
 
 
 def test_a_picture_is_drawn_again_to_the_last_bit() -> None:
-    studio = Studio(joined([TABLE, WALL]), VIEW, SIZE)
+    studio = MeshRenderer(joined([TABLE, WALL]), VIEW, SIZE)
     ball = studio.model(BALL)
     first = studio.picture([(ball, PLACES[0])])
     studio.picture([(ball, PLACES[1])])
@@ -76,7 +76,7 @@ def test_a_caption_leaves_the_picture_above_it_alone() -> None:
 def test_a_failure_stands_in_red_above_the_line_and_on_the_bar() -> None:
     plain, failed = (np.full((300, 480, 3), 200, np.uint8) for _ in range(2))
     write(plain, Caption(1.0, elapsed=0.5))
-    write(failed, Caption(1.0, trouble=Trouble("grasp.missed", "x" * 500), elapsed=0.5, marks=(0.25,)))
+    write(failed, Caption(1.0, trouble=CaptionFailure("grasp.missed", "x" * 500), elapsed=0.5, marks=(0.25,)))
 
     def red(picture: np.ndarray) -> np.ndarray:
         return (picture[:, :, 0] > 150) & (picture[:, :, 1] < 90)
@@ -88,7 +88,7 @@ def test_a_failure_stands_in_red_above_the_line_and_on_the_bar() -> None:
 
 
 def test_a_view_has_a_name_or_is_given_in_degrees_and_metres() -> None:
-    assert parse_view("corner") == View()
+    assert parse_view("corner") == PictureView()
     view = parse_view("-30, 25, 2.4")
     assert view.azimuth == pytest.approx(math.radians(-30)) and view.distance == 2.4
     with pytest.raises(PicktreeError) as raised:

@@ -10,8 +10,8 @@ import pytest
 
 from picktree.analysis.render.frames import moments
 from picktree.analysis.render.scene_view import Show
-from picktree.analysis.render.video.film import FilmRequest, Painters, Setup, film
-from picktree.analysis.render.viewpoint import View
+from picktree.analysis.render.video.film import FilmRequest, FrameSetup, FrameWorkers, film
+from picktree.analysis.render.viewpoint import PictureView
 from picktree.errors import PicktreeError
 from picktree.logs.optional_libraries import adding
 from picktree.logs.run_log import RunLog
@@ -78,11 +78,11 @@ def test_a_gif_has_the_same_frames(picked: RunResult, tmp_path: Path) -> None:
 
 def test_several_processes_draw_the_same_in_the_same_order(picked: RunResult) -> None:
     with RunLog(picked.log) as log:
-        setup = Setup(log.robot_model(), View(), SMALL)
+        setup = FrameSetup(log.robot_model(), PictureView(), SMALL)
         frames = list(moments(log, [0.5, 1.0, 1.5, 2.0, 2.5], (0.0, 3.0)))
-    with Painters(setup, 2) as two:
+    with FrameWorkers(setup, 2) as two:
         drawn = list(two.pictures(frames))
-    with Painters(setup, 1) as one:
+    with FrameWorkers(setup, 1) as one:
         for a, b in zip(drawn, one.pictures(frames), strict=True):
             assert (np.abs(a.astype(int) - b) > 2).mean() < 0.001
     assert np.abs(drawn[0].astype(int) - drawn[-1]).max() > 100

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.resim.changes import Changes
+from picktree.analysis.resim.changes import RunChanges
 from picktree.analysis.resim.whatif import what_if
 from picktree.analysis.resim.whatif_result import Continuation
 from picktree.analysis.run import Run
@@ -100,7 +100,7 @@ def turned(failed: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Conti
     folder = tmp_path_factory.mktemp("turned")
     (folder / "careful.yaml").write_text(CAREFUL)
     end = f"{failed.sim_seconds:.2f}s"
-    return what_if(failed.log, end, changes=Changes(mission=folder / "careful.yaml"), out=folder)
+    return what_if(failed.log, end, changes=RunChanges(mission=folder / "careful.yaml"), out=folder)
 
 
 def test_another_recovery_turns_the_outcome(turned: Continuation) -> None:
@@ -140,13 +140,13 @@ def test_what_is_said_of_it(turned: Continuation) -> None:
 
 
 def test_without_the_fault_it_would_have_gone_well(failed: RunResult, tmp_path: Path) -> None:
-    found = what_if(failed.log, "160", changes=Changes(no_faults=True), out=tmp_path)
+    found = what_if(failed.log, "160", changes=RunChanges(no_faults=True), out=tmp_path)
     assert found.changes == ("faults: none instead of 1",)
     assert (found.now.status, found.now.items_sorted, found.now.failures) == ("success", 4, {})
 
 
 def test_a_parameter_counts_for_what_runs_at_the_checkpoint(failed: RunResult, tmp_path: Path) -> None:
-    found = what_if(failed.log, "160", changes=Changes(settings={"policy": "continue"}), out=tmp_path)
+    found = what_if(failed.log, "160", changes=RunChanges(settings={"policy": "continue"}), out=tmp_path)
     assert found.changes == ("set policy: continue",)
     assert (found.now.status, found.now.items_sorted) == ("incomplete", 3)
     with Run(found.new_log) as run:
@@ -171,7 +171,7 @@ def test_a_what_if_of_a_what_if(turned: Continuation, tmp_path: Path) -> None:
 
 def test_seed_and_scene_stay_as_they_were(failed: RunResult) -> None:
     with pytest.raises(PicktreeError) as caught:
-        what_if(failed.log, "160", changes=Changes(seed=4))
+        what_if(failed.log, "160", changes=RunChanges(seed=4))
     assert (
         str(caught.value) == "a what-if goes on with the seed and the scene of the run; `resim` takes others"
     )
@@ -181,5 +181,5 @@ def test_a_faulty_mission_is_refused_before_anything_runs(failed: RunResult, tmp
     faulty = tmp_path / "faulty.yaml"
     faulty.write_text(MISSION.replace("Place", "Plaice"))
     with pytest.raises(PicktreeError, match=r"faulty\.yaml:16:9: .*unknown node 'Plaice'"):
-        what_if(failed.log, "160", changes=Changes(mission=faulty), out=tmp_path / "runs")
+        what_if(failed.log, "160", changes=RunChanges(mission=faulty), out=tmp_path / "runs")
     assert not (tmp_path / "runs").exists()

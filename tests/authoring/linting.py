@@ -8,14 +8,14 @@ from textwrap import dedent
 
 from picktree.authoring.checking.check import check_mission
 from picktree.files.yaml.document import read_document
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 
 MISSION = "picktree: 1\nkind: mission\n"
 
 
 @cache
-def _registry() -> Registry:
-    registry = Registry()
+def _registry() -> NodeRegistry:
+    registry = NodeRegistry()
     registry.ids()
     return registry
 

@@ -18,9 +18,15 @@ import pytest
 from picktree.authoring.drawing.chart import Chart
 from picktree.authoring.drawing.chart_builder import chart, chart_of_file
 from picktree.authoring.drawing.formats.svg import svg
-from picktree.authoring.drawing.layout.cards import Card, width, wrapped
-from picktree.authoring.drawing.layout.frames import GAP, Frame, expanded, frame_of, page
-from picktree.authoring.drawing.layout.graphviz_layout import BESIDE, BETWEEN, Box, Spot, arrange
+from picktree.authoring.drawing.layout.cards import NodeCard, width, wrapped
+from picktree.authoring.drawing.layout.frames import GAP, TreeFrame, expanded, frame_of, page
+from picktree.authoring.drawing.layout.graphviz_layout import (
+    BESIDE,
+    BETWEEN,
+    BoxPosition,
+    LayoutBox,
+    lay_out_boxes,
+)
 from picktree.trees.status import NodeStatus
 
 from ..trees.scripted import mission
@@ -55,17 +61,17 @@ class Rect:
         )
 
 
-def tiles(frame: Frame) -> Iterator[tuple[Rect, Rect | None]]:
+def tiles(frame: TreeFrame) -> Iterator[tuple[Rect, Rect | None]]:
     """The body of each node and its label, in the frame's coordinates."""
     for tile in frame.tiles:
         body = Rect(tile.body_x, tile.body_y, tile.body.width, tile.body.height)
         yield body, tile.pill and Rect(tile.x, tile.y, tile.pill.width, tile.pill.height)
 
 
-def frames(frame: Frame) -> Iterator[Frame]:
+def frames(frame: TreeFrame) -> Iterator[TreeFrame]:
     yield frame
     for tile in frame.tiles:
-        if isinstance(tile.body, Frame):
+        if isinstance(tile.body, TreeFrame):
             yield from frames(tile.body)
 
 
@@ -93,7 +99,7 @@ def test_texts_fit_into_their_cards() -> None:
     cards = [tile.body for tree in shift().trees for tile in frame_of(tree).tiles]
     assert len(cards) == 200
     for body in cards:
-        assert isinstance(body, Card)
+        assert isinstance(body, NodeCard)
         for line in (*body.head, *body.lines):
             for span in line.spans:
                 size, face = SIZES.get(span.look, (11.0, "mono"))
@@ -102,8 +108,14 @@ def test_texts_fit_into_their_cards() -> None:
 
 
 def test_children_stand_in_order_and_in_the_next_column() -> None:
-    boxes = [Box(100, 60, None), Box(50, 24, 0), Box(80, 40, 0), Box(120, 90, 0), Box(60, 24, 2)]
-    spots = arrange(boxes)
+    boxes = [
+        LayoutBox(100, 60, None),
+        LayoutBox(50, 24, 0),
+        LayoutBox(80, 40, 0),
+        LayoutBox(120, 90, 0),
+        LayoutBox(60, 24, 2),
+    ]
+    spots = lay_out_boxes(boxes)
     assert spots[0].x == 0
     assert {spots[1].x, spots[2].x, spots[3].x} == {100 + BESIDE}
     assert spots[4].x == 100 + BESIDE + 120 + BESIDE
@@ -114,9 +126,14 @@ def test_children_stand_in_order_and_in_the_next_column() -> None:
 
 
 def test_a_page_has_the_shape_of_a_screen() -> None:
-    assert page([(600, 400)]).spots == (Spot(0, 0),)
+    assert page([(600, 400)]).spots == (BoxPosition(0, 0),)
     four = page([(600, 400)] * 4)
-    assert four.spots == (Spot(0, 0), Spot(600 + GAP, 0), Spot(0, 400 + GAP), Spot(600 + GAP, 400 + GAP))
+    assert four.spots == (
+        BoxPosition(0, 0),
+        BoxPosition(600 + GAP, 0),
+        BoxPosition(0, 400 + GAP),
+        BoxPosition(600 + GAP, 400 + GAP),
+    )
     assert (four.width, four.height) == (1200 + GAP, 800 + GAP)
 
 

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import pytest
 
 from picktree.trees.controls import Fallback, ForceSuccess
-from picktree.trees.flow import Ends, Flow, State
-from picktree.trees.flow.flow_walk import Walk
+from picktree.trees.flow import FlowState, NodeOutcomes, OutcomeCollector
+from picktree.trees.flow.flow_walk import FlowAnalysis
 from picktree.trees.mission import NodeSpec
 from picktree.trees.node import Node
 
@@ -46,15 +46,15 @@ def test_a_mission_that_does_as_it_is_told_passes_the_watch() -> None:
         Watched(MISSION).run(run)
 
 
-def hides_everything(cls: type[Node], spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-    flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+def hides_everything(cls: type[Node], spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+    flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
     ends.fail(flow.failure)
     ends.run(flow.running)
     return ends.flow()
 
 
-def never_fails(cls: type[Node], spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-    ends = Ends()
+def never_fails(cls: type[Node], spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+    ends = OutcomeCollector()
     ends.succeed(walk.child(spec.children[0], (entry,)).everywhere)
     return ends.flow()
 
@@ -63,7 +63,7 @@ def never_fails(cls: type[Node], spec: NodeSpec, entry: State, walk: Walk) -> Fl
 def test_the_watch_sees_a_wrong_analysis(
     monkeypatch: pytest.MonkeyPatch,
     node: type[Node],
-    wrong: Callable[[type[Node], NodeSpec, State, Walk], Flow],
+    wrong: Callable[[type[Node], NodeSpec, FlowState, FlowAnalysis], NodeOutcomes],
 ) -> None:
     monkeypatch.setattr(node, "flow", classmethod(wrong))
     with pytest.raises(Unsound):

@@ -24,7 +24,7 @@ from picktree.cli.author.schema import Kind
 from picktree.cli.terminal.node_registries import registry
 from picktree.files.diagnostics.fault_codes import pages
 from picktree.files.yaml.document import Document, FileError, open_document, read_document
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.scene.scene_schema import SECTIONS, RestFile, SceneFile
 
 from .mistakes import CHANGES, Change, Value, changed, paths
@@ -72,7 +72,7 @@ trees:
 
 
 @cache
-def known() -> Registry:
+def known() -> NodeRegistry:
     return registry(shipped=True)
 
 

@@ -11,7 +11,7 @@ from picktree.authoring.xml.export.mission_export import mission_to_xml
 from picktree.authoring.xml.importing.mission_import import xml_to_mission
 from picktree.files.yaml.document import open_document, read_document
 from picktree.trees.loading.loader import examine
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import LIBRARY
 
 from ..trees.scripted import FILE
@@ -28,7 +28,7 @@ FILES = [
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_examples_and_library_survive(path: Path) -> None:
-    known = Registry()
+    known = NodeRegistry()
     first = examine(open_document(path, "mission"), known)
     assert first.faults == ()
     xml = mission_to_xml(first.mission)

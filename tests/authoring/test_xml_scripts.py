@@ -9,22 +9,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.authoring.xml.export.script_export import Unsayable, assignments_script, expression_text, script
+from picktree.authoring.xml.export.script_export import (
+    NotExpressible,
+    assignments_script,
+    expression_text,
+    script,
+)
 from picktree.authoring.xml.importing.script_import import ScriptError, read_condition, read_statements
 from picktree.files.expressions.expression import Expression
 from picktree.files.expressions.syntax_tree import (
     Arithmetic,
     Attribute,
     Call,
-    Choice,
-    Comparison,
+    ComparisonChain,
+    ComparisonLink,
+    Conditional,
     ListOf,
-    Literally,
+    LiteralValue,
     Logic,
     Name,
     Not,
     Part,
-    Related,
     Relation,
     Sign,
     Symbol,
@@ -97,7 +102,7 @@ UNSAID = {
 
 @pytest.mark.parametrize("ours", UNSAID)
 def test_what_only_we_can_say(ours: str) -> None:
-    with pytest.raises(Unsayable) as caught:
+    with pytest.raises(NotExpressible) as caught:
         script(Expression.parse(ours))
     assert str(caught.value) == UNSAID[ours]
 
@@ -161,7 +166,9 @@ names = st.builds(Name, PLACE, st.sampled_from(["a", "b", "count", "colour_2", "
 texts = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=5)
 numbers = st.integers(0, 2**40) | st.floats(0, 1e30)
 literals = st.builds(
-    Literally, PLACE, numbers | st.booleans() | texts.filter(lambda text: not ("'" in text and '"' in text))
+    LiteralValue,
+    PLACE,
+    numbers | st.booleans() | texts.filter(lambda text: not ("'" in text and '"' in text)),
 )
 
 
@@ -169,33 +176,33 @@ def parts_of(inner: st.SearchStrategy[Part]) -> st.SearchStrategy[Part]:
     """What scripts can say, too."""
     relations = st.sampled_from(RELATIONS)
     several = st.lists(inner, min_size=2, max_size=3).map(tuple)
-    related = st.lists(st.builds(Related, PLACE, relations, inner), min_size=1, max_size=2).map(tuple)
+    related = st.lists(st.builds(ComparisonLink, PLACE, relations, inner), min_size=1, max_size=2).map(tuple)
     return st.one_of(
         st.builds(Not, PLACE, inner),
         st.builds(Sign, PLACE, st.just("-"), inner),
         st.builds(Arithmetic, PLACE, st.sampled_from(SYMBOLS), inner, inner),
-        st.builds(Comparison, PLACE, inner, related),
+        st.builds(ComparisonChain, PLACE, inner, related),
         st.builds(Logic, PLACE, st.sampled_from(LOGIC), several),
-        st.builds(Choice, PLACE, inner, inner, inner),
+        st.builds(Conditional, PLACE, inner, inner, inner),
     )
 
 
 def ours_alone(inner: st.SearchStrategy[Part]) -> st.SearchStrategy[Part]:
     items = st.lists(inner, min_size=1, max_size=3).map(tuple)
-    among = st.tuples(st.builds(Related, PLACE, st.sampled_from(AMONG), inner))
+    among = st.tuples(st.builds(ComparisonLink, PLACE, st.sampled_from(AMONG), inner))
     return st.one_of(
         parts_of(inner),
         st.builds(Attribute, PLACE, inner, st.just("colour")),
         st.builds(ListOf, PLACE, items),
         st.builds(Call, PLACE, st.just("max"), items),
-        st.builds(Comparison, PLACE, inner, among),
+        st.builds(ComparisonChain, PLACE, inner, among),
         st.builds(Sign, PLACE, st.just("+"), inner),
         st.builds(Arithmetic, PLACE, st.sampled_from(DIVISIONS), inner, inner),
     )
 
 
 sayable = st.recursive(names | literals, parts_of, max_leaves=8)
-everything = st.recursive(names | literals | st.just(Literally(0, None)), ours_alone, max_leaves=8)
+everything = st.recursive(names | literals | st.just(LiteralValue(0, None)), ours_alone, max_leaves=8)
 
 
 @given(everything)

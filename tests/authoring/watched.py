@@ -8,21 +8,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 from picktree.recovery.recover import Recover
-from picktree.recovery.recovery_base import Recovering
+from picktree.recovery.recovery_base import RecoveryControl
 from picktree.trees.controls import Fallback, ReactiveFallback, RetryUntilSuccessful, RoundRobin, RunOnce
-from picktree.trees.flow import State
+from picktree.trees.flow import FlowState
 from picktree.trees.flow.failure_reasons import UNREPORTED
 from picktree.trees.flow.flow_state import EMPTY, OUTER
-from picktree.trees.flow.flow_walk import Walk
-from picktree.trees.flow.key_bits import Layout
+from picktree.trees.flow.flow_walk import FlowAnalysis
+from picktree.trees.flow.key_bits import KeyBits
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.mission import Mission, NodeSpec
 from picktree.trees.node import Node
 from picktree.trees.running.builder import SubTree, build
-from picktree.trees.running.runner import Tree
+from picktree.trees.running.runner import BehaviourTree
 from picktree.trees.status import NodeStatus
 from picktree.trees.values.references import Reference
-from picktree.world.journal import Happened
+from picktree.world.journal import JournalEvent
 
 from ..trees.scripted import FILE, TICK
 from .wild_leaves import WildWorld, registry
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from picktree.cell.world import World
 
 
-TRIES = (Fallback, ReactiveFallback, RoundRobin, RetryUntilSuccessful, Recovering)
+TRIES = (Fallback, ReactiveFallback, RoundRobin, RetryUntilSuccessful, RecoveryControl)
 """Nodes that try something against a failure below them."""
 
 
@@ -44,7 +44,7 @@ class Watched:
 
     def __init__(self, text: str) -> None:
         self.mission: Mission = parse_mission(text, FILE, registry())
-        self.walk = Walk(self.mission)
+        self.walk = FlowAnalysis(self.mission)
         self.walk.enter(self.mission.main)
         self.ends = self.walk.ends["Main"]
 
@@ -74,7 +74,7 @@ class _Place:
 
 
 class _Watch:
-    def __init__(self, watched: Watched, tree: Tree, world: WildWorld) -> None:
+    def __init__(self, watched: Watched, tree: BehaviourTree, world: WildWorld) -> None:
         self._watched, self._walk, self._tree, self._world = watched, watched.walk, tree, world
         self._places: dict[str, _Place] = {}
         self._callers: dict[str, _Place] = {}
@@ -97,7 +97,7 @@ class _Watch:
         if self._wrong:
             raise self._wrong[0]
         for entry in self._world.journal.take():
-            if isinstance(entry, Happened) and entry.kind == "recovery":
+            if isinstance(entry, JournalEvent) and entry.kind == "recovery":
                 spec = self._places[entry.node].spec
                 handler = str(entry.data["handler"])
                 if spec.node is Recover and (id(spec), handler) not in self._walk.handled:
@@ -156,7 +156,7 @@ class _Watch:
             raise Unsound(message)
         return cause
 
-    def _ends(self, place: _Place, status: NodeStatus, cause: str) -> Iterator[State]:
+    def _ends(self, place: _Place, status: NodeStatus, cause: str) -> Iterator[FlowState]:
         """The states in which the node may end so, as far as the analysis has come by."""
         wanted = UNREPORTED if not cause else self._walk.causes.matching(cause)
         for frame in self._walk.frames_of(place.tree):
@@ -173,7 +173,7 @@ class _Watch:
                     case _:
                         yield from (s for s, reasons in flow.failure.items() if reasons.any & wanted)
 
-    def _allows(self, end: State, tree: str, bits: int, hand: int) -> bool:
+    def _allows(self, end: FlowState, tree: str, bits: int, hand: int) -> bool:
         sure = end.sure & ~self._unseen(tree)
         return sure & ~bits == 0 and bits & ~end.maybe == 0 and hand & end.hand != 0
 
@@ -203,7 +203,7 @@ class _Watch:
         bits = sum(bit for key, bit in layout.keys.items() if instance.inside.has(key))
         return bits | self._below(instance, instance.body, self._watched.mission.trees[tree].root, layout)
 
-    def _below(self, instance: SubTree, node: Node, spec: NodeSpec, layout: Layout) -> int:
+    def _below(self, instance: SubTree, node: Node, spec: NodeSpec, layout: KeyBits) -> int:
         bits = 0
         if isinstance(node, SubTree):
             shift, inner = layout.calls[id(spec)]

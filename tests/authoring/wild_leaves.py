@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, cast
 
 from picktree.recovery.recover import Recover, RecoveryNode
 from picktree.trees.controls.leaves import ConditionNode
-from picktree.trees.loading.registry import Registry
-from picktree.trees.node import Control, Node
+from picktree.trees.loading.registry import NodeRegistry
+from picktree.trees.node import ControlNode, Node
 from picktree.trees.ports import In, Out, port
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.trees.slots import children
@@ -136,7 +136,7 @@ class Ask(ConditionNode):
         return cast("WildWorld", world).chance.random() < 0.5
 
 
-class Muddle(Control):
+class Muddle(ControlNode):
     """A control node of somebody else: ticks any of its children in any order, and ends as it likes."""
 
     parts = children("whatever")
@@ -155,5 +155,5 @@ class Muddle(Control):
 NODES: tuple[type[Node], ...] = (Do, Stop, Hold, Drop, Whim, Ask, Muddle, Recover, RecoveryNode)
 
 
-def registry() -> Registry:
-    return Registry(NODES, installed=False)
+def registry() -> NodeRegistry:
+    return NodeRegistry(NODES, installed=False)

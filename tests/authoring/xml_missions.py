@@ -12,7 +12,7 @@ from picktree.authoring.xml.export.script_export import expression_text
 from picktree.authoring.xml.format.literal_text import is_pointer
 from picktree.files.expressions.expression import Expression
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission, NodeSpec
 from picktree.trees.values.references import Binding, Constant
 
@@ -211,8 +211,8 @@ def _tree(ports: dict[str, object], root: Tree) -> dict[str, object]:
     return {"ports": ports, **({root: {}} if isinstance(root, str) else root)}
 
 
-def registry() -> Registry:
-    return Registry((*NODES, *recovery.NODES), installed=False)
+def registry() -> NodeRegistry:
+    return NodeRegistry((*NODES, *recovery.NODES), installed=False)
 
 
 def parsed(text: str) -> Mission:

@@ -9,7 +9,7 @@ import pytest
 
 from picktree.batch.statistics import seed_partings
 from picktree.batch.workers import rerun_job
-from picktree.batch.workers.executor import Event, Executor, Order
+from picktree.batch.workers.executor import Event, Executor, JobOrder
 from picktree.batch.workers.local_executor import LocalExecutor
 
 
@@ -28,7 +28,7 @@ class OneAtATime:
     def __init__(self, workers: LocalExecutor) -> None:
         self._workers = workers
 
-    def submit(self, order: Order) -> None:
+    def submit(self, order: JobOrder) -> None:
         self._workers.submit(order)
 
     def wait(self, seconds: float) -> Sequence[Event]:

@@ -10,7 +10,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan import BatchPlan
 from picktree.batch.report.report import write_report
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.local_executor import LocalExecutor
@@ -50,7 +50,7 @@ def main() -> None:
 
 def _run(folder: Path) -> Path:
     print("32 runs of about one simulated minute, about 6 minutes of CPU")
-    plan = Plan(
+    plan = BatchPlan(
         "grip force", (MISSION,), tuple(range(16)), settings={"Grasp.force": ("1.5 N", "30 N")}, keep="none"
     )
     with Batch.create(folder, plan) as batch, LocalExecutor() as executor, progress(folder) as seen:

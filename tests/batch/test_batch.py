@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan import BatchPlan
 from picktree.batch.plan.plan_loading import check_plan_file, load_plan
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
@@ -22,8 +22,8 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 ONE_PICK = EXAMPLES / "one_pick.yaml"
 
 
-def plan(folder: Path, seeds: tuple[int, ...] = (0, 1, 2), **changes: object) -> Plan:
-    return Plan("test", (ONE_PICK,), seeds, backend="kinematic", **changes)  # type: ignore[arg-type]
+def plan(folder: Path, seeds: tuple[int, ...] = (0, 1, 2), **changes: object) -> BatchPlan:
+    return BatchPlan("test", (ONE_PICK,), seeds, backend="kinematic", **changes)  # type: ignore[arg-type]
 
 
 def run(batch: Batch, workers: Executor) -> Remembering:
@@ -106,7 +106,7 @@ def test_a_batch_runs_what_it_began_with_whatever_becomes_of_the_files(
 ) -> None:
     mission = troubled(tmp_path, {})
     folder = tmp_path / "batch"
-    with Batch.create(folder, Plan("trouble", (mission,), (0, 1), backend="kinematic")) as batch:
+    with Batch.create(folder, BatchPlan("trouble", (mission,), (0, 1), backend="kinematic")) as batch:
         ids = [job.id for job in batch.jobs]
         assert [job.number for job in batch.jobs] == [0, 1]
         assert batch.store.jobs() == batch.jobs

@@ -11,31 +11,33 @@ import numpy as np
 import pytest
 
 from picktree.batch.results.rows import JobRow, JobRows
-from picktree.batch.statistics.comparison import Comparison, compare, compare_recipes
+from picktree.batch.statistics.comparison import RecipeComparison, compare, compare_recipes
 from picktree.batch.statistics.comparison_text import json_text_of, text_of
-from picktree.batch.statistics.differences import Outcome, Recipe, read_recipe
+from picktree.batch.statistics.differences import JobOutcome, RecipeOutcomes, read_recipe
 from picktree.errors import PicktreeError
 from picktree.logs.schema.arithmetic_record import Arithmetic
 
 from .test_store import MISSED, SUCCESS, store
 
 
-def by_force(folder: Path, rows: dict[int, JobRow], **options: Any) -> Comparison:
+def by_force(folder: Path, rows: dict[int, JobRow], **options: Any) -> RecipeComparison:
     """Jobs 0 to 9 of 15 N and 10 to 19 of 30 N, with the same ten seeds."""
     with store(folder / "b", rows, values=("15", "30")):
         return compare(f"{folder}/b@force=15", f"{folder}/b@30", **options)
 
 
-def recipe(label: str, seeds: range, sample: np.random.Generator, hard: float = 0.1) -> Recipe:
+def recipe(label: str, seeds: range, sample: np.random.Generator, hard: float = 0.1) -> RecipeOutcomes:
     """Made-up jobs of 12 items, each missed with that probability."""
-    outcomes: dict[int, Outcome] = {}
+    outcomes: dict[int, JobOutcome] = {}
     for seed in seeds:
         missed = int(sample.binomial(12, hard))
         tried = 12 + int(sample.poisson(10 * hard))
         seconds = 55.0 + float(sample.gamma(2.0, 4.0)) + 60 * hard
         causes = {"grasp.slipped": tried - 12} if tried > 12 else {}
-        outcomes[seed] = Outcome(f"{seed}", seed, not missed, 12 - missed, tried, tried, seconds, "", causes)
-    return Recipe(label, Path(), outcomes)
+        outcomes[seed] = JobOutcome(
+            f"{seed}", seed, not missed, 12 - missed, tried, tried, seconds, "", causes
+        )
+    return RecipeOutcomes(label, Path(), outcomes)
 
 
 def test_two_recipes_are_compared_on_the_same_seeds(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from picktree.analysis.run import Run
-from picktree.batch.plan.plan import Limits, Plan
+from picktree.batch.plan.plan import BatchPlan, JobLimits
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.local_executor import LocalExecutor
@@ -50,8 +50,8 @@ FOUND = {
 
 def test_jobs_that_end_their_process_cost_themselves_alone(tmp_path: Path, workers: LocalExecutor) -> None:
     mission = troubled(tmp_path, ENDS, endless=11, picking=True)
-    limits = Limits(memory=700_000_000, disk=50_000_000, simulated=60.0)
-    asked = Plan("trouble", (mission,), tuple(FOUND), backend="kinematic", limits=limits)
+    limits = JobLimits(memory=700_000_000, disk=50_000_000, simulated=60.0)
+    asked = BatchPlan("trouble", (mission,), tuple(FOUND), backend="kinematic", limits=limits)
     seen = Remembering()
     with Batch.create(tmp_path / "batch", asked) as batch:
         assert batch.run(workers, seen)
@@ -76,7 +76,7 @@ def test_jobs_that_end_their_process_cost_themselves_alone(tmp_path: Path, worke
 
 def test_a_job_that_hangs_is_ended_and_says_where(tmp_path: Path, worker: Executor) -> None:
     mission = troubled(tmp_path, {1: "time.sleep(600)"})
-    asked = Plan("trouble", (mission,), (1,), backend="kinematic", limits=Limits(wall=10.0))
+    asked = BatchPlan("trouble", (mission,), (1,), backend="kinematic", limits=JobLimits(wall=10.0))
     seen = Remembering()
     with Batch.create(tmp_path / "batch", asked) as batch:
         assert batch.run(worker, seen)
@@ -117,7 +117,7 @@ def test_a_job_that_cannot_be_made_says_why_in_a_line(
     plugin = tmp_path / "trouble.py"
     plugin.write_text(plugin.read_text().replace(before, after))
     seen = Remembering()
-    with Batch.create(tmp_path / "batch", Plan("no", (mission,), (0,), backend="kinematic")) as batch:
+    with Batch.create(tmp_path / "batch", BatchPlan("no", (mission,), (0,), backend="kinematic")) as batch:
         (tmp_path / "none").touch()
         assert batch.run(worker, seen)
     (row,) = [ended.row for ended in seen.ends]
@@ -162,7 +162,7 @@ def test_a_job_finds_nothing_of_what_the_one_before_it_changed(
     doings = {0: CHANGES, 1: LOOKS.format(here=os.getcwd()), 2: LEAVES, 3: PRINTS}
     mission = troubled(tmp_path, doings, picking=True)
     seen = Remembering()
-    asked = Plan("trouble", (mission,), (0, 1, 2, 3), backend="kinematic", keep="all")
+    asked = BatchPlan("trouble", (mission,), (0, 1, 2, 3), backend="kinematic", keep="all")
     with Batch.create(tmp_path / "batch", asked) as batch:
         assert batch.run(worker, seen)
         left = int((tmp_path / "left").read_text())

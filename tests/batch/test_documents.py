@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from picktree.batch.results.tables import TABLES, TableOf, schema
-from picktree.batch.results.views import VIEWS, View
+from picktree.batch.results.views import VIEWS, SqlView
 
 PAGE = (Path(__file__).parents[2] / "docs" / "batches.md").read_text()
 ROWS = {row[1]: re.findall(r"`(\w+)`", row[2]) for row in re.finditer(r"^\| `(\w+)` \| (.*) \|$", PAGE, re.M)}
@@ -31,7 +31,7 @@ def test_a_table_has_the_columns_that_are_declared_and_told_of(table: TableOf) -
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
-def test_a_view_has_the_columns_that_are_told_of(view: View) -> None:
+def test_a_view_has_the_columns_that_are_told_of(view: SqlView) -> None:
     assert ROWS[view.name] == columns(view.name)
     assert f"| `{view.name}` | {view.question[0].upper()}{view.question[1:]} " in PAGE
 

@@ -13,7 +13,7 @@ import pytest
 from pyarrow import parquet
 
 from picktree.batch.results.exporting import export
-from picktree.batch.results.rows import JobRows, PickRow
+from picktree.batch.results.rows import JobPickRow, JobRows
 from picktree.batch.results.store import Store
 from picktree.batch.results.tables import TABLES
 from picktree.cli.app import answer
@@ -22,7 +22,7 @@ from picktree.logs.optional_libraries import adding
 
 from .test_store import ITEMS, SUCCESS, store
 
-PICKS = (PickRow(1.5, "can_1", True, "Main/Grasp"), PickRow(0.5, "=can_2", False, "Main/Grasp"))
+PICKS = (JobPickRow(1.5, "can_1", True, "Main/Grasp"), JobPickRow(0.5, "=can_2", False, "Main/Grasp"))
 
 
 @pytest.fixture

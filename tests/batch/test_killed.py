@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan import BatchPlan
 from picktree.batch.results.store import Store
 from picktree.batch.workers import local_executor
 from picktree.batch.workers.batch import Batch
@@ -37,7 +37,7 @@ def die_within_the_second_commit(self: Any, table: str, kind: type, job: str, ro
 insert = Store._insert  # pyright: ignore[reportPrivateUsage]
 
 
-def run_and_be_killed(folder: Path, plan: Plan, moment: str) -> None:
+def run_and_be_killed(folder: Path, plan: BatchPlan, moment: str) -> None:
     if moment == "between the result and its record":
         Store.record = die  # pyright: ignore[reportAttributeAccessIssue]
     else:
@@ -53,7 +53,7 @@ def run_and_be_killed(folder: Path, plan: Plan, moment: str) -> None:
 def test_a_batch_killed_at_the_worst_moment_comes_to_the_same_table(
     tmp_path: Path, workers: LocalExecutor, moment: str, recorded: int
 ) -> None:
-    plan = Plan("killed", (troubled(tmp_path, {}, picking=True),), (0, 1, 2), backend="kinematic")
+    plan = BatchPlan("killed", (troubled(tmp_path, {}, picking=True),), (0, 1, 2), backend="kinematic")
     folder = tmp_path / "killed"
     process = multiprocessing.get_context("fork").Process(
         target=run_and_be_killed, args=(folder, plan, moment)

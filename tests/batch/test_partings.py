@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan import BatchPlan
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
-from picktree.batch.workers.rerun_job import remake
+from picktree.batch.workers.rerun_job import rerun_job
 from picktree.cli.app import answer
 
 from .watching import Remembering
@@ -32,7 +32,7 @@ def failures_kept(tmp_path_factory: pytest.TempPathFactory, worker: Executor) ->
     folder = tmp_path_factory.mktemp("two")
     faults = folder / "snatched.yaml"
     faults.write_text(SNATCHED)
-    plan = Plan("two", (ONE_PICK,), (0, 1), faults=(None, faults), backend="kinematic")
+    plan = BatchPlan("two", (ONE_PICK,), (0, 1), faults=(None, faults), backend="kinematic")
     with Batch.create(folder / "batch", plan) as batch:
         assert batch.run(worker, Remembering())
     return folder / "batch"
@@ -74,7 +74,7 @@ def test_logs_that_are_there_are_compared_as_they_are(
     failures_kept: Path, tmp_path: Path, worker: Executor, capfd: pytest.CaptureFixture[str]
 ) -> None:
     batch = Path(shutil.copytree(failures_kept, tmp_path / "batch"))
-    assert remake(f"{batch}@no faults,seed=1", executor=worker).identical
+    assert rerun_job(f"{batch}@no faults,seed=1", executor=worker).identical
     told = compared(batch, capfd).splitlines()
     assert told[-4] == "  seed 0: A alone reached its goal"
     assert re.match(r"  seed 1: A alone reached its goal; they part at tick \d+, ", told[-3])

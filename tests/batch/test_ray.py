@@ -17,9 +17,9 @@ import pytest
 
 from picktree.analysis.run import Run
 from picktree.batch.cluster import ray_executor
-from picktree.batch.cluster.installation import Installed, difference, installed
+from picktree.batch.cluster.installation import Installation, difference, installed
 from picktree.batch.cluster.ray_executor import RayExecutor
-from picktree.batch.plan.plan import Limits, Plan
+from picktree.batch.plan.plan import BatchPlan, JobLimits
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
 from picktree.batch.workers.local_executor import LocalExecutor
@@ -36,7 +36,7 @@ from .watching import Remembering
 pytestmark = needs(RAY)
 
 ONE_PICK = Path(__file__).parents[2] / "examples/one_pick.yaml"
-PLAN = Plan("test", (ONE_PICK,), (0, 1, 2), backend="kinematic", keep="all")
+PLAN = BatchPlan("test", (ONE_PICK,), (0, 1, 2), backend="kinematic", keep="all")
 TABLE = "SELECT seed, status, digest, items_sorted, attempts FROM jobs ORDER BY number"
 TROUBLE = """\
 from picktree.trees.skill import Skill, Steps
@@ -73,7 +73,7 @@ NODES = (Trouble,)
 """
 
 
-def troubled(folder: Path, doing: str, seeds: tuple[int, ...], **limits: float) -> Plan:
+def troubled(folder: Path, doing: str, seeds: tuple[int, ...], **limits: float) -> BatchPlan:
     """A mission whose only skill does that after five ticks."""
     (folder / "trouble.py").write_text(TROUBLE.format(here=str(folder), doing=doing))
     mission = folder / "mission.yaml"
@@ -81,17 +81,17 @@ def troubled(folder: Path, doing: str, seeds: tuple[int, ...], **limits: float) 
         "picktree: 1\nkind: mission\nname: trouble\nscene: sort_small\ngoal: left >= 0\n"
         "plugins: [trouble.py]\ntrees:\n  Main: Trouble\n"
     )
-    return Plan(
+    return BatchPlan(
         "trouble",
         (mission,),
         seeds,
         backend="kinematic",
         keep="all",
-        limits=Limits(**limits),  # type: ignore[arg-type]
+        limits=JobLimits(**limits),  # type: ignore[arg-type]
     )
 
 
-def run(plan: Plan, folder: Path, executor: Executor) -> tuple[tuple[object, ...], ...]:
+def run(plan: BatchPlan, folder: Path, executor: Executor) -> tuple[tuple[object, ...], ...]:
     """The table that comes of it."""
     with Batch.create(folder, plan) as batch:
         assert batch.run(executor, Remembering())
@@ -234,8 +234,8 @@ def test_the_sources_of_a_worker_are_those_of_its_runs_and_of_batches() -> None:
 
 
 def test_what_sets_two_machines_apart_is_said() -> None:
-    here = Installed({"numpy": "2.4.6", "python": "3.11"}, {"skills/grasp.py": "a", "world/clock.py": "b"})
-    there = Installed({"numpy": "2.3.0"}, {"skills/grasp.py": "b"})
+    here = Installation({"numpy": "2.4.6", "python": "3.11"}, {"skills/grasp.py": "a", "world/clock.py": "b"})
+    there = Installation({"numpy": "2.3.0"}, {"skills/grasp.py": "b"})
     assert difference(here, here) == ""
     assert difference(here, there) == "it has numpy 2.3.0, here 2.4.6; python missing, here 3.11"
     same = replace(there, versions=here.versions)

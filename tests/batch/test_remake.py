@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan import BatchPlan
 from picktree.batch.results.store import NAME, Store
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
-from picktree.batch.workers.rerun_job import remake
+from picktree.batch.workers.rerun_job import rerun_job
 from picktree.cli.app import answer
 from picktree.errors import PicktreeError
 
@@ -30,7 +30,7 @@ def dropped(tmp_path_factory: pytest.TempPathFactory, worker: Executor) -> Path:
     folder = tmp_path_factory.mktemp("dropped")
     mission = folder / "mission.yaml"
     shutil.copy(ONE_PICK, mission)
-    plan = Plan(
+    plan = BatchPlan(
         "two",
         (mission,),
         (3, 4),
@@ -72,13 +72,13 @@ def test_its_log_goes_where_the_batch_would_have_kept_it(
         f"log         {batch / str(folder)}\n"
     )
     assert not list(batch.glob("jobs/.*"))
-    again = remake(f"{batch}@{str(job)[:6]}", executor=worker)
+    again = rerun_job(f"{batch}@{str(job)[:6]}", executor=worker)
     assert (again.identical, again.kept_before, again.log) == (True, True, batch / str(folder))
     assert len(list(batch.glob("jobs/*/*"))) == 1
 
 
 def test_elsewhere_it_goes_into_a_folder_of_its_own(batch: Path, tmp_path: Path, worker: Executor) -> None:
-    found = remake(f"{batch}@30 N,seed=3", tmp_path / "out", worker)
+    found = rerun_job(f"{batch}@30 N,seed=3", tmp_path / "out", worker)
     (run,) = (tmp_path / "out").iterdir()
     assert (run / "log.mcap").is_file()
     said = json.loads(found.to_json_text())
@@ -90,7 +90,7 @@ def test_another_run_than_the_recorded_one_is_not_taken_for_it(batch: Path, work
     with closing(sqlite3.connect(batch / NAME)) as results, results:  # as if another machine had run it
         results.execute("UPDATE jobs SET digest = 'of another run' WHERE number = 0")
         results.execute("UPDATE versions SET version = '0.1' WHERE library = 'numpy'")
-    found = remake(f"{batch}@15 N,seed=3", executor=worker)
+    found = rerun_job(f"{batch}@15 N,seed=3", executor=worker)
     told = found.to_text().splitlines()
     assert told[1:3] == ["different", "  recorded  success, digest of another run"]
     assert told[4].startswith("likely why  numpy: recorded 0.1, now ")
@@ -112,7 +112,7 @@ def test_another_run_than_the_recorded_one_is_not_taken_for_it(batch: Path, work
 def test_what_names_no_job_that_was_run_is_refused(dropped: Path, named: str, message: str) -> None:
     where = f"{dropped}@{named}"
     with pytest.raises(PicktreeError) as refused:
-        remake(where)
+        rerun_job(where)
     assert str(refused.value) == f"{where}: {message.format(batch=dropped)}"
 
 
@@ -128,7 +128,7 @@ def test_a_recipe_that_is_damaged_is_not_run(batch: Path, worker: Executor) -> N
     (recipe,) = {path for path in batch.glob("recipes/*.zip") if path.stem == row(batch, 0, "recipe")[0]}
     recipe.write_bytes(recipe.read_bytes()[:-200])
     with pytest.raises(PicktreeError) as refused:
-        remake(f"{batch}@15 N,seed=3", executor=worker)
+        rerun_job(f"{batch}@15 N,seed=3", executor=worker)
     assert str(refused.value) == (f"{batch}@15 N,seed=3: {recipe}: no recipe of a batch, or a damaged one")
 
 
@@ -139,10 +139,10 @@ def test_a_folder_of_a_batch_alone_names_no_job(dropped: Path, capsys: pytest.Ca
 
 def test_a_job_that_crashed_shows_how_it_crashes(tmp_path: Path, worker: Executor) -> None:
     mission = troubled(tmp_path, {1: "os._exit(7)"})
-    plan = Plan("trouble", (mission,), (1,), backend="kinematic", keep="none")
+    plan = BatchPlan("trouble", (mission,), (1,), backend="kinematic", keep="none")
     with Batch.create(tmp_path / "batch", plan) as batch:
         assert batch.run(worker, Remembering())
-    found = remake(f"{tmp_path}/batch@seed=1", executor=worker)
+    found = rerun_job(f"{tmp_path}/batch@seed=1", executor=worker)
     assert (found.identical, found.recorded_status, found.status) == (False, "crashed", "crashed")
     assert found.log is not None and (found.log / "log.mcap").is_file()
     assert f"crashed     {found.message}" in found.to_text()

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from picktree.batch.plan.plan import Plan
+from picktree.batch.plan.plan import BatchPlan
 from picktree.batch.report.report import write_report
 from picktree.batch.workers.batch import Batch
 from picktree.batch.workers.executor import Executor
@@ -29,7 +29,7 @@ def test_a_page_holds_what_the_results_say_and_links_to_the_worst_runs(
 ) -> None:
     missed = tmp_path / "missed.yaml"  # the goal is one that no run can reach
     missed.write_text(re.sub(r"^goal:.*\n", "", ONE_PICK.read_text(), flags=re.M) + "goal: sorted > total\n")
-    plan = Plan("two", (ONE_PICK, missed), (0, 1), backend="kinematic")
+    plan = BatchPlan("two", (ONE_PICK, missed), (0, 1), backend="kinematic")
     folder = tmp_path / "batch"
     with Batch.create(folder, plan) as batch:
         assert batch.run(worker, Remembering())
@@ -56,7 +56,7 @@ def test_a_page_holds_what_the_results_say_and_links_to_the_worst_runs(
 
 
 def test_names_cannot_break_out_of_the_page(tmp_path: Path) -> None:
-    plan = Plan("</title><script>", (ONE_PICK,), (0,), backend="kinematic")
+    plan = BatchPlan("</title><script>", (ONE_PICK,), (0,), backend="kinematic")
     with Batch.create(tmp_path / "batch", replace(plan, settings={"Grasp.force": ("15",)})):
         write_report(tmp_path / "batch", tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()

@@ -8,9 +8,16 @@ from typing import Any
 
 import pytest
 
-from picktree.batch.plan.plan import Job, Plan, write_plan
+from picktree.batch.plan.plan import BatchPlan, Job, write_plan
 from picktree.batch.report.report import write_report
-from picktree.batch.results.rows import EpisodeRow, FailureRow, JobRows, PickRow, PlantedRow, TimingRow
+from picktree.batch.results.rows import (
+    EpisodeRow,
+    JobFailureRow,
+    JobPickRow,
+    JobRows,
+    JobTimingRow,
+    PlantedRow,
+)
 from picktree.batch.results.store import NAME, Store
 
 from ..browser import Chromium
@@ -27,7 +34,7 @@ EPISODES = (
     EpisodeRow(5.0, "world.lost", "Main/Observe", "can_2", "unhandled", "", "", "", 0, 10.0),
 )
 PLANTED = PlantedRow(3.5, "slip", "it slips", "item_0", "grasp.slipped", 0.5, "cured")
-LOST = FailureRow(5.0, "Main/Observe", "world.lost", "it is gone", "can_2", "passed_over", "", None)
+LOST = JobFailureRow(5.0, "Main/Observe", "world.lost", "it is gone", "can_2", "passed_over", "", None)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +42,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of 2 recipes with 12 seeds: the first one misses its goal on every third seed, and one job waits."""
     folder = tmp_path_factory.mktemp("page") / "night shift"
     folder.mkdir()
-    plan = Plan(
+    plan = BatchPlan(
         "grip", (Path("/m/sort.yaml"),), tuple(range(12)), settings={"Grasp.force": ("1.5 N", "30 N")}
     )
     write_plan(plan, folder)
@@ -55,11 +62,11 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 JobRows(
                     row,
                     items=ITEMS if bad else sorted_items,
-                    picks=(PickRow(1.0, "can_1", not bad, "Main/Grasp"),),
+                    picks=(JobPickRow(1.0, "can_1", not bad, "Main/Grasp"),),
                     failures=(SLIP, SLIP, LOST) if bad else (),
                     episodes=EPISODES if bad else (),
                     planted=(PLANTED,) if bad else (),
-                    timings=(TimingRow("grasp", 6.0), TimingRow("place", 3.0)),
+                    timings=(JobTimingRow("grasp", 6.0), JobTimingRow("place", 3.0)),
                     versions={"numpy": "2.0"},
                 ),
             )

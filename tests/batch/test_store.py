@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.plan.plan import Job, Plan
-from picktree.batch.results.rows import FailureRow, ItemRow, JobRow, JobRows, TimingRow
+from picktree.batch.plan.plan import BatchPlan, Job
+from picktree.batch.results.rows import JobFailureRow, JobItemRow, JobRow, JobRows, JobTimingRow
 from picktree.batch.results.store import NAME, Store
 from picktree.batch.statistics.summary import summarise
 from picktree.errors import PicktreeError
@@ -33,24 +33,24 @@ SUCCESS = JobRow(
 MISSED = replace(
     SUCCESS, status="incomplete", items_sorted=1, items_left=1, look_at="4.00 s: slipped", folder="jobs/x"
 )
-SLIP = FailureRow(4.0, "Main/Grasp", "grasp.slipped", "it slipped", "can_1", "cured", "SafeRetreat", 2.5)
+SLIP = JobFailureRow(4.0, "Main/Grasp", "grasp.slipped", "it slipped", "can_1", "cured", "SafeRetreat", 2.5)
 ITEMS = (
-    ItemRow("item_0", "can", "cylinder", "red", 0.4, 0.1, 0.0, "red_bin", "red_bin", "sorted"),
-    ItemRow("item_1", "can", "cylinder", "red", 0.5, 0.1, 3.0, "red_bin", None, "left"),
+    JobItemRow("item_0", "can", "cylinder", "red", 0.4, 0.1, 0.0, "red_bin", "red_bin", "sorted"),
+    JobItemRow("item_1", "can", "cylinder", "red", 0.5, 0.1, 3.0, "red_bin", None, "left"),
 )
 
 
 def store(folder: Path, rows: dict[int, JobRow], values: tuple[str, ...] = ("15",), seeds: int = 10) -> Store:
     """A batch's folder with a job for each setting and seed; `rows` by number."""
     folder.mkdir()
-    plan = Plan("test", (Path("/m/sort.yaml"),), tuple(range(seeds)), settings={"Grasp.force": values})
+    plan = BatchPlan("test", (Path("/m/sort.yaml"),), tuple(range(seeds)), settings={"Grasp.force": values})
     jobs = [
         Job(f"{n:016x}", n, variant, seed, "recipe")
         for n, (variant, seed) in enumerate((v, s) for v in plan.variants() for s in plan.seeds)
     ]
     made = Store.create(folder / NAME, jobs)
     for number, row in rows.items():
-        rest = JobRows(row, items=ITEMS, timings=(TimingRow("grasp", 6.0), TimingRow("think", 1.0)))
+        rest = JobRows(row, items=ITEMS, timings=(JobTimingRow("grasp", 6.0), JobTimingRow("think", 1.0)))
         failures = (SLIP,) if row.status != "success" else ()
         assert made.record(f"{number:016x}", replace(rest, failures=failures))
     return made

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from picktree.batch.plan.plan import Keep, Plan
+from picktree.batch.plan.plan import BatchPlan, Keep
 from picktree.batch.results.store import NAME, Store
 from picktree.batch.workers import batch as module
 from picktree.batch.workers.batch import Batch
@@ -34,7 +34,7 @@ def test_a_lost_first_try_stays_beside_the_second_unless_no_log_is_kept(
 ) -> None:
     mission = troubled(tmp_path, {1: ONCE})
     folder = tmp_path / "batch"
-    with Batch.create(folder, Plan("once", (mission,), (1,), backend="kinematic", keep=keep)) as batch:
+    with Batch.create(folder, BatchPlan("once", (mission,), (1,), backend="kinematic", keep=keep)) as batch:
         assert batch.run(worker, Remembering())
         (job,) = batch.store.query("SELECT job, status, attempts, folder FROM jobs").rows
         (lost,) = batch.store.query("SELECT job, attempt, reason, folder FROM crashes").rows
@@ -49,7 +49,7 @@ def test_a_lost_first_try_stays_beside_the_second_unless_no_log_is_kept(
 def test_a_job_that_crashed_is_begun_anew_by_resume(tmp_path: Path, worker: Executor) -> None:
     mission = troubled(tmp_path, {1: 'if not (HERE / "mended").exists(): os.abort()'})
     folder = tmp_path / "batch"
-    with Batch.create(folder, Plan("twice", (mission,), (1,), backend="kinematic")) as batch:
+    with Batch.create(folder, BatchPlan("twice", (mission,), (1,), backend="kinematic")) as batch:
         assert batch.run(worker, Remembering())
         assert batch.store.query("SELECT status, attempts FROM jobs").rows == (("crashed", 2),)
         assert len(list(folder.glob("jobs/*/*/log.mcap"))) == 2
@@ -64,7 +64,7 @@ def test_a_job_that_crashed_is_begun_anew_by_resume(tmp_path: Path, worker: Exec
 def test_the_count_of_tries_survives_the_batch(tmp_path: Path, worker: Executor) -> None:
     mission = troubled(tmp_path, {1: "os.abort()"})
     folder = tmp_path / "batch"
-    batch = Batch.create(folder, Plan("lost", (mission,), (1,), backend="kinematic"))
+    batch = Batch.create(folder, BatchPlan("lost", (mission,), (1,), backend="kinematic"))
     seen = Remembering(at_again=batch.stop)
     with batch:
         assert not batch.run(worker, seen)
@@ -79,7 +79,7 @@ def test_a_full_disk_stops_the_batch_and_costs_no_job_a_try(
     tmp_path: Path, worker: Executor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "batch"
-    plan = Plan("full", (troubled(tmp_path, {1: "os.abort()"}),), (0, 1, 2), backend="kinematic")
+    plan = BatchPlan("full", (troubled(tmp_path, {1: "os.abort()"}),), (0, 1, 2), backend="kinematic")
 
     def has(free: int) -> None:
         def usage(path: Path) -> SimpleNamespace:
@@ -126,7 +126,7 @@ def test_results_that_cannot_be_written_are_one_error_and_resume_takes_in_what_i
     tmp_path: Path, worker: Executor
 ) -> None:
     folder = tmp_path / "batch"
-    plan = Plan("full", (troubled(tmp_path, {}),), (0, 1, 2), backend="kinematic")
+    plan = BatchPlan("full", (troubled(tmp_path, {}),), (0, 1, 2), backend="kinematic")
     with Batch.create(folder, plan) as batch:
         with no_longer_files(1000), pytest.raises(PicktreeError) as caught:
             batch.run(worker, Remembering())
@@ -148,7 +148,7 @@ def test_a_batch_whose_creation_was_cut_short_is_created_by_resume_or_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at: str
 ) -> None:
     folder = tmp_path / "batch"
-    plan = Plan("cut", (troubled(tmp_path, {}),), (0, 1), backend="kinematic")
+    plan = BatchPlan("cut", (troubled(tmp_path, {}),), (0, 1), backend="kinematic")
 
     def cut(*_: object) -> None:
         raise KeyboardInterrupt
@@ -185,7 +185,7 @@ def test_whatever_is_left_of_the_last_commits_the_earlier_ones_are_whole(
     """As after kill -9, or a power cut, in the middle of a commit."""
     folder = tmp_path / "batch"
     with Batch.create(
-        folder, Plan("cut", (troubled(tmp_path, {}),), (0, 1, 2), backend="kinematic")
+        folder, BatchPlan("cut", (troubled(tmp_path, {}),), (0, 1, 2), backend="kinematic")
     ) as batch:
         assert batch.run(worker, Remembering())
         log = Path(f"{folder / NAME}-wal").read_bytes()

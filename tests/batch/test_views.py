@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.batch.results.rows import EpisodeRow, JobRows, PickRow, PlantedRow, TimingRow
+from picktree.batch.results.rows import EpisodeRow, JobPickRow, JobRows, JobTimingRow, PlantedRow
 from picktree.batch.results.store import Store
 from picktree.batch.statistics.rates import rate
 from picktree.batch.statistics.summary import summarise
@@ -16,8 +16,8 @@ from picktree.batch.statistics.summary import summarise
 from .test_store import ITEMS, MISSED, SLIP, SUCCESS, store
 
 
-def picks(*held: tuple[str, bool]) -> tuple[PickRow, ...]:
-    return tuple(PickRow(float(n), name, good, "Main/Grasp") for n, (name, good) in enumerate(held))
+def picks(*held: tuple[str, bool]) -> tuple[JobPickRow, ...]:
+    return tuple(JobPickRow(float(n), name, good, "Main/Grasp") for n, (name, good) in enumerate(held))
 
 
 CURED = EpisodeRow(
@@ -48,7 +48,7 @@ def results(tmp_path: Path) -> Iterator[Store]:
             ),
             (2, slow, picks(("can_1", False), ("can_1", True)), (SLIP,), (CURED, ALONE), ()),
         ):
-            timings = (TimingRow("grasp", 6.0), TimingRow("think", 2.0))
+            timings = (JobTimingRow("grasp", 6.0), JobTimingRow("think", 2.0))
             rows = JobRows(
                 row,
                 items=ITEMS,

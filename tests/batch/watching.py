@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from picktree.batch.plan.plan import Job
 from picktree.batch.results.rows import JobRow
-from picktree.batch.workers.batch import Ended
+from picktree.batch.workers.batch import RecordedJob
 
 
 @dataclass
@@ -19,14 +19,14 @@ class Remembering:
     at_begin: Callable[[], None] = lambda: None
     at_again: Callable[[], None] = lambda: None
     done: tuple[JobRow, ...] = ()
-    ends: list[Ended] = field(default_factory=list[Ended])
+    ends: list[RecordedJob] = field(default_factory=list[RecordedJob])
     again: list[str] = field(default_factory=list[str])
 
     def started(self, total: int, done: Sequence[JobRow], workers: int) -> None:
         self.done = tuple(done)
         self.at_begin()
 
-    def ended(self, ended: Ended) -> None:
+    def ended(self, ended: RecordedJob) -> None:
         self.ends.append(ended)
         self.at_end()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from types import ModuleType
 
-from picktree.simulation.fault_files.fault_entries import Expect
+from picktree.simulation.fault_files.fault_entries import FaultExpectation
 
 Program = Callable[[str], ModuleType]
 
@@ -35,7 +35,7 @@ def test_items_lost_count_before_time_and_time_before_force_and_two_of_a_fault_a
         run("bump", 1, 4, 50.0, 20.0),  # 25 s late
         run("bump", 2, 0, 50.0, 20.0, recovery=False),
     ]
-    chosen = program("_atlas_page").worst(measures, {"vanish": Expect((), 1)}, 5)
+    chosen = program("_atlas_page").worst(measures, {"vanish": FaultExpectation((), 1)}, 5)
     assert [(e.measure.fault, e.measure.seed, e.badness.lost, e.badness.late) for e in chosen] == [
         ("slip", 2, 3, 10.0),  # against 20 s, the mean of the calm runs
         ("slip", 1, 3, -5.0),

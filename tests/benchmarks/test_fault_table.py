@@ -12,7 +12,7 @@ import pytest
 from picktree.batch.plan.plan import Job, Variant
 from picktree.batch.results.rows import JobRow, JobRows
 from picktree.batch.results.store import NAME, Store
-from picktree.simulation.fault_files.fault_entries import Expect
+from picktree.simulation.fault_files.fault_entries import FaultExpectation
 
 Program = Callable[[str], ModuleType]
 
@@ -153,9 +153,9 @@ def test_the_targets_are_of_the_runs_with_recovery_and_a_fault(made_up: Path, pr
 
 def test_a_cause_is_right_by_name_or_by_family(program: Program) -> None:
     is_right = program("_fault_table").is_right
-    assert is_right("grasp.slipped", Expect(("grasp.*",)))
-    assert not is_right("grasp.slipped", Expect(("grasp.missed", "control.*")))
-    assert not is_right("grasp.slipped", Expect(()))
+    assert is_right("grasp.slipped", FaultExpectation(("grasp.*",)))
+    assert not is_right("grasp.slipped", FaultExpectation(("grasp.missed", "control.*")))
+    assert not is_right("grasp.slipped", FaultExpectation(()))
 
 
 def test_a_limit_may_be_exceeded_by_what_braking_needs(program: Program) -> None:

@@ -8,11 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.calibration.estimate import Estimate, estimate
+from picktree.calibration.estimate import CalibrationEstimate, estimate
 from picktree.calibration.hand_eye import camera_in_tcp, spread
-from picktree.calibration.observations import Evidence, Shot, Touch, viewpoints
-from picktree.calibration.target_detection import TileSeen, area_and_centroid, pixels_of
-from picktree.calibration.targets import contacts
+from picktree.calibration.observations import (
+    CalibrationData,
+    DetectedTile,
+    TargetImage,
+    TargetTouch,
+    viewpoints,
+)
+from picktree.calibration.target_detection import area_and_centroid, pixels_of
+from picktree.calibration.targets import touch_points
 from picktree.errors import PicktreeError
 from picktree.world.protocols import Intrinsics
 from picktree.world.scene.calibration_results import tiles_on
@@ -32,10 +38,10 @@ TIPS = np.array([(x, y, z) for x in (-0.009, 0.009) for y in (-0.014, 0.014) for
 NO_TIPS = np.zeros((1, 3))
 
 
-def seen(optical: Pose, rng: np.random.Generator, pictures: int = 1) -> tuple[TileSeen, ...]:
+def seen(optical: Pose, rng: np.random.Generator, pictures: int = 1) -> tuple[DetectedTile, ...]:
     """The squares through a camera that truly is there, with noise as in pictures."""
     target = optical.inverse() @ TARGET
-    found: list[TileSeen] = []
+    found: list[DetectedTile] = []
     for n, tile in enumerate(TILES):
         area, centroid = area_and_centroid(pixels_of(target.apply(tile.corners()), OPTICS)[None])
         size = int(abs(area[0]))
@@ -44,34 +50,34 @@ def seen(optical: Pose, rng: np.random.Generator, pictures: int = 1) -> tuple[Ti
         ray = np.array([(u - OPTICS.cx) / OPTICS.fx, (v - OPTICS.cy) / OPTICS.fy, 1.0])
         depth = float(normal @ on_top / (normal @ ray))
         sigma = 0.002 * (depth / 0.7) ** 2 / math.sqrt(size * pictures)
-        found.append(TileSeen(n, (u, v), depth + float(rng.normal(0.0, sigma)), (u, v), sigma, size))
+        found.append(DetectedTile(n, (u, v), depth + float(rng.normal(0.0, sigma)), (u, v), sigma, size))
     return tuple(found)
 
 
 FROM_AFAR = seen(OVERHEAD, np.random.default_rng(5))
 
 
-def shots(rng: np.random.Generator, count: int = 12) -> tuple[Shot, ...]:
+def shots(rng: np.random.Generator, count: int = 12) -> tuple[TargetImage, ...]:
     """Of the camera on the hand, which is not where it is believed to be."""
     places = [place.camera_in_world[0] for place in viewpoints(TARGET, SIZE, OPTICS, count)]
     return tuple(
-        Shot("wrist", True, OPTICS, optical @ TRULY.inverse(), CAMERA, seen(optical, rng))
+        TargetImage("wrist", True, OPTICS, optical @ TRULY.inverse(), CAMERA, seen(optical, rng))
         for optical in places
     )
 
 
-def touches(rng: np.random.Generator) -> tuple[Touch, ...]:
+def touches(rng: np.random.Generator) -> tuple[TargetTouch, ...]:
     """Against the true faces with the true tool; the encoders say where it is believed to be."""
-    found: list[Touch] = []
-    for n, contact in enumerate(contacts(TARGET, SIZE, TIPS, 0.0)):
+    found: list[TargetTouch] = []
+    for n, contact in enumerate(touch_points(TARGET, SIZE, TIPS, 0.0)):
         truly, force = contact.tcp[0], 3.0 if n % 2 else 6.0
         given_way = -3e-5 * force + float(rng.normal(0.0, 2e-5))
         truly = truly.shifted(np.array(contact.normal) * given_way)
-        found.append(Touch(contact.face, truly @ TOOL.inverse(), force, contact.name))
+        found.append(TargetTouch(contact.face, truly @ TOOL.inverse(), force, contact.name))
     return tuple(found)
 
 
-def known(evidence: Evidence) -> Estimate:
+def known(evidence: CalibrationData) -> CalibrationEstimate:
     return estimate(evidence, TILES, SIZE, BELIEVED_TARGET)
 
 
@@ -81,7 +87,7 @@ def scores(found: Array, truly: Array, sigma: Array) -> Array:
 
 def test_a_camera_on_the_hand_and_the_tool_are_found() -> None:
     rng = np.random.default_rng(1)
-    found = known(Evidence(shots(rng), touches(rng), TIPS))
+    found = known(CalibrationData(shots(rng), touches(rng), TIPS))
     (camera,), tool = found.cameras, found.tool
     assert tool is not None
     assert math.dist(tool.offset, TOOL.position) < 1e-4
@@ -98,8 +104,8 @@ def test_what_is_said_to_be_known_is_known() -> None:
     all_of_them: list[Array] = []
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        afar = Shot("overhead", False, OPTICS, Pose(), OVERHEAD, seen(OVERHEAD, rng, pictures=50))
-        found = known(Evidence((*shots(rng, 7), afar), touches(rng), TIPS))
+        afar = TargetImage("overhead", False, OPTICS, Pose(), OVERHEAD, seen(OVERHEAD, rng, pictures=50))
+        found = known(CalibrationData((*shots(rng, 7), afar), touches(rng), TIPS))
         wrist, overhead = found.cameras
         tool = found.tool
         assert tool is not None
@@ -124,16 +130,16 @@ def test_a_square_that_is_taken_for_another_does_no_harm() -> None:
     u, v = views[3].tiles[2].pixel
     wrong = replace(views[3].tiles[2], pixel=(u + 6.0, v - 4.0))
     views[3] = replace(views[3], tiles=(*views[3].tiles[:2], wrong, *views[3].tiles[3:]))
-    (camera,) = known(Evidence(tuple(views), (), NO_TIPS)).cameras
+    (camera,) = known(CalibrationData(tuple(views), (), NO_TIPS)).cameras
     assert camera.pose.distance(TRULY) < 3e-4
 
 
 def test_a_camera_that_hangs_still_sees_a_target_that_was_felt() -> None:
     rng = np.random.default_rng(3)
-    afar = Shot(
+    afar = TargetImage(
         "overhead", False, OPTICS, Pose(), OVERHEAD.shifted((0.005, 0.004, 0.003)), seen(OVERHEAD, rng, 50)
     )
-    (camera,) = known(Evidence((afar,), touches(rng), TIPS)).cameras
+    (camera,) = known(CalibrationData((afar,), touches(rng), TIPS)).cameras
     assert camera.pose.distance(OVERHEAD) < 1.5e-3
     assert camera.pose.angle(OVERHEAD) < math.radians(0.3)
     assert camera.moved == pytest.approx(math.sqrt(50) * 1e-3, abs=1.5e-3)
@@ -151,18 +157,18 @@ def test_the_closed_form_is_near_by_itself() -> None:
     ("evidence", "message"),
     [
         (
-            Evidence(shots(np.random.default_rng(5), 3), (), NO_TIPS),
+            CalibrationData(shots(np.random.default_rng(5), 3), (), NO_TIPS),
             "wrist: the target was seen from 3 places; 4 are needed",
         ),
         (
-            Evidence(shots(np.random.default_rng(5), 1) * 5, (), NO_TIPS),
+            CalibrationData(shots(np.random.default_rng(5), 1) * 5, (), NO_TIPS),
             "wrist: the hand was turned about axes that are 0° apart at most; 30° are needed to tell where "
             "the camera is",
         ),
         (
-            Evidence(
+            CalibrationData(
                 (
-                    Shot(
+                    TargetImage(
                         "overhead", False, OPTICS, Pose(), OVERHEAD, seen(OVERHEAD, np.random.default_rng(5))
                     ),
                 ),
@@ -174,7 +180,7 @@ def test_the_closed_form_is_near_by_itself() -> None:
         ),
     ],
 )
-def test_what_cannot_be_told_is_said(evidence: Evidence, message: str) -> None:
+def test_what_cannot_be_told_is_said(evidence: CalibrationData, message: str) -> None:
     with pytest.raises(PicktreeError) as caught:
         known(evidence)
     assert str(caught.value) == message
@@ -183,7 +189,7 @@ def test_what_cannot_be_told_is_said(evidence: Evidence, message: str) -> None:
 def test_a_tool_that_touches_do_not_tell_is_left() -> None:
     rng = np.random.default_rng(6)
     from_above = tuple(touch for touch in touches(rng) if touch.name in ("top 1", "top 2", "top 3"))
-    found = known(Evidence(shots(rng), from_above, TIPS))
+    found = known(CalibrationData(shots(rng), from_above, TIPS))
     assert found.tool is not None
     assert not found.tool.sure
     assert found.cameras[0].pose.distance(TRULY) < 2e-4
@@ -192,12 +198,12 @@ def test_a_tool_that_touches_do_not_tell_is_left() -> None:
 def test_records_of_views_and_touches_come_back_as_they_were() -> None:
     rng = np.random.default_rng(7)
     shot, touch = shots(rng, 1)[0], touches(rng)[4]
-    assert Shot.from_plain(shot.to_plain()) == shot
-    assert Touch.from_plain(touch.to_plain()) == touch
+    assert TargetImage.from_plain(shot.to_plain()) == shot
+    assert TargetTouch.from_plain(touch.to_plain()) == touch
 
 
 def test_tips_meet_the_face_that_they_are_to_touch() -> None:
-    for contact in contacts(TARGET, SIZE, TIPS, math.pi / 2):
+    for contact in touch_points(TARGET, SIZE, TIPS, math.pi / 2):
         for pose in contact.tcp:
             corners = TARGET.inverse().apply(pose.apply(TIPS))
             ahead = corners @ np.array(contact.face)

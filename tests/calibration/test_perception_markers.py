@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.calibration.target_detection import area_and_centroid, averaged, find_tiles, pixels_of
+from picktree.calibration.target_detection import area_and_centroid, average_tiles, detect_tiles, pixels_of
 from picktree.simulation.physics.bodies import add_scenery
 from picktree.simulation.physics.engine.pybullet_import import Client
-from picktree.simulation.physics.rgbd_camera import View, intrinsics
+from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import Fixture, SceneDescription
-from picktree.world.scene.loading.scene_entries import looking
+from picktree.world.scene.loading.scene_entries import look_at_frame
 from picktree.world.scene.loading.scene_loading import parse_scene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose, Vector3
@@ -38,12 +38,12 @@ def scene() -> SceneDescription:
 
 def picture(scene: SceneDescription, at: Vector3 = (0.45, 0.1, 0.33), *added: Fixture) -> RgbdImage:
     """From `at` towards the target, with whatever is added."""
-    optical = looking(at, (0.5, 0.0, 0.05), None)
+    optical = look_at_frame(at, (0.5, 0.0, 0.05), None)
     assert optical is not None
     client = Client()
     add_scenery(replace(scene, fixtures=(*scene.fixtures, *added)), client.id)
     (camera,) = scene.cameras
-    seen = View(camera).render(client.id, optical)
+    seen = CameraRenderer(camera).render(client.id, optical)
     depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))
     return RgbdImage("near", seen.colour, depth, 0.0, intrinsics(camera), optical)
 
@@ -54,7 +54,7 @@ def body(name: str, colour: str, size: Vector3, at: Vector3) -> Fixture:
 
 def test_squares_are_found_to_a_fraction_of_a_pixel(scene: SceneDescription) -> None:
     image, target = picture(scene), scene.fixture("target")
-    seen = find_tiles(image, target.tiles)
+    seen = detect_tiles(image, target.tiles)
     assert [tile.index for tile in seen] == [0, 1, 2, 3, 4, 5]
     in_camera = image.camera_in_world.inverse() @ target.pose
     for tile in seen:
@@ -71,19 +71,19 @@ def test_a_square_behind_something_is_left_out(scene: SceneDescription) -> None:
     red = scene.fixture("target").pose.apply(np.array(scene.fixture("target").tiles[0].centre))
     x, y, z = (float(c) for c in red)
     finger = body("finger", "light_grey", (0.012, 0.012, 0.1), (x, y + 0.02, z + 0.1))
-    seen = find_tiles(picture(scene, (0.45, 0.1, 0.33), finger), scene.fixture("target").tiles)
+    seen = detect_tiles(picture(scene, (0.45, 0.1, 0.33), finger), scene.fixture("target").tiles)
     assert 0 not in [tile.index for tile in seen]
     assert len(seen) >= 4
 
 
 def test_things_of_the_same_colours_are_not_taken_for_squares(scene: SceneDescription) -> None:
     tiles = scene.fixture("target").tiles
-    alone = find_tiles(picture(scene), tiles)
+    alone = detect_tiles(picture(scene), tiles)
     litter = [
         body(colour, colour, (0.04, 0.04, 0.04), (0.36 + 0.05 * n, -0.13, 0.02))
         for n, colour in enumerate(("red", "yellow", "blue"))
     ]
-    among = find_tiles(picture(scene, (0.45, 0.1, 0.33), *litter), tiles)
+    among = detect_tiles(picture(scene, (0.45, 0.1, 0.33), *litter), tiles)
     assert [tile.pixel for tile in among] == [tile.pixel for tile in alone]
 
 
@@ -93,13 +93,13 @@ def test_without_a_target_there_is_none(scene: SceneDescription) -> None:
         body(colour, colour, (0.04, 0.04, 0.04), (0.42 + 0.03 * n, 0.07 * (n % 3) - 0.05, 0.02))
         for n, colour in enumerate(("red", "yellow", "blue", "green"))
     ]
-    assert find_tiles(picture(bare, (0.45, 0.1, 0.33), *blocks), scene.fixture("target").tiles) == ()
+    assert detect_tiles(picture(bare, (0.45, 0.1, 0.33), *blocks), scene.fixture("target").tiles) == ()
 
 
 def test_pictures_from_one_place_are_averaged(scene: SceneDescription) -> None:
-    one = find_tiles(picture(scene), scene.fixture("target").tiles)
+    one = detect_tiles(picture(scene), scene.fixture("target").tiles)
     other = tuple(replace(tile, pixel=(tile.pixel[0] + 0.2, tile.pixel[1]), depth_sigma=1e-3) for tile in one)
-    both = averaged([one, other])
+    both = average_tiles([one, other])
     assert both[2].pixel[0] == pytest.approx(one[2].pixel[0] + 0.1)
-    assert averaged([one, other[:5], other[:5], other[:5]])[-1].index == 4
-    assert averaged([one, (), ()]) == ()
+    assert average_tiles([one, other[:5], other[:5], other[:5]])[-1].index == 4
+    assert average_tiles([one, (), ()]) == ()

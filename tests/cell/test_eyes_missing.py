@@ -10,10 +10,10 @@ import pytest
 
 from picktree.cell.world import World
 from picktree.robots.loading import load_robot
-from picktree.session.assembly import TICK, assemble
+from picktree.session.assembly import TICK, assemble_world
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import Failure
-from picktree.world.journal import Happened
+from picktree.world.journal import JournalEvent
 from picktree.world.protocols import Camera, NoImage, RgbdImage
 from picktree.world.scene.loading.scene_loading import load_scene
 
@@ -39,7 +39,7 @@ def cell(shots: str) -> World:
     scene, robot = load_scene("sort_small"), load_robot("panda")
     hardware = KinematicHardware(scene, robot, 3)
     hardware.cameras = {"overhead": Failing(hardware.cameras["overhead"], shots)}
-    world = assemble(hardware, scene, robot, 3)
+    world = assemble_world(hardware, scene, robot, 3)
     for _ in range(40):
         world.control.step_tick(TICK)
     return world
@@ -58,7 +58,7 @@ def test_a_frame_that_is_missing_is_waited_for_and_noted() -> None:
     world = cell("-o-x")
     summary = driven(world, world.eyes.look("overhead"))
     assert len(summary.seen) == 4
-    events = [e for e in world.journal.take() if isinstance(e, Happened) and e.kind == "frames_missed"]
+    events = [e for e in world.journal.take() if isinstance(e, JournalEvent) and e.kind == "frames_missed"]
     assert [(e.message, e.data) for e in events] == [("3 of 4 frames did not come", {"missed": 3})]
     assert world.eyes.newest == pytest.approx(2.3)
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from picktree.files.diagnostics.suppressions import silenced
-from picktree.files.marks import Fault, Mark, Severity
+from picktree.files.diagnostics.suppressions import apply_suppressions
+from picktree.files.marks import Diagnostic, Mark, Severity
 
 KNOWN = ("P207", "P304", "P305")
 
 
-def fault(code: str, line: int, severity: Severity = "warning") -> Fault:
-    return Fault(Mark("m.yaml", line, 5), "", "a sentence", "", code, severity)
+def fault(code: str, line: int, severity: Severity = "warning") -> Diagnostic:
+    return Diagnostic(Mark("m.yaml", line, 5), "", "a sentence", "", code, severity)
 
 
-def left(text: str, *faults: Fault, complete: bool = True) -> list[str]:
-    kept = silenced(faults, text, "m.yaml", KNOWN, complete=complete)
+def left(text: str, *faults: Diagnostic, complete: bool = True) -> list[str]:
+    kept = apply_suppressions(faults, text, "m.yaml", KNOWN, complete=complete)
     return [f"{f.mark.line}:{f.mark.column} {f.severity} {f.code} {f.message} ({f.hint})" for f in kept]
 
 

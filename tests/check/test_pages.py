@@ -11,8 +11,8 @@ import pytest
 from picktree.authoring.xml.converting import convert_text
 from picktree.cli.author.file_kinds import CHECKS
 from picktree.errors import PicktreeError
-from picktree.files.diagnostics.fault_codes import Example, index, page, pages
-from picktree.files.diagnostics.file_checks import Given, check_files
+from picktree.files.diagnostics.fault_codes import CodeExample, index, page, pages
+from picktree.files.diagnostics.file_checks import UnsavedText, check_files
 from picktree.files.marks import FileError
 
 from ..rooms import ROOT, modules
@@ -25,7 +25,7 @@ def codes_in_sources() -> set[str]:
     return {code for text in texts for code in re.findall(r"[\"'](P\d{3})[\"']", text)}
 
 
-def codes_of(example: Example, folder: Path) -> set[str]:
+def codes_of(example: CodeExample, folder: Path) -> set[str]:
     """The codes of all that is wrong with an example, in a folder that holds the example missions."""
     for file in (ROOT / "examples").glob("*.yaml"):
         shutil.copy(file, folder)
@@ -36,10 +36,10 @@ def codes_of(example: Example, folder: Path) -> set[str]:
     raw = f"{text}\n".encode()
     if example.language == "text":  # bytes that a page cannot show are written \xe9
         raw = re.sub(rb"\\x([0-9a-f]{2})", lambda match: bytes([int(match[1], 16)]), raw)
-    return {fault.code for fault in check_files([Given(folder / "example.yaml", raw)], CHECKS).faults}
+    return {fault.code for fault in check_files([UnsavedText(folder / "example.yaml", raw)], CHECKS).faults}
 
 
-def codes_of_conversion(example: Example, folder: Path) -> set[str]:
+def codes_of_conversion(example: CodeExample, folder: Path) -> set[str]:
     """The codes of what keeps an example from being converted."""
     text = f"{MISSION}{example.text}\n" if example.language == "yaml" else example.text
     try:

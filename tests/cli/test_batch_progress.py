@@ -13,9 +13,9 @@ from rich.console import Console
 
 from picktree.batch.plan.plan import Job, Variant
 from picktree.batch.results.rows import JobRow
-from picktree.batch.workers.batch import Ended
+from picktree.batch.workers.batch import RecordedJob
 from picktree.cli.batch.progress import Lines, LiveTable
-from picktree.cli.batch.progress_text import Count, span
+from picktree.cli.batch.progress_text import BatchCount, span
 
 NOON = datetime(2026, 3, 4, 12, 0).timestamp()
 REACHED = JobRow(
@@ -41,8 +41,8 @@ def job(seed: int) -> Job:
     return Job(f"job{seed}", seed, Variant(Path("sort.yaml"), None, None, {}, "sort"), seed, "recipe")
 
 
-def ended(seed: int, row: JobRow) -> Ended:
-    return Ended(job(seed), row, (row.root_cause,) if row.root_cause else ())
+def ended(seed: int, row: JobRow) -> RecordedJob:
+    return RecordedJob(job(seed), row, (row.root_cause,) if row.root_cause else ())
 
 
 class Clock:
@@ -54,7 +54,7 @@ class Clock:
 
 def test_the_end_is_told_from_the_pace_since_the_batch_was_gone_on_with() -> None:
     clock = Clock()
-    count = Count(clock)
+    count = BatchCount(clock)
     count.start(100, [REACHED] * 40)
     assert str(count) == "40 of 100 jobs, goal reached 40 of 40 (100.0 %, 91.2 … 100.0 %)"
     clock.now += 60
@@ -81,7 +81,7 @@ def test_the_end_is_told_from_the_pace_since_the_batch_was_gone_on_with() -> Non
 )
 def test_the_clock_time_of_the_end_says_the_day_when_it_is_another(left: int, words: str) -> None:
     clock = Clock()
-    count = Count(clock)
+    count = BatchCount(clock)
     clock.now -= 3600
     count.start(left + 1, [])
     clock.now += 3600

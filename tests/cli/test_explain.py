@@ -13,9 +13,9 @@ import pytest
 
 from picktree.cli.app import answer
 from picktree.logs.recording.recorder import Recorder
-from picktree.logs.schema.records import NodeStatus, RunInfo, Tick, Transition, Tree, TreeNode
+from picktree.logs.schema.records import NodeStatusRecord, RunInfo, Tick, TransitionRecord, Tree, TreeNode
 from picktree.session.session import RunRequest, Session
-from picktree.world.journal import Happened
+from picktree.world.journal import JournalEvent
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FAULTS = """\
@@ -100,21 +100,26 @@ def many(path: Path, failures: int) -> Path:
     """A log in which one node fails that often, and a loop passes over each."""
     nodes = Tree((TreeNode("Main", "ForEach", "Main", "", ("Main/Grasp",)),
                   TreeNode("Main/Grasp", "Grasp", "Grasp", "Main")))  # fmt: skip
-    status = (NodeStatus("Main", "ForEach", "RUNNING", True), NodeStatus("Main/Grasp", "Grasp", "IDLE", True))
-    script: Mapping[int, Sequence[Transition]] = {0: [Transition("Main", "RUNNING")]}
+    status = (
+        NodeStatusRecord("Main", "ForEach", "RUNNING", True),
+        NodeStatusRecord("Main/Grasp", "Grasp", "IDLE", True),
+    )
+    script: Mapping[int, Sequence[TransitionRecord]] = {0: [TransitionRecord("Main", "RUNNING")]}
     with Recorder(path, RunInfo("made up", "nowhere", "none", 0, "kinematic", 0.05)) as recorder:
         recorder.tree(nodes)
         for k in range(2 * failures + 2):
             cause = ("grasp.missed", "grasp.slipped", "planning.no_path")[k // 2 % 3]
             said = script.get(k) or (
-                [Transition("Main/Grasp", "RUNNING", subject=f"red_ball_{k // 2 % 8}")]
+                [TransitionRecord("Main/Grasp", "RUNNING", subject=f"red_ball_{k // 2 % 8}")]
                 if k % 2
                 else [
-                    Transition("Main/Grasp", "FAILURE", cause=cause, origin="Main/Grasp", message="no luck")
+                    TransitionRecord(
+                        "Main/Grasp", "FAILURE", cause=cause, origin="Main/Grasp", message="no luck"
+                    )
                 ]
             )
             if k and k % 2 == 0:
-                recorder.entry(k * 0.05, Happened("handled", "passed over", "Main", {"cause": cause}))
+                recorder.entry(k * 0.05, JournalEvent("handled", "passed over", "Main", {"cause": cause}))
             recorder.tick(k * 0.05, Tick("RUNNING", "Main", status, (), tuple(said)))
     return path
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from picktree.cli.terminal.progress import LinesView, LiveView, deepest_running, tree_rows
+from picktree.cli.terminal.progress import LinesDisplay, LiveDisplay, deepest_running, tree_rows
 from picktree.logs.run_result import RunResult
 from picktree.trees.running.runner import NodeInfo, NodeReport, TickReport
 from picktree.trees.status import NodeStatus
@@ -82,7 +82,7 @@ def test_rows_of_a_tree_that_does_not_run() -> None:
 def test_lines_tell_of_items_failed_leaves_and_long_silence(result: RunResult) -> None:
     file = io.StringIO()
     quiet = report("RUNNING", "SUCCESS", "RUNNING", "RUNNING", "IDLE", "IDLE", "IDLE")
-    with LinesView(Console(file=file, width=40)) as view:
+    with LinesDisplay(Console(file=file, width=40)) as view:
         view.started(STRUCTURE, Path("runs/1"))
         view.ticked(0.05, quiet, 0, 4)
         view.ticked(3.0, RETREATING, 0, 4)
@@ -103,7 +103,7 @@ recording to runs/1
 
 def test_lines_tell_a_failure_once() -> None:
     file = io.StringIO()
-    with LinesView(Console(file=file)) as view:
+    with LinesDisplay(Console(file=file)) as view:
         view.started(STRUCTURE, Path("runs/1"))
         view.ticked(3.0, RETREATING, 0, 4)
         kept = report(*[n.status for n in RETREATING.nodes], cause="grasp.missed", ticked=False)
@@ -113,7 +113,7 @@ def test_lines_tell_a_failure_once() -> None:
 
 def test_lines_tell_of_edits_and_follow_the_edited_tree() -> None:
     file = io.StringIO()
-    with LinesView(Console(file=file, width=40)) as view:
+    with LinesDisplay(Console(file=file, width=40)) as view:
         view.started(STRUCTURE, Path("runs/1"))
         view.told(1.0, "the edit is not taken over:\nm.yaml:3:1: error P207: [no markup]")
         other = (*STRUCTURE[:2], replace(STRUCTURE[2], children=()))  # Main/2 is a leaf now
@@ -134,7 +134,7 @@ def test_live_view_tells_above_the_tree(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr("picktree.cli.terminal.progress._PERIOD", -1.0)
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
-    with LiveView(console) as view:
+    with LiveDisplay(console) as view:
         view.started(STRUCTURE, Path("runs/1"))
         view.told(1.0, "the edit is good")
         view.edited(STRUCTURE[:2])
@@ -149,7 +149,7 @@ def test_live_view_draws_the_tree_and_leaves_nothing_behind(
     monkeypatch.setattr("picktree.cli.terminal.progress._PERIOD", -1.0)
     file = io.StringIO()
     console = Console(file=file, force_terminal=True, width=60, height=20, color_system=None)
-    with LiveView(console) as view:
+    with LiveDisplay(console) as view:
         view.started(STRUCTURE, Path("runs/1"))
         view.ticked(12.0, RETREATING, 1, 4)
         drawn = file.getvalue()

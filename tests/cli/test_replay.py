@@ -15,8 +15,8 @@ from picktree.analysis.replay.cursor import Cursor
 from picktree.cli.analyse.replay_prompt import ReplayPrompt
 from picktree.cli.analyse.replay_screen import KEYS
 from picktree.cli.app import answer
-from picktree.logs.schema.records import Transition, Write
-from picktree.world.journal import CandidatesRanked, CandidateTried, Happened, PlanMade
+from picktree.logs.schema.records import TransitionRecord, WriteRecord
+from picktree.world.journal import CandidateEntry, CandidateSearchEntry, JournalEvent, PlanEntry
 from picktree.world.values import ObjectId, Pose
 
 from ..commands import Terminal, call
@@ -26,24 +26,26 @@ GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"
 """Of format 1."""
 NODES = tree("Main:ForEach", "Main/Part:Sequence", "Main/Part/Grasp", "Main/Part/Place", object="{item}")
 PART, GRASP, PLACE = "Main/Part", "Main/Part/Grasp", "Main/Part/Place"
-SCRIPT: Mapping[int, Sequence[Transition | Write | Happened | PlanMade | CandidatesRanked]] = {
+SCRIPT: Mapping[
+    int, Sequence[TransitionRecord | WriteRecord | JournalEvent | PlanEntry | CandidateSearchEntry]
+] = {
     0: [begins("Main", items=["red_block_1"])],
     2: [
-        Write("Main/item", "red_block_1", "Main"),
+        WriteRecord("Main/item", "red_block_1", "Main"),
         begins(PART),
         begins(GRASP, "red_block_1"),
-        CandidatesRanked(
+        CandidateSearchEntry(
             "grasp",
             ObjectId("red_block_1"),
             {"made": 8, "reachable": 1},
-            (CandidateTried("top", Pose(), 0.7, "accepted"),),
+            (CandidateEntry("top", Pose(), 0.7, "accepted"),),
         ),
-        PlanMade("to home", "direct", 12, 0.0003, "found", "", 1.5, ((0.0, 1.0), (0.5, 1.5)), ()),
+        PlanEntry("to home", "direct", 12, 0.0003, "found", "", 1.5, ((0.0, 1.0), (0.5, 1.5)), ()),
     ],
     5: [
         ends(GRASP, "FAILURE", "grasp.missed", width=0.0001),
         ends(PART, "FAILURE", "grasp.missed", GRASP),
-        Happened("handled", "element 1 of 1 is passed over", "Main"),
+        JournalEvent("handled", "element 1 of 1 is passed over", "Main"),
     ],
     6: [begins(PART), begins(GRASP, "red_block_1")],
     8: [ends(GRASP), begins(PLACE, "red_block_1")],

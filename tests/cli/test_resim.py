@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from picktree.analysis.compare.run_outcome import RunOutcome
-from picktree.analysis.resim.changes import Changes
+from picktree.analysis.resim.changes import RunChanges
 from picktree.analysis.resim.difference_reasons import Reason
-from picktree.analysis.resim.resim_comparison import Difference
+from picktree.analysis.resim.resim_comparison import RecordDifference
 from picktree.analysis.resim.resim_result import Resimulation
 from picktree.cli.app import answer
 
@@ -43,7 +43,7 @@ OTHER = replace(
     SAME,
     ticks=40,
     seconds=1.95,
-    difference=Difference(40, 2.0, "/bt/tick", "", "nodes[3].status", GRASP, "SUCCESS", "FAILURE"),
+    difference=RecordDifference(40, 2.0, "/bt/tick", "", "nodes[3].status", GRASP, "SUCCESS", "FAILURE"),
     reasons=(
         Reason("recorded with other arithmetic (glibc 2.36, here 2.41): the runs may part", "", ""),
         Reason("mcap", "1.3.0", "1.6.0"),
@@ -91,7 +91,7 @@ def test_identical(asked: Callable[..., Any], capfd: pytest.CaptureFixture[str])
         "identical: 116 ticks, 5.75 simulated s, digest 0123456789abcdef\n",
         "",
     )
-    assert orders == [{"log": "last", "changes": Changes(), "until": "116", "out": None}]
+    assert orders == [{"log": "last", "changes": RunChanges(), "until": "116", "out": None}]
 
 
 def test_a_difference_with_its_likely_reason(
@@ -112,7 +112,7 @@ def test_a_difference_with_its_likely_reason(
 def test_a_difference_without_any_reason(
     asked: Callable[..., Any], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    missing = Difference(40, 2.0, "/plan", "recorded", "", "", None, None)
+    missing = RecordDifference(40, 2.0, "/plan", "recorded", "", "", None, None)
     asked(replace(OTHER, difference=missing, reasons=()))
     assert answer(["resim", "last"]) == 1
     assert capfd.readouterr().out == (
@@ -175,7 +175,7 @@ def test_something_changed(asked: Callable[..., Any], capfd: pytest.CaptureFixtu
         "they part at 2.00 s: Grasp ends otherwise\n"
         "new log     /out/one/log.mcap\n"
     )
-    changes = Changes(Path("other.yaml"), "s", {"rounds": "2"}, None, True, 4)
+    changes = RunChanges(Path("other.yaml"), "s", {"rounds": "2"}, None, True, 4)
     assert orders == [{"log": "last", "changes": changes, "until": None, "out": Path("/out")}]
 
 
@@ -209,7 +209,7 @@ def test_values_are_shown_where_they_differ(
 ) -> None:
     long = [0.1] * 60
     other = [*long[:50], 0.2, *long[51:]]
-    asked(replace(OTHER, difference=Difference(1, 0.05, "/plan", "", "path", "", long, other)))
+    asked(replace(OTHER, difference=RecordDifference(1, 0.05, "/plan", "", "path", "", long, other)))
     answer(["resim", "last"])
     recorded, now = capfd.readouterr().out.splitlines()[1:3]
     assert recorded.startswith("  recorded  …") and "0.1, 0.1" in recorded

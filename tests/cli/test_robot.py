@@ -12,7 +12,7 @@ from picktree.analysis.resim import resim
 from picktree.analysis.resim import resim as child
 from picktree.cli.app import answer
 from picktree.cli.author.file_kinds import CHECKS
-from picktree.commissioning.robot_setup.proposal import Wish, propose
+from picktree.commissioning.robot_setup.proposal import ProposalRequest, propose
 from picktree.files.diagnostics.file_checks import check_files
 from picktree.robots.loading import load_robot
 
@@ -75,7 +75,9 @@ def test_the_proposal_for_the_panda_agrees_with_the_shipped_file(tmp_path: Path)
 
 
 def test_a_proposal_is_the_same_each_time_and_says_where_things_come_from(tmp_path: Path) -> None:
-    wish = Wish("pybullet_data:xarm/xarm6_with_gripper.urdf", tmp_path / "arm.yaml", samples=300, seed=4)
+    wish = ProposalRequest(
+        "pybullet_data:xarm/xarm6_with_gripper.urdf", tmp_path / "arm.yaml", samples=300, seed=4
+    )
     first, second = propose(wish), propose(wish)
     assert first.text == second.text
     found = [(f.link, f.kind) for f in first.draft.findings]

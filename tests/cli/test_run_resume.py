@@ -7,11 +7,11 @@ from contextlib import nullcontext
 
 import pytest
 
-from picktree.cell.operator_desk import Question
+from picktree.cell.operator_desk import OperatorQuestion
 from picktree.cli.app import answer
 from picktree.cli.run.operator_prompt import PersonAtTerminal
 
-QUESTION = Question("Main/Ask", "the can slips", ("go on", "give up"), "can_1", "the hand is empty")
+QUESTION = OperatorQuestion("Main/Ask", "the can slips", ("go on", "give up"), "can_1", "the hand is empty")
 
 
 @pytest.mark.parametrize(

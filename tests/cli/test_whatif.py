@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from picktree.analysis.compare.run_outcome import RunOutcome
-from picktree.analysis.resim.changes import Changes
-from picktree.analysis.resim.resim_comparison import Difference
-from picktree.analysis.resim.whatif_result import Continuation, NodeFates
+from picktree.analysis.resim.changes import RunChanges
+from picktree.analysis.resim.resim_comparison import RecordDifference
+from picktree.analysis.resim.whatif_result import Continuation, NodeTransfers
 from picktree.cli.app import answer
-from picktree.files.marks import Fault, Mark
+from picktree.files.marks import Diagnostic, Mark
 
 OUTCOME = RunOutcome(
     log=Path("/runs/one/log.mcap"),
@@ -41,18 +41,18 @@ FOUND = Continuation(
     start=6.0,
     items_done=2,
     changes=("mission line 3: `attempts: 2` instead of `attempts: 1`",),
-    nodes=NodeFates(9, ("Main/Sequence/Extra",), ()),
+    nodes=NodeTransfers(9, ("Main/Sequence/Extra",), ()),
     cut=False,
     ticks=70,
     recorded_ticks=80,
     exact=True,
-    difference=Difference(191, 9.55, "/events", "", "kind", "", "log", "recovery"),
+    difference=RecordDifference(191, 9.55, "/events", "", "kind", "", "log", "recovery"),
     recorded=OUTCOME,
     now=replace(OUTCOME, status="success", items_sorted=4, items_done=4, end=14.5, recoveries=1),
     status="success",
     parting=("they part at 9.55 s: Grasp ends otherwise", "  A  Main/Grasp", "  B  Main/Grasp"),
     arithmetic="",
-    warnings=(Fault(Mark("other.yaml", 3, 1), "", "mind this", code="P310", severity="warning"),),
+    warnings=(Diagnostic(Mark("other.yaml", 3, 1), "", "mind this", code="P310", severity="warning"),),
     new_log=Path("/out/one/log.mcap"),
 )
 
@@ -107,7 +107,7 @@ def test_both_outcomes_side_by_side(asked: Callable[..., Any], capfd: pytest.Cap
         "new log     /out/one/log.mcap\n"
     )
     assert told.err.startswith("other.yaml:3:1: warning P310: mind this")
-    changes = Changes(Path("other.yaml"), None, {"a": "1"}, None, True)
+    changes = RunChanges(Path("other.yaml"), None, {"a": "1"}, None, True)
     assert orders == [{"log": "last", "at": "10 s", "changes": changes, "out": Path("/out")}]
 
 

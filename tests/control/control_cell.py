@@ -9,20 +9,20 @@ import numpy as np
 import pinocchio as pin
 
 from picktree.control.execution.control_loop import ControlLoop
-from picktree.control.execution.gripper_motion import Grip
-from picktree.control.execution.motions import Motions
+from picktree.control.execution.gripper_motion import GripperControl
+from picktree.control.execution.motions import ArmMotion
 from picktree.control.safety.safety_monitor import SafetyMonitor
 from picktree.robots.description import RobotDescription
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.journal import Happened, Journal
+from picktree.world.journal import Journal, JournalEvent
 from picktree.world.protocols import Hardware
 from picktree.world.scene.description import (
     Bin,
     CatalogueEntry,
     Fixture,
-    Limits,
+    SafetyLimits,
     SceneDescription,
     Spawn,
 )
@@ -51,7 +51,7 @@ def table_scene(items: int = 0, force: float = 60.0) -> SceneDescription:
         catalogue=(BLOCK,),
         spawn=(Spawn((("block", items),), ("red",), ((0.4, -0.2), (0.6, 0.2))),) if items else (),
         destinations=(),
-        limits=Limits(force=force, workspace=Bounds((-0.5, -1.0, -0.02), (1.0, 1.0, 1.5))),
+        limits=SafetyLimits(force=force, workspace=Bounds((-0.5, -1.0, -0.02), (1.0, 1.0, 1.5))),
     )
 
 
@@ -68,8 +68,8 @@ class Cell:
         self.journal = Journal()
         self.monitor = SafetyMonitor(self.model, scene.limits, self.journal)
         self.loop = ControlLoop(self.hardware, self.model, self.monitor)
-        self.move = Motions(self.loop, self.model, self.hardware.clock, self.journal)
-        self.grip = Grip(self.hardware.gripper, self.hardware.clock, ROBOT.gripper)
+        self.move = ArmMotion(self.loop, self.model, self.hardware.clock, self.journal)
+        self.grip = GripperControl(self.hardware.gripper, self.hardware.clock, ROBOT.gripper)
 
     def run(self, doing: Generator[None, None, T], ticks: int = 400) -> T:
         """Run to the end; fails when it takes more than `ticks`."""
@@ -101,8 +101,8 @@ class Cell:
         goal = reach(Pose((x, y, z), DOWN), start)
         self.run(self.move.along(swing(start, goal, 2.0)))
 
-    def events(self) -> list[Happened]:
-        return [entry for entry in self.journal.take() if isinstance(entry, Happened)]
+    def events(self) -> list[JournalEvent]:
+        return [entry for entry in self.journal.take() if isinstance(entry, JournalEvent)]
 
 
 def swing(start: Array, end: Array, duration: float = 2.0) -> Trajectory:

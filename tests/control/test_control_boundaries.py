@@ -7,14 +7,14 @@ from typing import cast
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.impedance import Comply
-from picktree.control.cartesian.soft_limits import JointBounds, way_inside
+from picktree.control.cartesian.impedance import ContactReflex
+from picktree.control.cartesian.soft_limits import SoftJointLimits, distance_to_workspace_edge
 from picktree.control.commands import JointCommand
-from picktree.control.joints.joint_controllers import Brake
+from picktree.control.joints.joint_controllers import BrakeController
 from picktree.control.safety.safety_monitor import SafetyMonitor
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
-from picktree.world.scene.description import Limits
+from picktree.world.scene.description import SafetyLimits
 from picktree.world.values import Array, Bounds, JointState
 
 from .control_cell import HOME, MODEL, Cell, swing
@@ -32,7 +32,7 @@ def beyond(q: Array) -> float:
 @pytest.mark.parametrize("joint", range(7))
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_torque_towards_a_limit_does_not_reach_it(joint: int, side: float) -> None:
-    bounds = JointBounds(MODEL)
+    bounds = SoftJointLimits(MODEL)
     q, v = HOME.copy(), np.zeros(7)
     limit = MODEL.upper[joint] if side > 0 else MODEL.lower[joint]
     q[joint] = limit - side * 0.4
@@ -50,7 +50,7 @@ def test_a_torque_towards_a_limit_does_not_reach_it(joint: int, side: float) -> 
 
 def test_torques_far_from_limits_are_not_touched() -> None:
     torque = MODEL.gravity(HOME) + 5.0
-    assert JointBounds(MODEL).held(HOME, np.full(7, 0.5), torque) is torque
+    assert SoftJointLimits(MODEL).held(HOME, np.full(7, 0.5), torque) is torque
 
 
 def test_giving_way_at_full_speed_next_to_a_limit_stays_within_it() -> None:
@@ -63,7 +63,7 @@ def test_giving_way_at_full_speed_next_to_a_limit_stays_within_it() -> None:
     loop = cell.loop
     assert loop.state.velocity[3] > 0.8
     lease = loop.acquire("test")
-    lease.run(Comply(cell.model, loop.period, np.zeros(6)))
+    lease.run(ContactReflex(cell.model, loop.period, np.zeros(6)))
     worst = -9.0
     for _ in range(240):
         loop.step()
@@ -76,7 +76,7 @@ def test_braking_off_the_path_needs_no_more_torque_than_there_is() -> None:
     for _ in range(20):
         q = np.clip(HOME + rng.uniform(-0.8, 0.8, 7), MODEL.lower, MODEL.upper)
         v = rng.uniform(-1.0, 1.0, 7) * MODEL.velocity_limit
-        brake = Brake(MODEL, PERIOD)
+        brake = BrakeController(MODEL, PERIOD)
         brake.start(0.0, JointState(q, v, np.zeros(7)), JointCommand(q, v))
         periods, at, before = 0, q, v
         while not brake.done:
@@ -95,18 +95,22 @@ def test_braking_off_the_path_needs_no_more_torque_than_there_is() -> None:
 
 def test_a_line_is_inside_as_far_as_its_first_side() -> None:
     box = Bounds((0.0, -0.5, 0.0), (0.8, 0.5, 1.0))
-    assert way_inside(box, (0.4, 0.0, 0.3), np.array([0.0, 0.0, -1.0])) == pytest.approx(0.298)
-    assert way_inside(box, (0.4, 0.0, 0.3), np.array([0.6, 0.8, 0.0])) == pytest.approx(
+    assert distance_to_workspace_edge(box, (0.4, 0.0, 0.3), np.array([0.0, 0.0, -1.0])) == pytest.approx(
+        0.298
+    )
+    assert distance_to_workspace_edge(box, (0.4, 0.0, 0.3), np.array([0.6, 0.8, 0.0])) == pytest.approx(
         0.398 / 0.6 * 0.9384422
     )
-    assert way_inside(box, (0.4, 0.0, 1.2), np.array([0.0, 0.0, 1.0])) == 0.0
-    assert way_inside(box, (0.4, 0.0, 1.2), np.array([0.0, 0.0, -1.0])) == pytest.approx(1.198)
+    assert distance_to_workspace_edge(box, (0.4, 0.0, 1.2), np.array([0.0, 0.0, 1.0])) == 0.0
+    assert distance_to_workspace_edge(box, (0.4, 0.0, 1.2), np.array([0.0, 0.0, -1.0])) == pytest.approx(
+        1.198
+    )
 
 
 def test_a_guarded_move_ends_at_the_edge_of_the_workspace() -> None:
     cell = Cell()
     cell.loop.monitor = SafetyMonitor(
-        MODEL, Limits(60.0, Bounds((0.2, -0.2, 0.0), (0.8, 0.2, 1.0))), cell.journal
+        MODEL, SafetyLimits(60.0, Bounds((0.2, -0.2, 0.0), (0.8, 0.2, 1.0))), cell.journal
     )
     cell.go(0.5, 0.0, 0.3)
     with pytest.raises(Failure) as caught:

@@ -7,19 +7,19 @@ from collections.abc import Generator
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import Course, Felt
-from picktree.control.cartesian.stiffness import Stiffness
-from picktree.control.execution.contact_motion import Complied
+from picktree.control.cartesian.anchor_courses import CompliantMotion, ContactState
+from picktree.control.cartesian.stiffness import CartesianStiffness
+from picktree.control.execution.contact_motion import CompliantMotionResult
 from picktree.errors import PicktreeError
 from picktree.simulation.physics.backend import PhysicsHardware
 
 from .control_cell import TICK, Cell
 
-DOWN_FREE = Stiffness(linear=(600.0, 600.0, 0.0), angular=20.0)
+DOWN_FREE = CartesianStiffness(linear=(600.0, 600.0, 0.0), angular=20.0)
 """No spring along the vertical: there the wrench alone decides."""
 
 
-class Press(Course):
+class Press(CompliantMotion):
     """Push down with so many newtons for a while."""
 
     def __init__(self, force: float, seconds: float, aside: float = 0.0) -> None:
@@ -27,7 +27,7 @@ class Press(Course):
         self.force, self.seconds, self.aside = force, seconds, aside
         self.felt: list[float] = []
 
-    def step(self, felt: Felt) -> None:
+    def step(self, felt: ContactState) -> None:
         self.wrench[2] = -self.force
         self.position = self.origin + np.array([self.aside * min(1.0, felt.elapsed), 0.0, 0.0])
         self.felt.append(float(felt.force[2]))
@@ -38,7 +38,7 @@ def physics() -> Cell:
     return Cell(backend=PhysicsHardware)
 
 
-def press(cell: Cell, course: Course, rate: int) -> Generator[None, None, Complied]:
+def press(cell: Cell, course: CompliantMotion, rate: int) -> Generator[None, None, CompliantMotionResult]:
     with cell.loop.contact(rate):
         return (yield from cell.move.comply(course, 3.0, stiffness=DOWN_FREE))
 
@@ -119,7 +119,7 @@ def test_what_happens_in_contact_is_the_same_each_time() -> None:
 
 def test_a_stiffness_for_each_axis_of_the_tool() -> None:
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    spring = Stiffness(linear=(100.0, 200.0, 300.0), angular=5.0, frame="tool")
+    spring = CartesianStiffness(linear=(100.0, 200.0, 300.0), angular=5.0, frame="tool")
     in_world = spring.matrix(quarter)
     np.testing.assert_allclose(np.diag(in_world), [200.0, 100.0, 300.0, 5.0, 5.0, 5.0])
     assert spring.along(np.array([1.0, 0.0, 0.0]), quarter) == pytest.approx(200.0)
@@ -127,18 +127,19 @@ def test_a_stiffness_for_each_axis_of_the_tool() -> None:
 
 def test_stiffness_in_a_frame_that_stays_where_it_is() -> None:
     half = float(np.sqrt(0.5))
-    spring = Stiffness(linear=(100.0, 200.0, 300.0), frame=(half, 0.0, 0.0, half))
+    spring = CartesianStiffness(linear=(100.0, 200.0, 300.0), frame=(half, 0.0, 0.0, half))
     np.testing.assert_allclose(np.diag(spring.matrix(np.eye(3)))[:3], [100.0, 300.0, 200.0])
 
 
 def test_damping_of_an_axis_is_its_share_of_the_critical() -> None:
     inertia = np.diag([4.0, 4.0, 4.0, 0.1, 0.1, 0.1])
-    spring = Stiffness(linear=(225.0, 400.0, 0.0), angular=10.0, damping=(1.0, 0.5, 0.7))
+    spring = CartesianStiffness(linear=(225.0, 400.0, 0.0), angular=10.0, damping=(1.0, 0.5, 0.7))
     damping = np.diag(spring.damping_matrix(inertia, np.eye(3)))
     np.testing.assert_allclose(damping[:2], [2 * np.sqrt(225.0 * 4.0), 0.5 * 2 * np.sqrt(400.0 * 4.0)])
     assert damping[2] == pytest.approx(0.7 * 2 * np.sqrt(200.0 * 4.0))
     one, three = (
-        Stiffness(100.0, 10.0, share).damping_matrix(inertia, np.eye(3)) for share in (0.9, (0.9, 0.9, 0.9))
+        CartesianStiffness(100.0, 10.0, share).damping_matrix(inertia, np.eye(3))
+        for share in (0.9, (0.9, 0.9, 0.9))
     )
     np.testing.assert_allclose(one, three)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from picktree.control.execution.gripper_motion import Grip
+from picktree.control.execution.gripper_motion import GripperControl
 from picktree.world.causes import Failure
 from picktree.world.values import GripperState
 
@@ -42,7 +42,7 @@ class Fingers:
 
 
 def closed(fingers: Fingers, force: float = 20.0) -> float:
-    grip = Grip(fingers, fingers, ROBOT.gripper)
+    grip = GripperControl(fingers, fingers, ROBOT.gripper)
     doing = grip.close(force)
     while True:
         try:
@@ -81,7 +81,7 @@ def test_weak_and_jammed_fingers_are_said(fingers: Fingers, message: str) -> Non
 
 def test_fingers_that_should_open_on_the_way_are_late_soon_when_they_do_not_move() -> None:
     fingers = Fingers(jammed=True, width=0.01)
-    grip = Grip(fingers, fingers, ROBOT.gripper)
+    grip = GripperControl(fingers, fingers, ROBOT.gripper)
     assert grip.late() is None
     grip.start(0.06)
     for _ in range(5):
@@ -99,7 +99,7 @@ def test_fingers_that_should_open_on_the_way_are_late_soon_when_they_do_not_move
 
 def test_fingers_that_cannot_open_say_so() -> None:
     fingers = Fingers(jammed=True, width=0.03)
-    doing = Grip(fingers, fingers, ROBOT.gripper).open()
+    doing = GripperControl(fingers, fingers, ROBOT.gripper).open()
     with pytest.raises(Failure, match=r"^control.gripper: the fingers opened 30 mm of 80 mm$"):
         for _ in doing:
             fingers.tick()

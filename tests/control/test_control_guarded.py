@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.stiffness import Stiffness
+from picktree.control.cartesian.stiffness import CartesianStiffness
 from picktree.errors import PicktreeError
 from picktree.world.causes import Failure
 from picktree.world.values import Pose
@@ -77,7 +77,7 @@ def test_guarded_move_works_with_an_object_in_the_hand() -> None:
 def test_soft_impedance_carries_the_load_without_sagging() -> None:
     cell = Cell()
     cell.go(0.5, 0.0, 0.3)
-    soft = Stiffness(linear=300.0, angular=10.0)
+    soft = CartesianStiffness(linear=300.0, angular=10.0)
     result = cell.run(cell.move.guarded((1.0, 0.0, 0.0), 0.02, force=4.0, speed=0.02, stiffness=soft))
     assert abs(result.pose.position[2] - 0.3) < 5e-4
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from picktree.control.cartesian.twist import Twist
-from picktree.control.cartesian.velocity_controller import JogLaw, JogState
-from picktree.control.execution.jog_motion import JogResult, JogStatus
+from picktree.control.cartesian.velocity_controller import JogSetpointGenerator, JogState
+from picktree.control.execution.jog_motion import JogFeedback, JogResult
 from picktree.errors import PicktreeError
 from picktree.simulation.backends import Backend
 from picktree.world.causes import Failure
@@ -73,7 +73,7 @@ def test_it_slows_down_before_what_is_in_the_way() -> None:
     cell.put(0.307, 0.45, 0.5, 0.2)
     shares: list[float] = []
 
-    def on(status: JogStatus) -> Twist | None:
+    def on(status: JogFeedback) -> Twist | None:
         shares.append(status.share)
         return Twist((0.0, 0.3, 0.0)) if status.elapsed < 3.0 else None
 
@@ -119,7 +119,7 @@ def test_the_edge_of_the_workspace() -> None:
     cell = Cell()
     limits = cell.world.control.monitor.limits
     edge = limits.workspace.max[1]
-    law = JogLaw(MODEL, Bounds(limits.workspace.min, (1.0, 0.2, 1.5)))
+    law = JogSetpointGenerator(MODEL, Bounds(limits.workspace.min, (1.0, 0.2, 1.5)))
     state = JogState(HOME.copy(), np.zeros(7), np.zeros(6))
     for _ in range(600):
         law.step(state, Twist((0.0, 0.3, 0.0)), 1 / 240)
@@ -129,9 +129,9 @@ def test_the_edge_of_the_workspace() -> None:
 
 def test_a_stream_is_asked_each_tick_and_ends_when_it_says_so() -> None:
     cell = Cell()
-    told: list[JogStatus] = []
+    told: list[JogFeedback] = []
 
-    def circle(status: JogStatus) -> Twist | None:
+    def circle(status: JogFeedback) -> Twist | None:
         told.append(status)
         angle = 2.0 * math.pi * status.elapsed / 2.0
         return Twist((0.0, 0.1 * math.cos(angle), 0.1 * math.sin(angle))) if status.elapsed < 1.99 else None
@@ -182,7 +182,7 @@ def test_halted_at_any_tick_the_arm_comes_to_rest(backend: Backend) -> None:
 def test_no_limit_is_exceeded_whatever_is_asked() -> None:
     """Twists at random, each for a while: speeds, accelerations and positions of the joints stay within."""
     rng = np.random.default_rng(9)
-    law = JogLaw(MODEL, WIDE)
+    law = JogSetpointGenerator(MODEL, WIDE)
     state = JogState(HOME.copy(), np.zeros(7), np.zeros(6))
     dt = 1 / 240
     for k in range(2400):

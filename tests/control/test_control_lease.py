@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import Stay
-from picktree.control.cartesian.impedance import CartesianImpedance, Comply
-from picktree.control.cartesian.velocity_controller import Jog
-from picktree.control.joints.joint_controllers import Brake, Hold, Track
-from picktree.control.joints.soft_controller import GivingWay, SoftTrack
+from picktree.control.cartesian.anchor_courses import HoldPose
+from picktree.control.cartesian.impedance import CartesianImpedance, ContactReflex
+from picktree.control.cartesian.velocity_controller import JogController
+from picktree.control.joints.joint_controllers import BrakeController, HoldController, TrajectoryController
+from picktree.control.joints.soft_controller import GravityCompensationController, JointImpedanceController
 from picktree.control.safety.motion_lease import Lease
 from picktree.errors import PicktreeError
 from picktree.world.causes import Failure
@@ -54,7 +54,7 @@ def test_stale_release_does_nothing() -> None:
     cell = Cell()
     first = cell.loop.acquire("first")
     second = cell.loop.acquire("second")
-    track = Track(swing(HOME, ASIDE, 2.0), cell.model, cell.loop.period)
+    track = TrajectoryController(swing(HOME, ASIDE, 2.0), cell.model, cell.loop.period)
     second.run(track)
     first.release()
     cell.loop.step_tick(0.05)
@@ -71,7 +71,7 @@ def test_stale_lease_cannot_command() -> None:
     first = cell.loop.acquire("first")
     cell.loop.acquire("second")
     with pytest.raises(PicktreeError, match=r"^first commands the arm, but another has taken it over$"):
-        first.run(Hold())
+        first.run(HoldController())
 
 
 def test_motion_that_goes_on_without_its_lease_is_a_fault_of_the_program() -> None:
@@ -88,7 +88,7 @@ def test_braking_on_the_path_within_acceleration_limits() -> None:
     for ticks in (2, 6, 12, 18, 23):
         cell = Cell()
         lease = cell.loop.acquire("skill")
-        lease.run(Track(trajectory, cell.model, cell.loop.period))
+        lease.run(TrajectoryController(trajectory, cell.model, cell.loop.period))
         _, before = record(cell, 12 * ticks)
         lease.release()
         positions, velocities = record(cell, 240)
@@ -110,9 +110,9 @@ def path_distance(point: Array, path: Array) -> float:
 def test_brake_slows_each_joint_at_its_limit() -> None:
     cell = Cell()
     lease = cell.loop.acquire("skill")
-    lease.run(Track(swing(HOME, ASIDE, 1.2), cell.model, cell.loop.period))
+    lease.run(TrajectoryController(swing(HOME, ASIDE, 1.2), cell.model, cell.loop.period))
     _, before = record(cell, 120)
-    lease.run(Brake(cell.model, cell.loop.period))
+    lease.run(BrakeController(cell.model, cell.loop.period))
     _, velocities = record(cell, 120)
     acceleration = np.diff(np.vstack([before[-1:], velocities]), axis=0) / cell.loop.period
     assert np.all(np.abs(acceleration) <= 1.001 * MODEL.acceleration_limit)
@@ -122,7 +122,7 @@ def test_brake_slows_each_joint_at_its_limit() -> None:
 def test_torque_to_position_and_back_without_a_step() -> None:
     cell = Cell()
     lease: Lease = cell.loop.acquire("skill")
-    lease.run(CartesianImpedance(cell.model, cell.loop.period, Stay()))
+    lease.run(CartesianImpedance(cell.model, cell.loop.period, HoldPose()))
     positions, velocities = record(cell, 480)
     assert np.abs(positions - HOME).max() < 1e-6
     assert np.abs(velocities).max() < 1e-5
@@ -188,5 +188,14 @@ def test_a_tick_must_be_whole_control_periods() -> None:
 
 def test_each_controller_has_the_name_that_logs_contain() -> None:
     words = ["Hold", "Brake", "Track", "SoftTrack", "GivingWay", "CartesianImpedance", "Comply", "Jog"]
-    controllers = (Hold, Brake, Track, SoftTrack, GivingWay, CartesianImpedance, Comply, Jog)
+    controllers = (
+        HoldController,
+        BrakeController,
+        TrajectoryController,
+        JointImpedanceController,
+        GravityCompensationController,
+        CartesianImpedance,
+        ContactReflex,
+        JogController,
+    )
     assert [vars(controller)["name"] for controller in controllers] == words  # no word is an inherited one

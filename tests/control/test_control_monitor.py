@@ -11,7 +11,7 @@ from picktree.control.safety.safety_monitor import SafetyMonitor
 from picktree.errors import PicktreeError
 from picktree.world.causes import Failure
 from picktree.world.journal import Journal
-from picktree.world.scene.description import Limits
+from picktree.world.scene.description import SafetyLimits
 from picktree.world.values import Array, Bounds, JointState, Pose, Vector3
 
 from .control_cell import DOWN, HOME, MODEL, Cell, reach, swing
@@ -25,7 +25,7 @@ def state(position: Array = HOME, velocity: Array | None = None) -> JointState:
 
 
 def monitor() -> SafetyMonitor:
-    return SafetyMonitor(MODEL, Limits(60.0, Bounds((0.0, -0.5, 0.0), (0.8, 0.5, 1.0))), Journal())
+    return SafetyMonitor(MODEL, SafetyLimits(60.0, Bounds((0.0, -0.5, 0.0), (0.8, 0.5, 1.0))), Journal())
 
 
 def test_each_limit_stops_with_its_cause() -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import Stay
+from picktree.control.cartesian.anchor_courses import HoldPose
 from picktree.control.cartesian.impedance import CartesianImpedance
-from picktree.control.cartesian.stiffness import Stiffness
+from picktree.control.cartesian.stiffness import CartesianStiffness
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
 from picktree.world.values import Array, Pose
@@ -49,7 +49,7 @@ def test_impedance_at_rest_stays_put(linear: float) -> None:
     one.loop.step_tick(0.05)
     begin = one.hardware.true_tcp()
     lease = one.loop.acquire("test")
-    lease.run(CartesianImpedance(one.model, one.loop.period, Stay(), Stiffness(linear=linear)))
+    lease.run(CartesianImpedance(one.model, one.loop.period, HoldPose(), CartesianStiffness(linear=linear)))
     speeds: list[float] = []
     for _ in range(40):
         one.loop.step_tick(0.05)

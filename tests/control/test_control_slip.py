@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from picktree.control.wrist.payload_estimate import Payload
-from picktree.control.wrist.slip_detection import FeltMass, Moving, SlipDetector, carried, moving
+from picktree.control.wrist.slip_detection import (
+    MassEstimate,
+    SlipDetector,
+    WristSample,
+    estimate_moving_mass,
+    wrist_sample,
+)
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 
@@ -22,10 +28,10 @@ def test_shaking_is_not_taken_for_slipping(mass: float) -> None:
     joints = np.array([1.0, 0.4, 0.3, -0.2, 0.6, -0.4, 0.8])
     q0 = MODEL.named("home")
 
-    def at(time: float) -> Moving:
+    def at(time: float) -> WristSample:
         q = q0 + joints * 0.15 * np.sin(8.0 * time)
         v = joints * 1.2 * np.cos(8.0 * time)
-        return moving(MODEL, q, v, np.zeros(3), centre)
+        return wrist_sample(MODEL, q, v, np.zeros(3), centre)
 
     def pull(time: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
         one, other = at(time - 1e-4), at(time + 1e-4)
@@ -37,7 +43,7 @@ def test_shaking_is_not_taken_for_slipping(mass: float) -> None:
         times = (k + (np.arange(20) + 0.5) / 20) * TICK
         before, after = at(k * TICK), at((k + 1) * TICK)
         force = np.mean([pull(t) for t in times], axis=0)
-        felt = carried(MODEL.hand_mass, before, Moving(force, after.hand, after.load), TICK)
+        felt = estimate_moving_mass(MODEL.hand_mass, before, WristSample(force, after.hand, after.load), TICK)
         assert felt.mass == pytest.approx(mass, abs=0.002)
         fastest = max(fastest, float(np.linalg.norm((after.load - before.load) / TICK)))
     assert fastest > 4.0
@@ -45,7 +51,7 @@ def test_shaking_is_not_taken_for_slipping(mass: float) -> None:
 
 def feel(detector: SlipDetector, *masses: float, unsure: float = 0.02) -> tuple[bool, bool]:
     for mass in masses:
-        detector.feel(FeltMass(mass, unsure))
+        detector.feel(MassEstimate(mass, unsure))
     return detector.slipping, detector.gone
 
 

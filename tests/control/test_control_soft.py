@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from picktree.control.execution.soft_motion import slowed
-from picktree.control.joints.external_torque import TorqueObserver
-from picktree.control.joints.soft_controller import Sensitivity
+from picktree.control.execution.soft_motion import slowed_trajectory
+from picktree.control.joints.external_torque import ExternalTorqueObserver
+from picktree.control.joints.soft_contact import ContactThresholds
 from picktree.world.values import JointState
 
 from ..planning.motion_cell import down
@@ -18,7 +18,7 @@ PERIOD = 1 / 240
 def test_the_observer_finds_what_pushes_while_the_arm_moves() -> None:
     pushes = np.array([3.0, -2.0, 1.0, 2.0, 0.5, -0.5, 0.2])
     q, v = HOME.copy(), np.array([0.2, -0.1, 0.1, 0.2, 0.3, -0.2, 0.1])
-    observer = TorqueObserver(MODEL, PERIOD)
+    observer = ExternalTorqueObserver(MODEL, PERIOD)
     driven = np.zeros(MODEL.n)
     for step in range(120):
         observer.watch(JointState(q, v, driven), driven)
@@ -35,7 +35,7 @@ def test_a_soft_motion_in_the_open_arrives() -> None:
     cell = Cell()
     goal = reach(down(0.45, 0.1, 0.3), cell.loop.held_position)
     result = cell.run(
-        cell.move.softly(swing(cell.loop.held_position, goal, 2.0), Sensitivity(torque=1.0, force=3.0))
+        cell.move.softly(swing(cell.loop.held_position, goal, 2.0), ContactThresholds(torque=1.0, force=3.0))
     )
     assert (result.completed, result.touched) == (True, False)
     assert np.abs(cell.loop.state.position - goal).max() < 2e-3
@@ -44,10 +44,10 @@ def test_a_soft_motion_in_the_open_arrives() -> None:
 
 def test_a_slower_trajectory_goes_the_same_way_and_nothing_is_faster_than_it_may() -> None:
     fast = swing(HOME, HOME + np.array([0.5, 0.2, 0.0, 0.3, 0.0, 0.2, 0.0]), 1.0)
-    slow = slowed(MODEL, fast, 0.05)
+    slow = slowed_trajectory(MODEL, fast, 0.05)
     assert np.array_equal(slow.position, fast.position)
     speeds = [
         np.linalg.norm((MODEL.jacobian(q) @ v)[:3]) for q, v in zip(slow.position, slow.velocity, strict=True)
     ]
     assert 0.02 < max(speeds) <= 0.051
-    assert slowed(MODEL, slow, 0.25).duration == slow.duration
+    assert slowed_trajectory(MODEL, slow, 0.25).duration == slow.duration

@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.control.joints.external_torque import Efforts
-from picktree.control.joints.joint_controllers import Track
-from picktree.control.safety.safety_monitor import SafetyMonitor, most_load
+from picktree.control.joints.external_torque import EffortCheck
+from picktree.control.joints.joint_controllers import TrajectoryController
+from picktree.control.safety.safety_monitor import SafetyMonitor, payload_limit
 from picktree.control.wrist.payload_estimate import Payload
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.simulation.fault_files.fault_loading import parse_faults
-from picktree.simulation.faults.injector import Injector
+from picktree.simulation.faults.injector import FaultInjector
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
-from picktree.world.journal import Happened, Journal
+from picktree.world.journal import Journal, JournalEvent
 from picktree.world.protocols import SensorStamps
-from picktree.world.scene.description import Limits
+from picktree.world.scene.description import SafetyLimits
 from picktree.world.values import Array, JointState, Wrench
 
 from .control_cell import HOME, MODEL, TICK, Backend, Cell, swing
@@ -34,7 +34,7 @@ STILL = np.zeros(7)
 
 
 def monitor(**limits: float) -> SafetyMonitor:
-    return SafetyMonitor(MODEL, replace(Limits(), **limits), Journal())
+    return SafetyMonitor(MODEL, replace(SafetyLimits(), **limits), Journal())
 
 
 def said(watch: SafetyMonitor) -> str:
@@ -137,9 +137,11 @@ def test_effort_that_nothing_explains_stops_when_it_lasts() -> None:
 
 def test_what_the_hand_may_carry_is_what_the_rated_payload_leaves_or_the_scene_less() -> None:
     left = 3.0 - MODEL.hand_mass
-    assert most_load(MODEL, Limits()) == pytest.approx(left)
-    assert most_load(MODEL, Limits(payload=0.5)) == 0.5
-    assert most_load(RobotModel(replace(load_robot("panda"), payload=None)), Limits()) == float("inf")
+    assert payload_limit(MODEL, SafetyLimits()) == pytest.approx(left)
+    assert payload_limit(MODEL, SafetyLimits(payload=0.5)) == 0.5
+    assert payload_limit(RobotModel(replace(load_robot("panda"), payload=None)), SafetyLimits()) == float(
+        "inf"
+    )
     assert [load_robot(name).payload for name in ("panda", "iiwa", "xarm6")] == [3.0, 14.0, 5.0]
     watch = monitor(payload=0.5)
     assert not watch.check_load(0.59)
@@ -179,7 +181,7 @@ def _at_flange(q: Array) -> Array:
 
 
 def test_load_and_contact_at_the_hand_are_explained_and_a_push_at_the_arm_is_not() -> None:
-    judge = Efforts(MODEL)
+    judge = EffortCheck(MODEL)
     for push, load in (([0.0, 0.0, 0.0], 0.0), ([5.0, -20.0, 12.0], 0.0), ([0.0, 0.0, 0.0], 2.5)):
         state, wrench = efforts(ASIDE, np.array(push), load)
         assert np.abs(judge.unexplained(state, STILL, wrench)).max() < 1e-4
@@ -188,7 +190,7 @@ def test_load_and_contact_at_the_hand_are_explained_and_a_push_at_the_arm_is_not
 
 
 def test_in_motion_it_is_newton_and_euler_that_explain() -> None:
-    judge, rng = Efforts(MODEL), np.random.default_rng(5)
+    judge, rng = EffortCheck(MODEL), np.random.default_rng(5)
     v, a = rng.normal(size=7), rng.normal(size=7)
     light = Wrench()  # the wrist feels nothing: no hand
     bare = judge.unexplained(JointState(ASIDE, v, STILL), a, light)
@@ -199,7 +201,7 @@ def test_in_motion_it_is_newton_and_euler_that_explain() -> None:
 
 
 def test_the_joints_believe_a_push_and_not_a_bias() -> None:
-    judge = Efforts(MODEL)
+    judge = EffortCheck(MODEL)
     push = np.array([4.0, -3.0, 8.0])
     claimed = np.concatenate([push, np.zeros(3)])
     touched, _ = efforts(ASIDE, push)
@@ -211,7 +213,7 @@ def test_the_joints_believe_a_push_and_not_a_bias() -> None:
 def test_a_motion_that_nobody_looks_after_is_braked_and_latched() -> None:
     cell = Cell()
     lease = cell.loop.acquire("Main/Lost")
-    track = Track(swing(HOME, ASIDE, 3.0), MODEL, cell.loop.period)
+    track = TrajectoryController(swing(HOME, ASIDE, 3.0), MODEL, cell.loop.period)
     lease.run(track)
     for _ in range(10):
         assert lease.valid
@@ -286,7 +288,7 @@ def test_a_bias_that_has_jumped_is_learnt_anew_where_no_joint_carries_it() -> No
     assert cell.loop.wrist.force[1] == pytest.approx(18.0, abs=0.6)
     assert cell.loop.zero()
     assert np.abs(cell.loop.wrist.force).max() < 1.0
-    events = [e for e in cell.journal.take() if isinstance(e, Happened) and e.kind == "wrist_bias"]
+    events = [e for e in cell.journal.take() if isinstance(e, JournalEvent) and e.kind == "wrist_bias"]
     assert [e.message[:34] for e in events] == ["the wrist felt 20.1 N that no join"]
 
 
@@ -309,7 +311,7 @@ def test_a_bias_that_jumps_under_a_load_is_told_from_the_load() -> None:
     for _ in range(10):
         cell.loop.step_tick(TICK)
     assert cell.loop.monitor.stopped is None
-    (event,) = [e for e in cell.journal.take() if isinstance(e, Happened) and e.kind == "wrist_bias"]
+    (event,) = [e for e in cell.journal.take() if isinstance(e, JournalEvent) and e.kind == "wrist_bias"]
     assert "its bias has jumped" in event.message
     assert cell.loop.load() == pytest.approx(load, abs=1.5)
 
@@ -320,7 +322,7 @@ def test_drives_that_stand_still_all_at_once_are_no_contact() -> None:
         cell.loop.step_tick(TICK)
     entry = "picktree: 1\nkind: faults\nfaults:\n  - {fault: stall, when: {at: 0}, lasts: 2 s}\n"
     assert isinstance(cell.hardware, PhysicsHardware)
-    injector = Injector(parse_faults(entry, Path("faults.yaml")), cell.hardware, seed=1)
+    injector = FaultInjector(parse_faults(entry, Path("faults.yaml")), cell.hardware, seed=1)
     moving = cell.move.along(swing(HOME, ASIDE, 1.0), node="Main/GoTo", guard=15.0)
     cell.ticks(moving, 10)
     injector.tick()

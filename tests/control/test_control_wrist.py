@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from picktree.control.wrist.contact_detection import ContactDetector, Reading
-from picktree.control.wrist.payload_estimate import Payload, PayloadEstimate
-from picktree.control.wrist.wrist_wrench import Wrist
+from picktree.control.wrist.contact_detection import ContactDetector, ForceSample
+from picktree.control.wrist.payload_estimate import Payload, PayloadEstimator
+from picktree.control.wrist.wrist_wrench import WristWrench
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.world.values import Array, Wrench
@@ -48,11 +48,11 @@ class Sensor:
 WRIST_IN_TOOL = np.array((MODEL.tcp(HOME).inverse() @ MODEL.flange(HOME)).position)
 
 
-def wrist(sensor: Sensor) -> Wrist:
-    return Wrist(sensor, MODEL, sensor)
+def wrist(sensor: Sensor) -> WristWrench:
+    return WristWrench(sensor, MODEL, sensor)
 
 
-def rest(one: Wrist, sensor: Sensor, seconds: float = 0.15) -> None:
+def rest(one: WristWrench, sensor: Sensor, seconds: float = 0.15) -> None:
     """Let time pass with the arm where it is."""
     for _ in range(round(seconds / sensor.period)):
         sensor.now += sensor.period
@@ -147,7 +147,7 @@ def test_two_orientations_tell_mass_and_centre() -> None:
 
 def test_one_orientation_leaves_the_height_of_the_centre_open() -> None:
     down = HOME
-    estimate = PayloadEstimate(WRIST_IN_TOOL)
+    estimate = PayloadEstimator(WRIST_IN_TOOL)
     turn = MODEL.tcp(down).rotation()
     estimate.add(Payload(0.8, 0.0, (0.01, 0.0, 0.05)).wrench(turn, WRIST_IN_TOOL), turn)
     found = estimate.payload
@@ -159,17 +159,18 @@ def test_one_orientation_leaves_the_height_of_the_centre_open() -> None:
     assert str(found) == "800 ± 5 g"
 
 
-def noisy(seconds: float, force: Array, seed: int, begin: float = 0.0) -> list[Reading]:
+def noisy(seconds: float, force: Array, seed: int, begin: float = 0.0) -> list[ForceSample]:
     rng = np.random.default_rng(seed)
     count = round(seconds * 240)
     values = force + rng.standard_normal((count, 3)) * 0.15
-    return [Reading(begin + k / 240, (x, y, z)) for k, (x, y, z) in enumerate(values.tolist())]
+    return [ForceSample(begin + k / 240, (x, y, z)) for k, (x, y, z) in enumerate(values.tolist())]
 
 
 def test_noise_and_drift_alone_are_no_contact() -> None:
     """Six seconds at 0.15 N, drifting by 0.3 N: no alarm. A threshold of 0.2 N would be too low."""
     ramp = [
-        Reading(r.at, (r.force[0] + 0.05 * r.at, r.force[1], r.force[2])) for r in noisy(6.0, np.zeros(3), 1)
+        ForceSample(r.at, (r.force[0] + 0.05 * r.at, r.force[1], r.force[2]))
+        for r in noisy(6.0, np.zeros(3), 1)
     ]
     detector, eager = ContactDetector(), ContactDetector(0.2, 0.1)
     alarms = eagerly = 0
@@ -193,10 +194,10 @@ def test_a_contact_says_when_where_and_how_hard_and_ends() -> None:
 
 def test_between_release_and_threshold_it_stays_as_it_was() -> None:
     detector = ContactDetector(threshold=2.0, release=1.0)
-    quiet = [Reading(k / 240, (0.0, 0.0, 0.0)) for k in range(100)]
+    quiet = [ForceSample(k / 240, (0.0, 0.0, 0.0)) for k in range(100)]
     assert detector.watch(quiet) is None
-    between = [Reading(1 + k / 240, (1.5, 0.0, 0.0)) for k in range(20)]
+    between = [ForceSample(1 + k / 240, (1.5, 0.0, 0.0)) for k in range(20)]
     assert ContactDetector(2.0, 1.0).watch([*quiet, *between]) is None
-    touched = [Reading(1 + k / 240, (3.0, 0.0, 0.0)) for k in range(10)]
-    after = [Reading(1.1 + k / 240, (1.5, 0.0, 0.0)) for k in range(20)]
+    touched = [ForceSample(1 + k / 240, (3.0, 0.0, 0.0)) for k in range(10)]
+    after = [ForceSample(1.1 + k / 240, (1.5, 0.0, 0.0)) for k in range(20)]
     assert detector.watch([*touched, *after]) is not None

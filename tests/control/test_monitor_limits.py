@@ -12,9 +12,9 @@ import pytest
 from picktree.control.safety.safety_monitor import SafetyMonitor
 from picktree.control.safety.stop_latch import Latch
 from picktree.world.causes import safety
-from picktree.world.journal import Happened, Journal
+from picktree.world.journal import Journal, JournalEvent
 from picktree.world.protocols import SensorStamps
-from picktree.world.scene.description import Limits
+from picktree.world.scene.description import SafetyLimits
 from picktree.world.values import Array, Bounds, JointState, Vector3
 
 from .control_cell import HOME, MODEL
@@ -26,7 +26,7 @@ WORKSPACE = Bounds((0.1, -0.5, 0.0), (0.8, 0.6, 1.0))
 
 
 def monitor() -> SafetyMonitor:
-    return SafetyMonitor(MODEL, Limits(60.0, WORKSPACE), Journal())
+    return SafetyMonitor(MODEL, SafetyLimits(60.0, WORKSPACE), Journal())
 
 
 def cause(watch: SafetyMonitor) -> str:
@@ -382,7 +382,7 @@ def test_the_first_violation_is_latched_and_told_once() -> None:
     assert latch.stopped is not None
     assert (latch.stopped.message, latch.stops) == ("a by 1.0", 1)
     assert (latch.take_fresh(), latch.take_fresh()) == (True, False)
-    assert [(e.kind, e.message, e.data) for e in journal.take() if isinstance(e, Happened)] == [
+    assert [(e.kind, e.message, e.data) for e in journal.take() if isinstance(e, JournalEvent)] == [
         ("safety_stop", "a by 1.0", {"cause": "safety.workspace", "at": [1.0, 2.0], "by": "x"})
     ]
     assert latch.busy and latch.stands("a") and latch.stands("b") and not latch.tolerates("a")

@@ -9,9 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import Felt
-from picktree.control.contact.hole_search import LIFTED, Inserting, Mouth, Peg, Search, Touch
-from picktree.control.contact.search_patterns import Standing, grid, spiral, turned
+from picktree.control.cartesian.anchor_courses import ContactState
+from picktree.control.contact.hole_search import (
+    LIFTED,
+    BelievedHole,
+    HeldPeg,
+    InsertionMotion,
+    InsertionParameters,
+    Search,
+)
+from picktree.control.contact.search_patterns import SettlingDetector, grid, rotation_about, spiral
 
 PERIOD = 1 / 240
 LINEAR = 600.0
@@ -19,7 +26,7 @@ UP = np.array([0.0, 0.0, 1.0])
 DOWN = np.diag([1.0, -1.0, -1.0])
 FOOT = np.array([0.0, 0.0, 0.04])
 """In the frame of a TCP that points down."""
-PEG = Peg(FOOT, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.015, 0.0]), True)
+PEG = HeldPeg(FOOT, np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.015, 0.0]), True)
 
 
 @dataclass
@@ -38,14 +45,14 @@ class Board:
         return self.surface - (self.floor if into or before < self.surface - 1e-6 else 0.0)
 
 
-def played(course: Inserting, board: Board, most: float = 60.0) -> tuple[np.ndarray, float]:
+def played(course: InsertionMotion, board: Board, most: float = 60.0) -> tuple[np.ndarray, float]:
     """The TCP in the end, and when that was. It follows its anchor at once, and sinks where it is pressed."""
     position, rotation = np.array([0.0, 0.0, 0.052]), DOWN
     course.start(position.copy(), rotation.copy())
     force, time = np.zeros(3), 0.0
     while not course.finished and time < most:
         time += PERIOD
-        course.advance(Felt(time, PERIOD, force, np.zeros(3), position.copy(), rotation.copy()))
+        course.advance(ContactState(time, PERIOD, force, np.zeros(3), position.copy(), rotation.copy()))
         wanted = course.position.copy()
         wanted[2] += course.wrench[2] / LINEAR
         rotation = course.rotation.copy()
@@ -61,9 +68,9 @@ def played(course: Inserting, board: Board, most: float = 60.0) -> tuple[np.ndar
     return position, time
 
 
-def searching(way: Search, board: Board, depth: float = 0.03, **touch: float) -> Inserting:
-    mouth = Mouth(np.zeros(3), UP, 0.031, depth, 0.008)
-    course = Inserting(PEG, mouth, Touch(**touch), way, LINEAR)  # type: ignore[arg-type]
+def searching(way: Search, board: Board, depth: float = 0.03, **touch: float) -> InsertionMotion:
+    mouth = BelievedHole(np.zeros(3), UP, 0.031, depth, 0.008)
+    course = InsertionMotion(PEG, mouth, InsertionParameters(**touch), way, LINEAR)  # type: ignore[arg-type]
     played(course, board)
     assert course.finished
     return course
@@ -85,8 +92,8 @@ def test_the_surface_is_felt_wherever_it_is() -> None:
 
 
 def test_a_hole_further_away_is_not_found_and_the_peg_ends_above() -> None:
-    mouth = Mouth(np.zeros(3), UP, 0.031, 0.03, 0.003)
-    course = Inserting(PEG, mouth, Touch(attempts=1), "spiral", LINEAR)
+    mouth = BelievedHole(np.zeros(3), UP, 0.031, 0.03, 0.003)
+    course = InsertionMotion(PEG, mouth, InsertionParameters(attempts=1), "spiral", LINEAR)
     tcp, _ = played(course, Board((0.006, 0.0)))
     assert course.outcome == "not found"
     assert course.searched == pytest.approx(0.003, abs=2e-4)
@@ -106,8 +113,8 @@ def test_after_a_tilt_that_finds_nothing_comes_a_spiral() -> None:
 
 
 def test_a_peg_that_stands_too_high_is_pulled_back_and_at_last_drawn_out() -> None:
-    mouth = Mouth(np.zeros(3), UP, 0.031, 0.03, 0.008)
-    course = Inserting(PEG, mouth, Touch(pulls=2, attempts=2), "spiral", LINEAR)
+    mouth = BelievedHole(np.zeros(3), UP, 0.031, 0.03, 0.008)
+    course = InsertionMotion(PEG, mouth, InsertionParameters(pulls=2, attempts=2), "spiral", LINEAR)
     tcp, _ = played(course, Board((0.002, 0.0), floor=0.012))
     assert (course.outcome, course.tried, course.pulled) == ("jammed", ["spiral", "spiral"], 4)
     assert course.deepest == pytest.approx(0.012, abs=1e-3)
@@ -146,7 +153,7 @@ def test_a_grid_leaves_nothing_far_from_its_points(spacing: float, radius: float
 
 
 def test_what_changes_little_for_a_while_stands() -> None:
-    stand = Standing(0.1, 0.001)
+    stand = SettlingDetector(0.1, 0.001)
 
     def after(value: Callable[[float], float]) -> list[bool]:
         return [stand.since(k * 0.01, value(k * 0.01)) for k in range(1, 31)]
@@ -158,8 +165,10 @@ def test_what_changes_little_for_a_while_stands() -> None:
 
 def test_a_turn_is_a_rotation_about_its_axis() -> None:
     axis = np.array([1.0, 2.0, -2.0]) / 3.0
-    turn = turned(axis, 0.7)
+    turn = rotation_about(axis, 0.7)
     assert np.allclose(turn @ turn.T, np.eye(3))
     assert np.allclose(turn @ axis, axis)
     assert np.trace(turn) == pytest.approx(1.0 + 2.0 * math.cos(0.7))
-    assert np.allclose(turned(np.array([0.0, 0.0, 1.0]), math.pi / 2) @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    assert np.allclose(
+        rotation_about(np.array([0.0, 0.0, 1.0]), math.pi / 2) @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]
+    )

@@ -12,7 +12,7 @@ from picktree.authoring.schema.mission_context import one_mission
 from picktree.authoring.schema.mission_schema import mission_schema
 from picktree.authoring.schema.schema_parts import to_text
 from picktree.files.yaml.document import read_document
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 
 from .language_server import Diagnostic, LanguageServer, Proposal
 
@@ -239,7 +239,7 @@ def test_hover_over_a_cause(mission: Editor) -> None:
 
 def test_a_schema_of_one_mission_knows_its_sub_trees_and_bins(server: LanguageServer, tmp_path: Path) -> None:
     text = MISSION + "      - SortOne: {item: x}\n  SortOne: {ports: {item: object}, GoTo: {}}\n"
-    registry = Registry()
+    registry = NodeRegistry()
     own = one_mission(read_document(text, tmp_path / "m.yaml", "mission"), registry)
     schema = tmp_path / "own.json"
     schema.write_text(to_text(mission_schema(registry, own)), encoding="utf-8")

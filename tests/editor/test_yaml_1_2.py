@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from picktree.files.marks import FileError, Mark
-from picktree.files.yaml.reader import Node, read
+from picktree.files.yaml.reader import YamlNode, read
 
 from ..needs import packages
 from .yaml_texts import PIECES, SCALARS, TEXTS
@@ -36,7 +36,7 @@ def theirs(texts: list[str]) -> list[dict[str, Any]]:
     return json.loads(done.stdout)
 
 
-def differences(ours: Node, other: dict[str, Any], where: str = "") -> list[str]:
+def differences(ours: YamlNode, other: dict[str, Any], where: str = "") -> list[str]:
     if "alias" in other:
         return []
     found: list[str] = []

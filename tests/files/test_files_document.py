@@ -14,9 +14,9 @@ from picktree.files.yaml.document import (
     Mark,
     Value,
     load_document,
-    nearest,
-    overlaid,
+    merge_patch,
     parse_document,
+    suggest_name,
     where,
 )
 
@@ -212,7 +212,7 @@ def test_a_byte_order_mark_and_windows_lines_are_read(tmp_path: Path) -> None:
 def test_one_document_laid_on_another() -> None:
     base = parse_document(f"{HEAD}a: {{b: 1, c: 2}}\nd: [1, 2]\ne: 5\n", Path("base.yaml"))
     over = parse_document(f"{HEAD}a: {{b: 7}}\nd: [3]\ne: null\n", HERE)
-    merged = overlaid(base, over)
+    merged = merge_patch(base, over)
     assert merged.data == {"picktree": 1, "kind": "mission", "a": {"b": 7, "c": 2}, "d": [3]}
     assert merged.mark(("a", "b")).file == "m.yaml"
     assert merged.mark(("a", "c")) == Mark("base.yaml", 3, 14)
@@ -220,9 +220,9 @@ def test_one_document_laid_on_another() -> None:
 
 
 def test_hints() -> None:
-    assert nearest("grasp", ["Place", "Grasp"]) == "did you mean 'Grasp'?"
-    assert nearest("xyzzy", ["a", "b", "a"]) == "known: a, b"
-    assert nearest("x", []) == ""
+    assert suggest_name("grasp", ["Place", "Grasp"]) == "did you mean 'Grasp'?"
+    assert suggest_name("xyzzy", ["a", "b", "a"]) == "known: a, b"
+    assert suggest_name("x", []) == ""
     assert where(("trees", "Main", 0, "Grasp")) == "trees.Main[0].Grasp"
 
 

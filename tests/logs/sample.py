@@ -19,18 +19,18 @@ from picktree.logs.schema.records import (
     FORMAT,
     Control,
     LinkMesh,
-    NodeStatus,
+    NodeStatusRecord,
     NodeTime,
     RunInfo,
     Tick,
     Timing,
-    Transition,
+    TransitionRecord,
     Tree,
     TreeNode,
-    Write,
+    WriteRecord,
 )
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
-from picktree.world.journal import CandidatesRanked, CandidateTried, Happened, ImageTaken, PlanMade
+from picktree.world.journal import CandidateEntry, CandidateSearchEntry, ImageEntry, JournalEvent, PlanEntry
 from picktree.world.protocols import Intrinsics, RgbdImage
 from picktree.world.scene.description import Bin, Fixture
 from picktree.world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
@@ -78,13 +78,13 @@ def item(name: str, shape: Shape, colour: str, x: float, seen: float = 0.0) -> B
 def tick(k: int) -> Tick:
     failed = k == 30
     status, cause = ("FAILURE", "grasp.missed") if failed else ("RUNNING", "")
-    first = (Write("/item", "red_block_1", "/Main"), Write("/items", ["red_block_1"], "/Main"))
+    first = (WriteRecord("/item", "red_block_1", "/Main"), WriteRecord("/items", ["red_block_1"], "/Main"))
     return Tick(
         root_status="RUNNING",
         tip="/Main/Grasp",
         nodes=(
-            NodeStatus("/Main", "Sequence", status, True, "", cause),
-            NodeStatus(
+            NodeStatusRecord("/Main", "Sequence", status, True, "", cause),
+            NodeStatusRecord(
                 "/Main/Grasp",
                 "Grasp",
                 status,
@@ -99,13 +99,13 @@ def tick(k: int) -> Tick:
     )
 
 
-def _transitions(k: int) -> tuple[Transition, ...]:
+def _transitions(k: int) -> tuple[TransitionRecord, ...]:
     begin = (
-        Transition("/Main", "RUNNING"),
-        Transition("/Main/Grasp", "RUNNING", {"object": "red_block_1"}, "red_block_1"),
+        TransitionRecord("/Main", "RUNNING"),
+        TransitionRecord("/Main/Grasp", "RUNNING", {"object": "red_block_1"}, "red_block_1"),
     )
     end = tuple(
-        Transition(
+        TransitionRecord(
             path, "FAILURE", cause="grasp.missed", origin="/Main/Grasp",
             message="the fingers closed at 0.4 mm", evidence={"width": 0.0004},
         )
@@ -147,11 +147,11 @@ def step(
         shapes = (Box((0.04, 0.04, 0.04)), Cylinder(0.02, 0.08), Sphere(0.025), WEDGE)
         for n, (shape, colour) in enumerate(zip(shapes, ("red", "green", "blue", "yellow"), strict=True), 1):
             scene.put(item(f"{colour}_block_{n}", shape, colour, 0.3 + 0.1 * n), "seen")
-        recorder.entry(now, ImageTaken(image(now), ("red block", "green can")))
+        recorder.entry(now, ImageEntry(image(now), ("red block", "green can")))
     if k == 10:
         recorder.entry(
             now,
-            PlanMade(
+            PlanEntry(
                 "to home",
                 "direct",
                 12,
@@ -165,17 +165,17 @@ def step(
         )
         recorder.entry(
             now,
-            CandidatesRanked(
+            CandidateSearchEntry(
                 "grasp",
                 ObjectId("red_block_1"),
                 {"made": 8, "reachable": 5},
-                (CandidateTried("top", Pose(), 0.7, "accepted"),),
+                (CandidateEntry("top", Pose(), 0.7, "accepted"),),
             ),
         )
         scene.attach("red_block_1", Pose())
     if k == 40:
         recorder.entry(
-            now, Happened("recovery", "SafeRetreat after grasp.missed", "/Main/Grasp", {"attempt": 1})
+            now, JournalEvent("recovery", "SafeRetreat after grasp.missed", "/Main/Grasp", {"attempt": 1})
         )
         scene.remove("blue_block_3", "its place was seen empty")
     recorder.joints(

@@ -9,14 +9,22 @@ from typing import TypeAlias
 
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_result import RunResult
-from picktree.logs.schema.records import NodeStatus, RunInfo, Tick, Transition, Tree, TreeNode, Write
+from picktree.logs.schema.records import (
+    NodeStatusRecord,
+    RunInfo,
+    Tick,
+    TransitionRecord,
+    Tree,
+    TreeNode,
+    WriteRecord,
+)
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
-from picktree.world.journal import CandidatesRanked, Happened, PlanMade
+from picktree.world.journal import CandidateSearchEntry, JournalEvent, PlanEntry
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 
 TICK = 0.05
-Said: TypeAlias = Transition | Write | Happened | PlanMade | CandidatesRanked
+Said: TypeAlias = TransitionRecord | WriteRecord | JournalEvent | PlanEntry | CandidateSearchEntry
 """What may be told of a tick."""
 
 
@@ -30,17 +38,17 @@ class Seen:
     colour: str = "red"
 
 
-def begins(path: str, subject: str = "", **inputs: object) -> Transition:
-    return Transition(path, "RUNNING", {**({"object": subject} if subject else {}), **inputs}, subject)
+def begins(path: str, subject: str = "", **inputs: object) -> TransitionRecord:
+    return TransitionRecord(path, "RUNNING", {**({"object": subject} if subject else {}), **inputs}, subject)
 
 
 def ends(
     path: str, status: str = "SUCCESS", cause: str = "", origin: str = "", **evidence: object
-) -> Transition:
+) -> TransitionRecord:
     """`origin`: the node that the failure comes from; by default this one."""
     message = f"{path} failed" if cause else ""
     came = (origin or path) if cause else ""
-    return Transition(path, status, cause=cause, origin=came, message=message, evidence=evidence)
+    return TransitionRecord(path, status, cause=cause, origin=came, message=message, evidence=evidence)
 
 
 def tree(*nodes: str, **ports: str) -> Tree:
@@ -89,12 +97,12 @@ def record(
                 if max(one.tick, first) == k:
                     scene.put(_object(one), "seen for the first time")
             said = script.get(k, ())
-            moves = tuple(one for one in said if isinstance(one, Transition))
+            moves = tuple(one for one in said if isinstance(one, TransitionRecord))
             state.update({move.path: move.status for move in moves})
             for one in said:
-                if isinstance(one, PlanMade | CandidatesRanked):
+                if isinstance(one, PlanEntry | CandidateSearchEntry):
                     recorder.entry(k * TICK, one)
-                if isinstance(one, Happened):
+                if isinstance(one, JournalEvent):
                     recorder.entry(k * TICK, one)
                     if one.kind == "item_done":
                         placed = next(o for o in scene.objects if o.id == one.data["object"])
@@ -105,8 +113,8 @@ def record(
                 Tick(
                     state[nodes.nodes[0].path],
                     next((p for p in reversed(state) if state[p] == "RUNNING"), ""),
-                    tuple(NodeStatus(n.path, n.id, state[n.path], True) for n in nodes.nodes),
-                    tuple(one for one in said if isinstance(one, Write)),
+                    tuple(NodeStatusRecord(n.path, n.id, state[n.path], True) for n in nodes.nodes),
+                    tuple(one for one in said if isinstance(one, WriteRecord)),
                     moves,
                 ),
             )

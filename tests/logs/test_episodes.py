@@ -10,38 +10,38 @@ from pydantic import TypeAdapter
 
 from picktree.logs.episodes.episode import Episode, Planted
 from picktree.logs.episodes.episode_counts import cause_lines, counted
-from picktree.logs.episodes.episode_tracker import Following, FollowingState
-from picktree.logs.schema.records import Transition, Tree
-from picktree.world.journal import Happened
+from picktree.logs.episodes.episode_tracker import EpisodeTracker, EpisodeTrackerState
+from picktree.logs.schema.records import TransitionRecord, Tree
+from picktree.world.journal import JournalEvent
 
 from .scripted_log import begins, ends, tree
 
-Script = Mapping[float, Sequence[Transition | Happened]]
+Script = Mapping[float, Sequence[TransitionRecord | JournalEvent]]
 
 
-def fails(path: str, cause: str, *above: str) -> list[Transition]:
+def fails(path: str, cause: str, *above: str) -> list[TransitionRecord]:
     """A node fails, and those above fail with it."""
     return [ends(path, "FAILURE", cause), *(ends(each, "FAILURE", cause, path) for each in above)]
 
 
-def tries(node: str, cause: str, handler: str, failed: str = "") -> Happened:
-    return Happened("recovery", "", node, {"cause": cause, "handler": handler, "failed": failed})
+def tries(node: str, cause: str, handler: str, failed: str = "") -> JournalEvent:
+    return JournalEvent("recovery", "", node, {"cause": cause, "handler": handler, "failed": failed})
 
 
 def follow(nodes: Tree, script: Script, end: float = 100.0) -> tuple[list[Episode], list[Planted]]:
     episodes: list[Episode] = []
     planted: list[Planted] = []
-    following = Following(episodes.append, planted.append)
+    following = EpisodeTracker(episodes.append, planted.append)
     following.follow(nodes.nodes)
     _take(following, script)
     following.finish(end)
     return episodes, planted
 
 
-def _take(following: Following, script: Script) -> None:
+def _take(following: EpisodeTracker, script: Script) -> None:
     for time, said in sorted(script.items()):
-        changes = [each for each in said if isinstance(each, Transition)]
-        following.take(time, changes, [each for each in said if isinstance(each, Happened)])
+        changes = [each for each in said if isinstance(each, TransitionRecord)]
+        following.take(time, changes, [each for each in said if isinstance(each, JournalEvent)])
 
 
 def told(episodes: Sequence[Episode]) -> list[tuple[str, str, str, int, float]]:
@@ -217,7 +217,7 @@ def test_the_next_branch_of_a_fallback_cures_but_not_by_giving_the_item_up(
     last: str, expected: tuple[str, str, str, int, float]
 ) -> None:
     path = "Main/Fallback"
-    script: dict[float, Sequence[Transition | Happened]] = {
+    script: dict[float, Sequence[TransitionRecord | JournalEvent]] = {
         0.0: [begins("Main"), begins(path), begins(f"{path}/Grasp")],
         1.0: [*fails(f"{path}/Grasp", "grasp.no_candidate"), begins(f"{path}/PushFree")],
     }
@@ -289,9 +289,9 @@ def test_what_is_halted_goes_up_to_whoever_stopped_it() -> None:
 
 
 def test_planted_faults_stand_beside_what_failed_first_after_them() -> None:
-    slip = Happened("fault", "it slips", "", {"fault": "slip", "item": "item_00"})
-    jam = Happened("fault", "the gripper jams", "", {"fault": "gripper_jam"})
-    waits = Happened("fault", "it waits", "", {"fault": "obstacle", "waits": True})
+    slip = JournalEvent("fault", "it slips", "", {"fault": "slip", "item": "item_00"})
+    jam = JournalEvent("fault", "the gripper jams", "", {"fault": "gripper_jam"})
+    waits = JournalEvent("fault", "it waits", "", {"fault": "obstacle", "waits": True})
     done = {8.0: [ends(GRASP), ends("Main/Recover"), ends("Main")]}
     episodes, planted = follow(RECOVER, SLIPPED | {1.0: [slip, waits], 7.0: [jam]} | done)
     assert [e.end for e in episodes] == ["cured"]
@@ -304,17 +304,17 @@ def test_planted_faults_stand_beside_what_failed_first_after_them() -> None:
 def test_following_goes_on_from_any_moment() -> None:
     """What is undecided at a checkpoint survives it, as JSON."""
     rest = {8.0: [ends(GRASP), ends("Main/Recover"), ends("Main")]}
-    script = SLIPPED | {1.0: [Happened("fault", "it slips", "", {"fault": "slip"})]} | rest
+    script = SLIPPED | {1.0: [JournalEvent("fault", "it slips", "", {"fault": "slip"})]} | rest
     whole = follow(RECOVER, script)
-    states = TypeAdapter(FollowingState)
+    states = TypeAdapter(EpisodeTrackerState)
     for cut in sorted(script):
         episodes: list[Episode] = []
         planted: list[Planted] = []
-        before = Following(episodes.append, planted.append)
+        before = EpisodeTracker(episodes.append, planted.append)
         before.follow(RECOVER.nodes)
         _take(before, {time: said for time, said in script.items() if time <= cut})
         state = states.validate_python(json.loads(states.dump_json(before.state())))
-        after = Following(episodes.append, planted.append, state)
+        after = EpisodeTracker(episodes.append, planted.append, state)
         after.follow(RECOVER.nodes)
         _take(after, {time: said for time, said in script.items() if time > cut})
         after.finish(100.0)
@@ -322,7 +322,7 @@ def test_following_goes_on_from_any_moment() -> None:
 
 
 def test_a_state_is_a_copy() -> None:
-    following = Following(lambda _: None)
+    following = EpisodeTracker(lambda _: None)
     following.follow(RECOVER.nodes)
     _take(following, {0.0: SLIPPED[0.0]})
     state = following.state()

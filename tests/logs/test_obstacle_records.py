@@ -9,19 +9,19 @@ from pydantic import TypeAdapter
 
 from picktree.logs.meshes.link_meshes import parts_of
 from picktree.logs.recording.foxglove_messages import encode_scene, read_scene
-from picktree.logs.recording.journal_records import believed, real
+from picktree.logs.recording.journal_records import belief_record, truth_record
 from picktree.logs.schema.json_records import decode, encode
-from picktree.logs.schema.records import Body, Scene
-from picktree.perception.voxels.obstacle_volumes import merged
-from picktree.perception.voxels.voxel_grid import body_of, cells_of, within
+from picktree.logs.schema.records import BodyRecord, Scene
+from picktree.perception.voxels.obstacle_volumes import merge_cells
+from picktree.perception.voxels.voxel_grid import cells_in_body, cells_of, obstacle_from_cells
 from picktree.simulation.scoring.truth import TrueObstacle
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene, SceneSnapshot
 from picktree.world.scene.description import Fixture
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 
-CELLS = within(Box((0.08, 0.06, 0.3)), Pose.from_rpy((0.5, 0.2, 0.15), (0.0, 0.0, 0.5)))
-SHAPE, POSE, BLOCKS = body_of(merged(CELLS))
+CELLS = cells_in_body(Box((0.08, 0.06, 0.3)), Pose.from_rpy((0.5, 0.2, 0.15), (0.0, 0.0, 0.5)))
+SHAPE, POSE, BLOCKS = obstacle_from_cells(merge_cells(CELLS))
 OBSTACLE = BeliefObject(
     ObjectId("obstacle_1"), "obstacle", "unknown", "unknown", SHAPE, "grey", POSE, 0.005, 0.1, 0.5, 1.5,
     blocks=BLOCKS,
@@ -40,20 +40,20 @@ def test_a_checkpoint_holds_it_exactly() -> None:
 
 
 def test_the_log_holds_its_blocks_and_viewers_draw_them() -> None:
-    body = believed(OBSTACLE)
+    body = belief_record(OBSTACLE)
     (read,) = read_scene(encode_scene(0, Scene((body,), ()), locked=True)).bodies
     assert read == body
     assert [shape.size for shape, _ in parts_of(read) if isinstance(shape, Box)] == [b.size for b in BLOCKS]
 
 
 def test_a_body_of_an_older_log_has_none() -> None:
-    data = encode(replace(believed(OBSTACLE), blocks=(), shape=Box((0.1, 0.1, 0.1))))
-    older = decode(Body, data.replace(b',"blocks":[]', b""))
+    data = encode(replace(belief_record(OBSTACLE), blocks=(), shape=Box((0.1, 0.1, 0.1))))
+    older = decode(BodyRecord, data.replace(b',"blocks":[]', b""))
     assert older.blocks == ()
     assert parts_of(older) == ((Box((0.1, 0.1, 0.1)), Pose()),)
 
 
 def test_the_truth_says_that_it_is_no_item() -> None:
     thing = Fixture(ObjectId("post"), Box((0.1, 0.1, 0.3)), Pose((0.5, 0.2, 0.15)), "red")
-    body = real(TrueObstacle.of(thing))
+    body = truth_record(TrueObstacle.of(thing))
     assert (body.id, body.role, body.shape, body.colour) == ("post", "obstacle", thing.shape, "red")

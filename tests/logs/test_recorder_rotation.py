@@ -17,13 +17,13 @@ from picktree.errors import PicktreeError
 from picktree.logs.recording.recorder import Recorder
 from picktree.logs.recording.rotation import Rotation
 from picktree.logs.run_log import RunLog, find_log
-from picktree.logs.schema.records import Tick, Transition, Write
+from picktree.logs.schema.records import Tick, TransitionRecord, WriteRecord
 from picktree.world.belief.planning_scene import PlanningScene
 
 TICKS = 100
-RUNNING = Transition("/Main", "RUNNING", {"to": "home"}, "red_block_1")
-GRASPING = Transition("/Main/Grasp", "RUNNING", {"object": "red_block_1"}, "red_block_1")
-GRASPED = Transition("/Main/Grasp", "SUCCESS", message="held")
+RUNNING = TransitionRecord("/Main", "RUNNING", {"to": "home"}, "red_block_1")
+GRASPING = TransitionRecord("/Main/Grasp", "RUNNING", {"object": "red_block_1"}, "red_block_1")
+GRASPED = TransitionRecord("/Main/Grasp", "SUCCESS", message="held")
 
 
 def eventful(sample: ModuleType, k: int) -> Tick:
@@ -34,7 +34,7 @@ def eventful(sample: ModuleType, k: int) -> Tick:
         "RUNNING",
         "/Main/Grasp",
         nodes,
-        (Write("/n", k, "/Main"), *((Write("/item", "red_block_1", "/Main"),) if k == 0 else ())),
+        (WriteRecord("/n", k, "/Main"), *((WriteRecord("/item", "red_block_1", "/Main"),) if k == 0 else ())),
         (
             *((RUNNING,) if k == 0 else ()),
             *((GRASPED,) if k % 10 == 5 else (GRASPING,) if k % 10 == 0 else ()),

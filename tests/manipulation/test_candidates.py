@@ -18,17 +18,17 @@ from picktree.manipulation.pick.pick_candidates import (
     PRE_GRASP,
     RANKED,
     ROOM,
-    PickAndPlace,
-    fates,
-    told,
+    PickPlaceCandidate,
+    count_rejections,
+    describe_rejections,
 )
-from picktree.manipulation.pick.pick_stream import PickStream
+from picktree.manipulation.pick.pick_stream import CandidateSearch
 from picktree.robots.loading import load_robot
-from picktree.session.assembly import assemble
+from picktree.session.assembly import assemble_world
 from picktree.simulation.backends import build_hardware
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure, planning
-from picktree.world.journal import CandidatesRanked, PlanMade
+from picktree.world.journal import CandidateSearchEntry, PlanEntry
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder
 from picktree.world.values import ObjectId, Pose
@@ -50,15 +50,15 @@ def believed(
 def world_with(*beliefs: BeliefObject) -> World:
     """The small sorting scene without physics, and a belief of its own."""
     scene, robot = load_scene("sort_small"), load_robot("panda")
-    world = assemble(build_hardware("kinematic", scene, robot, 3), scene, robot, 3)
+    world = assemble_world(build_hardware("kinematic", scene, robot, 3), scene, robot, 3)
     for belief in beliefs:
         world.scene.put(belief, "test")
     return world
 
 
-def stream(world: World) -> PickStream:
+def stream(world: World) -> CandidateSearch:
     belief = world.scene.get(BLOCK)
-    return PickStream(world, belief, grasps(world), "Grasp")
+    return CandidateSearch(world, belief, grasps(world), "Grasp")
 
 
 def grasps(world: World) -> list[GraspCandidate]:
@@ -73,13 +73,13 @@ def answer(steps: Generator[None, None, T]) -> T:
             return end.value
 
 
-def trail(world: World) -> CandidatesRanked:
+def trail(world: World) -> CandidateSearchEntry:
     """The last choice in the journal."""
-    return [entry for entry in world.journal.take() if isinstance(entry, CandidatesRanked)][-1]
+    return [entry for entry in world.journal.take() if isinstance(entry, CandidateSearchEntry)][-1]
 
 
-def reasons(ranked: CandidatesRanked) -> str:
-    return told(fates(ranked.tried, ranked.into))
+def reasons(ranked: CandidateSearchEntry) -> str:
+    return describe_rejections(count_rejections(ranked.tried, ranked.into))
 
 
 def test_the_best_candidate_is_proven_up_to_its_approach() -> None:
@@ -106,16 +106,16 @@ def test_cheap_tests_are_made_of_many_and_dear_ones_of_few() -> None:
     world = world_with(believed(BLOCK, (0.5, 0.0, 0.02)))
     assert answer(stream(world).find()) is not None
     entries = world.journal.take()
-    counts = list(next(e for e in entries if isinstance(e, CandidatesRanked)).stages.values())
+    counts = list(next(e for e in entries if isinstance(e, CandidateSearchEntry)).stages.values())
     assert counts == sorted(counts, reverse=True)
     assert counts[0] > counts[-2] == 1
-    assert sum(isinstance(entry, PlanMade) for entry in entries) == 1
+    assert sum(isinstance(entry, PlanEntry) for entry in entries) == 1
 
 
 def test_what_cannot_be_carried_on_makes_room_for_the_next() -> None:
     world = world_with(believed(BLOCK, (0.5, 0.0, 0.02)))
     candidates = stream(world)
-    found: list[PickAndPlace] = []
+    found: list[PickPlaceCandidate] = []
     for _ in range(4):
         pick = answer(candidates.find())
         assert pick is not None
@@ -137,10 +137,10 @@ def test_a_neighbour_that_the_hand_would_touch_is_named_with_its_distance() -> N
     assert ranked.stages[HAND] == 0
     assert {tried.stage for tried in ranked.tried} == {HAND}
     assert all(tried.by.startswith("wall_") and tried.gap < 0.003 for tried in ranked.tried)
-    first = fates(ranked.tried, ranked.into)[0]
+    first = count_rejections(ranked.tried, ranked.into)[0]
     assert first.words.startswith("the hand would touch wall_")
     assert first.words.endswith("mm deep in it at best)")
-    assert sum(fate.count for fate in fates(ranked.tried, ranked.into)) == ranked.stages[RANKED]
+    assert sum(fate.count for fate in count_rejections(ranked.tried, ranked.into)) == ranked.stages[RANKED]
 
 
 def test_an_object_out_of_reach() -> None:
@@ -189,7 +189,7 @@ def test_an_object_that_belongs_nowhere_is_grasped_all_the_same() -> None:
 
 
 def test_the_stream_depends_on_the_belief_alone() -> None:
-    def found() -> tuple[list[float], list[float], CandidatesRanked]:
+    def found() -> tuple[list[float], list[float], CandidateSearchEntry]:
         world = world_with(believed(BLOCK, (0.5, 0.1, 0.02)), believed("red_block_2", (0.56, 0.1, 0.02)))
         pick = answer(stream(world).find())
         assert pick is not None

@@ -11,15 +11,15 @@ import pytest
 
 from picktree.cell.world import World
 from picktree.control.execution.control_loop import ControlLoop
-from picktree.control.execution.gripper_motion import Grip
-from picktree.control.execution.motions import Motions
+from picktree.control.execution.gripper_motion import GripperControl
+from picktree.control.execution.motions import ArmMotion
 from picktree.control.safety.safety_monitor import SafetyMonitor
-from picktree.manipulation.grasp.compliant_closing import Closed, close
-from picktree.manipulation.grasp.grip_force import pressure
+from picktree.manipulation.grasp.compliant_closing import ClosingResult, close
+from picktree.manipulation.grasp.grip_force import grip_force
 from picktree.robots.model import RobotModel
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.scorer import score
-from picktree.world.journal import Happened, Journal
+from picktree.world.journal import Journal, JournalEvent
 from picktree.world.scene.description import CatalogueEntry, Spawn
 from picktree.world.shapes import Box, Cylinder
 from picktree.world.values import Pose
@@ -46,8 +46,8 @@ class Bench(Cell):
         self.journal = Journal()
         self.monitor = SafetyMonitor(self.model, scene.limits, self.journal)
         self.loop = ControlLoop(self.hardware, self.model, self.monitor)
-        self.move = Motions(self.loop, self.model, self.hardware.clock, self.journal)
-        self.grip = Grip(self.hardware.gripper, self.hardware.clock, ROBOT.gripper)
+        self.move = ArmMotion(self.loop, self.model, self.hardware.clock, self.journal)
+        self.grip = GripperControl(self.hardware.gripper, self.hardware.clock, ROBOT.gripper)
         item = self.physics.truth()[0].pose
         yaw = 2 * np.arctan2(item.orientation[2], item.orientation[3])
         self.tool = Pose((0.0, 0.0, 0.0), DOWN) @ Pose.from_rpy(
@@ -62,7 +62,7 @@ class Bench(Cell):
         self.run(self.loop.settle())
         self.before = np.array(self.physics.truth()[0].pose.position)
 
-    def close(self, entry: CatalogueEntry) -> Closed:
+    def close(self, entry: CatalogueEntry) -> ClosingResult:
         world = SimpleNamespace(
             control=self.loop,
             grip=self.grip,
@@ -71,7 +71,7 @@ class Bench(Cell):
             move=self.move,
             journal=self.journal,
         )
-        press = pressure(entry, 70.0, ROBOT.gripper)
+        press = grip_force(entry, 70.0, ROBOT.gripper)
         closed = self.run(close(cast("World", world), press, "test"))
         self.grip.press(press.grip)
         for _ in range(5):
@@ -100,7 +100,7 @@ def test_the_hand_gives_way_to_what_stands_fast(aside: float) -> None:
     assert closed.width == pytest.approx(0.04, abs=1e-3)
     assert bench.moved < 1.5e-3
     assert bench.touching == set(ROBOT.gripper.fingers)
-    told = [e.message for e in bench.journal.take() if isinstance(e, Happened)]
+    told = [e.message for e in bench.journal.take() if isinstance(e, JournalEvent)]
     assert [message[:20] for message in told] == ["the hand gave way by"]
 
 

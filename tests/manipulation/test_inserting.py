@@ -7,8 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from picktree.manipulation.insert.insertion import ABOVE, Fit, fit, mouth, peg, poses_over, resting
-from picktree.world.belief.hole_matching import closest
+from picktree.manipulation.insert.insertion import (
+    ABOVE,
+    InsertionTask,
+    fit,
+    inserted_pose,
+    mouth,
+    peg,
+    poses_over,
+)
+from picktree.world.belief.hole_matching import tightest_hole
 from picktree.world.scene.description import Fixture
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.shapes import Box, Cylinder, Shape
@@ -19,8 +27,8 @@ DOWEL, POST, KEY = Cylinder(0.015, 0.065), Box((0.030, 0.030, 0.065)), Box((0.01
 TIP = 0.0072
 
 
-def held(shape: Shape, in_tcp: Pose) -> Fit:
-    hole = closest(BOARD.holes, shape)
+def held(shape: Shape, in_tcp: Pose) -> InsertionTask:
+    hole = tightest_hole(BOARD.holes, shape)
     assert hole is not None
     return fit(BOARD, hole, shape, in_tcp)
 
@@ -89,7 +97,7 @@ def test_the_fingers_stay_above_the_board() -> None:
 
 def test_a_tight_hole_is_felt_for_with_a_finer_step() -> None:
     assert held(DOWEL, upright()).rate == 500
-    hole = closest(BOARD.holes, DOWEL)
+    hole = tightest_hole(BOARD.holes, DOWEL)
     assert hole is not None
     assert fit(BOARD, hole, Cylinder(0.01526, 0.065), upright()).rate == 1000
 
@@ -97,6 +105,6 @@ def test_a_tight_hole_is_felt_for_with_a_finer_step() -> None:
 def test_what_was_let_go_stands_upright_on_the_bottom_where_it_was() -> None:
     plan = held(POST, upright())
     tcp = poses_over(plan, -0.025)[1].shifted((0.003, -0.002, 0.0))
-    there = plan.hole_in_world.inverse() @ resting(plan, tcp)
+    there = plan.hole_in_world.inverse() @ inserted_pose(plan, tcp)
     assert there.position == pytest.approx((0.003, -0.002, -0.030 + 0.0325), abs=1e-9)
     assert abs(there.rotation()[2, 2]) == pytest.approx(1.0)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from picktree.manipulation.grasp.grip_force import ACCELERATION, needed, opening_force, pressure
+from picktree.manipulation.grasp.grip_force import ACCELERATION, grip_force, opening_force, required_force
 from picktree.robots.loading import load_robot
 from picktree.world.scene.description import CatalogueEntry
 from picktree.world.shapes import Box
@@ -18,28 +18,28 @@ INGOT = replace(BLOCK, kind="ingot", mass=1.2, friction=0.5)
 
 
 def test_the_grip_grows_with_the_mass_and_falls_with_friction() -> None:
-    assert needed(0.5, 0.5) == pytest.approx(2.0 * 0.5 * (9.81 + ACCELERATION) / (2 * 0.5))
-    assert needed(1.0, 0.5) == pytest.approx(2 * needed(0.5, 0.5))
-    assert needed(0.5, 0.25) == pytest.approx(2 * needed(0.5, 0.5))
-    assert pressure(INGOT, 70.0, GRIPPER).grip == pytest.approx(needed(1.2, 0.5))
+    assert required_force(0.5, 0.5) == pytest.approx(2.0 * 0.5 * (9.81 + ACCELERATION) / (2 * 0.5))
+    assert required_force(1.0, 0.5) == pytest.approx(2 * required_force(0.5, 0.5))
+    assert required_force(0.5, 0.25) == pytest.approx(2 * required_force(0.5, 0.5))
+    assert grip_force(INGOT, 70.0, GRIPPER).grip == pytest.approx(required_force(1.2, 0.5))
 
 
 def test_the_bound_is_kept() -> None:
-    weak = pressure(BLOCK, 1.5, GRIPPER)
+    weak = grip_force(BLOCK, 1.5, GRIPPER)
     assert (weak.closing, weak.grip, weak.most) == (1.5, 1.5, 1.5)
-    assert pressure(INGOT, 500.0, GRIPPER).most == GRIPPER.max_force
+    assert grip_force(INGOT, 500.0, GRIPPER).most == GRIPPER.max_force
 
 
 def test_it_turns_out_to_weigh_more() -> None:
-    press = pressure(BLOCK, 70.0, GRIPPER)
+    press = grip_force(BLOCK, 70.0, GRIPPER)
     assert press.carrying(0.05) == press.grip
-    assert press.carrying(1.0) == pytest.approx(needed(1.0, 0.6))
+    assert press.carrying(1.0) == pytest.approx(required_force(1.0, 0.6))
     assert press.carrying(50.0) == press.most
 
 
 @pytest.mark.parametrize("limit", [3.0, 5.0, 8.0, 20.0])
 def test_a_finger_that_touches_alone_or_carries_sideways_stays_below_the_limit(limit: float) -> None:
-    press = pressure(replace(CUP, force_limit=limit), 70.0, GRIPPER)
+    press = grip_force(replace(CUP, force_limit=limit), 70.0, GRIPPER)
     speed = GRIPPER.speed if press.speed is None else press.speed
     assert 2 * press.closing + 47 * speed < limit
     assert press.most < limit
@@ -47,10 +47,10 @@ def test_a_finger_that_touches_alone_or_carries_sideways_stays_below_the_limit(l
 
 
 def test_what_rests_heavily_is_not_pushed_along() -> None:
-    press = pressure(INGOT, 70.0, GRIPPER)
+    press = grip_force(INGOT, 70.0, GRIPPER)
     on_table = 0.5 * 1.2 * 9.81
     assert 2 * press.closing < on_table
-    light = pressure(BLOCK, 70.0, GRIPPER)
+    light = grip_force(BLOCK, 70.0, GRIPPER)
     assert light.closing == light.grip
 
 
@@ -60,5 +60,5 @@ def test_fingers_open_gently_beside_what_is_fragile() -> None:
 
 
 def test_what_is_unknown_is_gripped_firmly() -> None:
-    press = pressure(None, 70.0, GRIPPER)
+    press = grip_force(None, 70.0, GRIPPER)
     assert (press.closing, press.grip, press.most, press.speed) == (30.0, 30.0, 70.0, None)

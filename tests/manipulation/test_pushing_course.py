@@ -8,29 +8,35 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import Felt
-from picktree.manipulation.push.push_arcs import Arcs, straight
-from picktree.manipulation.push.pushed_object import Estimate, seen, together
-from picktree.manipulation.push.stroke_course import AWAY, PushCourse
-from picktree.world.planar_geometry import Planar
+from picktree.control.cartesian.anchor_courses import ContactState
+from picktree.manipulation.push.push_arcs import ArcPath, straight
+from picktree.manipulation.push.pushed_object import PlanarEstimate, estimate_from_camera, fuse_estimates
+from picktree.manipulation.push.stroke_course import AWAY, PushMotion
+from picktree.world.planar_geometry import PlanarPose
 
 PERIOD = 1 / 240
 START = np.array([0.5, 0.0, 0.02])
-TOOL = Planar(-0.03, 0.0)
+TOOL = PlanarPose(-0.03, 0.0)
 DOWN = np.diag([1.0, -1.0, -1.0])
 
 
-def stroke(force: Callable[[float], float], way: float = 0.05, curvature: float = 0.0) -> PushCourse:
+def stroke(force: Callable[[float], float], way: float = 0.05, curvature: float = 0.0) -> PushMotion:
     """A stroke along x with the tool where it is told; `force` (N) against it by the carrier's way (m)."""
-    path = straight(Planar(0.54, 0.0), way) if not curvature else Arcs(Planar(0.54, 0.0), ((way, curvature),))
-    course = PushCourse(path, TOOL, 0.01, 0.05, 8.0, 0.8)
+    path = (
+        straight(PlanarPose(0.54, 0.0), way)
+        if not curvature
+        else ArcPath(PlanarPose(0.54, 0.0), ((way, curvature),))
+    )
+    course = PushMotion(path, TOOL, 0.01, 0.05, 8.0, 0.8)
     course.start(START.copy(), DOWN.copy())
     turn = 0.0
     for k in range(2000):
         against = -force(course.reached) * np.array([math.cos(turn), math.sin(turn), 0.0])
         felt = np.array([against[0], against[1], 0.0]) - 0.8 * course.acceleration
         course.advance(
-            Felt(k * PERIOD, PERIOD, felt, np.zeros(3), course.position.copy(), course.rotation.copy())
+            ContactState(
+                k * PERIOD, PERIOD, felt, np.zeros(3), course.position.copy(), course.rotation.copy()
+            )
         )
         turned = course.rotation @ DOWN.T
         turn = math.atan2(turned[1, 0], turned[0, 0])
@@ -72,10 +78,10 @@ def test_the_tool_turns_with_its_way() -> None:
 
 
 def test_touch_counts_for_more_than_sight_until_the_two_contradict() -> None:
-    touch = Estimate(Planar(0.5, 0.0, 0.0), np.diag([2e-4**2, 1e-3**2]), 0.004)
-    near = together(touch, seen(Planar(0.5005, 0.0005, 0.01)), math.pi / 2)
+    touch = PlanarEstimate(PlanarPose(0.5, 0.0, 0.0), np.diag([2e-4**2, 1e-3**2]), 0.004)
+    near = fuse_estimates(touch, estimate_from_camera(PlanarPose(0.5005, 0.0005, 0.01)), math.pi / 2)
     assert near.at.x == pytest.approx(0.50007, abs=1e-5)
     assert near.at.y == pytest.approx(0.0004, abs=1e-5)
     assert near.at.yaw < 0.003
-    far = together(touch, seen(Planar(0.51, 0.0, 0.0)), math.pi / 2)
-    assert far.at == Planar(0.51, 0.0, 0.0)
+    far = fuse_estimates(touch, estimate_from_camera(PlanarPose(0.51, 0.0, 0.0)), math.pi / 2)
+    assert far.at == PlanarPose(0.51, 0.0, 0.0)

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from picktree.manipulation.pick.visual_servoing import matched
-from picktree.perception.fitting.known_object_fitting import Sighting, parted
+from picktree.manipulation.pick.visual_servoing import match_patches
+from picktree.perception.fitting.known_object_fitting import TrackedSighting, split_at_depth_steps
 from picktree.perception.segmentation.blobs import Pixels
 from picktree.trees.status import NodeStatus
 from picktree.world.belief.planning_scene import BeliefObject
@@ -32,12 +32,12 @@ def block(name: str, x: float, y: float = 0.0) -> BeliefObject:
     return BeliefObject(ObjectId(name), "item", "block", "box", BLOCK, "red", pose, 0.001, 0.01, 1.0, 0.0)
 
 
-def seen(name: str, patch: int, x: float, y: float = 0.0, misfit: float = 0.3) -> Sighting:
-    return Sighting(ObjectId(name), patch, Pose((x, y, 0.02)), 3e-4, 0.01, misfit, 1.0)
+def seen(name: str, patch: int, x: float, y: float = 0.0, misfit: float = 0.3) -> TrackedSighting:
+    return TrackedSighting(ObjectId(name), patch, Pose((x, y, 0.02)), 3e-4, 0.01, misfit, 1.0)
 
 
 def test_the_only_patch_is_the_target() -> None:
-    found = matched(block("a", 0.0), [block("a", 0.0)], [seen("a", 1, 0.008)])
+    found = match_patches(block("a", 0.0), [block("a", 0.0)], [seen("a", 1, 0.008)])
     assert found.target is not None
     assert (found.target.patch, found.ambiguous, found.seen) == (1, False, 1)
 
@@ -46,7 +46,7 @@ def test_a_neighbour_of_its_colour_is_not_taken_for_the_target() -> None:
     a, b = block("a", 0.0), block("b", 0.041)
     sightings = [seen(name, patch, x) for name in "ab" for patch, x in ((1, 0.008), (2, 0.049))]
     for target, patch in ((a, 1), (b, 2)):
-        found = matched(target, [a, b], sightings)
+        found = match_patches(target, [a, b], sightings)
         assert found.target is not None
         assert found.target.patch == patch
         assert [s.patch for s in found.others] == [3 - patch]
@@ -54,14 +54,14 @@ def test_a_neighbour_of_its_colour_is_not_taken_for_the_target() -> None:
 
 def test_a_hidden_target_is_not_found_in_its_neighbour() -> None:
     a, b = block("a", 0.0), block("b", 0.030)
-    found = matched(a, [a, b], [seen("a", 2, 0.031), seen("b", 2, 0.031)])
+    found = match_patches(a, [a, b], [seen("a", 2, 0.031), seen("b", 2, 0.031)])
     assert (found.target, found.ambiguous) == (None, False)
     assert [(s.object, s.patch) for s in found.others] == [("b", 2)]
 
 
 def test_a_neighbour_that_was_corrected_before_does_not_make_it_ambiguous() -> None:
     a, b = block("a", 0.0), block("b", 0.0, 0.1)
-    found = matched(a, [a, b], [seen("a", 1, 0.014), seen("b", 2, 0.001, 0.1)])
+    found = match_patches(a, [a, b], [seen("a", 1, 0.014), seen("b", 2, 0.001, 0.1)])
     assert found.target is not None
     assert (found.target.patch, found.ambiguous) == (1, False)
 
@@ -69,14 +69,14 @@ def test_a_neighbour_that_was_corrected_before_does_not_make_it_ambiguous() -> N
 def test_what_stands_around_tells_which_of_two_it_is() -> None:
     a, far = block("a", 0.0), block("far", 0.0, 0.1)
     both = [seen("a", 1, -0.012), seen("a", 2, 0.014)]
-    assert matched(a, [a], both).ambiguous
-    told = matched(a, [a, far], [*both, seen("far", 3, 0.013, 0.1)])
+    assert match_patches(a, [a], both).ambiguous
+    told = match_patches(a, [a, far], [*both, seen("far", 3, 0.013, 0.1)])
     assert told.target is not None
     assert (told.target.patch, told.ambiguous) == (2, False)
 
 
 def test_what_does_not_fit_is_no_target() -> None:
-    found = matched(block("a", 0.0), [block("a", 0.0)], [seen("a", 1, 0.002, misfit=math.inf)])
+    found = match_patches(block("a", 0.0), [block("a", 0.0)], [seen("a", 1, 0.002, misfit=math.inf)])
     assert (found.target, found.ambiguous, found.seen) == (None, False, 1)
 
 
@@ -166,11 +166,11 @@ def test_two_of_one_colour_part_where_the_depth_steps() -> None:
     depth[:, 22:] = 0.23
     depth[4::3, 21:23] = 0.0  # lost at the edge
     everything = np.nonzero(np.ones_like(depth))
-    (left_rows, left), (right_rows, right) = parted(depth, *everything)
+    (left_rows, left), (right_rows, right) = split_at_depth_steps(depth, *everything)
     assert max(abs(int(left.max()) - 21), abs(int(right.min()) - 22)) <= 1
     assert len(left_rows) + len(right_rows) == depth.size
 
 
 def test_a_slanted_face_is_one_piece() -> None:
     depth = 0.20 + 0.003 * np.arange(40)[None, :] + np.zeros((30, 1))
-    assert len(parted(depth, *patch_of(depth))) == 1
+    assert len(split_at_depth_steps(depth, *patch_of(depth))) == 1

@@ -11,9 +11,9 @@ import pytest
 from picktree.cell.world import World
 from picktree.manipulation.insert.hole_servoing import look_at_hole
 from picktree.robots.loading import load_robot
-from picktree.session.assembly import TICK, assemble
+from picktree.session.assembly import TICK, assemble_world
 from picktree.simulation.backends import build_hardware
-from picktree.simulation.common.uncertain_fixtures import displaced
+from picktree.simulation.common.uncertain_fixtures import displace_fixtures
 from picktree.world.causes import Failure
 from picktree.world.scene.loading.scene_loading import parse_scene
 from picktree.world.values import ObjectId
@@ -37,7 +37,7 @@ FAR = SCENE.replace("at: [0.5, 0, 0.02]", "at: [1.0, 0.7, 0.02]")
 
 def standing(text: str) -> World:
     scene, robot = parse_scene(text, Path("scene.yaml")), load_robot("panda")
-    return assemble(build_hardware("kinematic", scene, robot, 4), scene, robot, 4)
+    return assemble_world(build_hardware("kinematic", scene, robot, 4), scene, robot, 4)
 
 
 def carried_out(world: World, steps: Generator[None, None, T]) -> T:
@@ -51,7 +51,7 @@ def carried_out(world: World, steps: Generator[None, None, T]) -> T:
 
 def test_the_mouth_is_seen_where_it_truly_is() -> None:
     world = standing(SCENE + WRIST)
-    board = displaced(world.description, 4, level=True).fixture("board")
+    board = displace_fixtures(world.description, 4, level=True).fixture("board")
     truly = board.pose @ board.holes[0].pose
     believed = world.description.fixture("board").pose @ board.holes[0].pose
     seen = carried_out(world, look_at_hole(world, ObjectId("board/left"), "test"))

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from picktree.manipulation.place.bin_spots import ABOVE_RIM, heap, put_down_poses, release_poses, spots
+from picktree.manipulation.place.bin_spots import (
+    ABOVE_RIM,
+    free_cells,
+    heap_heights,
+    put_down_poses,
+    release_poses,
+)
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.scene.description import Bin
 from picktree.world.shapes import Box, bottom, extents
@@ -24,7 +30,7 @@ def lying_in_bin(x: float, y: float) -> BeliefObject:
 def test_heap_is_the_higher_of_seen_and_believed() -> None:
     seen = np.full((3, 3), np.nan)
     seen[2, 2] = 0.05
-    heights = heap(BIN, [lying_in_bin(-0.08, -0.06)], seen)
+    heights = heap_heights(BIN, [lying_in_bin(-0.08, -0.06)], seen)
     assert heights[0, 0] == pytest.approx(0.06, abs=1e-9)
     assert heights[2, 2] == 0.05
     assert heights.sum() == pytest.approx(0.11, abs=1e-9)
@@ -34,7 +40,7 @@ def test_the_lowest_cell_comes_first_and_full_cells_never() -> None:
     heights = np.full((3, 3), 0.09)
     heights[2, 0] = 0.0
     heights[1, 1] = 0.2
-    found = spots(BIN, heights, BLOCK, np.eye(3))
+    found = free_cells(BIN, heights, BLOCK, np.eye(3))
     assert found[0].name == "cell 2,0"
     assert "cell 1,1" not in [s.name for s in found]
     assert len(found) == 8
@@ -43,14 +49,14 @@ def test_the_lowest_cell_comes_first_and_full_cells_never() -> None:
 def test_every_spot_keeps_the_object_off_the_walls() -> None:
     reach = float(np.linalg.norm(extents(BLOCK, np.eye(3))[1][:2]))
     low, high = BIN.inside()
-    for spot in spots(BIN, np.zeros((3, 3)), BLOCK, np.eye(3)):
+    for spot in free_cells(BIN, np.zeros((3, 3)), BLOCK, np.eye(3)):
         x, y, _ = BIN.pose.inverse().apply(np.array([*spot.centre, 0.0]))
         assert low[0] + reach <= x <= high[0] - reach
         assert low[1] + reach <= y <= high[1] - reach
 
 
 def test_release_poses_hold_the_object_over_the_spot_above_the_rim() -> None:
-    spot = spots(BIN, np.zeros((3, 3)), BLOCK, np.eye(3))[3]
+    spot = free_cells(BIN, np.zeros((3, 3)), BLOCK, np.eye(3))[3]
     for tcp in release_poses(BIN, spot, BLOCK, IN_HAND, higher=0.03):
         held = tcp @ IN_HAND
         assert held.position[:2] == pytest.approx(spot.centre)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from picktree.cell.world import World
-from picktree.manipulation.carry.weighing import Kept, Weighing
+from picktree.manipulation.carry.weighing import GripMonitor, LiftWeighing
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.world.values import Array
@@ -69,10 +69,10 @@ class Lift:
         made = SimpleNamespace(control=control, robot=MODEL, tick=TICK, clock=clock, grip=self.grip)
         return cast("World", made)
 
-    def weigh(self) -> Weighing:
+    def weigh(self) -> LiftWeighing:
         """Lift it, asking each tick."""
         world = self.world()
-        weighing = Weighing(world, 0.5)
+        weighing = LiftWeighing(world, 0.5)
         while self.now < 0.5 - 1e-9 and weighing.doubt is None:
             self.now += TICK
             later = self.world()
@@ -113,7 +113,7 @@ def test_a_hand_that_turns_is_not_weighed() -> None:
 @pytest.mark.parametrize("width", [0.036, 0.044, 0.001])
 def test_fingers_that_move_leave_doubt(width: float) -> None:
     world = Lift(0.1).world()
-    kept = Kept(world)
+    kept = GripMonitor(world)
     assert kept.watch() is None
     world.grip.__dict__["width"] = width
     assert kept.watch() is kept.doubt is not None

@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from picktree.perception.fitting.view import View
+from picktree.perception.fitting.view import PerceivedView
 from picktree.perception.pipeline import Perception
-from picktree.robots.urdf_tree import LinkMesh, LinkShape
+from picktree.robots.urdf_tree import UrdfMesh, UrdfPrimitive
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.colours import COLOURS
 from picktree.world.protocols import Intrinsics, RgbdImage
@@ -67,11 +67,11 @@ class Robot:
     def link_poses(self, q: Array, width: float) -> dict[str, Pose]:
         return {"hand": self.pose}
 
-    def collision_meshes(self) -> tuple[LinkMesh, ...]:
+    def collision_meshes(self) -> tuple[UrdfMesh, ...]:
         return ()
 
-    def collision_shapes(self) -> tuple[LinkShape, ...]:
-        return (LinkShape("hand", self.box, Pose()),)
+    def collision_shapes(self) -> tuple[UrdfPrimitive, ...]:
+        return (UrdfPrimitive("hand", self.box, Pose()),)
 
 
 def standing(shape: Shape, x: float, y: float, yaw: float, colour: str, lying: bool = False) -> Thing:
@@ -194,7 +194,7 @@ def view_of(
     scene: PlanningScene | None = None,
     seed: int = 0,
     description: SceneDescription = SCENE,
-) -> View:
+) -> PerceivedView:
     """What perception makes of a picture of the things."""
     robot = robot or Robot()
     image = photograph(things, seed=seed, camera=description.cameras[0], scene=description)

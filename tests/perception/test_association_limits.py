@@ -9,7 +9,7 @@ from functools import cache
 import pytest
 
 from picktree.perception.data_association import ObservationSummary, update_belief
-from picktree.perception.fitting.view import Detection, Unexplained, View
+from picktree.perception.fitting.view import Detection, PerceivedView, UnexplainedPatch
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
@@ -22,12 +22,12 @@ IN_THE_BIN = (0.4, 0.4, 0.025)
 
 
 @cache
-def empty_table() -> View:
+def empty_table() -> PerceivedView:
     return view_of([])
 
 
 @cache
-def a_red_block() -> View:
+def a_red_block() -> PerceivedView:
     return view_of([standing(BLOCK, 0.45, -0.1, 0.2, "red")])
 
 
@@ -61,7 +61,10 @@ def detected(
 
 
 def after(
-    scene: PlanningScene, *detections: Detection, unexplained: tuple[Unexplained, ...] = (), now: float = 2.0
+    scene: PlanningScene,
+    *detections: Detection,
+    unexplained: tuple[UnexplainedPatch, ...] = (),
+    now: float = 2.0,
 ) -> ObservationSummary:
     view = replace(empty_table(), detections=detections, unexplained=unexplained)
     return update_belief(scene, view, now)

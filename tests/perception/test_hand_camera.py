@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.perception.expectation.hand_camera_pose import registered
+from picktree.perception.expectation.hand_camera_pose import register_hand_camera
 from picktree.perception.expectation.robot_mask import RobotMask
-from picktree.perception.geometry.camera_geometry import Sight
+from picktree.perception.geometry.camera_geometry import PosedCamera
 from picktree.perception.pipeline import Perception
-from picktree.perception.segmentation.blobs import coarsened
+from picktree.perception.segmentation.blobs import downsample
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.simulation.common.sensor_noise import FLOOR, noisy_depth
 from picktree.simulation.kinematic.backend import KinematicHardware
@@ -98,7 +98,7 @@ def test_it_is_believed_where_the_encoders_say_and_sees_from_where_it_truly_is()
 
 def test_the_table_is_where_the_picture_shows_it() -> None:
     image = shot(posed(Pose()))
-    sight = Sight.at(image.intrinsics, image.camera_in_world)
+    sight = PosedCamera.at(image.intrinsics, image.camera_in_world)
     height = sight.heights(image.depth.astype(np.float64))
     assert float(np.median(np.abs(height[image.depth > 0.2]))) < 3e-4
 
@@ -137,23 +137,23 @@ def test_the_fingers_show_how_the_camera_is_mounted(error: Pose) -> None:
     hardware = posed(error)
     image = shot(hardware)
     tcp = MODEL.tcp(OVER)
-    true = Sight.at(image.intrinsics, tcp @ scene(error).cameras[1].pose @ error)
+    true = PosedCamera.at(image.intrinsics, tcp @ scene(error).cameras[1].pose @ error)
     # Height and tilt are the table's to tell: here they are right already.
     turn = Pose.from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 0.02 if error is OFF else 0.0)).rotation()
     shift = np.array([0.006, -0.005, 0.0]) if error is OFF else np.zeros(3)
-    before = Sight.along(image.intrinsics, true.origin + shift, turn @ true.rotation)
+    before = PosedCamera.along(image.intrinsics, true.origin + shift, turn @ true.rotation)
     fingers = RobotMask(MODEL).fingers(OVER, hardware.gripper.width)
-    after = registered(before, image.depth.astype(np.float64), fingers)
+    after = register_hand_camera(before, image.depth.astype(np.float64), fingers)
     assert np.linalg.norm(after.origin - true.origin) < 3e-4
     assert after.apart(true, 0.2) < 6e-4
 
 
 def test_without_fingers_in_view_nothing_is_corrected() -> None:
     image = shot(posed())
-    sight = Sight.at(image.intrinsics, image.camera_in_world)
-    assert registered(sight, image.depth.astype(np.float64), ()) is sight
+    sight = PosedCamera.at(image.intrinsics, image.camera_in_world)
+    assert register_hand_camera(sight, image.depth.astype(np.float64), ()) is sight
     far = np.full(image.depth.shape, 0.5)
-    assert registered(sight, far, RobotMask(MODEL).fingers(OVER, 0.06)) is sight
+    assert register_hand_camera(sight, far, RobotMask(MODEL).fingers(OVER, 0.06)) is sight
 
 
 @pytest.mark.parametrize("error", [Pose(), OFF])
@@ -201,11 +201,11 @@ def test_an_answer_does_not_depend_on_what_was_asked_before() -> None:
 def test_a_near_picture_is_taken_as_coarse_as_recognising_needs() -> None:
     image = shot(posed())
     near = replace(image, depth=np.full(image.depth.shape, 0.2, dtype=np.float32))
-    coarse = coarsened(near)
+    coarse = downsample(near)
     assert (coarse.intrinsics.fx, coarse.intrinsics.cx) == (near.intrinsics.fx / 2, near.intrinsics.cx / 2)
     assert np.array_equal(coarse.colour, near.colour[::2, ::2])
     far = replace(image, depth=np.full(image.depth.shape, 0.8, dtype=np.float32))
-    assert coarsened(far) is far
+    assert downsample(far) is far
 
 
 def test_items_that_fill_the_picture_do_not_tilt_it() -> None:
@@ -219,4 +219,4 @@ def test_items_that_fill_the_picture_do_not_tilt_it() -> None:
     belief = PlanningScene(crowded.fixtures, crowded.bins)
     view = Perception(crowded, MODEL).detect(shot(hardware), low, hardware.gripper.width, belief)
     true = MODEL.tcp(low) @ crowded.cameras[1].pose @ OFF
-    assert view.sight.apart(Sight.at(view.sight.intrinsics, true), 0.2) < 1.5e-3
+    assert view.sight.apart(PosedCamera.at(view.sight.intrinsics, true), 0.2) < 1.5e-3

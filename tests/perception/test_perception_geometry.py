@@ -9,10 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from picktree.perception.expectation.backdrop import Backdrop, levelled
-from picktree.perception.geometry.camera_geometry import Sight
-from picktree.perception.geometry.resting_poses import rests
-from picktree.perception.geometry.silhouette_fitting import Outline, Stand, fit_outline, silhouette, support
+from picktree.perception.expectation.backdrop import BackgroundModel, level_camera
+from picktree.perception.geometry.camera_geometry import PosedCamera
+from picktree.perception.geometry.resting_poses import stable_poses
+from picktree.perception.geometry.silhouette_fitting import (
+    BlobOutline,
+    StandingPose,
+    fit_outline,
+    silhouette,
+    support,
+)
 from picktree.perception.segmentation import blobs
 from picktree.world.colours import ITEM_COLOURS
 from picktree.world.protocols import Intrinsics
@@ -69,7 +75,7 @@ def test_a_ray_meets_a_shape_first_on_its_surface(
 
 
 def test_pixels_and_directions_undo_each_other() -> None:
-    sight = Sight.at(LENS, Pose.from_rpy((0.4, 0.1, 0.9), (math.pi - 0.2, 0.1, 0.4)))
+    sight = PosedCamera.at(LENS, Pose.from_rpy((0.4, 0.1, 0.9), (math.pi - 0.2, 0.1, 0.4)))
     pixels = np.array([[0.0, 0.0], [100.5, 20.25], [319.0, 239.0]])
     points = sight.origin + sight.directions(pixels) * np.array([[0.5], [1.0], [0.8]])
     assert sight.pixels(points) == pytest.approx(pixels)
@@ -101,7 +107,7 @@ def test_greys_have_no_colour() -> None:
     ],
 )
 def test_an_item_rests_on_each_of_its_faces(shape: Shape, heights: list[float]) -> None:
-    found = rests(CatalogueEntry("it", "box", shape, 0.1, 0.5))
+    found = stable_poses(CatalogueEntry("it", "box", shape, 0.1, 0.5))
     assert sorted(r.height for r in found) == pytest.approx(heights)
     for rest in found:
         assert np.linalg.det(rest.rotation) == pytest.approx(1.0)
@@ -111,17 +117,17 @@ def test_an_item_rests_on_each_of_its_faces(shape: Shape, heights: list[float]) 
 def test_a_mesh_rests_only_where_its_centroid_is_held() -> None:
     points = np.array(WEDGE.vertices) - np.array([-0.01, 0.0, 0.0])
     wedge = ConvexMesh(tuple((float(x), float(y), float(z)) for x, y, z in points), "wedge")
-    found = rests(CatalogueEntry("it", "mesh", wedge, 0.1, 0.5))
+    found = stable_poses(CatalogueEntry("it", "mesh", wedge, 0.1, 0.5))
     downs = {tuple(np.round(r.rotation.T @ [0, 0, -1], 3) + 0.0) for r in found}
     assert (0.0, 0.0, -1.0) in downs, "on its base"
     leaning = ConvexMesh(tuple((x + 0.2 * z / 0.02, y, z) for x, y, z in wedge.vertices), "leaning")
-    assert len(rests(CatalogueEntry("it", "mesh", leaning, 0.1, 0.5))) < len(found)
+    assert len(stable_poses(CatalogueEntry("it", "mesh", leaning, 0.1, 0.5))) < len(found)
 
 
 def test_a_nut_has_two_looks() -> None:
     ring = [(0.018 * math.cos(k * math.pi / 3), 0.018 * math.sin(k * math.pi / 3)) for k in range(6)]
     nut = ConvexMesh(tuple((x, y, z) for x, y in ring for z in (-0.015, 0.015)), "nut")
-    found = {round(r.height, 4): r for r in rests(CatalogueEntry("nut", "mesh", nut, 0.1, 0.5))}
+    found = {round(r.height, 4): r for r in stable_poses(CatalogueEntry("nut", "mesh", nut, 0.1, 0.5))}
     assert sorted(found) == [0.03, round(0.018 * math.sqrt(3), 4)]
     assert found[0.03].turn == pytest.approx(math.pi / 3)
     assert found[round(0.018 * math.sqrt(3), 4)].turn == pytest.approx(math.pi)
@@ -129,15 +135,15 @@ def test_a_nut_has_two_looks() -> None:
 
 @pytest.mark.parametrize("kind", [entry.kind for entry in CATALOGUE])
 def test_the_fit_finds_back_the_place_from_beside_it(kind: str) -> None:
-    sight = Sight.at(LENS, DOWN)
+    sight = PosedCamera.at(LENS, DOWN)
     entry = next(e for e in CATALOGUE if e.kind == kind)
-    for rest in rests(entry):
-        true = Stand(rest, np.array([0.55, -0.2, rest.below]), 0.4)
+    for rest in stable_poses(entry):
+        true = StandingPose(rest, np.array([0.55, -0.2, rest.below]), 0.4)
         corners = silhouette(sight, true)
         share = np.linspace(0, 1, 8, endpoint=False)[:, None, None]
         points = (corners * (1 - share) + np.roll(corners, -1, axis=0) * share).reshape(-1, 2)
-        outline = Outline(points, np.ones(len(points), dtype=bool))
-        start = Stand(
+        outline = BlobOutline(points, np.ones(len(points), dtype=bool))
+        start = StandingPose(
             rest, true.centre + np.array([0.004, -0.003, 0.0]), true.yaw + (0.1 if rest.turn else 0.0)
         )
         fitted = fit_outline(sight, outline, start, rounds=12)
@@ -156,11 +162,11 @@ def test_the_support_function_turns_and_moves_with_its_points() -> None:
 
 
 def test_levelling_finds_height_and_tilt_but_not_what_a_plane_cannot_show() -> None:
-    sight = Sight.at(LENS, CAMERA.pose)
+    sight = PosedCamera.at(LENS, CAMERA.pose)
     image = photograph([])
-    backdrop = Backdrop.of(SCENE, Sight.at(image.intrinsics, DOWN), TABLE, 0.0)
+    backdrop = BackgroundModel.of(SCENE, PosedCamera.at(image.intrinsics, DOWN), TABLE, 0.0)
     off = DOWN @ Pose.from_rpy((0.004, 0.003, 0.006), (0.01, -0.006, 0.0))
-    corrected = levelled(Sight.at(image.intrinsics, off), image.depth.astype(float), backdrop, 0.0)
+    corrected = level_camera(PosedCamera.at(image.intrinsics, off), image.depth.astype(float), backdrop, 0.0)
     assert corrected.origin[2] == pytest.approx(DOWN.position[2], abs=5e-4)
     assert corrected.rotation[:, 2] == pytest.approx(sight.rotation[:, 2], abs=1e-3)
     assert corrected.origin[:2] == pytest.approx(np.array(off.position[:2]))
@@ -168,6 +174,6 @@ def test_levelling_finds_height_and_tilt_but_not_what_a_plane_cannot_show() -> N
 
 def test_a_picture_without_a_table_is_not_levelled() -> None:
     image = photograph([])
-    sight = Sight.at(image.intrinsics, DOWN)
-    backdrop = Backdrop.of(SCENE, sight, TABLE, 0.0)
-    assert levelled(sight, np.zeros(image.depth.shape), backdrop, 0.0) is sight
+    sight = PosedCamera.at(image.intrinsics, DOWN)
+    backdrop = BackgroundModel.of(SCENE, sight, TABLE, 0.0)
+    assert level_camera(sight, np.zeros(image.depth.shape), backdrop, 0.0) is sight

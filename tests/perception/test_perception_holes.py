@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from picktree.perception.data_association import update_belief
-from picktree.perception.pipeline import Perception, View
+from picktree.perception.pipeline import PerceivedView, Perception
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.belief.hole_matching import closest, fitting_hole, hole_in_world
+from picktree.world.belief.hole_matching import fitting_hole, hole_in_world, tightest_hole
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.scene.destinations import destination_rule, is_at
 from picktree.world.scene.loading.scene_loading import load_scene
@@ -27,7 +27,7 @@ def filled(seed: int) -> KinematicHardware:
     hardware = KinematicHardware(SCENE, ROBOT, seed)
     (board,) = (f for f in hardware.true_fixtures() if f.holes)
     for body in hardware.bodies.items:
-        hole = closest(board.holes, body.entry.shape)
+        hole = tightest_hole(board.holes, body.entry.shape)
         assert hole is not None
         inside = Pose((0.0, 0.0, -bottom(body.entry.shape, Pose()) - hole.depth))
         hardware.bodies.put(replace(body, pose=board.pose @ hole.pose @ inside))
@@ -35,7 +35,7 @@ def filled(seed: int) -> KinematicHardware:
     return hardware
 
 
-def seen(hardware: KinematicHardware, belief: PlanningScene) -> View:
+def seen(hardware: KinematicHardware, belief: PlanningScene) -> PerceivedView:
     image = hardware.cameras["overhead"].capture()
     perception = Perception(SCENE, RobotModel(ROBOT))
     return perception.detect(image, hardware.arm.read().position, hardware.gripper.width, belief)

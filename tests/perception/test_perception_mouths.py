@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from picktree.perception.fitting.hole_mouths import find_mouth
+from picktree.perception.fitting.hole_mouths import detect_hole
 from picktree.simulation.common.sensor_noise import noisy_depth
 from picktree.simulation.physics.bodies import add_scenery
 from picktree.simulation.physics.engine.pybullet_import import Client
-from picktree.simulation.physics.rgbd_camera import View, intrinsics
+from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
 from picktree.world.protocols import RgbdImage
 from picktree.world.scene.description import Fixture, SceneDescription
 from picktree.world.scene.holes import Hole
-from picktree.world.scene.loading.scene_entries import looking
+from picktree.world.scene.loading.scene_entries import look_at_frame
 from picktree.world.scene.loading.scene_loading import parse_scene
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
@@ -51,14 +51,14 @@ def picture(scene: SceneDescription, hole: Hole, believed: Pose, *added: Fixture
     """Of where a hole of the board, believed there, should be, from 20 cm, a little aslant, with noise."""
     board = scene.fixture("board")
     x, y, z = (believed @ hole.pose).position
-    optical = looking((x + 0.04, y - 0.03, z + 0.2), (x + 0.01, y, z), (0.3, 1.0, 0.0))
+    optical = look_at_frame((x + 0.04, y - 0.03, z + 0.2), (x + 0.01, y, z), (0.3, 1.0, 0.0))
     assert optical is not None
     client = Client()
     really = replace(board, pose=board.pose @ OFF)
     others = tuple(f for f in scene.fixtures if f is not board)
     add_scenery(replace(scene, fixtures=(*others, really, *added)), client.id)
     (camera,) = scene.cameras
-    seen = View(camera).render(client.id, optical)
+    seen = CameraRenderer(camera).render(client.id, optical)
     depth = np.where(np.isfinite(seen.depth), seen.depth, np.float32(0.0))
     noisy = noisy_depth(depth, camera, np.random.default_rng(3))
     return RgbdImage("near", seen.colour, noisy, 0.0, intrinsics(camera), optical)
@@ -68,7 +68,7 @@ def picture(scene: SceneDescription, hole: Hole, believed: Pose, *added: Fixture
 def test_a_mouth_is_found_where_it_truly_is(scene: SceneDescription, name: str) -> None:
     board = scene.fixture("board")
     hole = next(h for h in board.holes if h.id == name)
-    found = find_mouth(picture(scene, hole, board.pose), hole, board.pose @ hole.pose, 0.008)
+    found = detect_hole(picture(scene, hole, board.pose), hole, board.pose @ hole.pose, 0.008)
     assert found is not None
     miss = (board.pose @ OFF @ hole.pose).inverse() @ found.pose
     assert math.hypot(*miss.position) < 4e-4
@@ -84,9 +84,9 @@ def test_what_is_filled_or_hidden_is_no_mouth(scene: SceneDescription) -> None:
     believed = board.pose @ hole.pose
     at = board.pose @ OFF @ hole.pose
     peg = Fixture(ObjectId("peg"), Box((0.029, 0.029, 0.03)), at.shifted((0.0, 0.0, -0.014)), "grey")
-    assert find_mouth(picture(scene, hole, board.pose, peg), hole, believed, 0.008) is None
+    assert detect_hole(picture(scene, hole, board.pose, peg), hole, believed, 0.008) is None
     finger = Fixture(ObjectId("finger"), Box((0.1, 0.02, 0.02)), at.shifted((0.0, 0.0, 0.05)), "grey")
-    assert find_mouth(picture(scene, hole, board.pose, finger), hole, believed, 0.008) is None
+    assert detect_hole(picture(scene, hole, board.pose, finger), hole, believed, 0.008) is None
 
 
 def test_a_face_without_a_hole_has_no_mouth(scene: SceneDescription) -> None:
@@ -94,11 +94,11 @@ def test_a_face_without_a_hole_has_no_mouth(scene: SceneDescription) -> None:
     bare = replace(board, holes=())
     plain = replace(scene, fixtures=(scene.fixtures[0], bare))
     hole = board.holes[1]
-    assert find_mouth(picture(plain, hole, board.pose), hole, board.pose @ hole.pose, 0.008) is None
+    assert detect_hole(picture(plain, hole, board.pose), hole, board.pose @ hole.pose, 0.008) is None
 
 
 def test_a_mouth_further_off_than_it_may_be_is_another(scene: SceneDescription) -> None:
     board = scene.fixture("board")
     hole = board.holes[1]
     elsewhere = (board.pose @ hole.pose).shifted((0.02, 0.0, 0.0))
-    assert find_mouth(picture(scene, hole, board.pose), hole, elsewhere, 0.003) is None
+    assert detect_hole(picture(scene, hole, board.pose), hole, elsewhere, 0.003) is None

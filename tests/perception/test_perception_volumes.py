@@ -9,9 +9,16 @@ import numpy as np
 
 from picktree.perception.data_association import update_belief
 from picktree.perception.pipeline import Perception
-from picktree.perception.voxels.obstacle_volumes import merged
-from picktree.perception.voxels.voxel_grid import CELL, body_of, cells_of, centres, keys, within
-from picktree.planning.collision.collision_bodies import loose_bodies
+from picktree.perception.voxels.obstacle_volumes import merge_cells
+from picktree.perception.voxels.voxel_grid import (
+    CELL,
+    cell_centres,
+    cell_keys,
+    cells_in_body,
+    cells_of,
+    obstacle_from_cells,
+)
+from picktree.planning.collision.collision_bodies import movable_bodies
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.raycasting import inside
 from picktree.world.shapes import Box, Cylinder, Sphere
@@ -47,7 +54,7 @@ def obstacles(scene: PlanningScene) -> list[BeliefObject]:
 
 def taken_up(scene: PlanningScene) -> Array:
     """Middles of the cells that are taken up (n, 3), m."""
-    return np.concatenate([centres(cells_of(o)) for o in obstacles(scene)])
+    return np.concatenate([cell_centres(cells_of(o)) for o in obstacles(scene)])
 
 
 def share_covered(scene: PlanningScene, thing: Thing) -> float:
@@ -136,7 +143,7 @@ def test_below_a_bar_that_is_seen_to_hang_there_is_room() -> None:
     assert share_covered(scene, bar) > 0.99
     below = taken_up(scene)
     below = below[below[:, 2] < 0.1]
-    full = len(within(Box((0.3, 0.05, 0.1)), Pose((0.5, -0.36, 0.05))))
+    full = len(cells_in_body(Box((0.3, 0.05, 0.1)), Pose((0.5, -0.36, 0.05))))
     assert len(below) < 0.35 * full, "rays pass below it"
 
 
@@ -194,8 +201,8 @@ def test_something_of_an_items_colour_beside_the_arm_is_seen() -> None:
 def test_what_turns_out_to_be_an_item_is_no_obstacle_any_more() -> None:
     scene = empty_scene()
     block = standing(BLOCK, 0.5, -0.1, 0.2, "red")
-    cells = within(Box((0.045, 0.045, 0.045)), block.pose)
-    shape, pose, blocks = body_of(merged(cells))
+    cells = cells_in_body(Box((0.045, 0.045, 0.045)), block.pose)
+    shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
     scene.put(
         BeliefObject(
             ObjectId("obstacle_7"), "obstacle", "unknown", "unknown", shape, "red", pose,
@@ -210,14 +217,17 @@ def test_what_turns_out_to_be_an_item_is_no_obstacle_any_more() -> None:
 def test_boxes_cover_their_cells_exactly() -> None:
     rng = np.random.default_rng(3)
     for _ in range(20):
-        cells = keys(rng.integers(-4, 5, (int(rng.integers(1, 200)), 3)))
-        shape, pose, blocks = body_of(merged(cells, most=10_000))
+        cells = cell_keys(rng.integers(-4, 5, (int(rng.integers(1, 200)), 3)))
+        shape, pose, blocks = obstacle_from_cells(merge_cells(cells, most=10_000))
         o = BeliefObject(
             ObjectId("o"), "obstacle", "unknown", "unknown", shape, "grey", pose, 0, 0, 1, 0, blocks=blocks
         )
         assert np.array_equal(cells_of(o), cells)
         few = replace(
-            o, **dict(zip(("shape", "pose", "blocks"), body_of(merged(cells, most=5)), strict=True))
+            o,
+            **dict(
+                zip(("shape", "pose", "blocks"), obstacle_from_cells(merge_cells(cells, most=5)), strict=True)
+            ),
         )
         assert len(few.blocks) <= 5
         assert np.isin(cells, cells_of(few)).all()
@@ -261,11 +271,13 @@ def test_a_hull_stands_for_many_blocks_where_it_is_tight() -> None:
     look(scene, POST, now=1)
     (post,) = obstacles(scene)
     assert len(post.blocks) > 1
-    (body,) = loose_bodies([post])
+    (body,) = movable_bodies([post])
     assert body.name == "obstacle_1"
-    assert inside(body.shape, body.pose, centres(cells_of(post))).all()
-    bent = np.concatenate([within(Box((0.3, 0.04, 0.2)), Pose()), within(Box((0.04, 0.3, 0.2)), Pose())])
-    shape, pose, blocks = body_of(merged(np.unique(bent)))
-    loose = loose_bodies([replace(post, shape=shape, pose=pose, blocks=blocks)])
+    assert inside(body.shape, body.pose, cell_centres(cells_of(post))).all()
+    bent = np.concatenate(
+        [cells_in_body(Box((0.3, 0.04, 0.2)), Pose()), cells_in_body(Box((0.04, 0.3, 0.2)), Pose())]
+    )
+    shape, pose, blocks = obstacle_from_cells(merge_cells(np.unique(bent)))
+    loose = movable_bodies([replace(post, shape=shape, pose=pose, blocks=blocks)])
     assert [b.name for b in loose] == ["obstacle_1"] * len(blocks)
     assert len(blocks) == 2

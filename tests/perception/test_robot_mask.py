@@ -9,7 +9,7 @@ from pathlib import Path
 import trimesh
 
 from picktree.perception.expectation.robot_mask import RobotMask
-from picktree.robots.urdf_tree import LinkMesh, LinkShape
+from picktree.robots.urdf_tree import UrdfMesh, UrdfPrimitive
 from picktree.world.values import Array, Pose
 
 
@@ -26,10 +26,10 @@ class Finger:
     def link_poses(self, q: Array, width: float) -> dict[str, Pose]:
         return {"finger": Pose()}
 
-    def collision_meshes(self) -> tuple[LinkMesh, ...]:
-        return (LinkMesh("finger", str(self.mesh), Pose()),)
+    def collision_meshes(self) -> tuple[UrdfMesh, ...]:
+        return (UrdfMesh("finger", str(self.mesh), Pose()),)
 
-    def collision_shapes(self) -> tuple[LinkShape, ...]:
+    def collision_shapes(self) -> tuple[UrdfPrimitive, ...]:
         return ()
 
 

@@ -13,10 +13,10 @@ from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.journal import Journal
-from picktree.world.random_streams import Streams
+from picktree.world.random_streams import RandomStreams
 from picktree.world.scene.description import Bin, Fixture
 from picktree.world.shapes import Box, Cylinder, Shape, Sphere
-from picktree.world.thinking_time import ThinkingAccount
+from picktree.world.thinking_time import ComputeTimeAccount
 from picktree.world.values import Array, ObjectId, Pose
 
 MODEL = RobotModel(load_robot("panda"))
@@ -88,13 +88,13 @@ class Cell:
         self.width = width
         self.now = 0.0
         self.journal = Journal()
-        self.thinking = ThinkingAccount(TICK)
+        self.thinking = ComputeTimeAccount(TICK)
         self.queries = SceneQueries(MODEL, scene)
         self.plan = PlanService(
             MODEL,
             scene,
             self.queries,
-            Streams(seed),
+            RandomStreams(seed),
             self.journal,
             self.thinking,
             cost,

@@ -9,10 +9,10 @@ from typing import TypeVar
 import numpy as np
 import pytest
 
-from picktree.planning.requests import Holding, JointGoal, NamedGoal, Plan, PoseGoal, Request
-from picktree.planning.service.trajectory_gate import Gate
+from picktree.planning.requests import HeldObject, JointGoal, MotionPlan, NamedGoal, PoseGoal, Request
+from picktree.planning.service.trajectory_gate import TrajectoryGate
 from picktree.robots.loading import load_robot
-from picktree.session.assembly import TICK, assemble
+from picktree.session.assembly import TICK, assemble_world
 from picktree.simulation.backends import Backend, build_hardware
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import Failure
@@ -31,7 +31,7 @@ class Cell:
 
     def __init__(self, backend: Backend = "kinematic", *, verify: bool = False) -> None:
         scene, robot = load_scene("sort_small"), load_robot("panda")
-        self.world = assemble(build_hardware(backend, scene, robot, 3), scene, robot, 3, verify=verify)
+        self.world = assemble_world(build_hardware(backend, scene, robot, 3), scene, robot, 3, verify=verify)
 
     def run(self, doing: Generator[None, None, T]) -> T:
         for _ in range(400):
@@ -64,7 +64,7 @@ class Cell:
         thing = BeliefObject(ObjectId(name), "item", "box", "box", shape, "red", pose, 0.001, 0.01, 1.0, 0.0)
         self.world.scene.put(thing, "test")
 
-    def plan(self) -> Plan:
+    def plan(self) -> MotionPlan:
         """From home to the side, over the table."""
         return self.run(self.world.plan.to(PoseGoal((Pose((0.45, -0.35, 0.25), DOWN),)), node="test"))
 
@@ -98,7 +98,9 @@ def test_a_changed_belief_is_paid_for_and_what_stands_in_the_way_is_named() -> N
     middle = MODEL.tcp(plan.trajectory.sample(0.6 * plan.trajectory.duration)[0]).position
     assert (
         cell.checks(
-            Gate(MODEL, cell.world.plan, cell.world.description.limits.workspace).passes(plan.trajectory)
+            TrajectoryGate(MODEL, cell.world.plan, cell.world.description.limits.workspace).passes(
+                plan.trajectory
+            )
         )
         > 50
     )
@@ -116,7 +118,7 @@ def test_pairs_that_were_allowed_when_it_was_planned_are_not_any_more() -> None:
     cell.put(0.45, -0.35, 0.25)
     with cell.world.scene.allow(("gripper", "crate"), ("arm", "crate")):
         plan = cell.plan()
-        gate = Gate(MODEL, cell.world.plan, cell.world.description.limits.workspace)
+        gate = TrajectoryGate(MODEL, cell.world.plan, cell.world.description.limits.workspace)
         assert cell.checks(gate.passes(plan.trajectory)) == 0
     assert str(cell.refused(plan.trajectory).cause) == "planning.blocked"
 
@@ -127,7 +129,7 @@ def test_what_its_request_supposes_is_supposed_again() -> None:
     world = cell.world
     tcp = world.control.tcp
     world.scene.put(replace(_thing(), pose=tcp @ Pose((0.0, 0.0, 0.02))), "test")
-    holding = Holding(ObjectId("brick"), Pose((0.0, 0.0, 0.02)))
+    holding = HeldObject(ObjectId("brick"), Pose((0.0, 0.0, 0.02)))
     aside = HOME + np.array([0.5, 0, 0, 0, 0, 0, 0])
     plan = cell.run(world.plan.solve(Request(JointGoal(aside), holding=holding, width=0.04), node="test"))
     world.scene.attach("brick", Pose((0.0, 0.0, 0.021)))
@@ -220,7 +222,7 @@ def test_each_limit_is_told_with_joint_time_and_amount() -> None:
 
 def test_a_tool_outside_of_the_workspace() -> None:
     cell = Cell()
-    gate = Gate(MODEL, cell.world.plan, Bounds((0.0, -0.1, 0.0), (0.9, 0.9, 0.9)))
+    gate = TrajectoryGate(MODEL, cell.world.plan, Bounds((0.0, -0.1, 0.0), (0.9, 0.9, 0.9)))
     trajectory = away(0, -0.8)
     with pytest.raises(Failure, match=r"^safety.workspace: .* the tool would be 120 mm outside the"):
         cell.run(gate.passes(trajectory))

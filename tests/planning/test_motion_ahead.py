@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from picktree.errors import PicktreeError
-from picktree.planning.requests import JointGoal, Line, NamedGoal, Plan, PoseGoal, Request
+from picktree.planning.requests import JointGoal, LineGoal, MotionPlan, NamedGoal, PoseGoal, Request
 from picktree.world.causes import Failure
 from picktree.world.shapes import Box
 from picktree.world.values import Pose
@@ -31,7 +31,7 @@ def timed(cell: Cell, steps: Generator[None, None, T]) -> tuple[T, int]:
         cell.now += TICK
 
 
-def dear(cell: Cell) -> Generator[None, None, Plan]:
+def dear(cell: Cell) -> Generator[None, None, MotionPlan]:
     """A plan that costs several ticks of thinking."""
     return cell.plan.to(PoseGoal((Pose.from_rpy((0.6, -0.17, 0.4), (0.0, np.pi / 2, 0.0)),)), node="dear")
 
@@ -119,7 +119,7 @@ def test_every_leg_of_a_chain_is_checked_again_as_what_it_supposes() -> None:
     block = item("block", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.0, 0.02)))
     legs = [
         Request(PoseGoal((down(0.5, 0.0, 0.14),))),
-        Request(Line(down(0.5, 0.0, 0.02)), allowed=(("gripper", "block"),)),
+        Request(LineGoal(down(0.5, 0.0, 0.02)), allowed=(("gripper", "block"),)),
     ]
     cell = Cell(table_scene(block), cost=1e-3)
     prepared = cell.plan.ahead(cell.plan.through(legs))

@@ -7,20 +7,20 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.planning.requests import (
-    Holding,
+    HeldObject,
     JointGoal,
-    Line,
+    LineGoal,
+    MotionPlan,
     NamedGoal,
-    Offset,
-    Plan,
+    OffsetGoal,
     PoseGoal,
     Request,
     Scaling,
 )
-from picktree.planning.service.motion_chain import parts
+from picktree.planning.service.motion_chain import split_into_legs
 from picktree.planning.timing.toppra_profile import RISE
 from picktree.world.causes import Failure, planning
-from picktree.world.journal import PlanMade
+from picktree.world.journal import PlanEntry
 from picktree.world.shapes import Box
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array, ObjectId, Pose
@@ -29,15 +29,15 @@ from .motion_cell import HOME, MODEL, Cell, down, item, littered, run, table_sce
 
 BLOCK = item("block", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.0, 0.02)))
 TOUCHING = (("gripper", "block"),)
-IN_HAND = Holding(ObjectId("block"), Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)))
+IN_HAND = HeldObject(ObjectId("block"), Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)))
 PICK = (
     Request(PoseGoal((down(0.5, 0.0, 0.12),))),
-    Request(Line(down(0.5, 0.0, 0.02)), allowed=TOUCHING, scaling=Scaling(0.4, 0.4)),
+    Request(LineGoal(down(0.5, 0.0, 0.02)), allowed=TOUCHING, scaling=Scaling(0.4, 0.4)),
 )
 CARRY = (
-    Request(Offset((0.0, 0.0, 0.12)), allowed=TOUCHING, holding=IN_HAND, scaling=Scaling(0.5, 0.5)),
+    Request(OffsetGoal((0.0, 0.0, 0.12)), allowed=TOUCHING, holding=IN_HAND, scaling=Scaling(0.5, 0.5)),
     Request(PoseGoal((down(0.35, 0.4, 0.3),)), holding=IN_HAND),
-    Request(Offset((0.0, 0.0, -0.08)), holding=IN_HAND, scaling=Scaling(0.3, 0.3)),
+    Request(OffsetGoal((0.0, 0.0, -0.08)), holding=IN_HAND, scaling=Scaling(0.3, 0.3)),
 )
 
 
@@ -59,9 +59,12 @@ def respects(trajectory: Trajectory, scaling: Scaling) -> None:
     assert (np.abs(np.diff(trajectory.acceleration, axis=0)) <= acceleration / RISE * dt).all()
 
 
-def inner(plan: Plan, slack: int = 3) -> list[Trajectory]:
+def inner(plan: MotionPlan, slack: int = 3) -> list[Trajectory]:
     """Each leg's part, without the samples beside its ends, where the slower neighbour's limits hold."""
-    cut = [(p.times[slack:-slack], p.position[slack:-slack], p.velocity[slack:-slack]) for p in parts(plan)]
+    cut = [
+        (p.times[slack:-slack], p.position[slack:-slack], p.velocity[slack:-slack])
+        for p in split_into_legs(plan)
+    ]
     return [Trajectory(t, q, v, np.zeros_like(v)) for t, q, v in cut]
 
 
@@ -96,7 +99,7 @@ def test_each_leg_keeps_its_own_scaling() -> None:
     for part, leg in zip(inner(plan), CARRY, strict=True):
         limit = MODEL.velocity_limit * leg.scaling.velocity
         assert (np.abs(part.velocity) <= limit * (1 + 1e-9)).all()
-    fast = np.abs(parts(plan)[1].velocity / MODEL.velocity_limit).max()
+    fast = np.abs(split_into_legs(plan)[1].velocity / MODEL.velocity_limit).max()
     assert fast > 0.6
 
 
@@ -105,7 +108,7 @@ def test_a_line_stays_straight_but_for_its_rounded_ends() -> None:
     above, below = down(0.5, 0.0, 0.12), down(0.5, 0.0, 0.02)
     for rounded in (0.01, 0.03):
         plan, _ = run(cell.plan.through(PICK, rounded=rounded))
-        line = parts(plan)[1].position
+        line = split_into_legs(plan)[1].position
         high = np.array([MODEL.tcp(q).position[2] for q in line])
         straight = high < 0.12 - rounded - 1e-3
         assert straight.sum() > 20
@@ -116,7 +119,7 @@ def test_a_line_stays_straight_but_for_its_rounded_ends() -> None:
 def test_where_the_way_turns_back_the_arm_stops() -> None:
     cell = Cell(table_scene())
     by = (0.0, 0.0, -0.1)
-    plan, _ = run(cell.plan.through([Request(Offset(by)), Request(Offset((0.0, 0.0, 0.1)))]))
+    plan, _ = run(cell.plan.through([Request(OffsetGoal(by)), Request(OffsetGoal((0.0, 0.0, 0.1)))]))
     k = int(np.searchsorted(plan.trajectory.times, plan.passes[0] - 1e-9))
     assert not plan.trajectory.velocity[k].any()
     assert np.abs(plan.trajectory.end - HOME).max() < 1e-3
@@ -124,7 +127,7 @@ def test_where_the_way_turns_back_the_arm_stops() -> None:
 
 def test_a_corner_is_rounded_less_where_something_stands_inside_it() -> None:
     shelf = item("shelf", Box((0.1, 0.3, 0.02)), Pose((0.55, 0.0, 0.19)))
-    legs = [Request(Offset((0.0, 0.0, 0.043))), Request(Offset((0.06, 0.0, 0.0)))]
+    legs = [Request(OffsetGoal((0.0, 0.0, 0.043))), Request(OffsetGoal((0.06, 0.0, 0.0)))]
     corner, nearest = down(0.4862, 0.0, 0.2105), list[float]()
     for cell in (Cell(table_scene()), Cell(table_scene(shelf))):
         beside = cell.plan.reachable(corner.shifted((0.0, 0.0, -0.043)), near=HOME)
@@ -163,7 +166,7 @@ def test_the_leg_that_fails_is_named() -> None:
     assert caught.value.cause == planning.NO_IK
     assert caught.value.message.startswith("motion 2 of 2 (to (3.000, 0.000, 0.200)): ")
     assert caught.value.evidence["leg"] == 1
-    made = [entry for entry in cell.journal.take() if isinstance(entry, PlanMade)]
+    made = [entry for entry in cell.journal.take() if isinstance(entry, PlanEntry)]
     assert [(entry.request, entry.outcome) for entry in made] == [
         ("to home, then to (3.000, 0.000, 0.200)", "planning.no_ik")
     ]
@@ -182,7 +185,7 @@ def test_only_the_first_leg_says_where_it_starts() -> None:
 def test_what_a_chain_costs_is_charged_and_noted_once() -> None:
     cell = Cell(table_scene(BLOCK), cost=1e-3)
     plan, ticks = run(cell.plan.through(PICK))
-    made = [entry for entry in cell.journal.take() if isinstance(entry, PlanMade)]
+    made = [entry for entry in cell.journal.take() if isinstance(entry, PlanEntry)]
     assert [(m.request, m.planner, m.outcome, m.duration) for m in made] == [
         (
             "to (0.500, 0.000, 0.120), then straight to (0.500, 0.000, 0.020)",
@@ -206,8 +209,8 @@ def test_random_chains_keep_all_limits_and_touch_nothing(seed: int) -> None:
         way = [float(w) for w in rng.uniform(-0.1, 0.1, 3)]
         legs = [
             Request(PoseGoal((over,)), scaling=scalings[0]),
-            Request(Offset((0.0, 0.0, -0.05), least_fraction=0.3), scaling=scalings[1]),
-            Request(Offset((way[0], way[1], 0.08), least_fraction=0.3), scaling=scalings[2]),
+            Request(OffsetGoal((0.0, 0.0, -0.05), least_fraction=0.3), scaling=scalings[1]),
+            Request(OffsetGoal((way[0], way[1], 0.08), least_fraction=0.3), scaling=scalings[2]),
             Request(NamedGoal("home"), scaling=scalings[3]),
         ]
         plan, _ = run(cell.plan.through(legs))

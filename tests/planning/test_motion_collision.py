@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.planning.collision.clearances import Margins
+from picktree.planning.collision.clearances import CollisionMargins
 from picktree.planning.collision.collision_bodies import is_board
-from picktree.planning.collision.collision_checker import Collision
-from picktree.planning.collision.start_tolerance import Way
-from picktree.planning.collision.trajectory_judge import Judge
+from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.collision.start_tolerance import StartTolerance
+from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.shapes import Box
@@ -27,13 +27,15 @@ def at(pose: Pose) -> Array:
     return q
 
 
-def looking_at(scene: PlanningScene, width: float = 0.04, margins: Margins | None = None) -> Collision:
-    collision = Collision(MODEL, margins)
+def looking_at(
+    scene: PlanningScene, width: float = 0.04, margins: CollisionMargins | None = None
+) -> CollisionChecker:
+    collision = CollisionChecker(MODEL, margins)
     collision.update(scene, width)
     return collision
 
 
-def names(collision: Collision, q: Array) -> set[tuple[str, str]]:
+def names(collision: CollisionChecker, q: Array) -> set[tuple[str, str]]:
     return {(c.a, c.b) for c in collision.contacts(q)}
 
 
@@ -68,8 +70,8 @@ def test_agrees_with_fcl() -> None:
     scene = littered(5, high=0.6)
     scene.put(item("held", Box((0.05, 0.05, 0.15)), Pose()), "test")
     scene.attach("held", Pose((0.0, 0.0, 0.05)))
-    collision = looking_at(scene, 0.06, Margins(0.0, 0.0, 0.0, -0.002))
-    judge = Judge(MODEL)
+    collision = looking_at(scene, 0.06, CollisionMargins(0.0, 0.0, 0.0, -0.002))
+    judge = TrajectoryVerifier(MODEL)
     rng = np.random.default_rng(2)
     hits = 0
     for _ in range(120):
@@ -90,7 +92,7 @@ def test_without_a_margin_what_lies_deep_in_each_other_is_seen() -> None:
     q = np.array([1.0462881, 0.72710322, 1.04743667, -0.76741345, -2.43633052, 0.38170118, 2.05911783])
     scene = table_scene(item("held", Box((0.05, 0.05, 0.15)), Pose()))
     scene.attach("held", Pose((0.0, 0.0, 0.05)))
-    collision = looking_at(scene, 0.06, Margins(0.0, 0.0, 0.0, -0.002))
+    collision = looking_at(scene, 0.06, CollisionMargins(0.0, 0.0, 0.0, -0.002))
     assert names(collision, q) == {("panda_link5", "panda_hand")}
     assert not collision.free(q)
 
@@ -109,7 +111,7 @@ def test_fingers_come_nearer_to_a_board_than_to_anything_else() -> None:
 
 def test_clearance_widens_what_is_kept_and_not_what_is_tolerated() -> None:
     block = item("block", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))
-    collision, scene = Collision(MODEL), table_scene(block)
+    collision, scene = CollisionChecker(MODEL), table_scene(block)
     above = at(down(0.5, 0.0, 0.1 + MODEL.description.gripper.tip + 0.010))
     for clearance, free in ((0.0, True), (0.006, True), (0.008, False), (0.0, True)):
         collision.update(scene, 0.04, clearance=clearance)
@@ -175,7 +177,7 @@ def test_a_start_within_the_margin_is_excused_near_it_only() -> None:
     collision = looking_at(scene)
     tip = MODEL.description.gripper.tip
     start = at(down(0.5, 0.0, 0.1 + tip + 0.001))
-    way = Way(collision, start)
+    way = StartTolerance(collision, start)
     assert not collision.free(start)
     assert {(c.a, c.b) for c in way.excused} == {
         ("panda_leftfinger", "block"),
@@ -185,7 +187,7 @@ def test_a_start_within_the_margin_is_excused_near_it_only() -> None:
     assert way.free(start) and way.nearly_free(start)
     assert not way.free(at(down(0.5, 0.0, 0.1 + tip - 0.002)))
     assert way.free(at(down(0.5, 0.0, 0.2)))
-    deep = Way(collision, at(down(0.5, 0.0, 0.1 + tip - 0.005)))
+    deep = StartTolerance(collision, at(down(0.5, 0.0, 0.1 + tip - 0.005)))
     assert {(c.a, c.b) for c in deep.stuck} == {("panda_leftfinger", "block"), ("panda_rightfinger", "block")}
 
 

@@ -9,22 +9,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from picktree.planning.collision.trajectory_judge import Judge
+from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
 from picktree.planning.path_constraints import PathConstraints
 from picktree.planning.requests import (
+    BoxConstraint,
     Constraint,
     JointGoal,
+    MotionPlan,
     NamedGoal,
-    Offset,
-    Plan,
+    OffsetGoal,
     PoseGoal,
     RegionGoal,
     Request,
-    Upright,
-    Within,
+    UprightConstraint,
 )
-from picktree.planning.search.goal_configurations import poses
-from picktree.planning.service.solver import Solver
+from picktree.planning.search.goal_configurations import region_poses
+from picktree.planning.service.solver import RequestSolver
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure
 from picktree.world.shapes import Box
@@ -38,8 +38,8 @@ LEVEL = (-1.0, 0.0, 0.0)
 """The axis of a hand that points forward which then points up."""
 
 
-def solver(scene: PlanningScene, at: Array = HOME) -> Solver:
-    return Solver(MODEL, scene, configuration=lambda: at, width=lambda: 0.08)
+def solver(scene: PlanningScene, at: Array = HOME) -> RequestSolver:
+    return RequestSolver(MODEL, scene, configuration=lambda: at, width=lambda: 0.08)
 
 
 def tilt(trajectory: Trajectory, axis: tuple[float, float, float]) -> float:
@@ -64,10 +64,10 @@ def test_a_glass_is_carried_from_one_compartment_of_a_shelf_to_the_other() -> No
     scene = shelf_scene()
     start = configuration(scene, in_shelf(0.55, 0.17, 0.4))
     goal = PoseGoal((in_shelf(0.55, -0.17, 0.4),))
-    plan = solver(scene).solve(Request(goal, start, constraints=(Upright(radians(10), LEVEL),)), 1)
+    plan = solver(scene).solve(Request(goal, start, constraints=(UprightConstraint(radians(10), LEVEL),)), 1)
     assert plan.planner == "CBiRRT"
     assert degrees(tilt(plan.trajectory, LEVEL)) <= 10.0 + 1e-6
-    assert Judge(MODEL).judge(plan.trajectory, scene, 0.08) == ()
+    assert TrajectoryVerifier(MODEL).judge(plan.trajectory, scene, 0.08) == ()
     np.testing.assert_allclose(plan.trajectory.start, start, atol=1e-9)
     assert MODEL.tcp(plan.trajectory.end).distance(goal.tcp_in_world[0]) < 1e-4
     free = solver(scene).solve(Request(goal, start), 1)
@@ -82,10 +82,10 @@ def test_upright_around_a_pillar(degree: float) -> None:
     scene = table_scene(PILLAR)
     start = configuration(scene, down(0.45, 0.3, 0.15))
     goal = PoseGoal((down(0.45, -0.3, 0.15),))
-    upright = Upright(radians(degree))
+    upright = UprightConstraint(radians(degree))
     plan = solver(scene).solve(Request(goal, start, constraints=(upright,)), 1)
     assert degrees(tilt(plan.trajectory, upright.axis)) <= degree + 1e-6
-    assert Judge(MODEL).judge(plan.trajectory, scene, 0.08) == ()
+    assert TrajectoryVerifier(MODEL).judge(plan.trajectory, scene, 0.08) == ()
 
 
 def test_within_a_box() -> None:
@@ -93,7 +93,7 @@ def test_within_a_box() -> None:
     scene = table_scene()
     start = configuration(scene, down(0.4, 0.32, 0.15))
     goal = PoseGoal((down(0.4, -0.32, 0.15),))
-    plan = solver(scene).solve(Request(goal, start, constraints=(Within(box),)), 1)
+    plan = solver(scene).solve(Request(goal, start, constraints=(BoxConstraint(box),)), 1)
     assert all(box.contains(MODEL.tcp(q).position, -1e-6) for q in plan.trajectory.position)
     free = solver(scene).solve(Request(goal, start), 1)
     assert not all(box.contains(MODEL.tcp(q).position) for q in free.trajectory.position)
@@ -116,8 +116,8 @@ def test_a_projection_ends_where_the_constraints_hold(shares: list[float], limit
     middle, half = (MODEL.upper + MODEL.lower) / 2, (MODEL.upper - MODEL.lower) / 2
     q = middle + np.array(shares) * half
     wanted: tuple[Constraint, ...] = (
-        Upright(limit),
-        Within(Bounds((-0.6, -0.6, 0.0), (0.6, 0.6, 0.9))),
+        UprightConstraint(limit),
+        BoxConstraint(Bounds((-0.6, -0.6, 0.0), (0.6, 0.6, 0.9))),
     )
     constraints = PathConstraints(MODEL, wanted)
     found = constraints.project(q, MODEL.lower, MODEL.upper)
@@ -128,7 +128,9 @@ def test_a_projection_ends_where_the_constraints_hold(shares: list[float], limit
 
 def test_broken_is_told_by_how_much() -> None:
     leant = Pose.from_rpy((0.5, 0.0, 0.3), (pi + 0.3, 0.0, 0.0))
-    constraints = PathConstraints(MODEL, (Upright(0.1), Within(Bounds((0.0, 0.0, 0.0), (0.4, 0.2, 1.0)))))
+    constraints = PathConstraints(
+        MODEL, (UprightConstraint(0.1), BoxConstraint(Bounds((0.0, 0.0, 0.0), (0.4, 0.2, 1.0))))
+    )
     tilted, outside = constraints.broken_by(leant)
     assert (tilted.is_at, tilted.by) == (pytest.approx(0.3), pytest.approx(0.2))
     assert outside.by == pytest.approx(0.1)
@@ -138,7 +140,7 @@ REGION = RegionGoal(down(0.5, 0.1, 0.2, 0.4), yaw=0.5, tilt=0.2, reach=(0.01, 0.
 
 
 def test_a_region_is_sampled_within_its_limits_near_ones_first() -> None:
-    found = poses(REGION)
+    found = region_poses(REGION)
     assert found[0] == REGION.tcp_in_world
     assert len(set(found)) == len(found) == 65
     inverse = REGION.tcp_in_world.inverse()
@@ -151,9 +153,9 @@ def test_a_region_is_sampled_within_its_limits_near_ones_first() -> None:
     # Every part of the region is tried: each axis to both sides, beyond the half of it.
     away = np.array([np.array(pose.position) / np.array(REGION.reach) for pose in local])
     assert np.all(away.min(axis=0) < -0.5) and np.all(away.max(axis=0) > 0.5)
-    turned = poses(RegionGoal(down(0.5, 0.1, 0.2), yaw=pi), 8)
+    turned = region_poses(RegionGoal(down(0.5, 0.1, 0.2), yaw=pi), 8)
     assert all(pose.position == (0.5, 0.1, 0.2) for pose in turned)
-    assert poses(RegionGoal(down(0.5, 0.1, 0.2))) == (down(0.5, 0.1, 0.2),)
+    assert region_poses(RegionGoal(down(0.5, 0.1, 0.2))) == (down(0.5, 0.1, 0.2),)
 
 
 def test_a_region_is_reached_where_its_middle_is_not_free() -> None:
@@ -175,8 +177,8 @@ def test_a_region_is_reached_where_its_middle_is_not_free() -> None:
 
 
 def test_constraints_are_kept_by_lines_and_joint_goals() -> None:
-    upright = (Upright(radians(10)),)
-    plan = solver(table_scene()).solve(Request(Offset((0.1, 0.1, -0.1)), constraints=upright), 1)
+    upright = (UprightConstraint(radians(10)),)
+    plan = solver(table_scene()).solve(Request(OffsetGoal((0.1, 0.1, -0.1)), constraints=upright), 1)
     assert tilt(plan.trajectory, (0.0, 0.0, -1.0)) <= radians(10)
     leant = HOME.copy()
     leant[5] += 0.5
@@ -191,8 +193,8 @@ def fingerprint() -> str:
     scene = table_scene(PILLAR)
     start = configuration(scene, down(0.45, 0.3, 0.15))
     goal = PoseGoal((down(0.45, -0.3, 0.15),))
-    plans: list[Plan] = [
-        solver(scene).solve(Request(goal, start, constraints=(Upright(radians(10)),)), 5),
+    plans: list[MotionPlan] = [
+        solver(scene).solve(Request(goal, start, constraints=(UprightConstraint(radians(10)),)), 5),
         solver(scene).solve(Request(RegionGoal(goal.tcp_in_world[0], 0.3, 0.2), start), 5),
     ]
     return " ".join(f"{p.planner} {p.checks} {p.trajectory.position.tobytes().hex()[-64:]}" for p in plans)

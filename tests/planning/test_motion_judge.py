@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from trimesh import load_mesh  # pyright: ignore[reportUnknownVariableType]
 
-from picktree.planning.collision.collision_bodies import loose_bodies, still_bodies
-from picktree.planning.collision.collision_checker import Collision
-from picktree.planning.collision.fcl_shapes import Solid, gap, hull, place, solid
+from picktree.planning.collision.collision_bodies import fixed_bodies, movable_bodies
+from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.collision.fcl_shapes import FclSolid, distance_between, hull, place, solid
 from picktree.planning.collision.swept_volumes import STEP, TURN, moments_of
-from picktree.planning.collision.trajectory_judge import TOLERANCE, Judge
+from picktree.planning.collision.trajectory_judge import TOLERANCE, TrajectoryVerifier
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.planning.requests import Scaling
 from picktree.planning.timing.time_parameterization import time_corners
@@ -30,12 +30,12 @@ HAND = {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
 
 
 @cache
-def judge() -> Judge:
-    return Judge(MODEL)
+def judge() -> TrajectoryVerifier:
+    return TrajectoryVerifier(MODEL)
 
 
 @cache
-def links() -> list[tuple[str, Pose, Solid]]:
+def links() -> list[tuple[str, Pose, FclSolid]]:
     return [
         (mesh.link, mesh.pose_in_link, hull(np.array(load_mesh(mesh.path).vertices) * mesh.scale))
         for mesh in MODEL.collision_meshes()
@@ -66,7 +66,7 @@ def scene_of(seed: int) -> PlanningScene:
 def one_by_one(trajectory: Trajectory, scene: PlanningScene) -> dict[tuple[str, str], float]:
     """Least distance of each pair that may not touch, found without any bound."""
     disabled = {frozenset(pair) for pair in MODEL.description.disabled_pairs}
-    around = (*still_bodies(scene), *loose_bodies(scene.objects))
+    around = (*fixed_bodies(scene), *movable_bodies(scene.objects))
     bodies = [(body.name, place(solid(body.shape), body.pose)) for body in around]
     least: dict[tuple[str, str], float] = {}
 
@@ -83,10 +83,10 @@ def one_by_one(trajectory: Trajectory, scene: PlanningScene) -> dict[tuple[str, 
             for b, other in robot[i + 1 :]:
                 carried = b == "held" and a in {*HAND, "panda_link7"}
                 if frozenset((a, b)) not in disabled and not {a, b} <= HAND and not carried:
-                    note(a, b, gap(one, other).distance)
+                    note(a, b, distance_between(one, other).distance)
             if a != "panda_link0":
                 for b, other in bodies:
-                    note(a, b, gap(one, other).distance)
+                    note(a, b, distance_between(one, other).distance)
     return least
 
 
@@ -152,7 +152,7 @@ def test_what_one_joint_carries_is_not_judged_against_itself() -> None:
     home = arm.named("home")
     still = np.zeros((2, arm.n))
     standing = Trajectory(np.array([0.0, 0.01]), np.array([home, home]), still, still)
-    judge = Judge(arm)
+    judge = TrajectoryVerifier(arm)
     assert judge.judge(standing, table_scene(), WIDTH) == ()
     (tightest,) = judge.tightest(home[None], table_scene(), WIDTH, reach=1.0)
     assert tightest is not None and tightest.distance > tightest.margin > 0.0
@@ -171,7 +171,7 @@ def test_where_the_fast_checker_changes_its_answer_the_judge_measures_the_margin
         scene.put(item(f"hull_{k}", shape, Pose((x, y, z))), "test")
     scene.put(item("held", hulls[0], Pose()), "test")
     scene.attach("held", Pose((0.0, 0.0, 0.05)))
-    collision = Collision(MODEL)
+    collision = CollisionChecker(MODEL)
     collision.update(scene, WIDTH)
     drawn = rng.uniform(MODEL.lower, MODEL.upper, (120, 7))
     free = [q for q in drawn if collision.free(q)]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from picktree.planning.collision.collision_checker import Collision
-from picktree.planning.collision.start_tolerance import Way
-from picktree.planning.kinematics.cartesian_lines import JUMP, STEP, slerp, straight, straight_from_any
+from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.collision.start_tolerance import StartTolerance
+from picktree.planning.kinematics.cartesian_lines import JUMP, STEP, plan_line, plan_line_from_any, slerp
 from picktree.planning.kinematics.inverse_kinematics import InverseKinematics
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.shapes import Box
@@ -30,16 +30,16 @@ def quaternion(values: Array) -> Quaternion:
     return (x, y, z, w)
 
 
-def way(start: Array, scene: PlanningScene | None = None) -> Way:
-    collision = Collision(MODEL)
+def way(start: Array, scene: PlanningScene | None = None) -> StartTolerance:
+    collision = CollisionChecker(MODEL)
     collision.update(scene or table_scene(), 0.04)
-    return Way(collision, start)
+    return StartTolerance(collision, start)
 
 
 def test_a_line_is_straight_in_even_steps_and_turns_evenly() -> None:
     begin, end = down(0.45, -0.1, 0.3), down(0.5, 0.1, 0.25, 0.8)
     start = at(begin)
-    found = straight(MODEL, IK, way(start), start, end)
+    found = plan_line(MODEL, IK, way(start), start, end)
     assert (found.fraction, found.ended_by, found.ended_at) == (1.0, "", None)
     poses = [MODEL.tcp(q) for q in found.path]
     points = np.array([pose.position for pose in poses])
@@ -54,8 +54,8 @@ def test_a_line_is_straight_in_even_steps_and_turns_evenly() -> None:
 def test_the_same_line_backwards_leads_back() -> None:
     begin, end = down(0.45, -0.1, 0.3), down(0.5, 0.08, 0.22)
     start = at(begin)
-    there = straight(MODEL, IK, way(start), start, end)
-    back = straight(MODEL, IK, way(start), there.path[-1], begin)
+    there = plan_line(MODEL, IK, way(start), start, end)
+    back = plan_line(MODEL, IK, way(start), there.path[-1], begin)
     assert (there.ended_by, back.ended_by) == ("", "")
     assert MODEL.tcp(back.path[-1]).distance(begin) < 2e-5
     np.testing.assert_allclose(back.path[-1], start, atol=0.05)
@@ -65,7 +65,7 @@ def test_a_line_out_of_reach_says_where_it_ended() -> None:
     begin = down(0.6, 0.0, 0.3)
     start = at(begin)
     end = begin.shifted((0.5, 0.0, 0.0))
-    found = straight(MODEL, IK, way(start), start, end)
+    found = plan_line(MODEL, IK, way(start), start, end)
     assert found.ended_by in ("reach", "jump")
     assert 0.2 < found.fraction < 0.8
     assert found.ended_at is not None
@@ -77,7 +77,7 @@ def test_a_line_that_meets_something_says_with_which_configuration() -> None:
     block = item("block", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))
     scene = table_scene(block)
     start = at(down(0.5, 0.0, 0.3))
-    found = straight(MODEL, IK, way(start, scene), start, down(0.5, 0.0, 0.05))
+    found = plan_line(MODEL, IK, way(start, scene), start, down(0.5, 0.0, 0.05))
     assert found.ended_by == "collision" and found.blocked is not None and found.ended_at is not None
     assert MODEL.tcp(found.blocked).distance(found.ended_at) < 2e-5
     assert way(start, scene).free(found.path[-1]) and not way(start, scene).free(found.blocked)
@@ -87,15 +87,15 @@ def test_another_posture_gets_through_where_the_first_meets_a_limit() -> None:
     """From one of the postures the line ends early; the first from which it does not is taken."""
     begin, end = down(0.4, 0.0, 0.5), down(0.4, 0.0, 0.05)
     starts = IK.solutions(begin, np.random.default_rng(2), HOME, want=12)
-    fractions = [straight(MODEL, IK, way(q), q, end).fraction for q in starts]
+    fractions = [plan_line(MODEL, IK, way(q), q, end).fraction for q in starts]
     assert min(fractions) < 1.0 == max(fractions)
     short, through = int(np.argmin(fractions)), fractions.index(1.0)
-    found = straight_from_any(MODEL, IK, way, [starts[short], starts[through]], end)
+    found = plan_line_from_any(MODEL, IK, way, [starts[short], starts[through]], end)
     assert found is not None and found.start == 1
     assert (found.found.fraction, found.found.ended_by) == (1.0, "")
-    only = straight_from_any(MODEL, IK, way, [starts[short]], end)
+    only = plan_line_from_any(MODEL, IK, way, [starts[short]], end)
     assert only is not None and only.found.fraction == fractions[short] and only.found.ended_by
-    assert straight_from_any(MODEL, IK, way, [], end) is None
+    assert plan_line_from_any(MODEL, IK, way, [], end) is None
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -9,10 +9,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.planning.collision.collision_checker import Collision
-from picktree.planning.requests import JointGoal, Line, NamedGoal, Offset, Plan, PoseGoal, Scaling
+from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.requests import (
+    JointGoal,
+    LineGoal,
+    MotionPlan,
+    NamedGoal,
+    OffsetGoal,
+    PoseGoal,
+    Scaling,
+)
 from picktree.world.causes import Failure, planning
-from picktree.world.journal import PlanMade
+from picktree.world.journal import PlanEntry
 from picktree.world.shapes import Box
 from picktree.world.values import Array, Pose
 
@@ -23,7 +31,7 @@ IN_LEFT = Pose.from_rpy((0.6, 0.17, 0.4), (0.0, np.pi / 2, 0.0))
 IN_RIGHT = Pose.from_rpy((0.6, -0.17, 0.4), (0.0, np.pi / 2, 0.0))
 
 
-def respects_limits(plan: Plan, scaling: Scaling = Scaling()) -> None:  # noqa: B008
+def respects_limits(plan: MotionPlan, scaling: Scaling = Scaling()) -> None:  # noqa: B008
     t = plan.trajectory
     assert t.times[0] == 0.0 and np.all(np.diff(t.times) > 0)
     assert np.diff(t.times).max() < 0.0201
@@ -147,7 +155,7 @@ def test_failures_name_cause_and_culprits() -> None:
     assert failure.cause == planning.START_IN_COLLISION
     assert failure.message.startswith("where the arm is, panda_hand is ")
     assert isinstance(failure.evidence["depth"], float) and failure.evidence["depth"] > 0.05
-    notes = [note for note in cell.journal.take() if isinstance(note, PlanMade)]
+    notes = [note for note in cell.journal.take() if isinstance(note, PlanEntry)]
     assert [note.outcome for note in notes] == [
         "planning.no_ik",
         "planning.goal_in_collision",
@@ -177,7 +185,7 @@ def test_thinking_is_charged_in_ticks_and_the_rest_is_carried_over() -> None:
     assert cell.thinking.total > 2 * TICK
     assert total == int(cell.thinking.total / TICK)
     assert cell.thinking.owed == pytest.approx(cell.thinking.total - total * TICK)
-    notes = [note for note in cell.journal.take() if isinstance(note, PlanMade)]
+    notes = [note for note in cell.journal.take() if isinstance(note, PlanEntry)]
     assert sum(note.thinking for note in notes) == pytest.approx(cell.thinking.total)
     before = cell.thinking.total
     assert cell.plan.reachable(down(0.5, 0.0, 0.2)) is not None
@@ -192,14 +200,14 @@ def test_reachable_is_free_and_close() -> None:
     assert cell.plan.reachable(down(1.5, 0.2, 0.2)) is None
 
 
-def tcp_way(plan: Plan) -> Array:
+def tcp_way(plan: MotionPlan) -> Array:
     return np.array([MODEL.tcp(q).position for q in plan.trajectory.position])
 
 
 def test_a_line_is_straight_and_keeps_its_orientation() -> None:
     cell = Cell(table_scene())
     cell.at = run(cell.plan.to(PoseGoal((down(0.45, -0.1, 0.25),))))[0].trajectory.end
-    plan, _ = run(cell.plan.line(Offset((0.1, 0.15, -0.1)), scaling=Scaling(0.5, 0.5)))
+    plan, _ = run(cell.plan.line(OffsetGoal((0.1, 0.15, -0.1)), scaling=Scaling(0.5, 0.5)))
     assert (plan.planner, plan.fraction) == ("line", 1.0)
     respects_limits(plan, Scaling(0.5, 0.5))
     begin = MODEL.tcp(cell.at)
@@ -215,7 +223,7 @@ def test_a_line_turns_evenly() -> None:
     cell = Cell(table_scene())
     start = down(0.5, 0.0, 0.2)
     cell.at = run(cell.plan.to(PoseGoal((start,))))[0].trajectory.end
-    plan, _ = run(cell.plan.line(Line(down(0.5, 0.0, 0.2, 0.8))))
+    plan, _ = run(cell.plan.line(LineGoal(down(0.5, 0.0, 0.2, 0.8))))
     assert MODEL.tcp(plan.trajectory.end).angle(start) == pytest.approx(0.8, abs=1e-3)
     assert np.linalg.norm(tcp_way(plan) - np.array(start.position), axis=1).max() < 2e-4
 
@@ -223,24 +231,24 @@ def test_a_line_turns_evenly() -> None:
 def test_a_line_says_how_far_it_is_free() -> None:
     cell = Cell(table_scene(item("block", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))))
     cell.at = run(cell.plan.to(PoseGoal((down(0.5, 0.0, 0.21),))))[0].trajectory.end
-    plan, _ = run(cell.plan.line(Offset((0.0, 0.0, -0.2), least_fraction=0.3)))
+    plan, _ = run(cell.plan.line(OffsetGoal((0.0, 0.0, -0.2), least_fraction=0.3)))
     # The tips, 7.2 mm ahead of the TCP, stop 3 mm above the block: 99.8 mm, in steps of 5 mm.
     assert plan.fraction == pytest.approx(0.475)
     with pytest.raises(Failure) as raised:
-        run(cell.plan.line(Offset((0.0, 0.0, -0.2))))
+        run(cell.plan.line(OffsetGoal((0.0, 0.0, -0.2))))
     assert raised.value.cause == planning.NO_PATH
     begun, _, rest = raised.value.message.partition(" panda_")
     assert begun == "only 48% of the line is free (after 95 of 200 mm), 100% are asked for:"
     assert rest.endswith("finger would be only 2.8 mm from block (3.0 mm to keep)")
     with pytest.raises(Failure, match=r"the arm is stretched out or folded, in a singularity"):
-        run(cell.plan.line(Offset((1.0, 0.0, 0.0))))
+        run(cell.plan.line(OffsetGoal((1.0, 0.0, 0.0))))
 
 
 def test_a_plan_starts_within_the_margin_of_what_the_hand_has_just_released() -> None:
     cell = Cell(table_scene(item("cube", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.0, 0.02)))), width=0.044)
     with cell.scene.allow(("gripper", "cube")):
         cell.at = run(cell.plan.to(PoseGoal((down(0.5, 0.0, 0.03),))))[0].trajectory.end
-    plan, _ = run(cell.plan.line(Offset((0.0, 0.0, 0.1))))
+    plan, _ = run(cell.plan.line(OffsetGoal((0.0, 0.0, 0.1))))
     assert plan.fraction == 1.0
     assert cell.plan.disagreements == ()
 
@@ -250,11 +258,11 @@ def test_the_judge_catches_a_blind_planner(
 ) -> None:
     cell = Cell(table_scene(item("tall", Box((0.2, 0.2, 0.7)), Pose((0.35, 0.0, 0.35)))))
 
-    def blind(_: Collision, __: Array) -> bool:
+    def blind(_: CollisionChecker, __: Array) -> bool:
         return True
 
-    monkeypatch.setattr(Collision, "free", blind)
-    monkeypatch.setattr(Collision, "nearly_free", blind)
+    monkeypatch.setattr(CollisionChecker, "free", blind)
+    monkeypatch.setattr(CollisionChecker, "nearly_free", blind)
     cell.at = MODEL.named("observe")
     with caplog.at_level(logging.ERROR):
         plan, _ = run(cell.plan.to(JointGoal(MODEL.named("observe") * np.array([-1, 1, 1, 1, 1, 1, 1]))))
@@ -330,18 +338,18 @@ def test_the_hand_leaves_a_neighbour_that_is_believed_a_little_too_near() -> Non
         cell.scene.put(neighbour, "test")
 
     beside(0.003, 0.001)
-    plan, _ = run(cell.plan.line(Offset((0.0, 0.0, 0.1))))
+    plan, _ = run(cell.plan.line(OffsetGoal((0.0, 0.0, 0.1))))
     assert plan.fraction == 1.0
     with pytest.raises(Failure):
-        run(cell.plan.line(Offset((0.0, 0.03, 0.0))))
+        run(cell.plan.line(OffsetGoal((0.0, 0.03, 0.0))))
     beside(0.003, 0.0001)
-    assert cause_of(cell, Offset((0.0, 0.0, 0.1))) == planning.START_IN_COLLISION
+    assert cause_of(cell, OffsetGoal((0.0, 0.0, 0.1))) == planning.START_IN_COLLISION
     beside(0.008, 0.01)
-    assert cause_of(cell, Offset((0.0, 0.0, 0.1))) == planning.START_IN_COLLISION
+    assert cause_of(cell, OffsetGoal((0.0, 0.0, 0.1))) == planning.START_IN_COLLISION
     assert cell.plan.disagreements == ()
 
 
-def cause_of(cell: Cell, line: Offset) -> object:
+def cause_of(cell: Cell, line: OffsetGoal) -> object:
     with pytest.raises(Failure) as raised:
         run(cell.plan.line(line))
     return raised.value.cause

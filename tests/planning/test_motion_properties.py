@@ -12,13 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picktree.planning.collision import edges
-from picktree.planning.collision.clearances import Margins
-from picktree.planning.collision.collision_checker import Collision
-from picktree.planning.collision.edges import Strides, halving
-from picktree.planning.collision.start_tolerance import Way
-from picktree.planning.collision.trajectory_check import STEP, TURN, first_hit, stays_free, steps
+from picktree.planning.collision.clearances import CollisionMargins
+from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.collision.edges import EdgeSteps, bisection_order
+from picktree.planning.collision.start_tolerance import StartTolerance
+from picktree.planning.collision.trajectory_check import (
+    STEP,
+    TURN,
+    first_collision,
+    is_trajectory_free,
+    sampled_configurations,
+)
 from picktree.planning.requests import JointGoal, PoseGoal, Scaling
-from picktree.planning.search.start_retreat import retreat
+from picktree.planning.search.start_retreat import retreat_path
 from picktree.planning.timing.time_parameterization import time_corners
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
@@ -33,9 +39,9 @@ WITHIN = Bounds((-0.3, -0.7, 0.05), (0.8, 0.7, 0.9))
 
 
 @cache
-def collision() -> Collision:
+def collision() -> CollisionChecker:
     """One for all examples: what was asked of it before must not matter."""
-    return Collision(MODEL, workspace=WITHIN)
+    return CollisionChecker(MODEL, workspace=WITHIN)
 
 
 def a_shape(rng: np.random.Generator) -> Shape:
@@ -55,7 +61,7 @@ def a_scene(rng: np.random.Generator) -> PlanningScene:
     return scene
 
 
-def naive(collision: Collision, width: float, q: Array) -> bool:
+def naive(collision: CollisionChecker, width: float, q: Array) -> bool:
     """Every pair by itself, with new scratch memory, and the workspace by the model's own kinematics."""
     built = collision._now  # pyright: ignore[reportPrivateUsage]
     data, geometry_data = MODEL.full.createData(), pin.GeometryData(built.geometry)
@@ -82,14 +88,14 @@ def test_free_is_what_the_naive_check_says(seed: int, clearance: float, touching
 def test_a_remembered_geometry_answers_as_a_new_one() -> None:
     """Switched to and fro between what is supposed and what is believed, while things move."""
     rng = np.random.default_rng(3)
-    scene, kept = littered(3, high=0.6), Collision(MODEL)
+    scene, kept = littered(3, high=0.6), CollisionChecker(MODEL)
     answers: set[bool] = set()
     for turn in range(9):
         supposed = scene.supposing(ObjectId("thing_0"), Pose((0.0, 0.0, 0.05))) if turn % 3 == 1 else scene
         if turn % 3 == 2:
             supposed = scene.supposing(allowed=[("gripper", "thing_1"), ("arm", "table")])
         kept.update(supposed, 0.05, clearance=0.01 * (turn % 2))
-        new = Collision(MODEL)
+        new = CollisionChecker(MODEL)
         new.update(supposed, 0.05, clearance=0.01 * (turn % 2))
         for _ in range(6):
             q = HOME + rng.normal(0.0, 0.5, 7)
@@ -105,7 +111,7 @@ def test_a_remembered_geometry_answers_as_a_new_one() -> None:
 @pytest.mark.parametrize("robot", ["panda", "xarm6"])
 def test_no_point_of_the_arm_moves_further_in_a_step_than_said(robot: str) -> None:
     model = MODEL if robot == "panda" else RobotModel(load_robot(robot))
-    strides, rng = Strides(model), np.random.default_rng(0)
+    strides, rng = EdgeSteps(model), np.random.default_rng(0)
     data = model.arm.createData()
 
     def points(q: Array) -> Array:
@@ -130,7 +136,7 @@ def test_no_point_of_the_arm_moves_further_in_a_step_than_said(robot: str) -> No
 
 @given(st.integers(1, 500))
 def test_an_edge_is_asked_about_at_every_step_once_and_first_at_its_end(count: int) -> None:
-    order = halving(count)
+    order = bisection_order(count)
     assert order[0] == count and sorted(order) == list(range(1, count + 1))
 
 
@@ -143,42 +149,42 @@ def a_motion(*corners: Array) -> Trajectory:
 def test_a_timed_path_is_checked_at_steps_of_five_millimetres() -> None:
     rng = np.random.default_rng(5)
     trajectory = a_motion(*rng.uniform(MODEL.planned_lower, MODEL.planned_upper, (4, 7)))
-    checked = steps(MODEL, trajectory)
+    checked = sampled_configurations(MODEL, trajectory)
     np.testing.assert_array_equal(checked[0], trajectory.start)
     np.testing.assert_allclose(checked[-1], trajectory.end, atol=1e-12)
     tool = np.array([MODEL.tcp(q).position for q in checked])
     assert np.linalg.norm(np.diff(tool, axis=0), axis=1).max() <= STEP * 1.02
     assert np.linalg.norm(np.diff(checked, axis=0), axis=1).max() <= TURN * 1.001
     standing = a_motion(HOME, HOME)
-    np.testing.assert_array_equal(steps(MODEL, standing), [HOME, HOME])
+    np.testing.assert_array_equal(sampled_configurations(MODEL, standing), [HOME, HOME])
 
 
 def test_a_wall_as_thin_as_a_step_is_found_wherever_it_stands() -> None:
     a = HOME + np.array([-0.8, 0.4, 0, 0, 0, 0, 0])
     b = HOME + np.array([0.8, 0.4, 0, 0, 0, 0, 0])
-    trajectory, collision = a_motion(a, b), Collision(MODEL, Margins(0.0, 0.0, 0.0, 0.0))
+    trajectory, collision = a_motion(a, b), CollisionChecker(MODEL, CollisionMargins(0.0, 0.0, 0.0, 0.0))
     hits = 0
     for k in range(20):
         q = trajectory.position[int(len(trajectory.position) * (0.2 + 0.03 * k))]
         x, y, z = MODEL.tcp(q).position
         needle = item("needle", Sphere(0.003), Pose((x, y, z + 0.001)))
         collision.update(table_scene(needle), 0.0)
-        hit = first_hit(collision, trajectory)
+        hit = first_collision(collision, trajectory)
         assert hit is not None and not collision.free(hit)
-        assert not stays_free(Way(collision, trajectory.start), trajectory)
+        assert not is_trajectory_free(StartTolerance(collision, trajectory.start), trajectory)
         hits += 1
     collision.update(table_scene(), 0.0)
-    assert stays_free(collision, trajectory) and hits == 20
+    assert is_trajectory_free(collision, trajectory) and hits == 20
 
 
 def test_a_timed_path_beyond_a_limit_is_no_plan() -> None:
-    collision = Collision(MODEL)
+    collision = CollisionChecker(MODEL)
     collision.update(table_scene(), 0.04)
     trajectory = a_motion(HOME, HOME + 0.2)
-    assert stays_free(collision, trajectory)
+    assert is_trajectory_free(collision, trajectory)
     beyond = trajectory.position.copy()
     beyond[len(beyond) // 2, 0] = MODEL.upper[0] + 1e-4
-    found = first_hit(collision, replace(trajectory, position=beyond))
+    found = first_collision(collision, replace(trajectory, position=beyond))
     assert found is not None and found[0] > MODEL.upper[0]
 
 
@@ -206,15 +212,15 @@ def test_backing_out_of_a_shelf_is_free_and_straight() -> None:
     cell = Cell(shelf_scene())
     inside = Pose.from_rpy((0.6, 0.17, 0.4), (0.0, np.pi / 2, 0.0))
     q = run(cell.plan.to(PoseGoal((inside,))))[0].trajectory.end
-    collision = Collision(MODEL)
+    collision = CollisionChecker(MODEL)
     collision.update(cell.scene, cell.width)
-    strides = Strides(MODEL)
-    chain = retreat(MODEL, lambda a, b: strides.free(collision.free, a, b), q)
+    strides = EdgeSteps(MODEL)
+    chain = retreat_path(MODEL, lambda a, b: strides.free(collision.free, a, b), q)
     assert len(chain) > 3 and all(collision.free(at) for at in chain)
     # As far as the boards reach it is nearly a straight line; behind them it may turn.
     way = np.array([MODEL.tcp(at).position for at in chain]) - np.array(inside.position)
     in_there = way[:, 0] > -0.2
     assert np.all(np.diff(way[:, 0]) < 0.0) and in_there.sum() >= 6
     assert np.abs(way[in_there, 1:]).max() < 0.02
-    blocked = retreat(MODEL, lambda _, __: False, q)
+    blocked = retreat_path(MODEL, lambda _, __: False, q)
     assert blocked == []

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.planning.requests import NamedGoal, Offset, PoseGoal, Request
-from picktree.world.journal import PlanMade
+from picktree.planning.requests import NamedGoal, OffsetGoal, PoseGoal, Request
+from picktree.world.journal import PlanEntry
 from picktree.world.shapes import Box
 from picktree.world.values import Pose
 
@@ -44,7 +44,7 @@ def test_nothing_is_nearer_by_the_naive_test() -> None:
 
 def test_lengths_singularity_and_the_joint_nearest_to_its_limit() -> None:
     cell = Cell(table_scene())
-    plan, _ = run(cell.plan.line(Offset((0.0, 0.2, -0.1))))
+    plan, _ = run(cell.plan.line(OffsetGoal((0.0, 0.2, -0.1))))
     quality = cell.plan.quality(plan)
     assert quality.way == pytest.approx(np.hypot(0.2, 0.1), abs=1e-4)
     assert quality.duration == plan.trajectory.duration
@@ -59,7 +59,7 @@ def test_lengths_singularity_and_the_joint_nearest_to_its_limit() -> None:
 
 def test_a_chain_is_as_good_as_its_legs_together() -> None:
     cell = Cell(table_scene())
-    legs = [Request(PoseGoal((down(0.5, -0.2, 0.3),))), Request(Offset((0.0, 0.0, -0.1)))]
+    legs = [Request(PoseGoal((down(0.5, -0.2, 0.3),))), Request(OffsetGoal((0.0, 0.0, -0.1)))]
     plan, _ = run(cell.plan.through(legs))
     quality = cell.plan.quality(plan)
     assert quality.duration == pytest.approx(plan.trajectory.duration, abs=0.05)
@@ -72,7 +72,7 @@ def test_the_journal_has_it_and_the_plan_says_what_it_was_for() -> None:
     cell = Cell(table_scene())
     request = Request(NamedGoal("observe"), clearance=0.01)
     plan, _ = run(cell.plan.solve(request))
-    (noted,) = [note for note in cell.journal.take() if isinstance(note, PlanMade)]
+    (noted,) = [note for note in cell.journal.take() if isinstance(note, PlanEntry)]
     quality = cell.plan.quality(plan)
     assert noted.request == "to observe, 10 mm clear"
     assert noted.length == pytest.approx(quality.length)

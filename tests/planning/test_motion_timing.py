@@ -9,9 +9,15 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 from picktree.planning.requests import Scaling
-from picktree.planning.timing.path_curves import Curve, bridge, cornered, joined, splined
+from picktree.planning.timing.path_curves import (
+    JointCurve,
+    blend_curves,
+    concatenate,
+    rounded_polyline,
+    spline_through,
+)
 from picktree.planning.timing.time_parameterization import time_corners, time_curve, time_smooth
-from picktree.planning.timing.toppra_profile import RISE, TORQUE, Stretch, TimeLaw
+from picktree.planning.timing.toppra_profile import RISE, TORQUE, ScaledStretch, TimeLaw
 from picktree.world.trajectory import Trajectory
 from picktree.world.values import Array
 
@@ -97,12 +103,12 @@ def test_the_smallest_motions_are_timed(seed: int, scale: float, count: int) -> 
 
 
 def test_each_stretch_keeps_its_own_scaling() -> None:
-    curve = cornered(points(3, 5), 0.1)
+    curve = rounded_polyline(points(3, 5), 0.1)
     third = curve.length / 3
     stretches = [
-        Stretch(third, Scaling()),
-        Stretch(2 * third, Scaling(0.2, 0.3)),
-        Stretch(curve.length, Scaling(0.6, 1.0)),
+        ScaledStretch(third, Scaling()),
+        ScaledStretch(2 * third, Scaling(0.2, 0.3)),
+        ScaledStretch(curve.length, Scaling(0.6, 1.0)),
     ]
     timed = time_curve(MODEL, curve, stretches)
     assert timed is not None
@@ -121,7 +127,7 @@ def test_each_stretch_keeps_its_own_scaling() -> None:
     )
 
 
-def derivatives_agree(curve: Curve, orders: int = 3) -> None:
+def derivatives_agree(curve: JointCurve, orders: int = 3) -> None:
     """At every break the curve's value and first derivatives are the same from both sides."""
     inner = curve.breaks[1:-1]
     for order in range(orders):
@@ -131,7 +137,7 @@ def derivatives_agree(curve: Curve, orders: int = 3) -> None:
 
 def test_corners_are_smooth_and_stay_within_their_triangles() -> None:
     path = points(5, 5)
-    curve = cornered(path, 0.1)
+    curve = rounded_polyline(path, 0.1)
     derivatives_agree(curve)
     assert (curve.at(np.linspace(0, curve.length, 500)) <= path.max(axis=0) + 1e-12).all()
     assert np.abs(curve.at(0.0) - path[0]).max() < 1e-12
@@ -140,27 +146,27 @@ def test_corners_are_smooth_and_stay_within_their_triangles() -> None:
 
 def test_a_spline_is_the_natural_one() -> None:
     path = points(7, 9, 0.05)
-    curve = splined(path)
+    curve = spline_through(path)
     reference = CubicSpline(curve.breaks, path, bc_type="natural")
     s = np.linspace(0.0, curve.length, 200)
     for order in range(3):
         np.testing.assert_allclose(curve.at(s, order), reference(s, order), atol=1e-9)
-    three = splined(path[:3])
+    three = spline_through(path[:3])
     np.testing.assert_allclose(three.at(three.breaks), path[:3], atol=1e-12)
 
 
 def test_pieces_and_bridges_fit_together() -> None:
-    first, second = cornered(points(1, 3), 0.1), splined(points(2, 9, 0.05) + 0.1)
+    first, second = rounded_polyline(points(1, 3), 0.1), spline_through(points(2, 9, 0.05) + 0.1)
     radius = 0.04
     part = second.piece(0.02, second.length - 0.03)
     s = np.linspace(0.0, part.length, 50)
     np.testing.assert_allclose(part.at(s), second.at(s + 0.02), atol=1e-12)
-    moved = Curve(second.breaks, second.coefficients.copy())
+    moved = JointCurve(second.breaks, second.coefficients.copy())
     moved.coefficients[:, 0] += first.at(first.length) - second.at(0.0)
-    whole = joined(
+    whole = concatenate(
         [
             first.piece(0.0, first.length - radius),
-            bridge(first, moved, radius),
+            blend_curves(first, moved, radius),
             moved.piece(radius, moved.length),
         ]
     )

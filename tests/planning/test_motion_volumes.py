@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from picktree.perception.voxels.obstacle_volumes import merged
-from picktree.perception.voxels.voxel_grid import Keys, body_of, within
-from picktree.planning.collision.collision_checker import Collision
-from picktree.planning.collision.trajectory_judge import judge
+from picktree.perception.voxels.obstacle_volumes import merge_cells
+from picktree.perception.voxels.voxel_grid import Keys, cells_in_body, obstacle_from_cells
+from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.collision.trajectory_judge import verify_trajectory
 from picktree.planning.requests import JointGoal
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.causes import Failure
@@ -21,7 +21,7 @@ from .motion_cell import HOME, MODEL, Cell, run, table_scene
 
 
 def volume(cells: Keys) -> BeliefObject:
-    shape, pose, blocks = body_of(merged(cells))
+    shape, pose, blocks = obstacle_from_cells(merge_cells(cells))
     return BeliefObject(
         ObjectId("obstacle_1"), "obstacle", "unknown", "unknown", shape, "grey", pose, 0.005, 0.1, 0.5, 0.0,
         blocks=blocks,
@@ -30,13 +30,13 @@ def volume(cells: Keys) -> BeliefObject:
 
 def bent(x: float, y: float) -> Keys:
     """Two walls at a corner: no hull is tight about them."""
-    one = within(Box((0.3, 0.04, 0.9)), Pose((x, y, 0.45)))
-    other = within(Box((0.04, 0.3, 0.9)), Pose((x, y, 0.45)))
+    one = cells_in_body(Box((0.3, 0.04, 0.9)), Pose((x, y, 0.45)))
+    other = cells_in_body(Box((0.04, 0.3, 0.9)), Pose((x, y, 0.45)))
     return np.union1d(one, other)
 
 
 def post(x: float, y: float) -> Keys:
-    return within(Box((0.08, 0.06, 0.9)), Pose.from_rpy((x, y, 0.45), (0.0, 0.0, 0.5)))
+    return cells_in_body(Box((0.08, 0.06, 0.9)), Pose.from_rpy((x, y, 0.45), (0.0, 0.0, 0.5)))
 
 
 def seen(cells: Keys) -> PlanningScene:
@@ -55,13 +55,13 @@ def test_a_plan_goes_round_it(make: Callable[[float, float], Keys], hull: bool) 
     cell.at = left
     plan, _ = run(cell.plan.to(JointGoal(right)))
     assert plan.planner != "direct", "it is in the way"
-    assert judge(plan.trajectory, scene, MODEL, 0.08) == ()
+    assert verify_trajectory(plan.trajectory, scene, MODEL, 0.08) == ()
 
 
 def test_a_contact_names_it() -> None:
     tool = MODEL.tcp(HOME).position
     scene = seen(bent(tool[0], tool[1]))
-    collision = Collision(MODEL)
+    collision = CollisionChecker(MODEL)
     collision.update(scene, 0.08)
     assert {contact.b for contact in collision.contacts(HOME)} == {"obstacle_1"}
     cell = Cell(scene)

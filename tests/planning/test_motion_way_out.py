@@ -6,8 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from picktree.planning.collision.collision_checker import Collision
-from picktree.planning.search.penetration_escape import DIRECTIONS, Inequalities, Outward, least_distance
+from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.search.penetration_escape import (
+    DIRECTIONS,
+    EscapeSearch,
+    StepConstraints,
+    least_distance,
+)
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.shapes import Box, Sphere
 from picktree.world.values import Array, Pose
@@ -17,13 +22,13 @@ from .motion_cell import HOME, MODEL, item, littered, table_scene
 WIDTH = 0.08
 
 
-def believing(scene: PlanningScene) -> Collision:
-    collision = Collision(MODEL)
+def believing(scene: PlanningScene) -> CollisionChecker:
+    collision = CollisionChecker(MODEL)
     collision.update(scene, WIDTH)
     return collision
 
 
-def depth(collision: Collision, q: Array) -> float:
+def depth(collision: CollisionChecker, q: Array) -> float:
     return max((s.margin - s.distance for s in collision.separations(q, 0.0)), default=0.0)
 
 
@@ -46,7 +51,9 @@ def test_gradients_of_distances_are_what_finite_differences_say() -> None:
                 step = np.zeros(MODEL.n)
                 step[joint] = 1e-5
 
-                def distance(q: Array, known: Collision = collision, key: object = separation.key) -> float:
+                def distance(
+                    q: Array, known: CollisionChecker = collision, key: object = separation.key
+                ) -> float:
                     return next(s.distance for s in known.separations(q, 0.06) if s.key == key)
 
                 slope = (distance(q + step) - distance(q - step)) / 2e-5
@@ -58,7 +65,7 @@ def test_gradients_of_distances_are_what_finite_differences_say() -> None:
 def test_the_depth_only_shrinks_on_the_way_out() -> None:
     collision = believing(at_the_hand())
     assert depth(collision, HOME) > 0.02
-    way = Outward(MODEL, collision, HOME).way("out", 0.4)
+    way = EscapeSearch(MODEL, collision, HOME).way("out", 0.4)
     depths = [depth(collision, q) for q in way.path]
     assert (way.free, way.ended_by) == (True, "")
     assert all(after < before + 5e-4 for before, after in pairwise(depths))
@@ -71,7 +78,7 @@ def test_every_way_keeps_clear_of_what_was_not_touched_and_the_least_is_out() ->
     ghost = item("ghost", Sphere(0.05), Pose((x, y + 0.06, z + 0.06)))
     wall = item("wall", Box((0.3, 0.02, 0.4)), Pose((x, y - 0.17, z)))
     collision = believing(table_scene(ghost, wall))
-    outward = Outward(MODEL, collision, HOME)
+    outward = EscapeSearch(MODEL, collision, HOME)
     ways = {direction: outward.way(direction, 0.4) for direction in DIRECTIONS}
     assert ways["out"].free
     assert sum(way.free for way in ways.values()) >= 4
@@ -88,7 +95,7 @@ def test_from_within_what_closes_in_on_all_sides_there_is_no_way() -> None:
     ]
     lid = item("ghost", Box((0.9, 0.9, 0.9)), Pose((x, y, z + 0.1)))
     collision = believing(table_scene(*blocks, lid))
-    outward = Outward(MODEL, collision, HOME)
+    outward = EscapeSearch(MODEL, collision, HOME)
     for direction in DIRECTIONS:
         way = outward.way(direction, 0.1)
         assert not way.free
@@ -99,9 +106,9 @@ def test_from_within_what_closes_in_on_all_sides_there_is_no_way() -> None:
 def test_a_known_path_is_followed_as_far_as_nothing_comes_closer() -> None:
     x, y, z = MODEL.tcp(HOME).position
     collision = believing(table_scene(item("ghost", Box((0.08, 0.08, 0.08)), Pose((x, y, z - 0.2)))))
-    outward = Outward(MODEL, collision, HOME)
+    outward = EscapeSearch(MODEL, collision, HOME)
     free = believing(table_scene())
-    unhindered = Outward(MODEL, free, HOME).way("down", 0.2, until_free=False).path
+    unhindered = EscapeSearch(MODEL, free, HOME).way("down", 0.2, until_free=False).path
     again = outward.along("the way it came", unhindered)
     assert again.ended_by.endswith("would come closer to ghost")
     assert len(again.path) < len(unhindered)
@@ -113,9 +120,9 @@ def test_the_least_change_that_keeps_inequalities() -> None:
         g, inside = rng.normal(size=(6, 4)), rng.normal(size=4)
         h = g @ inside - rng.uniform(0.0, 1.0, 6)
         wanted = rng.normal(size=4)
-        x = least_distance(Inequalities(g, h), wanted)
+        x = least_distance(StepConstraints(g, h), wanted)
         assert x is not None
         assert (g @ x >= h - 1e-8).all()
         assert np.linalg.norm(x - wanted) <= np.linalg.norm(inside - wanted) + 1e-9
-    nowhere = Inequalities(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 1.0]))
+    nowhere = StepConstraints(np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([1.0, 1.0]))
     assert least_distance(nowhere, np.zeros(2)) is None

@@ -10,19 +10,19 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.planning.requests import (
-    Holding,
+    BoxConstraint,
+    HeldObject,
     JointGoal,
-    Line,
+    LineGoal,
     NamedGoal,
-    Offset,
+    OffsetGoal,
     PoseGoal,
     RegionGoal,
     Request,
     Scaling,
-    Upright,
-    Within,
+    UprightConstraint,
 )
-from picktree.planning.service.solver import Solver
+from picktree.planning.service.solver import RequestSolver
 from picktree.world.belief.planning_scene import PlanningScene
 from picktree.world.causes import Failure, planning
 from picktree.world.scene.description import Fixture
@@ -38,7 +38,7 @@ REACHED = MODEL.tcp(HOME)
 def failure(
     scene: PlanningScene, request: Request, *, at: Array = HOME, box: Bounds | None = None
 ) -> Failure:
-    solver = Solver(MODEL, scene, configuration=lambda: at, width=lambda: 0.08, workspace=box)
+    solver = RequestSolver(MODEL, scene, configuration=lambda: at, width=lambda: 0.08, workspace=box)
     with pytest.raises(Failure) as raised:
         solver.solve(request, 1)
     return raised.value
@@ -46,7 +46,9 @@ def failure(
 
 def over(pose: Pose) -> Array:
     """A configuration whose TCP is at a pose."""
-    q = Solver(MODEL, table_scene(), configuration=lambda: HOME, width=lambda: 0.08).ik.descend(pose, HOME)
+    q = RequestSolver(MODEL, table_scene(), configuration=lambda: HOME, width=lambda: 0.08).ik.descend(
+        pose, HOME
+    )
     assert q is not None
     return q
 
@@ -117,7 +119,7 @@ def test_3_the_goal_is_free_but_nearer_than_the_clearance_that_is_asked_for() ->
     found = failure(scene, Request(goal, clearance=0.02))
     assert found.cause == planning.GOAL_IN_COLLISION
     assert " is only 4.8 mm from cube (23.0 mm to keep) (the best of 4 solutions)" in found.message
-    Solver(MODEL, scene, configuration=lambda: HOME, width=lambda: 0.08).solve(Request(goal), 1)
+    RequestSolver(MODEL, scene, configuration=lambda: HOME, width=lambda: 0.08).solve(Request(goal), 1)
 
 
 def test_4_the_pose_is_too_far_away() -> None:
@@ -177,7 +179,7 @@ def test_8_the_goal_is_outside_of_the_workspace() -> None:
 @pytest.mark.parametrize("where", ["at the goal", "where the motion starts"])
 def test_9_the_tool_is_not_upright(where: str) -> None:
     leant = Pose.from_rpy((0.5, 0.0, 0.3), (np.pi + radians(25), 0.0, 0.0))
-    upright = (Upright(radians(10)),)
+    upright = (UprightConstraint(radians(10)),)
     if where == "at the goal":
         found = failure(table_scene(), Request(PoseGoal((leant,)), constraints=upright))
     else:
@@ -187,7 +189,7 @@ def test_9_the_tool_is_not_upright(where: str) -> None:
 
 
 def test_10_the_goal_is_outside_of_the_box_to_stay_in() -> None:
-    box = Within(Bounds((0.2, -0.2, 0.1), (0.7, 0.2, 0.8)))
+    box = BoxConstraint(Bounds((0.2, -0.2, 0.1), (0.7, 0.2, 0.8)))
     found = failure(table_scene(), Request(PoseGoal((down(0.5, 0.23, 0.3),)), constraints=(box,)))
     assert found.cause == planning.CONSTRAINT
     assert found.message == "at the goal the tool is 30.0 mm outside of the box that it must stay in"
@@ -196,7 +198,7 @@ def test_10_the_goal_is_outside_of_the_box_to_stay_in() -> None:
 def test_11_a_body_stands_on_the_line() -> None:
     # The hand is 104 mm wide to the left of the TCP, which comes from the right.
     cube = item("cube", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.2, 0.4)))
-    found = failure(table_scene(cube), Request(Line(down(0.5, 0.3, 0.3))), at=over(down(0.5, -0.1, 0.3)))
+    found = failure(table_scene(cube), Request(LineGoal(down(0.5, 0.3, 0.3))), at=over(down(0.5, -0.1, 0.3)))
     assert found.cause == planning.NO_PATH
     assert found.evidence["ended_by"] == "collision"
     (pair,) = several(found, "pairs")
@@ -210,7 +212,7 @@ def test_11_a_body_stands_on_the_line() -> None:
 
 
 def test_12_the_arm_is_stretched_out_on_the_line() -> None:
-    found = failure(table_scene(), Request(Offset((1.0, 0.0, 0.0))))
+    found = failure(table_scene(), Request(OffsetGoal((1.0, 0.0, 0.0))))
     assert found.cause == planning.NO_PATH
     assert found.evidence["ended_by"] == "reach"
     assert number(found, "singular") < 0.03
@@ -222,7 +224,7 @@ def test_12_the_arm_is_stretched_out_on_the_line() -> None:
 
 def test_13_a_joint_is_at_its_limit_on_the_line() -> None:
     # Down and back: the elbow folds.
-    found = failure(PlanningScene([], []), Request(Offset((-0.1, 0.0, -0.5))))
+    found = failure(PlanningScene([], []), Request(OffsetGoal((-0.1, 0.0, -0.5))))
     assert found.cause == planning.NO_PATH
     assert found.evidence["joint"] == "panda_joint4"
     assert found.message.endswith("panda_joint4 is at its limit of -176.0 deg")
@@ -230,7 +232,7 @@ def test_13_a_joint_is_at_its_limit_on_the_line() -> None:
 
 def test_14_the_line_leans_too_far() -> None:
     leant = Pose.from_rpy(REACHED.position, (np.pi + radians(25), 0.0, 0.0))
-    found = failure(table_scene(), Request(Line(leant), constraints=(Upright(radians(10)),)))
+    found = failure(table_scene(), Request(LineGoal(leant), constraints=(UprightConstraint(radians(10)),)))
     assert found.cause == planning.CONSTRAINT
     assert found.message.startswith("on the line, at ") and found.message.endswith("10.0 deg are allowed")
 
@@ -238,7 +240,7 @@ def test_14_the_line_leans_too_far() -> None:
 def test_15_what_is_held_is_in_the_way_at_the_goal() -> None:
     cube = item("cube", Box((0.1, 0.1, 0.1)), Pose((0.5, 0.0, 0.1)))
     small = item("small", Box((0.04, 0.04, 0.04)), Pose((0.5, 0.3, 0.05)))
-    held = Holding(ObjectId("small"), Pose((0.0, 0.0, 0.04)))
+    held = HeldObject(ObjectId("small"), Pose((0.0, 0.0, 0.04)))
     # The small cube ends 60 mm below the TCP, the large one 50 mm.
     found = failure(table_scene(cube, small), Request(PoseGoal((down(0.5, 0.0, 0.2),)), holding=held))
     assert found.cause == planning.GOAL_IN_COLLISION
@@ -281,7 +283,9 @@ def test_17_a_wall_divides_the_cell() -> None:
 
 
 def test_18_an_object_that_is_not_there_is_supposed_to_be_held() -> None:
-    found = failure(table_scene(), Request(NamedGoal("observe"), holding=Holding(ObjectId("ghost"), Pose())))
+    found = failure(
+        table_scene(), Request(NamedGoal("observe"), holding=HeldObject(ObjectId("ghost"), Pose()))
+    )
     assert str(found) == "world.unknown_object: no object 'ghost' in the planning scene"
 
 
@@ -293,17 +297,19 @@ def test_18_an_object_that_is_not_there_is_supposed_to_be_held() -> None:
         (Request(JointGoal(HOME * np.nan)), "the goal has numbers that are not finite"),
         (Request(NamedGoal("home"), start=np.zeros(3)), "the start has 3 numbers, panda has 7 joints"),
         (Request(PoseGoal(())), "the goal names no pose"),
-        (Request(Offset((0.0, 0.0, float("nan")))), "the goal has numbers that are not finite"),
+        (Request(OffsetGoal((0.0, 0.0, float("nan")))), "the goal has numbers that are not finite"),
         (
             Request(RegionGoal(Pose(), yaw=-1.0)),
             "a region's turn, tilt and reach must not be negative",
         ),
         (
-            Request(NamedGoal("home"), constraints=(Upright(0.1, (0.0, 0.0, 0.0)),)),
+            Request(NamedGoal("home"), constraints=(UprightConstraint(0.1, (0.0, 0.0, 0.0)),)),
             "upright: needs an axis that is not zero, and a tilt of 0 to 180 deg",
         ),
         (
-            Request(NamedGoal("home"), constraints=(Within(Bounds((1.0, 0.0, 0.0), (0.0, 1.0, 1.0))),)),
+            Request(
+                NamedGoal("home"), constraints=(BoxConstraint(Bounds((1.0, 0.0, 0.0), (0.0, 1.0, 1.0))),)
+            ),
             "within: the box must not have its least corner beyond its greatest one",
         ),
         (Request(NamedGoal("home"), clearance=-0.01), "a clearance of -10 mm: it must not be negative"),
@@ -315,7 +321,7 @@ def test_18_an_object_that_is_not_there_is_supposed_to_be_held() -> None:
     ],
 )
 def test_what_makes_no_sense_is_bad_input(request_: Request, sentence: str) -> None:
-    solver = Solver(MODEL, table_scene(), configuration=lambda: HOME, width=lambda: 0.08)
+    solver = RequestSolver(MODEL, table_scene(), configuration=lambda: HOME, width=lambda: 0.08)
     with pytest.raises(PicktreeError) as raised:
         solver.solve(request_, 1)
     assert str(raised.value) == sentence

@@ -8,7 +8,7 @@ import pytest
 
 from picktree.authoring.checking.check import check_mission
 from picktree.authoring.rehearsal.rehearse import rehearse_files
-from picktree.cell.operator_desk import OperatorDesk, Question
+from picktree.cell.operator_desk import OperatorQuestion, OperatorRequests
 from picktree.files.yaml.document import parse_document
 
 MISSION = """\
@@ -82,11 +82,11 @@ def test_choices_that_are_none(choices: str, said: str) -> None:
     ],
 )
 def test_what_a_person_types(said: str, choice: str | None) -> None:
-    assert Question("Main/Ask", "why", ("go on", "set aside", "give up")).choice(said) == choice
+    assert OperatorQuestion("Main/Ask", "why", ("go on", "set aside", "give up")).choice(said) == choice
 
 
 def test_an_answer_is_taken_once_by_who_asked() -> None:
-    desk, question = OperatorDesk(), Question("Main/Ask", "why", ("yes", "no"))
+    desk, question = OperatorRequests(), OperatorQuestion("Main/Ask", "why", ("yes", "no"))
     desk.ask(question)
     assert (desk.pending, desk.waits("Main/Ask"), desk.waits("Main/Other")) == (question, True, False)
     with pytest.raises(ValueError, match="nobody waits for the answer 'perhaps'"):
@@ -98,8 +98,8 @@ def test_an_answer_is_taken_once_by_who_asked() -> None:
 
 
 def test_a_question_that_is_withdrawn_needs_no_answer() -> None:
-    desk = OperatorDesk()
-    desk.ask(Question("Main/Ask", "why", ("yes",)))
+    desk = OperatorRequests()
+    desk.ask(OperatorQuestion("Main/Ask", "why", ("yes",)))
     desk.withdraw("Main/Other")
     assert desk.pending is not None
     desk.withdraw("Main/Ask")

@@ -9,14 +9,14 @@ from picktree.cell.world import World
 from picktree.files.yaml.document import parse_document
 from picktree.recovery import NODES as RECOVERY
 from picktree.trees.loading.loader import examine, parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build
 from picktree.trees.status import NodeStatus
 from picktree.world.journal import Plain
 
 from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
 
-REGISTRY = Registry((*NODES, *RECOVERY), installed=False)
+REGISTRY = NodeRegistry((*NODES, *RECOVERY), installed=False)
 
 
 def start(body: str, world: FakeWorld | None = None) -> Run:

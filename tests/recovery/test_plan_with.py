@@ -9,11 +9,11 @@ from textwrap import indent
 from typing import cast
 
 from picktree.cell.world import World
-from picktree.planning.requests import BUDGET, NamedGoal, Offset, Request
-from picktree.planning.service.planner_overrides import Manner
+from picktree.planning.requests import BUDGET, NamedGoal, OffsetGoal, Request
+from picktree.planning.service.planner_overrides import PlannerOverrides
 from picktree.recovery import NODES as RECOVERY
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build
 from picktree.trees.skill import Skill, Steps
 from picktree.world.causes import Failure, planning
@@ -25,10 +25,10 @@ from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
 class FakePlan:
     """As much of a plan service as the node needs."""
 
-    manner: Manner = field(default_factory=Manner)
+    manner: PlannerOverrides = field(default_factory=PlannerOverrides)
 
     @contextmanager
-    def in_manner(self, manner: Manner) -> Generator[None]:
+    def in_manner(self, manner: PlannerOverrides) -> Generator[None]:
         before, self.manner = self.manner, self.manner & manner
         try:
             yield
@@ -58,7 +58,7 @@ class Plans(Skill):
 
 def start(body: str, world: FakeWorld) -> Run:
     text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n" + indent(body, "    ")
-    registry = Registry((*NODES, *RECOVERY, Plans), installed=False)
+    registry = NodeRegistry((*NODES, *RECOVERY, Plans), installed=False)
     return Run(build(parse_mission(text, FILE, registry), cast("World", world), {}), world)
 
 
@@ -76,7 +76,7 @@ Parallel:
     halted = start(body, world)
     halted.tick()
     halted.tree.halt()
-    assert world.plan.manner == Manner()
+    assert world.plan.manner == PlannerOverrides()
 
 
 def test_manners_add_up() -> None:
@@ -96,10 +96,10 @@ def test_it_answers_as_its_child() -> None:
 
 
 def test_a_manner_changes_what_is_asked() -> None:
-    manner = Manner(seed=2, budget=2.5, clearance=0.01)
+    manner = PlannerOverrides(seed=2, budget=2.5, clearance=0.01)
     free = manner.of(Request(NamedGoal("home"), clearance=0.002))
     assert (free.budget, round(free.clearance, 6)) == (round(2.5 * BUDGET), 0.012)
-    line = manner.of(Request(Offset((0.0, 0.0, 0.1))))
+    line = manner.of(Request(OffsetGoal((0.0, 0.0, 0.1))))
     assert (line.budget, line.clearance) == (round(2.5 * BUDGET), 0.0)
     assert manner.stream("planner a") == "planner a seed 2"
-    assert Manner().stream("planner a") == "planner a"
+    assert PlannerOverrides().stream("planner a") == "planner a"

@@ -8,7 +8,7 @@ from typing import cast
 from picktree.cell.world import World
 from picktree.recovery import Recover
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build
 from picktree.trees.status import NodeStatus
 
@@ -18,7 +18,7 @@ from ..trees.scripted import FILE, NODES, FakeWorld, Run, letters
 def start(body: str, world: FakeWorld | None = None) -> Run:
     world = world or FakeWorld()
     text = "picktree: 1\nkind: mission\ntrees:\n  Main:\n    Recover:\n" + indent(body, "      ")
-    mission = parse_mission(text, FILE, Registry((*NODES, Recover), installed=False))
+    mission = parse_mission(text, FILE, NodeRegistry((*NODES, Recover), installed=False))
     return Run(build(mission, cast("World", world), {}), world)
 
 

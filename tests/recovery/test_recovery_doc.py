@@ -10,7 +10,7 @@ import pytest
 
 from picktree.files.yaml.document import parse_document
 from picktree.trees.loading.loader import examine
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes, matches
 
 PAGE = (Path(__file__).parents[2] / "docs" / "recovery.md").read_text("utf-8")
@@ -24,13 +24,13 @@ def test_what_it_shows_is_without_a_fault(snippet: str) -> None:
     ports = "    ports: {item: {type: object}}\n" if "{item}" in snippet else ""
     text = f"picktree: 1\nkind: mission\n{INCLUDE}\ntrees:\n"
     text += (SORT_ALL if "SortAll" in snippet else "") + "  Main:\n" + ports + indent(snippet, "    ")
-    found = examine(parse_document(text, Path("m.yaml"), "mission"), Registry())
+    found = examine(parse_document(text, Path("m.yaml"), "mission"), NodeRegistry())
     assert [str(f) for f in found.faults if f.severity == "error"] == []
 
 
 def test_the_nodes_and_trees_that_it_names_exist() -> None:
     text = f"picktree: 1\nkind: mission\n{INCLUDE}\ntrees: {{Main: AlwaysSuccess}}\n"
-    registry = Registry()
+    registry = NodeRegistry()
     mission = examine(parse_document(text, Path("m.yaml"), "mission"), registry).mission
     assert mission is not None
     known = {*mission.trees, *registry.ids()}

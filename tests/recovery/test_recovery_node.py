@@ -7,7 +7,7 @@ from typing import cast
 from picktree.cell.world import World
 from picktree.recovery import RecoveryNode
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build
 from picktree.trees.status import NodeStatus
 from picktree.world.causes import FailureReport
@@ -30,7 +30,7 @@ trees:
 def start(retries: int, tried: str, cure: str) -> Run:
     world = FakeWorld()
     mission = parse_mission(
-        TEXT % (retries, tried, cure), FILE, Registry((*NODES, RecoveryNode), installed=False)
+        TEXT % (retries, tried, cure), FILE, NodeRegistry((*NODES, RecoveryNode), installed=False)
     )
     return Run(build(mission, cast("World", world), {}), world)
 

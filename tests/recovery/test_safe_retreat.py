@@ -136,19 +136,19 @@ def test_what_is_touched_on_the_way_home_is_left_and_gone_around(monkeypatch: py
     """The first motion home meets something that nobody knows of: the arm goes back, and home afterwards."""
     from dataclasses import replace
 
-    from picktree.control.execution.motions import Motions
-    from picktree.control.joints.soft_controller import Softly
+    from picktree.control.execution.motions import ArmMotion
+    from picktree.control.joints.soft_contact import JointImpedanceResult
 
     made = cell()
     assert do(made, "GoTo: {pose: rest}") == ("SUCCESS", "")
-    followed, met = Motions.softly, list[bool]()
+    followed, met = ArmMotion.softly, list[bool]()
 
-    def meets(self: Motions, *given: object, **more: object) -> Doing[Softly]:
-        result: Softly = yield from followed(self, *given, **more)  # type: ignore[arg-type]
+    def meets(self: ArmMotion, *given: object, **more: object) -> Doing[JointImpedanceResult]:
+        result: JointImpedanceResult = yield from followed(self, *given, **more)  # type: ignore[arg-type]
         met.append(bool(met) or not result.completed)
         return replace(result, completed=False, touched=True, force=7.0) if len(met) == 1 else result
 
-    monkeypatch.setattr(Motions, "softly", meets)
+    monkeypatch.setattr(ArmMotion, "softly", meets)
     assert do(made, "SafeRetreat: {pose: home}") == ("SUCCESS", "")
     assert at(made, "home")
     assert len(met) >= 2

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.recovery.belief_restart import Stock, take_stock
+from picktree.recovery.belief_restart import ResyncReport, resync_belief
 from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop, GripperJam
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.world.journal import Happened
+from picktree.world.journal import JournalEvent
 from picktree.world.values import ObjectId, Pose
 
 from ..skills.cell import LIMIT, Cell, items, mission
@@ -27,22 +27,22 @@ def cell(**counts: int) -> tuple[Cell, KinematicHardware]:
     return made, made.hardware
 
 
-def stock(cell: Cell, watch: Callable[[], object] = lambda: None) -> tuple[Stock, list[str]]:
+def stock(cell: Cell, watch: Callable[[], object] = lambda: None) -> tuple[ResyncReport, list[str]]:
     """What is found, and what is said on the way. `watch` is called after each tick."""
-    taking = take_stock(cell.world)
+    taking = resync_belief(cell.world)
     cell.world.journal.take()
     while cell.world.clock.now < LIMIT:
         try:
             next(taking)
         except StopIteration as end:
             found = end.value
-            assert isinstance(found, Stock)
+            assert isinstance(found, ResyncReport)
             break
         cell.wait()
         watch()
     else:
         raise AssertionError("it hangs")
-    events = [e for e in cell.world.journal.take() if isinstance(e, Happened)]
+    events = [e for e in cell.world.journal.take() if isinstance(e, JournalEvent)]
     return found, [e.message for e in events if e.kind == "took_stock"]
 
 
@@ -72,7 +72,7 @@ def test_with_an_empty_hand_it_goes_home_and_looks() -> None:
     made.finish()
     looks = made.world.eyes.looks
     found, notes = stock(made)
-    assert found == Stock((), (), False)
+    assert found == ResyncReport((), (), False)
     assert notes == [FIRST, "looked: nothing more is done; 2 to be done"]
     assert at_home(made)
     assert made.world.eyes.looks > looks
@@ -86,7 +86,7 @@ def test_what_is_in_the_hand_is_felt_put_down_and_known_again() -> None:
     made.world.attempts.failed("Main/Grasp", item, "top 0")
     width, before = 1000 * made.world.grip.width, made.world.attempts.state()
     found, notes = stock(made)
-    assert found == Stock((), (), True)
+    assert found == ResyncReport((), (), True)
     assert notes == [
         FIRST,
         f"something is in the hand: opening {width:.1f} mm, load 0.98 N",
@@ -113,7 +113,7 @@ def test_what_was_done_meanwhile_counts_and_what_is_gone_does_not() -> None:
     hardware.remove(next(b.id for b in hardware.bodies.items if b.entry.kind == "can"))
     made.world.journal.items_done = 3
     found, notes = stock(made)
-    assert found == Stock((block,), (can,), False)
+    assert found == ResyncReport((block,), (can,), False)
     assert made.world.journal.items_done == 4
     assert notes == [
         FIRST,
@@ -144,7 +144,7 @@ def test_fingers_that_do_not_close_have_something_between_them() -> None:
     hardware.afflict(0, GripperJam(AtTime(0.0)))
     heights = [made.world.control.tcp.position[2]]
     found, notes = stock(made, lambda: heights.append(made.world.control.tcp.position[2]))
-    assert found == Stock((), (), True)
+    assert found == ResyncReport((), (), True)
     said = (
         "something is between the fingers, and weighs next to nothing: opening 30.0 mm, load 0.00 N",
         "the arm does not get home: the fingers opened 30 mm of 80 mm",
@@ -175,7 +175,7 @@ def test_fingers_that_close_have_nothing_between_them() -> None:
     hardware.gripper.width = hardware.gripper.target = 0.03
     forces = set[float]()
     found, notes = stock(made, lambda: forces.add(hardware.gripper.force))
-    assert found == Stock((), (), False)
+    assert found == ResyncReport((), (), False)
     assert forces == {5.0}
     assert notes == [FIRST, "looked: nothing more is done; 1 to be done"]
 
@@ -184,6 +184,6 @@ def test_a_camera_that_shows_nothing_is_told() -> None:
     made, hardware = cell(block=1)
     hardware.afflict(0, CameraDrop(AtTime(0.0)))
     found, notes = stock(made)
-    assert found == Stock((), (), False)
+    assert found == ResyncReport((), (), False)
     assert notes[1].startswith("overhead shows nothing: ")
     assert notes[2] == "looked: nothing more is done; 1 to be done"

@@ -15,7 +15,7 @@ import trimesh
 
 from picktree.files.yaml.document import FileError
 from picktree.robots.description import RobotDescription
-from picktree.robots.finger_linkage import LinkedFingers, SliderPair, fingers_of
+from picktree.robots.finger_linkage import LinkageFingers, SliderPair, fingers_of
 from picktree.robots.loading import load_robot, parse_robot
 from picktree.robots.model import RobotModel
 from picktree.robots.urdf_tree import link_geometry
@@ -54,7 +54,7 @@ def test_the_opening_is_the_gap_between_the_pads(name: str) -> None:
 
 def test_joints_of_a_linkage_follow_its_drive_and_give_the_opening_back() -> None:
     fingers = fingers_of(shipped("xarm6").gripper)
-    assert isinstance(fingers, LinkedFingers)
+    assert isinstance(fingers, LinkageFingers)
     assert shipped("xarm6").gripper.joints[0] == "drive_joint"
     assert shipped("xarm6").gripper.max_width == pytest.approx(0.0873, abs=2e-4)
     for width in (0.0, 0.02, 0.05, 0.0873):

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.resim.changes import Changes
-from picktree.analysis.resim.resim import Order, carry_out
+from picktree.analysis.resim.changes import RunChanges
+from picktree.analysis.resim.resim import ResimOrder, carry_out
 from picktree.analysis.run import Run
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState
 from picktree.session.resume.older_checkpoints import simulated_messages
-from picktree.session.resume.recorded_recipe import Recorded
+from picktree.session.resume.recorded_recipe import RecordedRun
 from picktree.session.session import RunRequest, Session
 from picktree.trees.running.runner import NodeInfo, TickReport
-from picktree.world.belief.facts import NoticedState
+from picktree.world.belief.facts import FeedProgressState
 
 SCENE = """\
 picktree: 1
@@ -89,8 +89,8 @@ def result(tmp_path_factory: pytest.TempPathFactory, progress: Progress) -> RunR
 
 
 @pytest.fixture(scope="module")
-def recorded(result: RunResult) -> Iterator[Recorded]:
-    with Run(result.log) as run, Recorded(run) as found:
+def recorded(result: RunResult) -> Iterator[RecordedRun]:
+    with Run(result.log) as run, RecordedRun(run) as found:
         yield found
 
 
@@ -150,7 +150,7 @@ def test_it_is_explained_without_anything_vanishing(result: RunResult) -> None:
         assert item.events[-1].what == "taken away with its bin"
 
 
-def test_memory_of_what_is_gone_is_not_kept(recorded: Recorded) -> None:
+def test_memory_of_what_is_gone_is_not_kept(recorded: RecordedRun) -> None:
     state = recorded.state(recorded.checkpoints()[-1])
     assert state.tally is not None
     assert state.tally.gone > 0
@@ -160,7 +160,7 @@ def test_memory_of_what_is_gone_is_not_kept(recorded: Recorded) -> None:
     assert sum(state.noticed.exchanges.values()) == state.tally.exchanges > 0
 
 
-def test_from_each_checkpoint_it_goes_on_byte_for_byte(recorded: Recorded, tmp_path: Path) -> None:
+def test_from_each_checkpoint_it_goes_on_byte_for_byte(recorded: RecordedRun, tmp_path: Path) -> None:
     names = recorded.checkpoints()
     assert len(names) >= 3
     for name in (names[1],):
@@ -181,7 +181,7 @@ def test_from_each_checkpoint_it_goes_on_byte_for_byte(recorded: Recorded, tmp_p
 
 
 def test_run_again_from_its_log_it_is_the_same(result: RunResult) -> None:
-    again = carry_out(Order(result.log, Changes(), 12.0, None), lambda _: None)
+    again = carry_out(ResimOrder(result.log, RunChanges(), 12.0, None), lambda _: None)
     assert (again.exact, again.difference) == (True, None)
     assert again.ticks > 200
 
@@ -199,13 +199,13 @@ def test_what_cannot_be_had_is_set_aside_and_the_feed_goes_on(tmp_path: Path) ->
     assert [item.events[-1].what for item in slabs] == ["set aside: left where it lies"]
 
 
-def test_a_checkpoint_from_before_there_were_feeds_is_read(recorded: Recorded) -> None:
+def test_a_checkpoint_from_before_there_were_feeds_is_read(recorded: RecordedRun) -> None:
     state = recorded.state(recorded.checkpoints()[0])
     plain = json.loads(state.to_json())
     del plain["noticed"]
     for name in ("gone", "gone_first_try", "deliveries", "exchanges", "set_aside"):
         del plain["tally"][name]
     older = RunState.from_json(json.dumps(plain).encode())
-    assert older.noticed == NoticedState()
+    assert older.noticed == FeedProgressState()
     assert older.tally is not None
     assert (older.tally.done, older.tally.gone, older.tally.deliveries) == (state.items_done, 0, 0)

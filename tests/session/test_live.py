@@ -20,7 +20,7 @@ from picktree.logs.recording.recorder import Recorder
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.logs.schema import topics
-from picktree.session.live.live_view import LiveView, Paced
+from picktree.session.live.live_view import LiveServer, WallClockPacer
 from picktree.session.session import RunRequest, Session
 from picktree.world.belief.planning_scene import PlanningScene
 
@@ -37,11 +37,11 @@ def websocket() -> ModuleType:
     return module
 
 
-def port_of(view: LiveView) -> int:
+def port_of(view: LiveServer) -> int:
     return int(view.url.rsplit(":", 1)[1])
 
 
-def run(out: Path, view: LiveView | None = None) -> RunResult:
+def run(out: Path, view: LiveServer | None = None) -> RunResult:
     request = RunRequest(EXAMPLES / "one_pick.yaml", backend="kinematic", out=out)
     return Session(request, listener=view).run()
 
@@ -49,7 +49,7 @@ def run(out: Path, view: LiveView | None = None) -> RunResult:
 def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(
     websocket: ModuleType, tmp_path: Path
 ) -> None:
-    with LiveView(0, "one pick") as view, websocket.Client(port_of(view)) as client:
+    with LiveServer(0, "one pick") as view, websocket.Client(port_of(view)) as client:
         fixed = [topic.name for topic in topics.FIXED]
         client.wait_for(fixed)
         client.subscribe(fixed)
@@ -78,7 +78,7 @@ def test_a_client_gets_the_logs_own_messages_and_the_digest_is_the_same(
 
 
 def test_the_schemas_are_those_of_the_log(websocket: ModuleType) -> None:
-    with LiveView(0) as view, websocket.Client(port_of(view)) as client:
+    with LiveServer(0) as view, websocket.Client(port_of(view)) as client:
         client.wait_for([topics.TICK.name, topics.TF.name])
     assert json.loads(client.channels["/bt/tick"]["schema"]) == json.loads(topics.TICK.schema_data())
     assert base64.b64decode(client.channels["/tf"]["schema"] + "==") == topics.TF.schema_data()
@@ -91,7 +91,7 @@ def test_who_comes_late_is_sent_what_still_holds(
     states = ["/bt/tree", "/bt/tick", "/scene/robot", "/scene/objects", "/truth/objects", "/tf", *cameras]
     passing = ["/events", "/log", "/plan", "/candidates", "/timing", "/wrench"]
     scene = PlanningScene([sample.TABLE], [sample.BIN])
-    with LiveView(0) as view, Recorder(tmp_path / "log.mcap", sample.RUN, listener=view) as recorder:
+    with LiveServer(0) as view, Recorder(tmp_path / "log.mcap", sample.RUN, listener=view) as recorder:
         sample.start(recorder)
         for k in range(45):
             sample.step(recorder, scene, k)
@@ -112,7 +112,7 @@ def test_who_comes_late_is_sent_what_still_holds(
 
 
 def test_a_client_that_does_not_listen_holds_up_nothing(websocket: ModuleType, tmp_path: Path) -> None:
-    with LiveView(0) as view, websocket.Client(port_of(view)) as client:
+    with LiveServer(0) as view, websocket.Client(port_of(view)) as client:
         client.wait_for([topic.name for topic in topics.FIXED])
         client.subscribe([topic.name for topic in topics.FIXED])
         payload = bytes(200_000)
@@ -126,7 +126,7 @@ def test_a_port_that_is_taken_is_one_sentence() -> None:
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(PicktreeError) as raised:
-            LiveView(port)
+            LiveServer(port)
     assert str(raised.value) == (
         f"no live view on port {port}: something else listens there; give another with --live-port"
     )
@@ -154,7 +154,7 @@ class Silent:
 def test_the_pace_makes_up_for_slow_ticks_but_not_for_long_ones() -> None:
     clock = Clock()
     silent = Silent(clock, lambda now: 3.0 if now == 0.5 else 0.2 if now == 0.2 else 0.01)
-    paced = Paced(silent, 2.0, clock=lambda: clock.now, sleep=clock.sleep)  # type: ignore[arg-type]
+    paced = WallClockPacer(silent, 2.0, clock=lambda: clock.now, sleep=clock.sleep)  # type: ignore[arg-type]
     for k in range(20):
         paced.ticked(k * 0.1, None, 0, 0)  # type: ignore[arg-type]
     assert clock.slept[:1] == [0.04]  # 0.1 s at twice the speed, less what the tick cost

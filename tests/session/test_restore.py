@@ -15,7 +15,7 @@ from picktree.logs.mcap.reader import RawMessage
 from picktree.logs.run_result import RunResult
 from picktree.session.checkpoints import RunState, take
 from picktree.session.resume.older_checkpoints import completed, simulated_messages
-from picktree.session.resume.recorded_recipe import Recorded
+from picktree.session.resume.recorded_recipe import RecordedRun
 from picktree.session.session import RunRequest, Session
 from picktree.simulation.backends import Backend
 from picktree.world.belief.planning_scene import BeliefObject
@@ -50,12 +50,12 @@ def record(folder: Path, backend: Backend) -> RunResult:
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Recorded]:
-    with Run(record(tmp_path_factory.mktemp("record"), "kinematic").log) as run, Recorded(run) as found:
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedRun]:
+    with Run(record(tmp_path_factory.mktemp("record"), "kinematic").log) as run, RecordedRun(run) as found:
         yield found
 
 
-def go_on(recorded: Recorded, checkpoint: str, out: Path) -> RunResult:
+def go_on(recorded: RecordedRun, checkpoint: str, out: Path) -> RunResult:
     recipe = recorded.from_checkpoint(checkpoint, recorded.state(checkpoint))
     return Session(recipe, out=out).run()
 
@@ -70,7 +70,7 @@ def told(message: RawMessage) -> tuple[str, int, bytes]:
     return message.topic, message.time, message.data
 
 
-def test_first_and_last_checkpoint_go_on_byte_for_byte(recorded: Recorded, tmp_path: Path) -> None:
+def test_first_and_last_checkpoint_go_on_byte_for_byte(recorded: RecordedRun, tmp_path: Path) -> None:
     run = recorded.run
     assert run.result is not None
     assert run.result.failures["grasp.missed"] == 1
@@ -87,7 +87,7 @@ def test_first_and_last_checkpoint_go_on_byte_for_byte(recorded: Recorded, tmp_p
             assert new
 
 
-def test_what_goes_on_is_in_the_state_of_the_checkpoint(recorded: Recorded, tmp_path: Path) -> None:
+def test_what_goes_on_is_in_the_state_of_the_checkpoint(recorded: RecordedRun, tmp_path: Path) -> None:
     for name in recorded.checkpoints():
         state = recorded.state(name)
         assert state.recording is not None and state.bins_seen and state.streams
@@ -97,11 +97,11 @@ def test_what_goes_on_is_in_the_state_of_the_checkpoint(recorded: Recorded, tmp_
         assert taken == state
 
 
-def test_a_continued_log_stands_alone(recorded: Recorded, tmp_path: Path) -> None:
+def test_a_continued_log_stands_alone(recorded: RecordedRun, tmp_path: Path) -> None:
     name = recorded.checkpoints()[1]
     state = recorded.state(name)
     again = go_on(recorded, name, tmp_path)
-    with Run(again.log) as other, Recorded(other) as once_more:
+    with Run(again.log) as other, RecordedRun(other) as once_more:
         assert other.info.continues is not None
         assert other.info.continues.log == str(recorded.run.path.absolute())
         assert (other.info.continues.checkpoint, other.info.continues.items_done) == (name, 2)
@@ -117,7 +117,7 @@ def test_a_continued_log_stands_alone(recorded: Recorded, tmp_path: Path) -> Non
         assert Session(once_more.recipe(), out=tmp_path).run().digest == again.digest
 
 
-def test_what_an_older_checkpoint_lacks_is_in_the_log(recorded: Recorded) -> None:
+def test_what_an_older_checkpoint_lacks_is_in_the_log(recorded: RecordedRun) -> None:
     for name in recorded.checkpoints():
         state = recorded.state(name)
         made = completed(replace(state, tally=None, recording=None), recorded.run)
@@ -130,7 +130,7 @@ def test_what_an_older_checkpoint_lacks_is_in_the_log(recorded: Recorded) -> Non
         assert made.recording.cameras == state.recording.cameras
 
 
-def test_a_checkpoint_of_another_seed_is_refused(recorded: Recorded, tmp_path: Path) -> None:
+def test_a_checkpoint_of_another_seed_is_refused(recorded: RecordedRun, tmp_path: Path) -> None:
     name = recorded.checkpoints()[0]
     recipe = recorded.from_checkpoint(name, recorded.state(name))
     with pytest.raises(PicktreeError) as caught:
@@ -143,7 +143,7 @@ def test_what_is_no_checkpoint_is_refused() -> None:
         RunState.from_json(b'{"time": 1.0}')
 
 
-def test_the_way_back_is_in_a_checkpoint(recorded: Recorded, tmp_path: Path) -> None:
+def test_the_way_back_is_in_a_checkpoint(recorded: RecordedRun, tmp_path: Path) -> None:
     name = recorded.checkpoints()[-1]
     state = recorded.state(name)
     assert state.way is not None
@@ -154,13 +154,13 @@ def test_the_way_back_is_in_a_checkpoint(recorded: Recorded, tmp_path: Path) -> 
     assert np.allclose(back.start, state.control["hold"], atol=0.02)
 
 
-def test_shapes_of_all_forms_come_back_as_they_were(recorded: Recorded) -> None:
+def test_shapes_of_all_forms_come_back_as_they_were(recorded: RecordedRun) -> None:
     objects: tuple[BeliefObject, ...] = recorded.state(recorded.checkpoints()[0]).belief.scene.objects
     assert {type(o.shape).__name__ for o in objects} == {"Box", "Cylinder", "Sphere"}
 
 
 def digest_from_the_first_checkpoint(log: Path, out: Path) -> str:
-    with Run(log) as run, Recorded(run) as recorded:
+    with Run(log) as run, RecordedRun(run) as recorded:
         return go_on(recorded, recorded.checkpoints()[0], out).digest
 
 

@@ -17,8 +17,8 @@ from picktree.errors import PicktreeError
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
 from picktree.session.assembly import TICK
-from picktree.session.observer import GivenAnswers
-from picktree.session.resume.recorded_recipe import Recorded
+from picktree.session.observer import PresetAnswers
+from picktree.session.resume.recorded_recipe import RecordedRun
 from picktree.session.resume.resumption import ResumeRequest, Resumption
 from picktree.session.session import RunRequest, Session
 from picktree.simulation.kinematic.backend import KinematicHardware
@@ -143,7 +143,7 @@ def test_it_goes_on_as_things_stood_and_looks_first(killed: Path, alone: RunResu
         result = resumption.session().run()
     assert (result.status, result.items) == ("success", alone.items)
     assert result.picks.tried >= alone.picks.tried  # those of before the kill count
-    with Run(result.folder) as run, Recorded(run) as recorded:
+    with Run(result.folder) as run, RecordedRun(run) as recorded:
         assert run.info.continues is not None
         assert (run.info.continues.as_it_stands, run.info.continues.items_done) == (True, 1)
         assert told(run, "put_down") == ["in_hand is put down"]
@@ -187,7 +187,7 @@ def test_a_run_at_its_limit_goes_on_with_a_later_one(folder: Path, alone: RunRes
 def test_a_run_that_asks_for_help_is_paused_and_goes_on_with_the_answer(tmp_path: Path) -> None:
     (tmp_path / "asking.yaml").write_text(ASKING)
     request = RunRequest(tmp_path / "asking.yaml", seed=3, out=tmp_path, backend="kinematic")
-    paused = Session(request, operator=GivenAnswers(["2"])).run()
+    paused = Session(request, operator=PresetAnswers(["2"])).run()
     assert (paused.status, paused.reached) == ("paused", False)
     assert paused.asked is not None
     assert paused.asked.choices == ("go on", "set aside", "give up")
@@ -203,7 +203,7 @@ def test_a_run_that_asks_for_help_is_paused_and_goes_on_with_the_answer(tmp_path
         "failure",
         f"help was asked for, and given up: {paused.asked.reason}",
     )
-    with Run(paused.folder) as run, Recorded(run) as recorded:
+    with Run(paused.folder) as run, RecordedRun(run) as recorded:
         assert told(run, "log") == ["answered: 'set aside'"]
         assert told(run, "help_wanted")[-1] == f"help is wanted: {paused.asked.reason}"
         again = Session(recorded.recipe(), out=tmp_path, operator=recorded.answers()).run()
@@ -215,7 +215,7 @@ def test_an_answer_that_is_no_choice_is_refused(tmp_path: Path) -> None:
     (tmp_path / "asking.yaml").write_text(ASKING)
     request = RunRequest(tmp_path / "asking.yaml", seed=3, out=tmp_path, backend="kinematic")
     with pytest.raises(PicktreeError) as refused:
-        Session(request, operator=GivenAnswers(["perhaps"])).run()
+        Session(request, operator=PresetAnswers(["perhaps"])).run()
     assert str(refused.value) == (
         "--answer perhaps: Main/Sequence/ForEach/Sequence/AskForHelp asks, and takes one of these: "
         "go on, set aside, give up"

@@ -9,7 +9,7 @@ import pytest
 
 from picktree.logs.run_log import RunLog
 from picktree.logs.run_result import RunResult
-from picktree.session.mission_edits import FileEdits
+from picktree.session.mission_edits import FileWatch
 from picktree.session.session import RunRequest, Session
 from picktree.trees.running.runner import NodeInfo, TickReport
 
@@ -334,7 +334,7 @@ def test_the_session_notices_an_edit_on_the_disk(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(MISSION)
     witness = EditingWitness(tmp_path / "m.yaml")
     request = RunRequest(mission=tmp_path / "m.yaml", out=tmp_path, backend="kinematic")
-    Session(request, witness, edits=FileEdits(period=0.0)).run()
+    Session(request, witness, edits=FileWatch(period=0.0)).run()
     assert [said for _, said in witness.said] == [GOOD, TAKEN]
 
 
@@ -342,7 +342,7 @@ def test_the_disk_is_looked_at_a_few_times_a_second_and_an_edit_counts_when_it_s
     file, other = tmp_path / "a", tmp_path / "b"
     file.write_text("1")
     now = 0.0
-    edits = FileEdits(period=0.25, wall=lambda: now)
+    edits = FileWatch(period=0.25, wall=lambda: now)
     edits.watch([file, other])
 
     def after(seconds: float) -> bool:

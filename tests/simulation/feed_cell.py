@@ -14,7 +14,7 @@ from picktree.simulation.checkpoints.physics_state import Checkpoint
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.scene.description import SceneDescription, Spawn
-from picktree.world.scene.feed import Clear, Delivery, Exchange, When
+from picktree.world.scene.feed import Delivery, Exchange, When, WhenClear
 from picktree.world.values import Vector3
 
 from .simulated_cell import cell, panda
@@ -42,7 +42,7 @@ def fed(
     exchange: Exchange | None = EXCHANGE,
 ) -> SceneDescription:
     """Two bins at y = ±0.55 m and one entry of a feed, when the table is clear unless said otherwise."""
-    deliveries = (Delivery(of or load(), when or Clear(), total),)
+    deliveries = (Delivery(of or load(), when or WhenClear(), total),)
     return cell(spawn=spawn, deliveries=deliveries, exchange=exchange)
 
 

@@ -12,15 +12,15 @@ from trimesh import Trimesh
 
 from picktree.robots.loading import load_robot
 from picktree.simulation.checkpoints.physics_state import Checkpoint
-from picktree.simulation.common.uncertain_fixtures import displaced
+from picktree.simulation.common.uncertain_fixtures import displace_fixtures
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.physics.bodies import add_fixed, add_item
 from picktree.simulation.physics.engine.pybullet_import import Client, pb
 from picktree.simulation.physics.penetration import Penetrations
-from picktree.simulation.scoring.truth import Boards, Seat
+from picktree.simulation.scoring.truth import HoledFixtures, HoleSeating
 from picktree.simulation.spawning.spawn import SpawnedItem
 from picktree.world.scene.fixture_surfaces import surface
-from picktree.world.scene.hole_geometry import bored, outline
+from picktree.world.scene.hole_geometry import convex_pieces, outline
 from picktree.world.scene.loading.scene_loading import load_scene, parse_scene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose
@@ -83,14 +83,14 @@ class Bench:
             pb.stepSimulation(self.client)
             self.deep.stepped(self.now)
 
-    def seat(self) -> Seat | None:
+    def seat(self) -> HoleSeating | None:
         position, orientation = pb.getBasePositionAndOrientation(self.number, self.client)
-        return Boards([BOARD]).seat(self.shape, Pose(position, orientation))
+        return HoledFixtures([BOARD]).seat(self.shape, Pose(position, orientation))
 
 
 def test_the_pieces_are_the_box_without_its_holes_and_lie_side_by_side() -> None:
     assert isinstance(BOARD.shape, Box)
-    pieces = [Trimesh(pose.apply(np.array(mesh.vertices))).convex_hull for mesh, pose in bored(BOARD)]
+    pieces = [Trimesh(pose.apply(np.array(mesh.vertices))).convex_hull for mesh, pose in convex_pieces(BOARD)]
     disc, square, slot = BOARD.holes
     rounded = 32 * math.tan(math.pi / 32) * 0.0155**2 * disc.depth
     straight = square.size[0] ** 2 * square.depth + slot.size[0] * slot.size[1] * slot.depth
@@ -131,7 +131,7 @@ def test_the_surface_is_closed_around_the_same_volume() -> None:
     assert isinstance(BOARD.shape, Box)
     seen = surface(BOARD.shape, BOARD.holes)
     mesh = Trimesh(seen.corners, np.arange(len(seen.corners)).reshape(-1, 3))
-    solid = sum(Trimesh(np.array(piece.vertices)).convex_hull.volume for piece, _ in bored(BOARD))
+    solid = sum(Trimesh(np.array(piece.vertices)).convex_hull.volume for piece, _ in convex_pieces(BOARD))
     assert mesh.volume == pytest.approx(solid, rel=1e-6)
     assert np.allclose(mesh.bounds, [[-0.12, -0.08, -0.02], [0.12, 0.08, 0.02]])
 
@@ -182,18 +182,18 @@ def test_a_wall_holds_30_n_and_what_is_in_it_is_measured(kind: str) -> None:
 
 
 def test_a_fixture_stands_elsewhere_within_its_bounds_and_by_the_seed_alone() -> None:
-    really = [displaced(DESCRIPTION, seed).fixture("board").pose for seed in range(40)]
-    assert displaced(DESCRIPTION, 7).fixture("board").pose == really[7]
+    really = [displace_fixtures(DESCRIPTION, seed).fixture("board").pose for seed in range(40)]
+    assert displace_fixtures(DESCRIPTION, 7).fixture("board").pose == really[7]
     away = [BOARD.pose.inverse() @ pose for pose in really]
     assert all(abs(p.position[0]) <= 0.005 and abs(p.position[1]) <= 0.005 for p in away)
     assert all(p.position[2] == pytest.approx(0.0) for p in away)
     tilts = [math.acos(min(1.0, float(p.rotation()[2, 2]))) for p in away]
     assert 0.01 < max(tilts) <= math.radians(2.0) + 1e-9
     assert max(abs(p.position[0]) for p in away) > 0.004
-    level = displaced(DESCRIPTION, 7, level=True).fixture("board").pose
+    level = displace_fixtures(DESCRIPTION, 7, level=True).fixture("board").pose
     assert level.position == really[7].position
     assert level.rotation()[2, 2] == pytest.approx(1.0)
-    assert displaced(DESCRIPTION, 7).fixture("table") == DESCRIPTION.fixture("table")
+    assert displace_fixtures(DESCRIPTION, 7).fixture("table") == DESCRIPTION.fixture("table")
 
 
 def test_a_resumed_cell_has_its_board_where_it_was() -> None:

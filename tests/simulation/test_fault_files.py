@@ -29,13 +29,13 @@ from picktree.simulation.fault_files.fault_entries import (  # fmt: skip
     AtNode,
     AtTime,
     Bump,
-    Expect,
+    FaultExpectation,
+    FaultTarget,
     Friction,
     Heavier,
     Larger,
     Remove,
     Slip,
-    Target,
 )
 from picktree.simulation.fault_files.fault_loading import load_faults, parse_faults
 from picktree.simulation.fault_files.fault_schema import MAY, NEEDS
@@ -56,9 +56,9 @@ def test_faults_are_read(tmp_path: Path) -> None:
     (tmp_path / "f.yaml").write_text(text)
     read = load_faults(tmp_path / "f.yaml")
     assert read.faults == (
-        Remove(AtNode("A/B", 2, 0.3), Target(nearest_to="object")),
-        Friction(AtTime(3.0), Target(index=2), 0.05, 0.5),
-        Bump(AtTime(0.0), Target(kind="can", colour="red"), (0.3, 0.0, 0.2)),
+        Remove(AtNode("A/B", 2, 0.3), FaultTarget(nearest_to="object")),
+        Friction(AtTime(3.0), FaultTarget(index=2), 0.05, 0.5),
+        Bump(AtTime(0.0), FaultTarget(kind="can", colour="red"), (0.3, 0.0, 0.2)),
     )
     assert (read.source, read.text) == (str(tmp_path / "f.yaml"), text)
     assert parse_faults(text, tmp_path / "f.yaml") == read
@@ -88,7 +88,7 @@ KINDS = """
 
 def test_every_kind_is_read() -> None:
     read = parse_faults(f"{HEAD}{KINDS}", HERE).faults
-    at, first = AtTime(1.0), Target(index=0)
+    at, first = AtTime(1.0), FaultTarget(index=0)
     assert read == (
         Slip(AtNode("Place", each=True, probability=0.1), 0.1, 0.3),
         Appear(AtTime(1.0, every=30.0), "can", "red", (0.5, 0.1), 0.5),
@@ -116,7 +116,7 @@ def test_every_kind_is_read() -> None:
 
 def test_what_is_expected_is_read_and_judged() -> None:
     text = HEAD.replace("faults:\n", "expect: {causes: [grasp.*, world.disturbed], lost: 1}\nfaults: []\n")
-    assert parse_faults(text, HERE).expect == Expect(("grasp.*", "world.disturbed"), 1)
+    assert parse_faults(text, HERE).expect == FaultExpectation(("grasp.*", "world.disturbed"), 1)
     assert parse_faults(f"{HEAD}{KINDS}", HERE).expect is None
 
 

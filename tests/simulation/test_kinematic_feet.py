@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.kinematic.pushing import Feet
+from picktree.simulation.kinematic.pushing import KinematicContacts
 from picktree.world.shapes import bottom
 from picktree.world.values import GRAVITY, Pose
 
@@ -20,7 +20,7 @@ LYING = Pose.from_rpy((0.0, 0.0, 0.0), (math.pi / 2, 0.0, 0.0))
 
 
 def test_a_foot_stands_upon_what_it_came_down_upon() -> None:
-    feet = Feet()
+    feet = KinematicContacts()
     block = [("table", 0.0), ("block", 0.04)]
     assert feet.top("tip", 0.0401, block) == 0.04
     assert feet.top("tip", 0.0390, block) == 0.04
@@ -30,7 +30,7 @@ def test_a_foot_stands_upon_what_it_came_down_upon() -> None:
 
 
 def test_what_was_entered_from_the_side_gives_way_until_it_is_left_upwards() -> None:
-    feet = Feet()
+    feet = KinematicContacts()
     block = [("block", 0.04)]
     assert feet.top("tip", 0.02, []) is None
     assert feet.top("tip", 0.02, block) is None
@@ -40,7 +40,7 @@ def test_what_was_entered_from_the_side_gives_way_until_it_is_left_upwards() -> 
 
 
 def test_a_foot_of_which_nothing_is_known_stands_upon_what_is_a_little_higher() -> None:
-    feet = Feet()
+    feet = KinematicContacts()
     assert feet.top("tip", 0.037, [("block", 0.04)]) == 0.04
     feet.forget()
     assert feet.top("tip", 0.030, [("block", 0.04)]) is None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.simulation.kinematic.bodies import Bodies, Body, Prism
+from picktree.simulation.kinematic.bodies import KinematicBodies, KinematicBody, Prism
 from picktree.world.scene.loading.scene_loading import parse_scene
 from picktree.world.values import ObjectId, Pose
 
@@ -41,7 +41,7 @@ def dropped(kind: str, along: float = 0.0, turned: float = 0.0, above: float = 0
     yaw = turned + (math.pi / 2 if kind == "key" else 0.0)
     pose = board.pose @ hole.pose @ Pose.from_rpy((along, 0.0, 0.03 + above), (0.0, 0.0, yaw))
     item = ObjectId("item_00")
-    bodies = Bodies(scene, [Body(item, scene.entry(kind), "red", pose, 0.5)])
+    bodies = KinematicBodies(scene, [KinematicBody(item, scene.entry(kind), "red", pose, 0.5)])
     bodies.drop(item)
     return bodies[item].pose
 
@@ -72,10 +72,10 @@ def test_what_is_in_a_hole_stays_there_when_others_settle_and_fills_it() -> None
     mouth = scene.fixture("board").pose @ scene.fixture("board").holes[0].pose
     pose = mouth @ Pose((0.0, 0.0, 0.031))
     one, other = ObjectId("item_00"), ObjectId("item_01")
-    bodies = Bodies(scene, [Body(one, scene.entry("dowel"), "red", pose, 0.5)])
+    bodies = KinematicBodies(scene, [KinematicBody(one, scene.entry("dowel"), "red", pose, 0.5)])
     bodies.drop(one)
     lies = bodies[one].pose
-    bodies.put(Body(other, scene.entry("dowel"), "red", mouth @ Pose((0.0, 0.0, 0.08)), 0.5))
+    bodies.put(KinematicBody(other, scene.entry("dowel"), "red", mouth @ Pose((0.0, 0.0, 0.08)), 0.5))
     bodies.drop(other)
     bodies.settle()
     assert bodies[one].pose.distance(lies) < 1e-12
@@ -87,7 +87,7 @@ def test_a_held_item_feels_the_bottom_over_its_hole_and_the_face_beside_it() -> 
     scene = parse_scene(SCENE, Path("scene.yaml"))
     mouth = scene.fixture("board").pose @ scene.fixture("board").holes[0].pose
     item, entry = ObjectId("item_00"), scene.entry("dowel")
-    bodies = Bodies(scene, [Body(item, entry, "red", mouth, 0.5)])
+    bodies = KinematicBodies(scene, [KinematicBody(item, entry, "red", mouth, 0.5)])
     bodies.held = item
 
     def highest(along: float, up: float) -> float:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from picktree.simulation.scoring.scorer import score
-from picktree.simulation.scoring.truth import Boards, TrueBody
+from picktree.simulation.scoring.truth import HoledFixtures, TrueBody
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import ObjectId, Pose
 
@@ -23,7 +23,7 @@ def peg(kind: str, hole: str, up: float, off: float = 0.0, lean: float = 0.0, de
     half = 0.0325 if kind.startswith(("dowel", "post")) else 0.03
     pose = mouth @ Pose.from_rpy((off, 0.0, up - 0.03 + half), (lean, 0.0, 0.0))
     body = TrueBody.of(ObjectId("item_00"), entry, "red", pose)
-    seat = Boards([BOARD]).seat(entry.shape, pose)
+    seat = HoledFixtures([BOARD]).seat(entry.shape, pose)
     return replace(body, seat=None if seat is None else replace(seat, penetration=deep))
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from picktree.simulation.scoring.scorer import score
-from picktree.simulation.scoring.truth import Boards, Seat
+from picktree.simulation.scoring.truth import HoledFixtures, HoleSeating
 from picktree.world.shapes import Box, Shape, Sphere, bottom
 from picktree.world.values import Pose, Vector3
 
@@ -91,13 +91,13 @@ def test_in_a_hole_is_deep_upright_over_it_and_in_no_wall(how: dict[str, float],
 
 def seat_at(
     shape: Shape, x: float, y: float, lowest: float, hole: str = "", lean: float = 0.0
-) -> Seat | None:
+) -> HoleSeating | None:
     """An item at (x, y) of a hole, or of the board, with its lowest point so far above the board's top."""
     middle = next((h.pose.position for h in BOARD.holes if h.id == f"board/{hole}"), (0.0, 0.0, 0.0))
     assert isinstance(BOARD.shape, Box)
     z = BOARD.shape.size[2] / 2 + lowest - bottom(shape, Pose.from_rpy((0.0, 0.0, 0.0), (lean, 0.0, 0.0)))
     item_in_board = Pose.from_rpy((middle[0] + x, middle[1] + y, z), (lean, 0.0, 0.0))
-    return Boards([BOARD]).seat(shape, BOARD.pose @ item_in_board)
+    return HoledFixtures([BOARD]).seat(shape, BOARD.pose @ item_in_board)
 
 
 @pytest.mark.parametrize(("off", "over"), [(0.0204, True), (0.0206, False)])
@@ -138,6 +138,6 @@ def test_a_seat_is_over_the_board_and_below_its_top() -> None:
     for off, there in ((-0.001, True), (0.001, False)):
         for dx, dy in ((x / 2 + off, 0.0), (-x / 2 - off, 0.0), (0.0, y / 2 + off), (0.0, -y / 2 - off)):
             assert (seat_at(ball, dx, dy, -0.01) is not None) is there, (dx, dy)
-    assert not Boards(SCENE.fixtures)
-    assert Boards(PEGS.fixtures)
-    assert Boards(SCENE.fixtures).seat(ball, Pose((0.5, 0.0, -0.01))) is None
+    assert not HoledFixtures(SCENE.fixtures)
+    assert HoledFixtures(PEGS.fixtures)
+    assert HoledFixtures(SCENE.fixtures).seat(ball, Pose((0.5, 0.0, -0.01))) is None

@@ -12,7 +12,7 @@ import pytest
 from picktree.simulation.backends import Backend, build_hardware
 from picktree.simulation.checkpoints.kinematic_state import KinematicState
 from picktree.simulation.fault_files.fault_loading import parse_faults
-from picktree.simulation.faults.injector import Injector
+from picktree.simulation.faults.injector import FaultInjector
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.protocols import NoImage, RgbdImage
@@ -21,14 +21,14 @@ from picktree.world.values import Pose
 from .simulated_cell import cell, panda
 
 BOTH = pytest.mark.parametrize("backend", ["kinematic", "physics"])
-Cell = tuple[KinematicHardware | PhysicsHardware, Injector]
+Cell = tuple[KinematicHardware | PhysicsHardware, FaultInjector]
 
 
 def failing(backend: Backend, *entries: str) -> Cell:
     """A cell in which this goes wrong."""
     hardware = build_hardware(backend, cell(), panda(), 1)
     assert isinstance(hardware, KinematicHardware | PhysicsHardware)
-    return hardware, Injector(faults(entries), hardware, seed=1)
+    return hardware, FaultInjector(faults(entries), hardware, seed=1)
 
 
 def faults(entries: Iterable[str]):
@@ -199,7 +199,7 @@ def test_a_resumed_run_goes_on_with_what_was_wrong(backend: Backend) -> None:
     saved, states = hardware.checkpoint(), injector.state()
     again = build_hardware(backend, cell(), panda(), 1, saved.to_plain())
     assert isinstance(again, KinematicHardware | PhysicsHardware)
-    resumed = Injector(faults(LASTING), again, seed=1)
+    resumed = FaultInjector(faults(LASTING), again, seed=1)
     resumed.restore(states)
     assert again.truth() == hardware.truth()
     for _ in range(2):

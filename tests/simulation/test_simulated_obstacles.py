@@ -12,7 +12,7 @@ from picktree.errors import PicktreeError
 from picktree.simulation.checkpoints.kinematic_state import KinematicState
 from picktree.simulation.checkpoints.physics_state import Checkpoint
 from picktree.simulation.fault_files.fault_loading import parse_faults
-from picktree.simulation.faults.injector import Injector
+from picktree.simulation.faults.injector import FaultInjector
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.scorer import score
@@ -89,7 +89,7 @@ def test_the_arm_meets_it_in_the_physical_backend() -> None:
 @pytest.mark.parametrize("backend", [PhysicsHardware, KinematicHardware])
 def test_a_fault_puts_it_there_and_takes_it_away(backend: type[Hardware]) -> None:
     hardware = backend(cell(), panda(), 1)
-    faults = Injector(parse_faults(FAULTS, Path("faults.yaml")), hardware)
+    faults = FaultInjector(parse_faults(FAULTS, Path("faults.yaml")), hardware)
     assert faults.tick() == ()
     wait(hardware, 0.1)
     (happened,) = faults.tick()
@@ -106,7 +106,7 @@ def test_a_fault_puts_it_there_and_takes_it_away(backend: type[Hardware]) -> Non
 
 def test_it_waits_until_the_arm_has_left_its_place() -> None:
     hardware = KinematicHardware(cell(), panda(), 1)
-    faults = Injector(parse_faults(FAULTS, Path("faults.yaml")), hardware)
+    faults = FaultInjector(parse_faults(FAULTS, Path("faults.yaml")), hardware)
     faults.node_started("Main/Grasp")
     assert [h.message for h in faults.tick()] == ["obstacle waits until nothing is in its place"]
     assert faults.tick() == ()

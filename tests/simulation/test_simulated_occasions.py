@@ -10,8 +10,8 @@ import pytest
 from picktree.simulation.fault_files.device_entries import AtNode, AtTime
 from picktree.simulation.fault_files.fault_entries import FaultFile
 from picktree.simulation.fault_files.fault_loading import parse_faults
-from picktree.simulation.faults.fault_states import Due, FaultState, Occasions
-from picktree.simulation.faults.injector import Injector, new_states
+from picktree.simulation.faults.fault_states import DueFault, FaultSchedule, FaultState
+from picktree.simulation.faults.injector import FaultInjector, new_states
 from picktree.simulation.kinematic.backend import KinematicHardware
 
 from .simulated_cell import cell, panda
@@ -23,19 +23,19 @@ def faults(*entries: str) -> FaultFile:
 
 
 def test_each_start_counts_from_the_one_that_is_named() -> None:
-    occasions, when = Occasions(1), AtNode("Grasp", start=2, delay=0.5, each=True)
+    occasions, when = FaultSchedule(1), AtNode("Grasp", start=2, delay=0.5, each=True)
     state = FaultState()
     for now in (1.0, 2.0, 3.0):
         state = occasions.node_started(0, when, state, "Main/Grasp", now)
-    assert state.dues == (Due(2.5, "Main/Grasp"), Due(3.5, "Main/Grasp"))
+    assert state.dues == (DueFault(2.5, "Main/Grasp"), DueFault(3.5, "Main/Grasp"))
     state = occasions.taken(0, when, state, 2.5)
-    assert (state.dues, state.starts, state.done) == ((Due(3.5, "Main/Grasp"),), 3, False)
+    assert (state.dues, state.starts, state.done) == ((DueFault(3.5, "Main/Grasp"),), 3, False)
     once = occasions.node_started(0, AtNode("Grasp"), FaultState(), "Main/Grasp", 1.0)
     assert occasions.taken(0, AtNode("Grasp"), once, 1.0).done
 
 
 def test_again_and_again_leaves_out_what_it_waited_through() -> None:
-    occasions, when = Occasions(1), AtTime(10.0, every=30.0)
+    occasions, when = FaultSchedule(1), AtTime(10.0, every=30.0)
     state = occasions.begun(0, when)
     assert state.due == 10.0
     assert occasions.taken(0, when, state, 10.0).due == 40.0
@@ -48,7 +48,7 @@ def test_a_chance_is_drawn_by_seed_and_number_and_by_nothing_else() -> None:
     when = AtNode("Grasp", each=True, probability=0.3)
 
     def taken(seed: int, number: int, starts: int = 400) -> list[int]:
-        occasions, state, found = Occasions(seed), FaultState(), list[int]()
+        occasions, state, found = FaultSchedule(seed), FaultState(), list[int]()
         for n in range(starts):
             state = occasions.node_started(number, when, state, "Grasp", float(n))
             if state.dues:
@@ -60,7 +60,7 @@ def test_a_chance_is_drawn_by_seed_and_number_and_by_nothing_else() -> None:
     assert taken(1, 0, 100) == [n for n in taken(1, 0) if n < 100]
     assert len({tuple(taken(1, 0)), tuple(taken(1, 1)), tuple(taken(2, 0))}) == 3
     assert 90 < len(taken(1, 0)) < 150
-    never = Occasions(1).node_started(0, AtNode("Grasp", probability=1e-9), FaultState(), "Grasp", 1.0)
+    never = FaultSchedule(1).node_started(0, AtNode("Grasp", probability=1e-9), FaultState(), "Grasp", 1.0)
     assert (never.done, never.dues) == (True, ())
 
 
@@ -100,7 +100,7 @@ class Skills:
 def test_a_skill_hangs_or_raises_from_its_start_on() -> None:
     skills, hardware = Skills("Main/SortOne/Grasp"), KinematicHardware(cell(), panda(), 1)
     file = faults("fault: hang, when: {node: Grasp}", "fault: raise, when: {node: SortOne}")
-    injector = Injector(file, hardware, program=lambda: skills)
+    injector = FaultInjector(file, hardware, program=lambda: skills)
     injector.node_started("Main/SortOne")
     injector.node_started("Main/SortOne/Grasp")
     assert [next(skills.bodies[0]) for _ in range(3)] == [None] * 3
@@ -117,7 +117,7 @@ def test_a_skill_hangs_or_raises_from_its_start_on() -> None:
 def test_a_node_that_has_ended_before_cannot_hang_and_none_that_runs_is_waited_for() -> None:
     skills, hardware = Skills("Main/Grasp"), KinematicHardware(cell(), panda(), 1)
     file = faults("fault: hang, when: {node: Grasp, delay: 10 ms}", "fault: raise, when: {at: 0}")
-    injector = Injector(file, hardware, program=lambda: skills)
+    injector = FaultInjector(file, hardware, program=lambda: skills)
     skills.runs = ""
     injector.node_started("Main/Grasp")
     for _ in range(12):
@@ -132,23 +132,23 @@ def test_a_node_that_has_ended_before_cannot_hang_and_none_that_runs_is_waited_f
 
 def test_a_process_is_killed_a_tick_after_the_record_says_so_and_not_by_a_repetition() -> None:
     hardware, killed = KinematicHardware(cell(), panda(), 1), list[float]()
-    injector = Injector(
+    injector = FaultInjector(
         faults("fault: kill, when: {at: 0}"), hardware, kill=lambda: killed.append(hardware.clock.now)
     )
     assert [h.message for h in injector.tick()] == ["the process is killed"]
     saved = injector.state()
     assert killed == []
     assert (injector.tick(), killed) == ((), [0.0])
-    again = Injector(faults("fault: kill, when: {at: 0}"), hardware, kill=lambda: killed.append(9.0))
+    again = FaultInjector(faults("fault: kill, when: {at: 0}"), hardware, kill=lambda: killed.append(9.0))
     again.restore(saved)
     assert (again.tick(), killed) == ((), [0.0])
-    repeated = Injector(faults("fault: kill, when: {at: 0}"), hardware)
+    repeated = FaultInjector(faults("fault: kill, when: {at: 0}"), hardware)
     assert [h.message for h in (*repeated.tick(), *repeated.tick())] == ["the process is killed"]
 
 
 def test_slipping_waits_for_something_in_the_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     hardware = KinematicHardware(cell(), panda(), 1)
-    injector = Injector(faults("fault: slip, when: {at: 0}, lasts: 100 ms"), hardware)
+    injector = FaultInjector(faults("fault: slip, when: {at: 0}, lasts: 100 ms"), hardware)
     assert injector.tick() == ()
     item = hardware.truth()[0].id
     monkeypatch.setattr(hardware, "in_hand", lambda: item)
@@ -164,7 +164,7 @@ def test_what_becomes_larger_or_appears_waits_for_room() -> None:
     hardware = KinematicHardware(cell(), panda(), 1)
     first, before = hardware.truth()[0], len(hardware.truth())
     x, y, _ = first.pose.position
-    injector = Injector(
+    injector = FaultInjector(
         faults(
             f"fault: appear, when: {{at: 0}}, kind: can, colour: red, place: [{x}, {y}]",
             "fault: larger, when: {at: 0}, target: {index: 0}, factor: 20",

@@ -8,7 +8,7 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.simulation.fault_files.fault_loading import parse_faults
-from picktree.simulation.faults.injector import Injector
+from picktree.simulation.faults.injector import FaultInjector
 from picktree.simulation.physics.backend import PhysicsHardware
 
 from .simulated_cell import cell, panda
@@ -25,10 +25,10 @@ faults:
 """
 
 
-def injector(hardware: PhysicsHardware) -> Injector:
+def injector(hardware: PhysicsHardware) -> FaultInjector:
     faults = parse_faults(FILE, Path("faults.yaml"))
     near = hardware.truth()[7].pose.position
-    return Injector(faults, hardware, lambda path: near if path.endswith("Place") else None)
+    return FaultInjector(faults, hardware, lambda path: near if path.endswith("Place") else None)
 
 
 def wait(hardware: PhysicsHardware, seconds: float) -> None:
@@ -102,4 +102,4 @@ def test_what_has_happened_does_not_happen_again_after_a_restore():
     again.node_started("Main/SortOne/Grasp")
     assert len(again.tick()) == 1
     with pytest.raises(PicktreeError, match="the checkpoint knows 5 faults, the file 0"):
-        Injector(None, hardware).restore(faults.state())
+        FaultInjector(None, hardware).restore(faults.state())

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from picktree.simulation.common.sensor_noise import WrenchBias
-from picktree.world.random_streams import Streams
+from picktree.simulation.common.sensor_noise import WrenchBiasNoise
+from picktree.world.random_streams import RandomStreams
 from picktree.world.scene.description import SensorNoise
 
 from ..manipulation.test_closing import INGOT, Bench
@@ -16,8 +16,8 @@ from ..manipulation.test_closing import INGOT, Bench
 ROBOT_FINGERS = {"panda_leftfinger", "panda_rightfinger"}
 
 
-def bias(seed: int, **noise: float) -> WrenchBias:
-    return WrenchBias(SensorNoise(**noise), Streams(seed))
+def bias(seed: int, **noise: float) -> WrenchBiasNoise:
+    return WrenchBiasNoise(SensorNoise(**noise), RandomStreams(seed))
 
 
 def test_the_bias_follows_from_the_seed_and_wanders_slowly() -> None:

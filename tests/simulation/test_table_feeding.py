@@ -12,7 +12,7 @@ from picktree.simulation.backends import Backend
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.spawning.spawn import spawn_items
 from picktree.world.protocols import FeedSignals
-from picktree.world.scene.feed import At, Every
+from picktree.world.scene.feed import AtIntervals, AtTimes
 
 from .feed_cell import BELOW, build, fed, load, moved, places, told, turn_to, wait
 
@@ -60,7 +60,7 @@ def test_the_feed_is_exhausted_when_all_have_come() -> None:
 
 
 def test_loads_come_in_a_rhythm() -> None:
-    hardware = build("kinematic", fed(Every(2.0), of=load(("ball", 1))))
+    hardware = build("kinematic", fed(AtIntervals(2.0), of=load(("ball", 1))))
     hardware.feed.ready()  # nobody waits for that
     counts: list[int] = []
     for _ in range(7):
@@ -71,7 +71,7 @@ def test_loads_come_in_a_rhythm() -> None:
 
 
 def test_loads_come_at_their_times_and_no_more() -> None:
-    hardware = build("kinematic", fed(At((0.5, 2.5)), of=load(("ball", 1))))
+    hardware = build("kinematic", fed(AtTimes((0.5, 2.5)), of=load(("ball", 1))))
     counts: list[int] = []
     for _ in range(5):
         wait(hardware, 1.0)
@@ -94,7 +94,7 @@ def test_nothing_is_set_down_below_the_arm(backend: Backend) -> None:
 
 
 def test_a_schedule_waits_for_the_arm_and_loses_no_load() -> None:
-    hardware = build("kinematic", fed(At((0.5, 1.0)), of=load(("ball", 1), area=BELOW)))
+    hardware = build("kinematic", fed(AtTimes((0.5, 1.0)), of=load(("ball", 1), area=BELOW)))
     wait(hardware, 3.0)
     assert hardware.feed.read().obstructed
     turn_to(hardware, "observe")

@@ -15,17 +15,17 @@ from textwrap import indent
 import numpy as np
 
 from picktree.robots.loading import load_robot
-from picktree.session.assembly import TICK, assemble
+from picktree.session.assembly import TICK, assemble_world
 from picktree.simulation.backends import Backend, build_hardware
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.simulation.scoring.scorer import Score, score
 from picktree.trees.loading.loader import load_mission, parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.trees.running.builder import build
 from picktree.trees.running.runner import TickReport
 from picktree.trees.status import NodeStatus
-from picktree.world.journal import Happened
+from picktree.world.journal import JournalEvent
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.loading.scene_loading import load_scene
 
@@ -49,13 +49,13 @@ def items(**counts: int) -> SceneDescription:
 
 @cache
 def sorting() -> Mission:
-    return load_mission(EXAMPLES / "sort_by_colour.yaml", Registry())
+    return load_mission(EXAMPLES / "sort_by_colour.yaml", NodeRegistry())
 
 
 def mission(body: str) -> Mission:
     """A mission whose tree `Main` is the given text."""
     text = f"picktree: 1\nkind: mission\ntrees:\n  Main:\n{indent(body, '    ')}\n"
-    return parse_mission(text, Path("mission.yaml"), Registry())
+    return parse_mission(text, Path("mission.yaml"), NodeRegistry())
 
 
 class Cell:
@@ -67,8 +67,8 @@ class Cell:
         self.scene = scene
         robot = load_robot(scene.robot)
         self.hardware = build_hardware(backend, scene, robot, seed)
-        self.world = assemble(self.hardware, scene, robot, seed)
-        self.events: list[Happened] = []
+        self.world = assemble_world(self.hardware, scene, robot, seed)
+        self.events: list[JournalEvent] = []
         self.tree = build(mission, self.world)
 
     def start(self, mission: Mission) -> None:
@@ -129,7 +129,7 @@ class Cell:
         return [f"{e.kind}: {e.message}" for e in self.events if e.kind in kinds]
 
     def _note(self) -> None:
-        self.events += [e for e in self.world.journal.take() if isinstance(e, Happened)]
+        self.events += [e for e in self.world.journal.take() if isinstance(e, JournalEvent)]
         self.world.scene.take_changes()
 
 

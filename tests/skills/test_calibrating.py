@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from picktree.calibration import target_detection, targets
-from picktree.calibration.observations import Shot
-from picktree.calibration.target_detection import TileSeen
-from picktree.calibration.targets import Contact
+from picktree.calibration.observations import DetectedTile, TargetImage
+from picktree.calibration.targets import TouchPoint
 from picktree.simulation.fault_files.device_entries import AtTime, CameraDrop
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.protocols import RgbdImage
@@ -36,18 +35,18 @@ def notes(cell: Cell, *kinds: str) -> list[str]:
     return [e.message for e in cell.events if e.kind in kinds]
 
 
-def shots(cell: Cell) -> list[Shot]:
-    return [Shot.from_plain(dict(e.data)) for e in cell.events if e.kind == SHOT]
+def shots(cell: Cell) -> list[TargetImage]:
+    return [TargetImage.from_plain(dict(e.data)) for e in cell.events if e.kind == SHOT]
 
 
 class Eyes:
     """`find_tiles` as it is, but for the pictures that are to show nothing; counts the pictures."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, *empty: int) -> None:
-        self.pictures, self._empty, self._find = 0, empty, target_detection.find_tiles
-        monkeypatch.setattr(target_detection, "find_tiles", self)
+        self.pictures, self._empty, self._find = 0, empty, target_detection.detect_tiles
+        monkeypatch.setattr(target_detection, "detect_tiles", self)
 
-    def __call__(self, image: RgbdImage, tiles: object) -> tuple[TileSeen, ...]:
+    def __call__(self, image: RgbdImage, tiles: object) -> tuple[DetectedTile, ...]:
         self.pictures += 1
         return () if self.pictures in self._empty else self._find(image, tiles)  # type: ignore[arg-type]
 
@@ -132,11 +131,11 @@ def test_what_is_not_there_is_told() -> None:
 def wanted(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """So many touches, of the top; those beside it are nothing that a cell without physics feels."""
 
-    def tops(target: Pose, size: Vector3, at_tips: Array, turned: float) -> tuple[Contact, ...]:
-        found = [c for c in targets.contacts(target, size, at_tips, turned) if c.name.startswith("top")]
+    def tops(target: Pose, size: Vector3, at_tips: Array, turned: float) -> tuple[TouchPoint, ...]:
+        found = [c for c in targets.touch_points(target, size, at_tips, turned) if c.name.startswith("top")]
         return tuple((*found, *found)[:count])
 
-    monkeypatch.setattr("picktree.skills.touch_target.contacts", tops)
+    monkeypatch.setattr("picktree.skills.touch_target.touch_points", tops)
 
 
 def test_touches_are_made_with_two_forces_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:

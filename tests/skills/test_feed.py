@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.manipulation.place.dropped_objects import fill_of
+from picktree.manipulation.place.dropped_objects import bin_fill_level
 from picktree.perception.fitting.view import BinView
 from picktree.world.scene.feed import Belt
 from picktree.world.values import ObjectId, Pose
@@ -111,7 +111,7 @@ def test_what_lay_in_an_exchanged_bin_is_gone_with_all_that_was_known_of_it() ->
     assert world.scene.objects == ()
     assert RED not in world.eyes.bins
     assert world.attempts.state() == {"Main/Grasp|another": ["top 0"]}
-    assert fill_of(world, world.scene.bins[RED]) == 0.0
+    assert bin_fill_level(world, world.scene.bins[RED]) == 0.0
     assert cell.happened("bin_emptied") == [
         "bin_emptied: red_bin is exchanged for an empty one; 1 item is gone with it"
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from picktree.trees.loading.loader import load_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.loading.scene_loading import load_scene
@@ -14,7 +14,7 @@ from .cell import EXAMPLES, Cell, Phases, halted_at
 
 
 def example(name: str) -> Mission:
-    return load_mission(EXAMPLES / f"{name}.yaml", Registry())
+    return load_mission(EXAMPLES / f"{name}.yaml", NodeRegistry())
 
 
 def one_peg(kind: str) -> SceneDescription:

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.control.execution.motions import Motions
+from picktree.control.execution.motions import ArmMotion
 from picktree.manipulation.pick.pick_candidates import TRANSFER
-from picktree.manipulation.pick.transfer_requests import onward
+from picktree.manipulation.pick.transfer_requests import transfer_requests
 from picktree.perception.fitting.view import BinView
-from picktree.planning.requests import Offset, Request
+from picktree.planning.requests import OffsetGoal, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Steps
 from picktree.world.belief.planning_scene import BeliefObject
-from picktree.world.journal import CandidatesRanked, Entry
+from picktree.world.journal import CandidateSearchEntry, Entry
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId
 
@@ -116,13 +116,13 @@ def test_another_bin_than_the_one_it_belongs_into() -> None:
 def test_what_is_known_since_is_heeded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Something was put where it is to be let go: `Place` finishes no motion that leads there."""
     finished: list[object] = []
-    finish = Motions.finish
+    finish = ArmMotion.finish
 
-    def finishing(self: Motions, **how: Any) -> Steps:
+    def finishing(self: ArmMotion, **how: Any) -> Steps:
         finished.append(self.ongoing)
         yield from finish(self, **how)
 
-    monkeypatch.setattr(Motions, "finish", finishing)
+    monkeypatch.setattr(ArmMotion, "finish", finishing)
     for news in (False, True):
         cell, (block,) = looked(block=1)
         into = destination(cell, block)
@@ -177,16 +177,16 @@ def test_the_approach_is_broken_off_when_there_is_no_way_on(monkeypatch: pytest.
     asked: list[Request] = []
 
     def blocked_at_first(*what: Any) -> tuple[Request, ...]:
-        legs = onward(*what)
+        legs = transfer_requests(*what)
         asked.append(legs[0])
-        return (Request(Offset((0.0, 0.0, -0.5)), legs[0].start), *legs[1:]) if len(asked) == 1 else legs
+        return (Request(OffsetGoal((0.0, 0.0, -0.5)), legs[0].start), *legs[1:]) if len(asked) == 1 else legs
 
-    monkeypatch.setattr("picktree.skills.grasp.onward", blocked_at_first)
-    ranked: list[CandidatesRanked] = []
+    monkeypatch.setattr("picktree.skills.grasp.transfer_requests", blocked_at_first)
+    ranked: list[CandidateSearchEntry] = []
     note = cell.world.journal.note
 
     def noting(entry: Entry) -> None:
-        if isinstance(entry, CandidatesRanked):
+        if isinstance(entry, CandidateSearchEntry):
             ranked.append(entry)
         note(entry)
 
@@ -210,11 +210,11 @@ def test_a_transfer_is_made_only_from_where_the_arm_stands(
     cell, (block,) = looked(block=1)
 
     def from_elsewhere(*what: Any) -> tuple[Request, ...]:
-        first, *others = onward(*what)
+        first, *others = transfer_requests(*what)
         assert first.start is not None
         return (replace(first, start=first.start + off * np.eye(7)[5]), *others)
 
-    monkeypatch.setattr("picktree.skills.grasp.onward", from_elsewhere)
+    monkeypatch.setattr("picktree.skills.grasp.transfer_requests", from_elsewhere)
     x, y, _ = cell.world.scene.get(block).pose.position
     cell.start(mission(f"Grasp: {{object: {block}}}"))
     cell.finish()

@@ -10,7 +10,7 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.protocols import SensorStamps
 
 from ..rooms import ROOT, modules
@@ -54,12 +54,12 @@ def test_no_mission_moves_a_stopped_arm(body: str) -> None:
 
 def test_no_node_has_a_port_for_it_and_a_mission_no_key() -> None:
     words = re.compile(r"monitor|safety|acknowledge|watchdog|torque_limit|payload|ignore")
-    ports = {f"{node.id}.{port.key}" for node in Registry().declarations() for port in node.ports}
+    ports = {f"{node.id}.{port.key}" for node in NodeRegistry().declarations() for port in node.ports}
     assert {name for name in ports if words.search(name)} == set[str]()
     text = "picktree: 1\nkind: mission\n{}\ntrees:\n  Main: {{GoTo: {{pose: home}}}}\n"
     for key in ("limits: {force: 500 N}", "monitor: off", "safety: false"):
         with pytest.raises(PicktreeError, match="a mission has no key"):
-            parse_mission(text.format(key), Path("mission.yaml"), Registry())
+            parse_mission(text.format(key), Path("mission.yaml"), NodeRegistry())
 
 
 def test_only_a_retreat_acknowledges() -> None:
@@ -83,7 +83,7 @@ def test_a_skill_that_raises_ends_as_a_fault_of_the_program_with_the_arm_braked(
     text = "picktree: 1\nkind: mission\nplugins: [raising.py]\ntrees:\n  Main: {ForceSuccess: Raising}\n"
     path = tmp_path / "mission.yaml"
     path.write_text(text)
-    cell = Cell(parse_mission(text, path, Registry()), items(block=1))
+    cell = Cell(parse_mission(text, path, NodeRegistry()), items(block=1))
     while cell.happened("internal_error") == []:
         cell.tick()
     moved = cell.world.control.tcp.position[2]
@@ -111,7 +111,7 @@ def waiting(node: str, folder: Path) -> Cell:
     text = f"picktree: 1\nkind: mission\nplugins: [waiting.py]\ntrees:\n  Main: {node}\n"
     path = folder / "mission.yaml"
     path.write_text(text)
-    cell = Cell(parse_mission(text, path, Registry()), items(block=1))
+    cell = Cell(parse_mission(text, path, NodeRegistry()), items(block=1))
     cell.tick()
     assert cell.running
     return cell
@@ -144,7 +144,7 @@ def test_a_stop_from_before_does_not_fail_what_only_waits(tmp_path: Path) -> Non
     cell = waiting("Waits", tmp_path)
     cell.world.control.monitor.check_tool((2.0, 0.0, 0.5))
     text = (tmp_path / "mission.yaml").read_text().replace("Waits", "WaitsWithTheArm")
-    cell.start(parse_mission(text, tmp_path / "mission.yaml", Registry()))
+    cell.start(parse_mission(text, tmp_path / "mission.yaml", NodeRegistry()))
     for _ in range(3):
         cell.tick()
         assert cell.running

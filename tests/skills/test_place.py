@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from picktree.perception.fitting.view import BinView
-from picktree.planning.requests import Plan, Request
+from picktree.planning.requests import MotionPlan, Request
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.trees.skill import Doing, Steps
 from picktree.world.causes import Failure, planning
@@ -110,7 +110,7 @@ def test_where_the_way_down_is_not_free_it_is_let_go_from_above(
     heights = low(cell, hardware, monkeypatch)
     through, asked = cell.world.plan.through, list[int]()
 
-    def not_free(legs: Sequence[Request], **how: Any) -> Doing[Plan]:
+    def not_free(legs: Sequence[Request], **how: Any) -> Doing[MotionPlan]:
         asked.append(len(legs))
         told = Failure(planning.NO_PATH, "no way", leg=leg)
         raise told
@@ -138,7 +138,7 @@ def test_what_is_carried_adds_to_the_force_that_stops_the_arm(monkeypatch: pytes
         yield from along(trajectory, **how)
 
     monkeypatch.setattr(cell.world.move, "along", noting)
-    monkeypatch.setattr("picktree.skills.place.burden", lambda _: 7.0)
+    monkeypatch.setattr("picktree.skills.place.payload_force", lambda _: 7.0)
     cell.start(mission(f"Place: {{object: {block}, into: red_bin}}"))
     cell.finish()
     assert cell.tree.failure is None

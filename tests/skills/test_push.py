@@ -11,12 +11,12 @@ import pytest
 
 from picktree.files.marks import FileError
 from picktree.manipulation.push.singulation import has_room
-from picktree.manipulation.push.stroke_planning import Stroke
+from picktree.manipulation.push.stroke_planning import PushStroke
 from picktree.simulation.kinematic.backend import KinematicHardware
-from picktree.simulation.kinematic.bodies import Body
+from picktree.simulation.kinematic.bodies import KinematicBody
 from picktree.world.belief.planning_scene import BeliefObject
 from picktree.world.causes import FailureReport
-from picktree.world.planar_geometry import planar, wrapped
+from picktree.world.planar_geometry import planar, wrap_angle
 from picktree.world.scene.description import SceneDescription
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import ObjectId, Pose
@@ -56,7 +56,7 @@ def test_a_block_is_pushed_to_a_pose() -> None:
     (body,) = cell.hardware.truth()
     at = planar(body.shape, body.pose)
     assert math.hypot(at.x - 0.48, at.y - 0.03) < 0.0015
-    assert abs(wrapped(at.yaw - 0.7, math.pi / 2)) < math.radians(1.5)
+    assert abs(wrap_angle(at.yaw - 0.7, math.pi / 2)) < math.radians(1.5)
     assert [e.split(":")[0] for e in cell.happened("push")] == ["push"]
 
 
@@ -129,7 +129,7 @@ def test_what_stands_right_but_turned_is_squared_up_on_a_way() -> None:
     assert push(cell, f"object: {block}, to: [0.50, 0.0], yaw: 0 deg, tolerance: 20 mm") == ""
     (body,) = cell.hardware.truth()
     at = planar(body.shape, body.pose)
-    assert abs(wrapped(at.yaw, math.pi / 2)) < math.radians(1.5)
+    assert abs(wrap_angle(at.yaw, math.pi / 2)) < math.radians(1.5)
 
 
 def made(cell: Cell) -> list[str]:
@@ -181,11 +181,11 @@ def test_a_dozen_pushes_are_considered_to_make_room(monkeypatch: pytest.MonkeyPa
     hemmed = next(o.id for o in cell.world.scene.objects if not has_room(cell.world, o))
     asked: list[str] = []
 
-    def refused(world: object, belief: BeliefObject, stroke: Stroke, touching: object = ()) -> str:
+    def refused(world: object, belief: BeliefObject, stroke: PushStroke, touching: object = ()) -> str:
         asked.append(stroke.name)
         return "the arm does not reach it"
 
-    monkeypatch.setattr("picktree.skills.push.ready", refused)
+    monkeypatch.setattr("picktree.skills.push.plan_stroke", refused)
     assert push(cell, f"object: {hemmed}, singulate: true") == "push.no_stroke"
     failure = cell.tree.failure
     assert failure is not None
@@ -209,7 +209,7 @@ class Patchy:
         self._put = self.hardware.bodies.put
         self.hardware.bodies.put = self._slides  # type: ignore[method-assign]
 
-    def _slides(self, body: Body) -> None:
+    def _slides(self, body: KinematicBody) -> None:
         off = math.dist(body.pose.position[:2], self._body.pose.position[:2])
         self._put(body if off < self._way else replace(body, friction=self._friction))
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from picktree.cell.vision import Eyes
+from picktree.cell.vision import Vision
 from picktree.manipulation.motion.replanning import MOST
 from picktree.perception.fitting.view import BinView
-from picktree.planning.service.trajectory_gate import Gate
+from picktree.planning.service.trajectory_gate import TrajectoryGate
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.causes import Failure, perception, planning
 from picktree.world.scene.description import Fixture
@@ -182,7 +182,7 @@ def test_it_plans_anew_a_bounded_number_of_times(monkeypatch: pytest.MonkeyPatch
     def blocked(*_: Any) -> Failure:
         return Failure(planning.BLOCKED, "the way is not free: somebody is in it")
 
-    monkeypatch.setattr(Gate, "blocked", blocked)
+    monkeypatch.setattr(TrajectoryGate, "blocked", blocked)
     cell.start(mission("GoTo: {pose: observe}"))
     cell.finish()
     failure = cell.tree.failure
@@ -197,15 +197,15 @@ def test_without_pictures_it_goes_on_for_a_while_only(
     monkeypatch: pytest.MonkeyPatch, lasts: float, cause: str | None
 ) -> None:
     cell, _ = looked(block=1)
-    glance = Eyes.glance
+    glance = Vision.glance
     dark_until = cell.world.clock.now + lasts
 
-    def dark(self: Eyes, camera: str) -> Any:
+    def dark(self: Vision, camera: str) -> Any:
         if cell.world.clock.now < dark_until:
             raise Failure(perception.NO_IMAGE, "overhead gives no image")
         return glance(self, camera)
 
-    monkeypatch.setattr(Eyes, "glance", dark)
+    monkeypatch.setattr(Vision, "glance", dark)
     body = "{Delay: {delay_msec: 1.5 s, do: AlwaysSuccess}}"
     cell.start(mission(f"WatchScene: {{every: 250 ms, blind: 1 s, do: {body}}}"))
     cell.finish()
@@ -216,10 +216,10 @@ def test_without_pictures_it_goes_on_for_a_while_only(
 def test_who_is_blind_for_too_long_halts_what_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     cell, _ = looked(block=1)
 
-    def dark(self: Eyes, camera: str) -> Any:
+    def dark(self: Vision, camera: str) -> Any:
         raise Failure(perception.NO_IMAGE, "overhead gives no image")
 
-    monkeypatch.setattr(Eyes, "glance", dark)
+    monkeypatch.setattr(Vision, "glance", dark)
     body = "{GoTo: {pose: rest, speed: 0.05}}"
     cell.start(mission(f"WatchScene: {{every: 250 ms, blind: 1 s, do: {body}}}"))
     began = cell.world.clock.now

@@ -12,7 +12,7 @@ from picktree.authoring.checking.check import check_mission
 from picktree.control.execution.jog_motion import StoppedBy
 from picktree.files.yaml.document import parse_document
 from picktree.trees.loading.loader import load_mission, parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import all_causes
 
 from .cell import Cell, items
@@ -29,7 +29,7 @@ def test_its_mission_goes_down_to_the_table_and_up() -> None:
     text = block("yaml")
     faults = check_mission(parse_document(text, Path("mission.yaml"), "mission")).faults
     assert [str(fault) for fault in faults] == []
-    cell = Cell(parse_mission(text, Path("mission.yaml"), Registry()), items(block=1))
+    cell = Cell(parse_mission(text, Path("mission.yaml"), NodeRegistry()), items(block=1))
     assert cell.finish().value == "SUCCESS"
     assert cell.tree.blackboard.save()["Main/end"] == "collision"
     assert cell.world.control.tcp.position[2] == pytest.approx(0.1, abs=0.02)
@@ -42,7 +42,7 @@ def test_its_skill_draws_a_circle(tmp_path: Path) -> None:
         "picktree: 1\nkind: mission\nplugins: [circle.py]\ntrees:\n"
         '  Main: {Circle: {radius: 30 mm, travelled: "{way}"}}\n'
     )
-    cell = Cell(load_mission(path, Registry()), items(block=1))
+    cell = Cell(load_mission(path, NodeRegistry()), items(block=1))
     begin = cell.world.control.tcp
     assert cell.finish().value == "SUCCESS"
     assert float(str(cell.tree.blackboard.save()["Main/way"])) == pytest.approx(2 * 3.14159 * 0.03, rel=0.05)

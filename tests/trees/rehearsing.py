@@ -18,7 +18,7 @@ from picktree.trees.controls.decorator import Decorator
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.declaration import Hand
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
@@ -131,9 +131,9 @@ NODES: tuple[type[Node], ...] = (Look, Pick, Put, Go, Retreat, Weigh, Ready, May
 
 
 @cache
-def nodes() -> Registry:
+def nodes() -> NodeRegistry:
     """These leaves and all that is installed; nobody adds to it."""
-    return Registry(NODES)
+    return NodeRegistry(NODES)
 
 
 def mission_of(trees: str, head: str = "") -> Mission:

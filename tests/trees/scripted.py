@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, ClassVar, cast
 
 from picktree.files.expressions.type_inference import ANY, ValueType
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
 from picktree.trees.running.builder import build
-from picktree.trees.running.runner import TickReport, Tree
+from picktree.trees.running.runner import BehaviourTree, TickReport
 from picktree.trees.skill import ARM, Skill, Steps
 from picktree.trees.status import NodeStatus
-from picktree.world.belief.attempts import Attempts
+from picktree.world.belief.attempts import AttemptMemory
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.causes import Failure, cause_named, control, grasp, perception, safety
-from picktree.world.journal import Entry, Happened, Journal, Plain
-from picktree.world.random_streams import Streams
+from picktree.world.journal import Entry, Journal, JournalEvent, Plain
+from picktree.world.random_streams import RandomStreams
 from picktree.world.shapes import Box
 from picktree.world.values import ObjectId, Pose
 
@@ -50,8 +50,8 @@ class FakeWorld:
         default_factory=lambda: PlanningScene((), (), lambda o: ObjectId(f"{o.colour}_bin"))
     )
     journal: Journal = field(default_factory=Journal)
-    attempts: Attempts = field(default_factory=Attempts)
-    streams: Streams = field(default_factory=lambda: Streams(0))
+    attempts: AttemptMemory = field(default_factory=AttemptMemory)
+    streams: RandomStreams = field(default_factory=lambda: RandomStreams(0))
     move: StandingArm = field(default_factory=StandingArm)
     known: dict[str, object] = field(default_factory=dict[str, object])
     trace: list[str] = field(default_factory=list[str])
@@ -153,8 +153,8 @@ NODES: tuple[type[Node], ...] = (Scripted, Answer, Find, Take)
 FILE = Path("mission.yaml")
 
 
-def registry() -> Registry:
-    return Registry(NODES, installed=False)
+def registry() -> NodeRegistry:
+    return NodeRegistry(NODES, installed=False)
 
 
 class AnyFacts(Mapping[str, ValueType]):
@@ -184,7 +184,7 @@ def mission(body: str) -> Mission:
 class Run:
     """A tree with its world; `tick` lets one tick of simulated time pass afterwards."""
 
-    tree: Tree
+    tree: BehaviourTree
     world: FakeWorld
 
     def tick(self) -> NodeStatus:
@@ -206,9 +206,9 @@ class Run:
     def trace(self) -> list[str]:
         return self.world.trace
 
-    def notes(self, kind: str) -> list[Happened]:
+    def notes(self, kind: str) -> list[JournalEvent]:
         entries: tuple[Entry, ...] = self.world.journal.take()
-        return [e for e in entries if isinstance(e, Happened) and e.kind == kind]
+        return [e for e in entries if isinstance(e, JournalEvent) and e.kind == kind]
 
 
 def start(body: str, world: FakeWorld | None = None, **parameters: Plain) -> Run:

@@ -8,9 +8,9 @@ from typing import cast
 import pytest
 
 from picktree.trees.controls import NODES
-from picktree.trees.running.tree_adoption import Adoption
+from picktree.trees.running.tree_adoption import StateTransfer
 from picktree.trees.status import NodeStatus
-from picktree.world.journal import Happened, Plain
+from picktree.world.journal import JournalEvent, Plain
 
 from .scripted import FakeWorld, Run, letters, start
 from .test_state import MISSIONS
@@ -24,7 +24,7 @@ def rounds(count: int = 3, name: str = "round") -> str:
     return f"{{Repeat: {{num_cycles: {count}, do: {leaf(name)}}}}}"
 
 
-def edited(before: str, after: str, ticks: int = 1) -> tuple[Run, Adoption]:
+def edited(before: str, after: str, ticks: int = 1) -> tuple[Run, StateTransfer]:
     """`before` for some ticks, then `after` in its place; the trace begins at the edit."""
     old = start(before)
     for _ in range(ticks):
@@ -39,7 +39,9 @@ def edited(before: str, after: str, ticks: int = 1) -> tuple[Run, Adoption]:
 def starts(run: Run) -> str:
     """The leaves that start until the mission ends, in their order."""
     run.to_end()
-    assert not [e for e in run.world.journal.take() if isinstance(e, Happened) and e.kind == "internal_error"]
+    assert not [
+        e for e in run.world.journal.take() if isinstance(e, JournalEvent) and e.kind == "internal_error"
+    ]
     return " ".join(line.removeprefix("start ") for line in run.trace if line.startswith("start "))
 
 
@@ -107,7 +109,7 @@ def test_what_became_of_the_nodes_is_told() -> None:
         sequence(leaf("A"), rounds(), leaf("B")),
         sequence(leaf("new"), leaf("A"), "{Repeat: {num_cycles: 3, do: AlwaysSuccess}}"),
     )
-    assert adoption == Adoption(
+    assert adoption == StateTransfer(
         kept=("Main", "Main/Sequence", "Main/Sequence/A", "Main/Sequence/Repeat"),
         fresh=("Main/Sequence/new", "Main/Sequence/Repeat/AlwaysSuccess"),
         gone=("Main/Sequence/Repeat/round", "Main/Sequence/B"),

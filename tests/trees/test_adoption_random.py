@@ -16,7 +16,7 @@ from picktree.cell.world import World
 from picktree.files.yaml.document import parse_document
 from picktree.recovery import NODES as RECOVERY
 from picktree.trees.loading.loader import examine
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.trees.node import Node
 from picktree.trees.running.builder import build
@@ -115,7 +115,7 @@ def wait(world: World) -> Steps:
 
 
 NODES: tuple[type[Node], ...] = (Look, Pick, Put, Go, Weigh, Ready, Maybe, *RECOVERY)
-REGISTRY = Registry(NODES, installed=False)
+REGISTRY = NodeRegistry(NODES, installed=False)
 ALIKE = ("Sequence", "Fallback", "ReactiveSequence", "ReactiveFallback", "RoundRobin", "Parallel")
 
 

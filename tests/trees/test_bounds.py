@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 
 from picktree.files.yaml.document import read_document
-from picktree.trees.loading.loader import Reading, examine
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.loader import MissionReadResult, examine
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.values.fault_collector import MAX_FAULTS, MAX_NODES
 
 from ..effort import counted
 
-REGISTRY = Registry()
+REGISTRY = NodeRegistry()
 
 
-def read(body: str) -> Reading:
+def read(body: str) -> MissionReadResult:
     text = f"picktree: 1\nkind: mission\n{body}\n"
     return examine(read_document(text, Path("m.yaml"), "mission"), REGISTRY)
 

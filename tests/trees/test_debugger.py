@@ -11,8 +11,8 @@ import pytest
 from picktree.cell.world import World
 from picktree.trees.loading.loader import parse_mission
 from picktree.trees.running.builder import build
-from picktree.trees.running.debugger import Breakpoint, Debugger, Stop
-from picktree.trees.running.runner import Tree
+from picktree.trees.running.debugger import Breakpoint, Debugger, DebuggerStop
+from picktree.trees.running.runner import BehaviourTree
 from picktree.trees.status import NodeStatus
 
 from .scripted import FakeWorld, Run, registry, start
@@ -36,7 +36,7 @@ class Script:
         self.stops: list[str] = []
         self.times: list[float] = []
 
-    def __call__(self, debugger: Debugger, stop: Stop) -> None:
+    def __call__(self, debugger: Debugger, stop: DebuggerStop) -> None:
         node = debugger.tree.find(stop.path) if stop.path else debugger.tree.root
         self.stops.append(f"{stop.when} {stop.path.removeprefix('Main/') or 'Main'} {node.state}")
         self.times.append(round(debugger.tree.root.world.clock.now, 2))
@@ -146,7 +146,7 @@ def test_an_interrupt_at_the_prompt_reaches_the_session() -> None:
 
 
 def test_an_edited_mission_brings_its_own_breakpoints_and_keeps_those_set_by_hand() -> None:
-    def tree(body: str) -> Tree:
+    def tree(body: str) -> BehaviourTree:
         text = f"picktree: 1\nkind: mission\ntrees: {{Main: {{Sequence: [{body}]}}}}\n"
         mission = parse_mission(text, Path("m.yaml"), registry())
         return build(mission, cast("World", FakeWorld()))
@@ -161,4 +161,4 @@ def test_an_edited_mission_brings_its_own_breakpoints_and_keeps_those_set_by_han
     }
 
 
-def go_on_at(debugger: Debugger, stop: Stop) -> None: ...
+def go_on_at(debugger: Debugger, stop: DebuggerStop) -> None: ...

@@ -9,7 +9,7 @@ import py_trees
 import pytest
 
 from picktree.trees.loading.loader import load_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build
 from picktree.trees.status import NodeStatus
 
@@ -62,7 +62,7 @@ def test_the_sample_of_the_design_has_the_paths_that_people_will_read() -> None:
 
 
 def test_every_installed_node_is_told_apart_and_explained() -> None:
-    registry = Registry()
+    registry = NodeRegistry()
     assert registry.problems == ()
     assert {"Observe", "Grasp", "Place", "GoTo", "SafeRetreat", "Recover", "Sequence"} <= set(registry.ids())
     for declaration in registry.declarations():

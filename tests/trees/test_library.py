@@ -9,7 +9,7 @@ import pytest
 from picktree.authoring.checking.check import check_mission
 from picktree.files.yaml.document import load_document, parse_document
 from picktree.trees.loading.loader import examine
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import LIBRARY, library_names, path_of
 
 
@@ -24,7 +24,7 @@ def test_a_library_is_without_a_fault_or_a_warning(name: str) -> None:
 
 @pytest.mark.parametrize("name", library_names())
 def test_its_ports_have_types_and_docs(name: str) -> None:
-    mission = examine(load_document(LIBRARY / f"{name}.yaml", "mission"), Registry()).mission
+    mission = examine(load_document(LIBRARY / f"{name}.yaml", "mission"), NodeRegistry()).mission
     ports = [(tree.name, port) for tree in mission.trees.values() for port in tree.ports]
     assert [(tree, port.key) for tree, port in ports if not port.doc or str(port.type) == "any"] == []
 

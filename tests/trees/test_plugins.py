@@ -16,7 +16,7 @@ from picktree.errors import PicktreeError
 from picktree.files.yaml.document import FileError, load_document, parse_document
 from picktree.session.recipe import mission_files, plugin_versions
 from picktree.trees.loading.loader import load_mission, parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.world.causes import cause_named
 
 from .waving import WAVE, below, forgotten, mission
@@ -49,7 +49,7 @@ def test_a_node_of_a_plug_in_is_declared_and_checked_like_any_other(tmp_path: Pa
 
 def test_the_registry_that_was_given_does_not_change(tmp_path: Path) -> None:
     (tmp_path / "wave.py").write_text(WAVE)
-    base = Registry()
+    base = NodeRegistry()
     parse_mission(
         "picktree: 1\nkind: mission\nplugins: [wave.py]\ntrees: {Main: Wave}\n", tmp_path / "m.yaml", base
     )
@@ -58,16 +58,16 @@ def test_the_registry_that_was_given_does_not_change(tmp_path: Path) -> None:
 
 def test_causes_of_a_plug_in_are_known_to_the_missions_that_name_it(tmp_path: Path) -> None:
     (tmp_path / "wave.py").write_text(WAVE)
-    with_wave = Registry()
+    with_wave = NodeRegistry()
     with_wave.add_plugin("wave.py", tmp_path)
     assert "wave.tired" in [cause.name for cause in with_wave.causes]
-    assert "wave.tired" not in [cause.name for cause in Registry().causes]
+    assert "wave.tired" not in [cause.name for cause in NodeRegistry().causes]
     with pytest.raises(FileError) as caught:
         parse_mission(
             "picktree: 1\nkind: mission\ntrees: {Main: {Recover: {do: AlwaysSuccess, when: {wave.tired: "
             "AlwaysSuccess}}}}\n",
             tmp_path / "m.yaml",
-            Registry(),
+            NodeRegistry(),
         )
     assert "no cause is called 'wave.tired'" in str(caught.value)
 
@@ -131,14 +131,14 @@ def test_the_plug_in_of_an_included_file_lies_beside_that_file(tmp_path: Path) -
         "picktree: 1\nkind: mission\nlibrary: true\nplugins: [wave.py]\ntrees: {Greet: Wave}\n"
     )
     head = "picktree: 1\nkind: mission\ninclude: [parts/greet.yaml]\n"
-    read = parse_mission(f"{head}trees: {{Main: Greet}}\n", tmp_path / "m.yaml", Registry())
+    read = parse_mission(f"{head}trees: {{Main: Greet}}\n", tmp_path / "m.yaml", NodeRegistry())
     assert read.trees["Greet"].root.id == "Wave"
     assert [file.name for file in mission_files(read)] == [
         "mission.yaml", "include/parts/greet.yaml", "plugin/parts/wave.py"
     ]  # fmt: skip
     (tmp_path / "parts" / "wave.py").write_text("1/0")
     with pytest.raises(FileError) as caught:
-        parse_mission(f"{head}trees: {{Main: Greet}}\n", tmp_path / "m.yaml", Registry())
+        parse_mission(f"{head}trees: {{Main: Greet}}\n", tmp_path / "m.yaml", NodeRegistry())
     assert str(caught.value).startswith(
         f"{tmp_path}/parts/greet.yaml:4:11: plugins[0]: the plug-in 'wave.py' cannot be imported: Zero"
     )
@@ -177,19 +177,19 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 def check(text: str) -> list[str]:
     document = parse_document(f"picktree: 1\nkind: mission\n{text}\n", Path("m.yaml"), "mission")
-    return [str(found) for found in check_mission(document, Registry()).faults]
+    return [str(found) for found in check_mission(document, NodeRegistry()).faults]
 
 
 @pytest.mark.parametrize("value", ["cell_skills", "cell_skills:NODES"])
 def test_an_installed_plug_in_needs_no_word_in_the_mission(site: Path, value: str) -> None:
     install(site, WAVE, value)
-    read = parse_mission("picktree: 1\nkind: mission\ntrees: {Main: Wave}\n", Path("m.yaml"), Registry())
+    read = parse_mission("picktree: 1\nkind: mission\ntrees: {Main: Wave}\n", Path("m.yaml"), NodeRegistry())
     (source,) = read.sources
     assert (source.name, source.file, source.distribution) == (
         "cell_skills", site / "cell_skills.py", "my-cell 1.2",
     )  # fmt: skip
     other = parse_mission(
-        "picktree: 1\nkind: mission\ntrees: {Main: AlwaysSuccess}\n", Path("m.yaml"), Registry()
+        "picktree: 1\nkind: mission\ntrees: {Main: AlwaysSuccess}\n", Path("m.yaml"), NodeRegistry()
     )
     assert other.sources == ()
     assert plugin_versions(read) == {"my-cell": "1.2"}
@@ -217,13 +217,13 @@ def test_an_installed_plug_in_that_fails_is_named_only_where_a_node_is_missed(si
             """
         )
     ]
-    (problem,) = Registry().problems
+    (problem,) = NodeRegistry().problems
     assert problem.plugin == "a_cell (cell_skills)"
 
 
 def test_an_installed_plug_in_cannot_take_the_place_of_ours(site: Path) -> None:
     install(site, WAVE.replace("Wave(", "Grasp(").replace("(Wave", "(Grasp"))
-    found = Registry().find("Grasp")
+    found = NodeRegistry().find("Grasp")
     assert found is not None and found.__module__ == "picktree.skills.grasp"
     assert check("trees: {Main: Zzz}") == [
         "m.yaml:3:15: Main: unknown node 'Zzz' (the plug-in 'cell_skills': the node 'Grasp' is already "

@@ -17,7 +17,7 @@ from picktree.cell.world import World
 from picktree.cli.app import answer
 from picktree.files.diagnostics.fault_codes import page
 from picktree.trees.loading.loader import load_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.running.builder import build
 
 from .scripted import FakeWorld, Run, letters
@@ -107,7 +107,7 @@ def test_its_package_is_found_by_its_entry_point(folder: Path, monkeypatch: pyte
     monkeypatch.syspath_prepend(str(site))
     importlib.invalidate_caches()
     try:
-        registry = Registry()
+        registry = NodeRegistry()
         found = registry.find("Probe")
         assert found is not None and found.__module__ == "my_cell.skills"
         assert registry.problems == ()

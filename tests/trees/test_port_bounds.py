@@ -11,15 +11,15 @@ from picktree.files.yaml.document import FileError
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.declaration import declare
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.ports import In, port
-from picktree.trees.values.port_types import PortType, Range, accept, convert
+from picktree.trees.values.port_types import PortType, Range, accept_value, convert_literal
 
 
 def fault_of(node: str) -> str:
     text = f"picktree: 1\nkind: mission\ntrees:\n  Main: {{{node}}}\n"
     with pytest.raises(FileError) as wrong:
-        parse_mission(text, Path("m.yaml"), Registry())
+        parse_mission(text, Path("m.yaml"), NodeRegistry())
     (fault,) = wrong.value.faults
     return fault.message
 
@@ -44,10 +44,10 @@ def test_literal_out_of_bounds_is_a_fault(node: str, message: str) -> None:
 def test_bound_holds_for_each_element_and_for_what_is_written_at_run_time() -> None:
     share = Range(above=0, most=1)
     with pytest.raises(ValueError, match="2 is more than 1"):
-        convert([0.5, 2], PortType("float", many=True), None, None, share)
+        convert_literal([0.5, 2], PortType("float", many=True), None, None, share)
     with pytest.raises(ValueError, match="0 is not more than 0"):
-        accept(0, PortType("float"), None, share)
-    assert accept(1, PortType("float"), None, share) == 1.0
+        accept_value(0, PortType("float"), None, share)
+    assert accept_value(1, PortType("float"), None, share) == 1.0
 
 
 def test_default_out_of_bounds_is_refused_with_the_declaration() -> None:

@@ -9,20 +9,20 @@ import pytest
 
 from picktree.files.yaml.document import FileError
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 
 
 def faults(trees: str) -> list[str]:
     text = f"picktree: 1\nkind: mission\ntrees:\n{indent(dedent(trees).strip(), '  ')}\n"
     try:
-        parse_mission(text, Path("m.yaml"), Registry())
+        parse_mission(text, Path("m.yaml"), NodeRegistry())
     except FileError as error:
         return [f"{fault.code} {str(fault).removeprefix('m.yaml:')}" for fault in error.faults]
     return []
 
 
 def doc_of(node: str, key: str) -> str:
-    found = Registry().find(node)
+    found = NodeRegistry().find(node)
     port = found.declaration.port(key) if found is not None else None
     assert port is not None
     return port.doc

@@ -17,7 +17,7 @@ from picktree.cell.world import World
 from picktree.files.yaml.reader import resolve
 from picktree.trees import controls
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
 from picktree.trees.running.builder import build
 from picktree.trees.status import NodeStatus
@@ -87,7 +87,7 @@ def _entry(key: str, value: object) -> tuple[str, object]:
 def started(case: dict[str, object]) -> Run:
     trees = {"Main": with_leaves(case["tree"]), **cast("dict[str, object]", with_leaves(case.get("sub", {})))}
     text = f"picktree: 1\nkind: mission\ntrees: {json.dumps(trees)}\n"
-    registry = Registry((Told, *recovery.NODES), installed=False)
+    registry = NodeRegistry((Told, *recovery.NODES), installed=False)
     world = ToldWorld(answers=" ".join(cast("list[str]", case["ticks"])))
     return Run(build(parse_mission(text, FILE, registry, facts=AnyFacts()), cast("World", world)), world)
 

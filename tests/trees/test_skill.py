@@ -8,7 +8,7 @@ import pytest
 
 from picktree.errors import PicktreeError
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.node import Node
 from picktree.trees.ports import In, Out, port
 from picktree.trees.running.builder import build
@@ -92,7 +92,7 @@ HERE: tuple[type[Node], ...] = (Stubborn, Exploding, Forgetful, Wrong, Plain, Wa
 
 def begin(body: str, world: FakeWorld | None = None) -> Run:
     world = world or FakeWorld()
-    registry = Registry((*NODES, *HERE), installed=False)
+    registry = NodeRegistry((*NODES, *HERE), installed=False)
     mission = parse_mission(f"picktree: 1\nkind: mission\ntrees: {{Main: {body}}}", FILE, registry)
     return Run(build(mission, cast("World", world)), world)
 

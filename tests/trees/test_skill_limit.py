@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 from picktree.skills.await_items import AwaitItems
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.ports import In, port
 from picktree.trees.running.builder import build
 from picktree.trees.skill import Skill, Steps
@@ -47,7 +47,7 @@ class Waiting(Skill):
 def run(body: str) -> Run:
     text = f"picktree: 1\nkind: mission\ntrees:\n  Main:\n    {body}\n"
     world = FakeWorld()
-    registry = Registry((*NODES, Endless, Waiting), installed=False)
+    registry = NodeRegistry((*NODES, Endless, Waiting), installed=False)
     return Run(build(parse_mission(text, FILE, registry), cast("World", world)), world)
 
 

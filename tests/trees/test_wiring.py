@@ -10,7 +10,7 @@ from picktree.cell.world import World
 from picktree.files.yaml.document import FileError
 from picktree.trees.controls.leaves import ConditionNode
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.ports import In, Out, port
 from picktree.trees.skill import Skill, Steps
 from picktree.world.values import ObjectId
@@ -67,7 +67,7 @@ def faults(text: str) -> list[str]:
         parse_mission(
             "picktree: 1\nkind: mission\n" + dedent(text).lstrip("\n"),
             FILE,
-            Registry((*NODES, Measure, Use), installed=False),
+            NodeRegistry((*NODES, Measure, Use), installed=False),
         )
     except FileError as error:
         return [f"{fault.code} {str(fault).removeprefix('mission.yaml:')}" for fault in error.faults]

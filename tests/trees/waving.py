@@ -9,7 +9,7 @@ from pathlib import Path
 from textwrap import dedent, indent
 
 from picktree.trees.loading.loader import parse_mission
-from picktree.trees.loading.registry import Registry
+from picktree.trees.loading.registry import NodeRegistry
 from picktree.trees.mission import Mission
 from picktree.world.causes import known_causes, restore_causes
 
@@ -35,7 +35,7 @@ NODES = (Wave,)
 def mission(folder: Path, body: str = "{Main: Wave}", plugin: str = "wave.py") -> Mission:
     """A mission `m.yaml` in the folder, with those plug-ins."""
     text = f"picktree: 1\nkind: mission\nplugins: [{plugin}]\ntrees: {body}\n"
-    return parse_mission(text, folder / "m.yaml", Registry())
+    return parse_mission(text, folder / "m.yaml", NodeRegistry())
 
 
 def below(text: str) -> str:

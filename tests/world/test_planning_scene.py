@@ -5,8 +5,8 @@ from dataclasses import FrozenInstanceError, replace
 import pytest
 
 from picktree.errors import PicktreeError
-from picktree.manipulation.place.dropped_objects import let_go
-from picktree.world.belief.attempts import Attempts
+from picktree.manipulation.place.dropped_objects import release_object
+from picktree.world.belief.attempts import AttemptMemory
 from picktree.world.belief.planning_scene import BeliefObject, PlanningScene
 from picktree.world.causes import (
     Cause,
@@ -18,10 +18,10 @@ from picktree.world.causes import (
     matches,
     register_cause,
 )
-from picktree.world.random_streams import Streams
+from picktree.world.random_streams import RandomStreams
 from picktree.world.scene.description import Bin, Fixture
 from picktree.world.shapes import Box
-from picktree.world.thinking_time import ThinkingAccount
+from picktree.world.thinking_time import ComputeTimeAccount
 from picktree.world.values import ObjectId, Pose
 
 TABLE = Fixture(ObjectId("table"), Box((1.0, 1.0, 0.04)), Pose((0.5, 0.0, -0.02)))
@@ -95,7 +95,7 @@ def test_what_is_let_go_is_believed_straight_below() -> None:
     belief.put(block(), "seen")
     belief.attach("red_block_1", Pose())
     belief.carry(Pose((0.45, 0.38, 0.4)))
-    let_go(belief, "slipped")
+    release_object(belief, "slipped")
     fallen = belief.get("red_block_1")
     assert fallen.place == "red_bin"
     assert fallen.pose.position == pytest.approx((0.45, 0.38, 0.005 + 0.02))
@@ -225,31 +225,31 @@ class Named:
 
 
 def test_attempts_are_remembered_for_each_node_and_object() -> None:
-    attempts = Attempts()
+    attempts = AttemptMemory()
     a, b = Named("a"), Named("b")
     attempts.failed("Main/Grasp", "can_1", "a")
     assert attempts.remaining("Main/Grasp", "can_1", [a, b]) == [b]
     assert attempts.remaining("Main/Grasp", "can_2", [a, b]) == [a, b]
     attempts.failed("Main/Grasp", "can_1", "b")
-    restored = Attempts()
+    restored = AttemptMemory()
     restored.restore(attempts.state())
     assert restored.remaining("Main/Grasp", "can_1", [a, b]) == [a, b]
     assert restored.count("Main/Grasp", "can_1") == 0
 
 
 def test_streams_do_not_shift_each_other() -> None:
-    one, two = Streams(5), Streams(5)
+    one, two = RandomStreams(5), RandomStreams(5)
     one.take("camera")
     assert one.number("planner") == two.number("planner")
     assert one.number("planner") != one.number("planner")
-    assert Streams(6).number("planner") != Streams(5).number("planner")
-    three = Streams(5)
+    assert RandomStreams(6).number("planner") != RandomStreams(5).number("planner")
+    three = RandomStreams(5)
     three.restore(one.state())
     assert three.number("planner") == one.number("planner")
 
 
 def test_small_thoughts_add_up_to_whole_ticks() -> None:
-    account = ThinkingAccount(0.05)
+    account = ComputeTimeAccount(0.05)
     ticks = 0
     for _ in range(10):
         account.spend(0.02)

@@ -11,7 +11,7 @@ import pytest
 from picktree.files.yaml.document import FileError
 from picktree.robots.loading import load_robot
 from picktree.robots.model import RobotModel
-from picktree.session.assembly import assemble
+from picktree.session.assembly import assemble_world
 from picktree.simulation.backends import build_hardware
 from picktree.simulation.kinematic.backend import KinematicHardware
 from picktree.world.scene.description import SceneDescription
@@ -88,7 +88,7 @@ def test_belief_has_the_calibrated_tool_and_the_simulation_the_true_one() -> Non
     scene, robot = read(HEAD + CALIBRATED), load_robot("panda")
     hardware = build_hardware("kinematic", scene, robot, 0)
     assert isinstance(hardware, KinematicHardware)
-    world = assemble(hardware, scene, robot, 0)
+    world = assemble_world(hardware, scene, robot, 0)
     off = world.control.tcp.inverse() @ hardware.true_tcp()
     assert np.allclose(off.position, (0.0, 0.0, 0.0005), atol=1e-9)
     image = hardware.cameras["wrist"].capture()

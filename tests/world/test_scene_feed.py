@@ -8,7 +8,7 @@ import pytest
 
 from picktree.files.yaml.document import FileError, read_document
 from picktree.world.scene.description import Spawn
-from picktree.world.scene.feed import At, Belt, Clear, Delivery, Every, Exchange
+from picktree.world.scene.feed import AtIntervals, AtTimes, Belt, Delivery, Exchange, WhenClear
 from picktree.world.scene.loading.scene_loading import check_scene, parse_scene
 from picktree.world.shapes import Box
 
@@ -43,8 +43,8 @@ def test_a_feed_is_read() -> None:
     assert scene.exchange == Exchange(6.0)
     table, belt = scene.deliveries
     load = Spawn((("block", 2),), ("red",), ((0.3, -0.2), (0.4, 0.2)))
-    assert table == Delivery(load, Every(45.0))
-    assert (belt.belt, belt.when, belt.total, belt.spacing) == ("belt", Clear(), 60, 0.2)
+    assert table == Delivery(load, AtIntervals(45.0))
+    assert (belt.belt, belt.when, belt.total, belt.spacing) == ("belt", WhenClear(), 60, 0.2)
     assert belt.load.counts == (("block", 2), ("can", 1))
 
 
@@ -62,15 +62,15 @@ def test_a_scene_without_a_feed_has_none() -> None:
 @pytest.mark.parametrize(
     ("written", "read"),
     [
-        ("clear", Clear()),
-        ("{every: 1 min}", Every(60.0)),
-        ("{at: [10 s, 1 min]}", At((10.0, 60.0))),
+        ("clear", WhenClear()),
+        ("{every: 1 min}", AtIntervals(60.0)),
+        ("{at: [10 s, 1 min]}", AtTimes((10.0, 60.0))),
     ],
 )
 def test_when_a_load_comes(written: str, read: object) -> None:
     table, _ = parse_scene(SCENE.replace("{every: 45 s}", written), HERE).deliveries
     assert table.when == read
-    assert table.total == (4 if isinstance(read, At) else None)
+    assert table.total == (4 if isinstance(read, AtTimes) else None)
 
 
 REPLACED = [

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..flow import NOTHING, Ends, Flow, State, States, tidy
-from ..node import Control, Node
+from ..flow import NOTHING, FlowState, NodeOutcomes, OutcomeCollector, States, tidy
+from ..node import ControlNode, Node
 from ..slots import children
 from ..status import NodeStatus
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
-class IfThenElse(Control):
+class IfThenElse(ControlNode):
     """Asks its first child once; then ticks the second (yes) or the third (no) until it ends.
 
     Without a third child a no is FAILURE. SKIPPED when the condition is skipped.
@@ -59,13 +59,13 @@ class IfThenElse(Control):
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         _branch(spec, frozenset((entry,)), walk, ends)
         return ends.flow()
 
 
-class WhileDoElse(Control):
+class WhileDoElse(ControlNode):
     """Asks its first child at every tick, and ticks the second while it holds, the third while not.
 
     It is not a loop: it ends when the ticked child ends. As in BT.CPP the branch that is left is halted
@@ -107,15 +107,17 @@ class WhileDoElse(Control):
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         starts: States = frozenset((entry,))
         while (after := tidy(starts | _branch(spec, starts, walk, ends, asked_anew=True))) != starts:
             starts = after
         return ends.flow()
 
 
-def _branch(spec: NodeSpec, starts: States, walk: Walk, ends: Ends, *, asked_anew: bool = False) -> States:
+def _branch(
+    spec: NodeSpec, starts: States, walk: FlowAnalysis, ends: OutcomeCollector, *, asked_anew: bool = False
+) -> States:
     """Gather the ends of the branch that the condition chooses; the states in which something may run on.
 
     `asked_anew`: while a branch runs on, the condition is asked at every tick.

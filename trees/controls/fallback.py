@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..flow import NOTHING, Ends, Failures, Flow, State, States, tidy
+from ..flow import NOTHING, Failures, FlowState, NodeOutcomes, OutcomeCollector, States, tidy
 from ..flow.outcomes import try_next
-from ..node import Control
+from ..node import ControlNode
 from ..slots import children
 from ..status import NodeStatus
-from ..values.failure_reports import decisive
+from ..values.failure_reports import decisive_report
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
-class Fallback(Control):
+class Fallback(ControlNode):
     """Ticks its children in order until one succeeds; goes on with the child that was RUNNING.
 
     When none succeeds it fails with the last child's failure, the others' attached. A child without a report
@@ -56,16 +56,16 @@ class Fallback(Control):
             self._index += 1
         if self._skipped == len(self.parts):
             return NodeStatus.SKIPPED
-        return self.fail_with(decisive(part.failure for part in self.parts))
+        return self.fail_with(decisive_report(part.failure for part in self.parts))
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         _try_all(spec, frozenset((entry,)), walk, ends)
         return ends.flow()
 
 
-class ReactiveFallback(Control):
+class ReactiveFallback(ControlNode):
     """Tries every child anew at each tick, from the first.
 
     When an earlier child runs or succeeds, a later one that was RUNNING is halted, after the earlier was
@@ -93,25 +93,27 @@ class ReactiveFallback(Control):
                 return state
         if skipped == len(self.parts):
             return NodeStatus.SKIPPED
-        return self.fail_with(decisive(part.failure for part in self.parts))
+        return self.fail_with(decisive_report(part.failure for part in self.parts))
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         starts: States = frozenset((entry,))
         while (after := tidy(starts | _try_all(spec, starts, walk, ends, asked_anew=True))) != starts:
             starts = after
         return ends.flow()
 
 
-def _try_all(spec: NodeSpec, starts: States, walk: Walk, ends: Ends, *, asked_anew: bool = False) -> States:
+def _try_all(
+    spec: NodeSpec, starts: States, walk: FlowAnalysis, ends: OutcomeCollector, *, asked_anew: bool = False
+) -> States:
     """Gather the ends of trying the children once; the states in which one of them may run on.
 
     `asked_anew`: while a child runs on, those before it are asked at every tick.
     """
     skipped: States = starts
     failed: Failures = {}
-    running: set[State] = set()
+    running: set[FlowState] = set()
     meanwhile = NOTHING
     before = ""
     for part in spec.children:

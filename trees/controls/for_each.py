@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Literal, cast
 
-from ..flow import Ends, Flow, State, States, tidy
+from ..flow import FlowState, NodeOutcomes, OutcomeCollector, States, tidy
 from ..node import Node
 from ..ports import In, Out, port
 from ..status import NodeStatus
 from ..values.failure_reports import cannot_be_hidden
-from ..values.port_types import Given, Misfit
+from ..values.port_types import PortProblem, PortValues
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
@@ -51,10 +51,10 @@ class ForEach(Decorator):
     _skipped: int = 0
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         if given.number("most") != 0:
             return ()
-        return (Misfit("most", "of 0 elements the child never runs", "at least 1, or -1 for all"),)
+        return (PortProblem("most", "of 0 elements the child never runs", "at least 1, or -1 for all"),)
 
     def on_start(self) -> None:
         self._items = list(self.items) if self.most < 0 else self.items[: self.most]
@@ -87,10 +87,10 @@ class ForEach(Decorator):
         self._items = [*self._items[:first], *left]
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         items, most = walk.literal(spec, "in"), walk.number(spec, "most")
         length = len(cast("list[object]", items)) if isinstance(items, list) else None
-        part, ends = spec.children[0], Ends()
+        part, ends = spec.children[0], OutcomeCollector()
         if length is None or length == 0 or most is None or most == 0:
             ends.succeed((entry,))
         if length == 0 or most == 0:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..flow import NO_REPORT, Ends, Flow, State
+from ..flow import NO_REPORT, FlowState, NodeOutcomes, OutcomeCollector
 from ..status import NodeStatus
 from ..values.failure_reports import cannot_be_hidden
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
@@ -37,8 +37,8 @@ class Inverter(Decorator):
                 return other
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
         _hide_failures(flow, walk, ends)
         ends.fail(dict.fromkeys(flow.success, NO_REPORT))
         return ends.flow()
@@ -62,8 +62,8 @@ class ForceSuccess(Decorator):
         return state
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
         _hide_failures(flow, walk, ends)
         ends.succeed(flow.success)
         return ends.flow()
@@ -87,8 +87,8 @@ class ForceFailure(Decorator):
         return NodeStatus.FAILURE if state is NodeStatus.SUCCESS else state
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
         ends.fail(flow.failure)
         ends.fail(dict.fromkeys(flow.success, NO_REPORT))
         ends.skip(flow.skipped)
@@ -96,7 +96,7 @@ class ForceFailure(Decorator):
         return ends.flow()
 
 
-def _hide_failures(flow: Flow, walk: Walk, ends: Ends) -> None:
+def _hide_failures(flow: NodeOutcomes, walk: FlowAnalysis, ends: OutcomeCollector) -> None:
     """Gather the ends of a child other than success, its failures made successes where that may be."""
     for state, reasons in flow.failure.items():
         ends.fail_at(state, reasons.only(walk.unhidable))

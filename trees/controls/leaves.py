@@ -6,7 +6,7 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, cast
 
 from ...files.expressions.expression import Expression
-from ..flow import NO_REPORT, Ends, Flow, State
+from ..flow import NO_REPORT, FlowState, NodeOutcomes, OutcomeCollector
 from ..flow.default_flow import leaf
 from ..node import Node
 from ..ports import In, Out, port
@@ -15,7 +15,7 @@ from ..values.port_types import plain_copy, show
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
@@ -33,7 +33,7 @@ class ConditionNode(Node, abstract=True):
         return NodeStatus.SUCCESS if self.answer(cast("World", self.world)) else NodeStatus.FAILURE
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return leaf(cls, spec, entry, walk, takes_time=False, says_no=True)
 
 
@@ -54,7 +54,7 @@ class AlwaysSuccess(Node):
         return NodeStatus.SUCCESS
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return _succeeding(entry)
 
 
@@ -77,8 +77,8 @@ class AlwaysFailure(Node):
         return NodeStatus.FAILURE
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         ends.fail_at(entry, NO_REPORT)
         return ends.flow()
 
@@ -98,8 +98,8 @@ class Condition(ConditionNode):
         return self.holds(self.expression)
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        expression, ends = walk.literal(spec, "if"), Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        expression, ends = walk.literal(spec, "if"), OutcomeCollector()
         assert isinstance(expression, Expression)
         asked = walk.ask(spec, "if", expression, (entry,))
         ends.succeed(asked.yes)
@@ -126,7 +126,7 @@ class SetBlackboard(Node):
         return NodeStatus.SUCCESS
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return _succeeding(entry.written(walk.key_of(spec, "output_key")))
 
 
@@ -150,11 +150,11 @@ class Log(Node):
         return NodeStatus.SUCCESS
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         return _succeeding(entry)
 
 
-def _succeeding(state: State) -> Flow:
-    ends = Ends()
+def _succeeding(state: FlowState) -> NodeOutcomes:
+    ends = OutcomeCollector()
     ends.succeed((state,))
     return ends.flow()

@@ -5,21 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...world.causes import Failure, FailureReport, tree
-from ..flow import Flow, State
-from ..flow.parallel_flow import SideBySide
-from ..node import Control
+from ..flow import FlowState, NodeOutcomes
+from ..flow.parallel_flow import ParallelFlow
+from ..node import ControlNode
 from ..ports import In, port
 from ..slots import children
 from ..status import NodeStatus
 from ..values.failure_reports import with_attached
-from ..values.port_types import Given, Misfit
+from ..values.port_types import PortProblem, PortValues
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
-class Parallel(Control):
+class Parallel(ControlNode):
     """Ticks all children that have not ended, in order, in each tick.
 
     A number below zero counts from the end: -1 is all children, -2 all but one. It fails with the first
@@ -45,10 +45,10 @@ class Parallel(Control):
     _reports: tuple[FailureReport, ...] = ()
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         total = len(given.labels.get("do", ()))
         wrong = [
-            Misfit(
+            PortProblem(
                 key, f"{count:g} of {total} children cannot be counted", f"1 to {total}, or -1 to -{total}"
             )
             for key in ("success_count", "failure_count")
@@ -93,13 +93,13 @@ class Parallel(Control):
         return NodeStatus.SKIPPED if skipped == total else NodeStatus.RUNNING
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
         total, success = len(spec.children), walk.number(spec, "success_count")
         failure = walk.number(spec, "failure_count")
         wanted = None if success is None else _count(int(success), total)
         tolerated = None if failure is None else _count(int(failure), total)
         spares_skipped = success is None or success < 0
-        return SideBySide(spec, entry, walk, wanted, tolerated, spares_skipped=spares_skipped).flow()
+        return ParallelFlow(spec, entry, walk, wanted, tolerated, spares_skipped=spares_skipped).flow()
 
     def _count(self, number: int) -> int:
         return _count(number, len(self.parts))

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...files.expressions.expression import Expression
-from ..flow import Ends, Flow, State, States, tidy
+from ..flow import FlowState, NodeOutcomes, OutcomeCollector, States, tidy
 from ..ports import In, port
 from ..status import NodeStatus
-from ..values.port_types import Given
+from ..values.port_types import PortValues
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
@@ -39,7 +39,7 @@ class Repeat(Decorator):
     _cycles: int = 0
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str, ...]:
         if given.any_of("num_cycles", "while"):
             return ()
         return ("one of 'num_cycles' and 'while' must be given, or it would never end",)
@@ -62,8 +62,8 @@ class Repeat(Decorator):
         return self.condition is not None and not self.holds(self.condition)
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        cycles, part, ends = walk.number(spec, "num_cycles"), spec.children[0], Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        cycles, part, ends = walk.number(spec, "num_cycles"), spec.children[0], OutcomeCollector()
         condition = walk.literal(spec, "while")
         starts: States = frozenset((entry,))
         if cycles is None or cycles == 0:
@@ -109,8 +109,8 @@ class KeepRunningUntilFailure(Decorator):
         return state if state is NodeStatus.FAILURE else NodeStatus.RUNNING
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         starts: States = frozenset((entry,))
         while True:
             flow = walk.child(spec.children[0], starts)

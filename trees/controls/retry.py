@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...world.causes import FailureReport, internal, matches, tree
-from ..flow import UNREPORTED, Ends, Flow, Reasons, State, States, joined, tidy
+from ..flow import UNREPORTED, FailureReasons, FlowState, NodeOutcomes, OutcomeCollector, States, joined, tidy
 from ..ports import In, port
 from ..status import NodeStatus
 from ..values.failure_reports import with_attached
-from ..values.port_types import Given, Misfit
+from ..values.port_types import PortProblem, PortValues
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
@@ -39,10 +39,10 @@ class RetryUntilSuccessful(Decorator):
     _reports: tuple[FailureReport, ...] = ()
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         if given.number("num_attempts") != 0:
             return ()
-        return (Misfit("num_attempts", "with 0 attempts the child never runs", "at least 1, or -1"),)
+        return (PortProblem("num_attempts", "with 0 attempts the child never runs", "at least 1, or -1"),)
 
     def on_start(self) -> None:
         self._attempts, self._reports = 0, ()
@@ -70,8 +70,8 @@ class RetryUntilSuccessful(Decorator):
         return self.fail_with(with_attached(last, self._reports))
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        attempts, part, ends = walk.number(spec, "num_attempts"), spec.children[0], Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        attempts, part, ends = walk.number(spec, "num_attempts"), spec.children[0], OutcomeCollector()
         used_up = walk.fails(spec, walk.causes.of(cls.causes))
         if attempts is None or attempts == 0:
             ends.fail_at(entry, used_up)
@@ -95,7 +95,7 @@ class RetryUntilSuccessful(Decorator):
             starts = after
 
 
-def _for_good(reasons: Reasons, used_up: Reasons) -> Reasons:
+def _for_good(reasons: FailureReasons, used_up: FailureReasons) -> FailureReasons:
     reported = reasons.only(~UNREPORTED)
     return joined((reported, used_up.tried())) if reasons.any & UNREPORTED else reported
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from ...world.causes import tree
-from ..flow import NO_REPORT, Ends, Failures, Flow, State, States
+from ..flow import NO_REPORT, Failures, FlowState, NodeOutcomes, OutcomeCollector, States
 from ..flow.outcomes import try_next
-from ..node import Control
+from ..node import ControlNode
 from ..ports import In, port
 from ..slots import children
 from ..status import NodeStatus
-from ..values.failure_reports import decisive
+from ..values.failure_reports import decisive_report
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
-class RoundRobin(Control):
+class RoundRobin(ControlNode):
     """Ticks its children in turn, and begins each time after the child that succeeded last, as Nav2's.
 
     A child that fails or is skipped passes the turn on, in the same tick. It fails when all have failed, and,
@@ -84,11 +84,11 @@ class RoundRobin(Control):
             return self.fail(tree.ATTEMPTS, "every child has had its turn")
         if skipped == len(self.parts):
             return NodeStatus.SKIPPED
-        return self.fail_with(decisive(part.failure for part in in_turn))
+        return self.fail_with(decisive_report(part.failure for part in in_turn))
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends, parts = Ends(), spec.children
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends, parts = OutcomeCollector(), spec.children
         (succeeded,) = walk.flags(spec)
         wraps = walk.literal(spec, "wrap_around") is not False
         turns = range(len(parts) + 1) if entry.maybe & succeeded else range(1)
@@ -103,10 +103,10 @@ class RoundRobin(Control):
 
 def _take_turns(
     order: tuple[NodeSpec, ...],
-    entry: State,
+    entry: FlowState,
     succeeded: int,
-    walk: Walk,
-    ends: Ends,
+    walk: FlowAnalysis,
+    ends: OutcomeCollector,
     *,
     again: bool,
     whole: bool,
@@ -115,7 +115,7 @@ def _take_turns(
     have another turn after it. `whole`: SKIPPED when all of them are."""
     skipped: States = frozenset((entry,))
     failed: Failures = {}
-    running: set[State] = set()
+    running: set[FlowState] = set()
     before = ""
     for part in order:
         if not skipped and not failed:
@@ -136,9 +136,14 @@ def _take_turns(
 
 
 def _more_turns(
-    order: tuple[NodeSpec, ...], skipped: States, failed: Failures, succeeded: int, walk: Walk, ends: Ends
+    order: tuple[NodeSpec, ...],
+    skipped: States,
+    failed: Failures,
+    succeeded: int,
+    walk: FlowAnalysis,
+    ends: OutcomeCollector,
 ) -> None:
-    seen: set[State] = set()
+    seen: set[FlowState] = set()
     failed = {**dict.fromkeys(skipped, NO_REPORT), **failed}
     while not seen.issuperset(failed):
         seen |= failed.keys()

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from ...world.causes import FailureReport
-from ..flow import Ends, Flow, State
+from ..flow import FlowState, NodeOutcomes, OutcomeCollector
 from ..ports import In, port
 from ..status import NodeStatus
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
@@ -45,8 +45,8 @@ class RunOnce(Decorator):
         return state
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        (ended, failed), ends = walk.flags(spec), Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        (ended, failed), ends = walk.flags(spec), OutcomeCollector()
         then_skip = walk.literal(spec, "then_skip")
         if not entry.sure & ended:
             flow = walk.child(spec.children[0], (entry,))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..flow import NONE, NOTHING, Ends, Flow, State, States, tidy
-from ..node import Control
+from ..flow import NONE, NOTHING, FlowState, NodeOutcomes, OutcomeCollector, States, tidy
+from ..node import ControlNode
 from ..slots import children
 from ..status import NodeStatus
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
-class Sequence(Control):
+class Sequence(ControlNode):
     """Ticks its children in order until one fails; goes on with the child that was RUNNING.
 
     SUCCESS when all succeeded (skipped ones do not count), SKIPPED when all were skipped. It fails with the
@@ -56,13 +56,13 @@ class Sequence(Control):
         return NodeStatus.SKIPPED if self._skipped == len(self.parts) else NodeStatus.SUCCESS
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         _go_through(spec, frozenset((entry,)), walk, ends)
         return ends.flow()
 
 
-class ReactiveSequence(Control):
+class ReactiveSequence(ControlNode):
     """Asks every child anew at each tick, from the first: conditions first, then what they guard.
 
     When an earlier child runs or fails, a later one that was RUNNING is halted, after the earlier was ticked.
@@ -90,8 +90,8 @@ class ReactiveSequence(Control):
         return NodeStatus.SKIPPED if skipped == len(self.parts) else NodeStatus.SUCCESS
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         starts: States = frozenset((entry,))
         while (after := tidy(starts | _go_through(spec, starts, walk, ends, asked_anew=True))) != starts:
             starts = after
@@ -99,7 +99,7 @@ class ReactiveSequence(Control):
 
 
 def _go_through(
-    spec: NodeSpec, starts: States, walk: Walk, ends: Ends, *, asked_anew: bool = False
+    spec: NodeSpec, starts: States, walk: FlowAnalysis, ends: OutcomeCollector, *, asked_anew: bool = False
 ) -> States:
     """Gather the ends of one way through the children; the states in which one of them may run on.
 
@@ -107,7 +107,7 @@ def _go_through(
     """
     skipped, going = starts, NONE
     """States after children that were all skipped, and after others."""
-    running: set[State] = set()
+    running: set[FlowState] = set()
     meanwhile = NOTHING
     before = ""
     for part in spec.children:

@@ -5,20 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...world.causes import Failure, tree
-from ..flow import Ends, Flow, State, States, tidy
-from ..node import Control, Node
+from ..flow import FlowState, NodeOutcomes, OutcomeCollector, States, tidy
+from ..node import ControlNode, Node
 from ..ports import In, port
 from ..slots import optional_child, table
 from ..status import NodeStatus
-from ..values.port_types import Given, Misfit, show
+from ..values.port_types import PortProblem, PortValues, show
 from ..values.references import Reference
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 
-class Switch(Control):
+class Switch(ControlNode):
     """Ticks the case whose name is the value of `variable`, else `default`.
 
     The value is read at every tick; when it changes, the case that was RUNNING is halted before the other is
@@ -42,14 +42,14 @@ class Switch(Control):
     causes = (tree.NO_CASE,)
 
     @classmethod
-    def check_ports(cls, given: Given) -> tuple[str | Misfit, ...]:
+    def check_ports(cls, given: PortValues) -> tuple[str | PortProblem, ...]:
         seen: dict[object, str] = {}
-        wrong: list[Misfit] = []
+        wrong: list[PortProblem] = []
         for name in given.labels.get("cases", ()):
             value = _value_of(name)
             if value in seen:
                 wrong.append(
-                    Misfit(f"cases/{name}", f"the cases {seen[value]!r} and {name!r} are the same value")
+                    PortProblem(f"cases/{name}", f"the cases {seen[value]!r} and {name!r} are the same value")
                 )
             seen.setdefault(value, name)
         return tuple(wrong)
@@ -69,8 +69,8 @@ class Switch(Control):
         return self.fail_with(chosen.failure) if state is NodeStatus.FAILURE else state
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         chosen = _chosen(spec, walk)
         for part in spec.children:
             if not any(part is one for one in chosen):
@@ -80,7 +80,7 @@ class Switch(Control):
             ends.fail_at(entry, walk.fails(spec, walk.causes.of(cls.causes)))
         starts: States = frozenset((entry,))
         while True:
-            running: set[State] = set()
+            running: set[FlowState] = set()
             for part in chosen:
                 flow = walk.child(part, starts)
                 ends.take(flow)
@@ -116,7 +116,7 @@ def _same(value: object, name: str) -> bool:
     return name == ("null" if value is None else str(value))
 
 
-def _chosen(spec: NodeSpec, walk: Walk) -> tuple[NodeSpec, ...]:
+def _chosen(spec: NodeSpec, walk: FlowAnalysis) -> tuple[NodeSpec, ...]:
     """The cases, and the default, that the value may lead to; one at most where the text says the value."""
     bound = spec.ports["variable"]
     if isinstance(bound, Reference):

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ...world.causes import Failure, tree
-from ..flow import Ends, Flow, State
+from ..flow import FlowState, NodeOutcomes, OutcomeCollector
 from ..ports import In, port
 from ..status import NodeStatus
 from .decorator import Decorator
 
 if TYPE_CHECKING:
-    from ..flow.flow_walk import Walk
+    from ..flow.flow_walk import FlowAnalysis
     from ..mission import NodeSpec
 
 _ROUNDING = 1e-9
@@ -50,8 +50,8 @@ class Timeout(Decorator):
         return self.relay()
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        flow, ends = walk.child(spec.children[0], (entry,)), Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        flow, ends = walk.child(spec.children[0], (entry,)), OutcomeCollector()
         ends.take(flow)
         if walk.number(spec, "msec") != 0:
             for state in flow.running:
@@ -84,8 +84,8 @@ class Delay(Decorator):
         return self.relay() if self._over else NodeStatus.RUNNING
 
     @classmethod
-    def flow(cls, spec: NodeSpec, entry: State, walk: Walk) -> Flow:
-        ends = Ends()
+    def flow(cls, spec: NodeSpec, entry: FlowState, walk: FlowAnalysis) -> NodeOutcomes:
+        ends = OutcomeCollector()
         ends.take(walk.child(spec.children[0], (entry,)))
         if walk.number(spec, "delay_msec") != 0:
             ends.run((entry,))

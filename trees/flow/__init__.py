@@ -5,11 +5,23 @@ skipped or still run, with the causes of its failures. `analysis` puts these tog
 linter's rules read what it finds. Faults of the program (internal.error) are left out: any node may have one.
 """
 
-from .failure_reasons import NO_REPORT, UNREPORTED, Reasons, joined
-from .flow_state import NONE, NOTHING, Effect, State, States, tidy
-from .outcomes import NEVER, Ends, Failures, Flow
+from .failure_reasons import NO_REPORT, UNREPORTED, FailureReasons, joined
+from .flow_state import NONE, NOTHING, ConcurrentEffect, FlowState, States, tidy
+from .outcomes import NEVER, Failures, NodeOutcomes, OutcomeCollector
 
 __all__ = [
-    "NEVER", "NONE", "NOTHING", "NO_REPORT", "UNREPORTED", "Effect", "Ends", "Failures", "Flow", "Reasons",
-    "State", "States", "joined", "tidy",
+    "NEVER",
+    "NONE",
+    "NOTHING",
+    "NO_REPORT",
+    "UNREPORTED",
+    "ConcurrentEffect",
+    "FailureReasons",
+    "Failures",
+    "FlowState",
+    "NodeOutcomes",
+    "OutcomeCollector",
+    "States",
+    "joined",
+    "tidy",
 ]  # fmt: skip

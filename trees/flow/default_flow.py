@@ -5,27 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .failure_reasons import NO_REPORT, Reasons, joined
-from .flow_state import EMPTY, KEPT, NONE, SHARED, State, tidy, uncovered
-from .outcomes import Ends, Flow
+from .failure_reasons import NO_REPORT, FailureReasons, joined
+from .flow_state import EMPTY, KEPT, NONE, SHARED, FlowState, tidy, uncovered
+from .outcomes import NodeOutcomes, OutcomeCollector
 
 if TYPE_CHECKING:
     from ..declaration import Hand
     from ..mission import NodeSpec
     from ..node import Node
-    from .flow_walk import Walk
+    from .flow_walk import FlowAnalysis
 
 
 def leaf(
     node: type[Node],
     spec: NodeSpec,
-    entry: State,
-    walk: Walk,
+    entry: FlowState,
+    walk: FlowAnalysis,
     *,
     takes_time: bool,
     says_no: bool = False,
     skips: bool = False,
-) -> Flow:
+) -> NodeOutcomes:
     """A leaf that may fail with what it declares. `says_no`: also without a report, as a condition."""
     found = walk.leaves.get(id(spec))
     if found is None:
@@ -37,7 +37,7 @@ def leaf(
         hand |= hand_after(how, entry.hand, found.filler)
     halfway = entry.perhaps(outputs).holding(hand)
     failed = halfway if found.reasons.loud else halfway.in_doubt()
-    return Flow(
+    return NodeOutcomes(
         frozenset((entry.written(outputs).holding(held),)),
         {failed: found.reasons},
         frozenset((entry,)) if skips else NONE,
@@ -46,23 +46,23 @@ def leaf(
 
 
 @dataclass(frozen=True, slots=True)
-class Leaf:
+class LeafFlow:
     """What does not depend on the state in which a leaf starts."""
 
     outputs: tuple[str, ...]
     success: Hand
     otherwise: tuple[Hand, ...]
     filler: int
-    reasons: Reasons
+    reasons: FailureReasons
 
 
-def _leaf(node: type[Node], spec: NodeSpec, walk: Walk, *, says_no: bool) -> Leaf:
+def _leaf(node: type[Node], spec: NodeSpec, walk: FlowAnalysis, *, says_no: bool) -> LeafFlow:
     success, otherwise = node.hand_with(spec.ports)
     outputs = tuple(port.key for port in node.declaration.outputs if port.key in spec.ports)
     filler = walk.filler(spec) if "full" in (success, *otherwise) else 0
     looks = walk.causes.of(node.declaration.causes) & walk.no_image
     reasons = walk.fails(spec, walk.causes.of(node.causes_with(spec.ports)), walk.undeclared | looks)
-    return Leaf(outputs, success, otherwise, filler, joined((reasons, NO_REPORT)) if says_no else reasons)
+    return LeafFlow(outputs, success, otherwise, filler, joined((reasons, NO_REPORT)) if says_no else reasons)
 
 
 def hand_after(how: Hand, hand: int, filler: int) -> int:
@@ -83,13 +83,15 @@ def _hand_after(how: Hand, hand: int, filler: int) -> int:
             return hand & EMPTY | (KEPT if hand & ~(EMPTY | SHARED) else 0)
 
 
-def any_way(node: type[Node], spec: NodeSpec, entry: State, walk: Walk) -> Flow:
+def any_order_outcomes(
+    node: type[Node], spec: NodeSpec, entry: FlowState, walk: FlowAnalysis
+) -> NodeOutcomes:
     """The most cautious account: children in any order, as often as one likes, and any end."""
     if not spec.children:
         return leaf(node, spec, entry, walk, takes_time=True, says_no=True, skips=True)
     outputs = walk.keys_of(spec, tuple(port.key for port in node.declaration.outputs))
     own = walk.fails(spec, walk.causes.of(node.causes_with(spec.ports)), walk.undeclared)
-    reasons: list[Reasons] = [own, NO_REPORT]
+    reasons: list[FailureReasons] = [own, NO_REPORT]
     reached = frozenset((entry.perhaps(outputs),))
     while True:
         after = set(reached)
@@ -101,7 +103,7 @@ def any_way(node: type[Node], spec: NodeSpec, entry: State, walk: Walk) -> Flow:
         if states == reached:
             break
         reached = states
-    ends = Ends()
+    ends = OutcomeCollector()
     ends.succeed(reached)
     ends.skip(reached)
     ends.run(reached)

@@ -58,7 +58,7 @@ class CauseBits:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reasons:
+class FailureReasons:
     """Causes that a failure may have. `quiet` ones are possible although no node declares them.
 
     Where they come from is kept as a graph, read only for what is reported: `origin` raised them itself;
@@ -69,7 +69,7 @@ class Reasons:
     loud: int
     quiet: int
     origin: NodeSpec | None = None
-    inner: tuple[Reasons, ...] = ()
+    inner: tuple[FailureReasons, ...] = ()
     keep: int = ALL
     met: bool = False
     call: NodeSpec | None = None
@@ -78,24 +78,24 @@ class Reasons:
     def any(self) -> int:
         return self.loud | self.quiet
 
-    def only(self, mask: int) -> Reasons:
+    def only(self, mask: int) -> FailureReasons:
         """Those of the mask."""
         if self.any & ~mask == 0:
             return self
-        return Reasons(self.loud & mask, self.quiet & mask, inner=(self,), keep=mask)
+        return FailureReasons(self.loud & mask, self.quiet & mask, inner=(self,), keep=mask)
 
-    def tried(self) -> Reasons:
+    def tried(self) -> FailureReasons:
         """The same after a node has tried something against them."""
-        return Reasons(self.loud, self.quiet, inner=(self,), met=True)
+        return FailureReasons(self.loud, self.quiet, inner=(self,), met=True)
 
-    def through(self, call: NodeSpec) -> Reasons:
+    def through(self, call: NodeSpec) -> FailureReasons:
         """The same, seen from where the sub-tree is used."""
-        return Reasons(self.loud, self.quiet, inner=(self,), call=call)
+        return FailureReasons(self.loud, self.quiet, inner=(self,), call=call)
 
-    def sources(self, own: str) -> Iterator[Source]:
+    def sources(self, own: str) -> Iterator[CauseOrigin]:
         """The nodes that raise these; for one in another file than `own`, where that file uses it."""
         seen: set[tuple[int, int, bool, int]] = set()
-        todo: list[tuple[Reasons, int, bool, NodeSpec | None]] = [(self, ALL, False, None)]
+        todo: list[tuple[FailureReasons, int, bool, NodeSpec | None]] = [(self, ALL, False, None)]
         while todo:
             reasons, mask, met, call = todo.pop()
             mask &= reasons.keep
@@ -106,14 +106,14 @@ class Reasons:
             met = met or reasons.met
             if reasons.origin is not None:
                 there = None if reasons.origin.mark.file == own else call
-                yield Source(reasons.origin, there or reasons.origin, reasons.loud & mask, met)
+                yield CauseOrigin(reasons.origin, there or reasons.origin, reasons.loud & mask, met)
             if reasons.call is not None and reasons.call.mark.file == own:
                 call = reasons.call
             todo.extend((inner, mask, met, call) for inner in reversed(reasons.inner))
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class CauseOrigin:
     """A node that raises causes; `at` is where the mission's own file names it or what leads to it."""
 
     node: NodeSpec
@@ -122,11 +122,11 @@ class Source:
     met: bool
 
 
-NO_REPORT = Reasons(UNREPORTED, 0)
+NO_REPORT = FailureReasons(UNREPORTED, 0)
 """A condition does not hold."""
 
 
-def joined(parts: Iterable[Reasons]) -> Reasons:
+def joined(parts: Iterable[FailureReasons]) -> FailureReasons:
     """The reasons of all of them."""
     distinct = tuple({id(part): part for part in parts}.values())
     if len(distinct) == 1:
@@ -135,4 +135,4 @@ def joined(parts: Iterable[Reasons]) -> Reasons:
     for part in distinct:
         loud |= part.loud
         quiet |= part.quiet
-    return Reasons(loud, quiet & ~loud, inner=distinct)
+    return FailureReasons(loud, quiet & ~loud, inner=distinct)

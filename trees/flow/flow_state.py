@@ -6,15 +6,16 @@ from collections.abc import Iterable
 from typing import NamedTuple, TypeAlias
 
 EMPTY = 1
-"""Of `State.hand`: nothing is held."""
+"""Of `FlowState.hand`: nothing is held."""
 KEPT = 2
-"""Of `State.hand`: what is held was seen to by a retreat, or was held before the analysis began."""
+"""Of `FlowState.hand`: what is held was seen to by a retreat, or was held before the analysis began."""
 OUTER = 4
-"""Of `State.hand`, in a sub-tree: what its users' nodes took is held still, whichever they were."""
+"""Of `FlowState.hand`, in a sub-tree: what its users' nodes took is held still, whichever they were."""
 SHARED = 8
-"""Of `State.hand`: something beside this may change what is held at any time, so that no change is final."""
+"""Of `FlowState.hand`: something beside this may change what is held at any time, so that no change is
+final."""
 FIRST_FILLER = 16
-"""Of `State.hand`, and each bit above: what one node of the text took is held still."""
+"""Of `FlowState.hand`, and each bit above: what one node of the text took is held still."""
 
 LIMIT = 6
 """States that are told apart at one point; more are merged."""
@@ -22,7 +23,7 @@ BETWEEN = 4
 """The same between two ticks, where less depends on it."""
 
 
-class State(NamedTuple):
+class FlowState(NamedTuple):
     """Keys and flags are bits of `sure` and `maybe`; what is in neither was written on no way here.
 
     `hand` is a set of possibilities, as bits. `doubtful`: the point is reached only if some node ends in a
@@ -34,29 +35,29 @@ class State(NamedTuple):
     hand: int
     doubtful: bool = False
 
-    def written(self, bits: int) -> State:
+    def written(self, bits: int) -> FlowState:
         """After these keys were written."""
         if self.sure & bits == bits:
             return self
-        return State(self.sure | bits, self.maybe | bits, self.hand, self.doubtful)
+        return FlowState(self.sure | bits, self.maybe | bits, self.hand, self.doubtful)
 
-    def perhaps(self, bits: int) -> State:
+    def perhaps(self, bits: int) -> FlowState:
         """After these keys were written, or not."""
         if self.maybe & bits == bits:
             return self
-        return State(self.sure, self.maybe | bits, self.hand, self.doubtful)
+        return FlowState(self.sure, self.maybe | bits, self.hand, self.doubtful)
 
-    def holding(self, hand: int) -> State:
-        return self if hand == self.hand else State(self.sure, self.maybe, hand, self.doubtful)
+    def holding(self, hand: int) -> FlowState:
+        return self if hand == self.hand else FlowState(self.sure, self.maybe, hand, self.doubtful)
 
-    def alone(self) -> State:
+    def alone(self) -> FlowState:
         """After what went on beside has ended."""
         return self.holding(self.hand & ~SHARED)
 
-    def in_doubt(self) -> State:
-        return self if self.doubtful else State(self.sure, self.maybe, self.hand, True)
+    def in_doubt(self) -> FlowState:
+        return self if self.doubtful else FlowState(self.sure, self.maybe, self.hand, True)
 
-    def covers(self, other: State) -> bool:
+    def covers(self, other: FlowState) -> bool:
         """Whether all that may be so in the other may be so here."""
         return (
             self.sure & ~other.sure == 0
@@ -66,27 +67,27 @@ class State(NamedTuple):
         )
 
 
-class Effect(NamedTuple):
+class ConcurrentEffect(NamedTuple):
     """What something that goes on beside a node may do meanwhile: write keys, change what the hand holds."""
 
     maybe: int = 0
     hand: int = 0
 
-    def on(self, state: State) -> State:
+    def on(self, state: FlowState) -> FlowState:
         """What must be reckoned with from that state on."""
         hand = state.hand | self.hand | (SHARED if self.hand else 0)
-        return State(state.sure, state.maybe | self.maybe, hand, state.doubtful)
+        return FlowState(state.sure, state.maybe | self.maybe, hand, state.doubtful)
 
-    def with_(self, other: Effect) -> Effect:
-        return Effect(self.maybe | other.maybe, self.hand | other.hand)
+    def with_(self, other: ConcurrentEffect) -> ConcurrentEffect:
+        return ConcurrentEffect(self.maybe | other.maybe, self.hand | other.hand)
 
 
-NOTHING = Effect()
-States: TypeAlias = frozenset[State]
+NOTHING = ConcurrentEffect()
+States: TypeAlias = frozenset[FlowState]
 NONE: States = frozenset()
 
 
-def merged(states: Iterable[State]) -> State:
+def merged(states: Iterable[FlowState]) -> FlowState:
     """One state that covers them all. There must be one at least."""
     sure, maybe, hand, doubtful = -1, 0, 0, True
     for state in states:
@@ -94,10 +95,10 @@ def merged(states: Iterable[State]) -> State:
         maybe |= state.maybe
         hand |= state.hand
         doubtful = doubtful and state.doubtful
-    return State(sure, maybe, hand, doubtful)
+    return FlowState(sure, maybe, hand, doubtful)
 
 
-def tidy(states: Iterable[State], limit: int = LIMIT) -> States:
+def tidy(states: Iterable[FlowState], limit: int = LIMIT) -> States:
     """The same with what others cover left out, and merged where there are too many."""
     found = states if isinstance(states, frozenset) else frozenset(states)
     if len(found) < 2:
@@ -114,7 +115,7 @@ def tidy(states: Iterable[State], limit: int = LIMIT) -> States:
 
 def uncovered(states: States) -> States:
     """Those that no other covers."""
-    left: list[State] = []
+    left: list[FlowState] = []
     for state in states:
         sure, maybe, hand, doubtful = state
         for other in states:
@@ -133,7 +134,7 @@ def uncovered(states: States) -> States:
 
 
 def _merged_by(states: States, *, with_hand: bool) -> States:
-    groups: dict[tuple[int, bool], list[State]] = {}
+    groups: dict[tuple[int, bool], list[FlowState]] = {}
     for state in states:
         groups.setdefault((state.hand if with_hand else 0, state.doubtful), []).append(state)
     return frozenset(merged(group) for group in groups.values())

@@ -9,17 +9,30 @@ from ..declaration import PRECONDITIONS
 from ..mission import Mission, NodeSpec, TreeSpec, bottom_up
 from ..node import Node
 from ..values.references import Reference
-from .default_flow import Leaf, any_way
-from .failure_reasons import NO_REPORT, UNREPORTED, Reasons, joined
-from .flow_state import EMPTY, FIRST_FILLER, KEPT, NOTHING, OUTER, SHARED, Effect, State, States, tidy
-from .key_bits import Layout, lay_out
-from .key_reading import Frame, Reading
-from .outcomes import NEVER, Ends, Flow, tidy_failures
+from .default_flow import LeafFlow, any_order_outcomes
+from .failure_reasons import NO_REPORT, UNREPORTED, FailureReasons, joined
+from .flow_state import (
+    EMPTY,
+    FIRST_FILLER,
+    KEPT,
+    NOTHING,
+    OUTER,
+    SHARED,
+    ConcurrentEffect,
+    FlowState,
+    States,
+    tidy,
+)
+from .key_bits import KeyBits, lay_out
+from .key_reading import KeyReader, WiredTree
+from .outcomes import NEVER, NodeOutcomes, OutcomeCollector, tidy_failures
 
 
-def conditioned(spec: NodeSpec, state: State, walk: Walk, run: Callable[[State], Flow]) -> Flow:
+def conditioned(
+    spec: NodeSpec, state: FlowState, walk: FlowAnalysis, run: Callable[[FlowState], NodeOutcomes]
+) -> NodeOutcomes:
     """The ends of a node whose preconditions are asked, which then runs, and whose postconditions follow."""
-    ends = Ends()
+    ends = OutcomeCollector()
     states: States = frozenset((state,))
     for name in PRECONDITIONS:
         condition = spec.preconditions.get(name)
@@ -51,13 +64,13 @@ def conditioned(spec: NodeSpec, state: State, walk: Walk, run: Callable[[State],
     return _concluded(spec, ends.flow(), walk) if spec.postconditions else ends.flow()
 
 
-def _concluded(spec: NodeSpec, flow: Flow, walk: Walk) -> Flow:
+def _concluded(spec: NodeSpec, flow: NodeOutcomes, walk: FlowAnalysis) -> NodeOutcomes:
     """After the assignments of the postconditions; one that has no value makes a success a failure."""
-    ends = Ends()
+    ends = OutcomeCollector()
     ends.succeed(_assigned(spec, ("_onSuccess", "_post"), flow.success, walk, ends))
     ends.skip(flow.skipped)
     for state, reasons in flow.failure.items():
-        problems = Ends()
+        problems = OutcomeCollector()
         for after in _assigned(spec, ("_onFailure", "_post"), frozenset((state,)), walk, problems):
             ends.fail_at(after, reasons)
         for after, missing in problems.flow().failure.items():
@@ -65,11 +78,13 @@ def _concluded(spec: NodeSpec, flow: Flow, walk: Walk) -> Flow:
     halted = _assigned_keys(spec, ("_onHalted",), walk)
     ends.run(state.perhaps(halted) for state in flow.running)
     for state in flow.running:  # no end comes of them, but the names are read
-        _assigned(spec, ("_onHalted",), frozenset((state,)), walk, Ends())
+        _assigned(spec, ("_onHalted",), frozenset((state,)), walk, OutcomeCollector())
     return ends.flow()
 
 
-def _assigned(spec: NodeSpec, places: tuple[str, ...], states: States, walk: Walk, ends: Ends) -> States:
+def _assigned(
+    spec: NodeSpec, places: tuple[str, ...], states: States, walk: FlowAnalysis, ends: OutcomeCollector
+) -> States:
     """The states after all could be carried out; the others are failures of `ends`."""
     written = _assigned_keys(spec, places, walk)
     for place in places:
@@ -78,7 +93,7 @@ def _assigned(spec: NodeSpec, places: tuple[str, ...], states: States, walk: Wal
             asked = walk.ask(spec, place, assignment.value, states)
             for state, reasons in asked.failed.items():
                 ends.fail_at(state.perhaps(written), reasons)
-            after: list[State] = []
+            after: list[FlowState] = []
             for state in (*asked.yes, *asked.no):
                 if not assignment.new:
                     _, missing = walk.read(spec, place, assignment.key, bits, state)
@@ -89,7 +104,7 @@ def _assigned(spec: NodeSpec, places: tuple[str, ...], states: States, walk: Wal
     return states
 
 
-def _assigned_keys(spec: NodeSpec, places: tuple[str, ...], walk: Walk) -> int:
+def _assigned_keys(spec: NodeSpec, places: tuple[str, ...], walk: FlowAnalysis) -> int:
     bits = 0
     for place in places:
         for assignment in spec.postconditions.get(place, ()):
@@ -97,12 +112,12 @@ def _assigned_keys(spec: NodeSpec, places: tuple[str, ...], walk: Walk) -> int:
     return bits
 
 
-class Walk(Reading):
+class FlowAnalysis(KeyReader):
     """What a node's `flow` may ask, and what was found on the way."""
 
     def __init__(self, mission: Mission) -> None:
         super().__init__()
-        self.ends: dict[str, Flow] = {}
+        self.ends: dict[str, NodeOutcomes] = {}
         """Of the trees that were entered from outside."""
         self.reached: dict[int, NodeSpec] = {}
         self.started: set[int] = set()
@@ -112,15 +127,15 @@ class Walk(Reading):
         self.handled: set[tuple[int, str]] = set()
         """Handlers that were used, by `id` of the spec and label."""
         self.fillers: list[NodeSpec] = []
-        self.leaves: dict[int, Leaf] = {}
+        self.leaves: dict[int, LeafFlow] = {}
         """By `id` of the spec."""
         self.unhidable = self.causes.matching("safety.*")
         """What no node may turn into a success; faults of the program are not walked through."""
         self._trees = mission.trees
         self._layouts = lay_out(mission.trees, bottom_up(mission.trees))
-        self._frames: dict[tuple[str, tuple[tuple[int, int], ...], int], Frame] = {}
+        self._frames: dict[tuple[str, tuple[tuple[int, int], ...], int], WiredTree] = {}
         self._hands: dict[str, int] = {}
-        self._remembered: dict[int, Reasons] = {}
+        self._remembered: dict[int, FailureReasons] = {}
         self._recalled: set[int] = set()
         self._outdated = False
 
@@ -138,17 +153,19 @@ class Walk(Reading):
             for name in self._hands:
                 self._enter(name)
 
-    def layout_of(self, tree: str) -> Layout:
+    def layout_of(self, tree: str) -> KeyBits:
         """Which bits of a state stand for what in that tree."""
         return self._layouts[tree]
 
-    def frames_of(self, tree: str) -> tuple[Frame, ...]:
+    def frames_of(self, tree: str) -> tuple[WiredTree, ...]:
         """The ways in which the tree is wired, with all that was found of its nodes."""
         return tuple(frame for (name, _, _), frame in self._frames.items() if name == tree)
 
     # What a node's flow may ask.
 
-    def child(self, spec: NodeSpec, states: Iterable[State], meanwhile: Effect = NOTHING) -> Flow:
+    def child(
+        self, spec: NodeSpec, states: Iterable[FlowState], meanwhile: ConcurrentEffect = NOTHING
+    ) -> NodeOutcomes:
         """The ends of a child that starts in any of these states; `meanwhile`: what others may do between
         its ticks."""
         if meanwhile != NOTHING and any(self._node(spec, state).running for state in states):
@@ -158,19 +175,19 @@ class Walk(Reading):
         flows = [self._node(spec, state) for state in states]
         if len(flows) < 2:
             return flows[0] if flows else NEVER
-        ends = Ends()
+        ends = OutcomeCollector()
         for flow in flows:
             ends.take(flow)
         return ends.flow()
 
-    def effect(self, spec: NodeSpec, states: Iterable[State]) -> Effect:
+    def effect(self, spec: NodeSpec, states: Iterable[FlowState]) -> ConcurrentEffect:
         """What a child that starts in any of these states may do to them."""
         found = NOTHING
         for state in states:
             found = found.with_(self._node(spec, state).effect(state))
         return found
 
-    def remember(self, spec: NodeSpec, reasons: Reasons) -> None:
+    def remember(self, spec: NodeSpec, reasons: FailureReasons) -> None:
         """That the node may have failed so in an earlier activation."""
         known = self._remembered.get(id(spec))
         together = reasons if known is None else joined((known, reasons))
@@ -178,13 +195,13 @@ class Walk(Reading):
             self._remembered[id(spec)] = together
             self._outdated = self._outdated or id(spec) in self._recalled
 
-    def recall(self, spec: NodeSpec) -> Reasons:
+    def recall(self, spec: NodeSpec) -> FailureReasons:
         """What it may have failed with in an earlier activation."""
         self._recalled.add(id(spec))
-        return self._remembered.get(id(spec), Reasons(0, 0))
+        return self._remembered.get(id(spec), FailureReasons(0, 0))
 
     def filler(self, spec: NodeSpec) -> int:
-        """The bit of `State.hand` that says that this node took what is held."""
+        """The bit of `FlowState.hand` that says that this node took what is held."""
         if not any(spec is known for known in self.fillers):
             self.fillers.append(spec)
         index = next(i for i, known in enumerate(self.fillers) if known is spec)
@@ -202,10 +219,10 @@ class Walk(Reading):
 
     def _enter(self, tree: str) -> None:
         inputs = self._layouts[tree].inputs
-        state = State(inputs, inputs, self._hands[tree])
+        state = FlowState(inputs, inputs, self._hands[tree])
         self.ends[tree] = self._in_frame(self._trees[tree], (), 0, state)
 
-    def _node(self, spec: NodeSpec, state: State) -> Flow:
+    def _node(self, spec: NodeSpec, state: FlowState) -> NodeOutcomes:
         memo, key = self._frame.memo, (id(spec), state)
         flow = memo.get(key)
         if flow is None:
@@ -216,13 +233,13 @@ class Walk(Reading):
             else:
                 flow = self._run(spec, state)
             if self._missing:
-                flow = Flow(flow.success, flow.failure, flow.skipped, flow.running, self._missing)
+                flow = NodeOutcomes(flow.success, flow.failure, flow.skipped, flow.running, self._missing)
             memo[key] = flow
             self._missing = outer
         self._missing |= flow.missing
         return flow
 
-    def _run(self, spec: NodeSpec, state: State) -> Flow:
+    def _run(self, spec: NodeSpec, state: FlowState) -> NodeOutcomes:
         self.started.add(id(spec))
         if spec.node is None:
             return self._call(spec, state)
@@ -234,9 +251,9 @@ class Walk(Reading):
             state = state.in_doubt()
         known = flow.failure.get(state)
         failure = {**flow.failure, state: reasons if known is None else joined((known, reasons))}
-        return Flow(flow.success, tidy_failures(failure), flow.skipped, flow.running)
+        return NodeOutcomes(flow.success, tidy_failures(failure), flow.skipped, flow.running)
 
-    def _call(self, spec: NodeSpec, state: State) -> Flow:
+    def _call(self, spec: NodeSpec, state: FlowState) -> NodeOutcomes:
         shift, layout = self._frame.layout.calls[id(spec)]
         everything = (1 << layout.size) - 1
         sure, maybe = (state.sure >> shift) & everything, (state.maybe >> shift) & everything
@@ -256,7 +273,7 @@ class Walk(Reading):
         # Who took what is held is the same to a sub-tree: else each use of it would be another.
         held = state.hand & ~(EMPTY | KEPT | SHARED)
         hand = state.hand & ~held | (OUTER if held else 0)
-        inside = State(sure, maybe, hand, state.doubtful)
+        inside = FlowState(sure, maybe, hand, state.doubtful)
         flow = self._in_frame(layout.tree, twice, owned, inside)
         for port in layout.tree.ports:
             bound = spec.ports.get(port.key)
@@ -267,15 +284,15 @@ class Walk(Reading):
         kept = everything & ~(sum(wired) | constant)
         ways = tuple(wired.items())
 
-        def outside(inner: State) -> State:
+        def outside(inner: FlowState) -> FlowState:
             sure, maybe = (inner.sure & kept) << shift, (inner.maybe & kept) << shift
             for bit, outer in ways:
                 sure |= outer if inner.sure & bit else 0
                 maybe |= outer if inner.maybe & bit else 0
             after = inner.hand & ~OUTER | held if inner.hand & OUTER else inner.hand
-            return State(state.sure | sure, state.maybe | maybe, after, inner.doubtful)
+            return FlowState(state.sure | sure, state.maybe | maybe, after, inner.doubtful)
 
-        ends = Ends()
+        ends = OutcomeCollector()
         ends.succeed(map(outside, flow.success))
         ends.skip(map(outside, flow.skipped))
         ends.run(map(outside, flow.running))
@@ -283,12 +300,14 @@ class Walk(Reading):
             ends.fail_at(outside(inner), reasons.through(spec))
         return ends.flow()
 
-    def _in_frame(self, tree: TreeSpec, twice: tuple[tuple[int, int], ...], owned: int, state: State) -> Flow:
+    def _in_frame(
+        self, tree: TreeSpec, twice: tuple[tuple[int, int], ...], owned: int, state: FlowState
+    ) -> NodeOutcomes:
         key = (tree.name, twice, owned)
         frame = self._frames.get(key)
         if frame is None:
             same = {bit: sum(other for other, to in twice if to == outer) for bit, outer in twice}
-            frame = self._frames[key] = Frame(self._layouts[tree.name], same, owned)
+            frame = self._frames[key] = WiredTree(self._layouts[tree.name], same, owned)
         self.entered.add(tree.name)
         above, self._here = self._here, frame
         outer, self._missing = self._missing, 0
@@ -297,11 +316,11 @@ class Walk(Reading):
         return flow
 
 
-def _flow_of(node: type[Node]) -> Callable[[NodeSpec, State, Walk], Flow]:
+def _flow_of(node: type[Node]) -> Callable[[NodeSpec, FlowState, FlowAnalysis], NodeOutcomes]:
     """The class's own account; the most cautious one where its behaviour was rewritten below that."""
     for base in node.__mro__:
         if "flow" in vars(base):
             return node.flow
         if "on_tick" in vars(base):
-            return partial(any_way, node)
+            return partial(any_order_outcomes, node)
     return node.flow

@@ -12,7 +12,7 @@ from ..values.references import Constant, Reference
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class KeyBits:
     """Bits of one tree. An instance of a sub-tree keeps its keys from one activation to the next, so each
     use of one has a region of its own: its layout, shifted."""
 
@@ -20,16 +20,16 @@ class Layout:
     keys: Mapping[str, int]
     flags: Mapping[int, tuple[int, ...]]
     """For nodes that remember something beyond their end, by `id` of the spec."""
-    calls: Mapping[int, tuple[int, Layout]]
+    calls: Mapping[int, tuple[int, KeyBits]]
     """Shift and layout of each use of a sub-tree, by `id` of the spec."""
     size: int
     inputs: int
     """The bits of its input ports."""
 
 
-def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, Layout]:
+def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, KeyBits]:
     """The layouts of all trees; `order`: each after those that it uses."""
-    layouts: dict[str, Layout] = {}
+    layouts: dict[str, KeyBits] = {}
     for name in order:
         tree = trees[name]
         specs = tuple(tree.root.iterate())
@@ -38,7 +38,7 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
             keys.setdefault(key, 1 << len(keys))
         size = len(keys)
         flags: dict[int, tuple[int, ...]] = {}
-        calls: dict[int, tuple[int, Layout]] = {}
+        calls: dict[int, tuple[int, KeyBits]] = {}
         for spec in specs:
             if spec.node is None:
                 calls[id(spec)] = (size, layouts[spec.id])
@@ -47,7 +47,7 @@ def lay_out(trees: Mapping[str, TreeSpec], order: tuple[str, ...]) -> dict[str, 
                 flags[id(spec)] = tuple(1 << size + index for index in range(spec.node.lasting))
                 size += spec.node.lasting
         inputs = sum(keys[port.key] for port in tree.ports if port.direction == "in")
-        layouts[name] = Layout(tree, keys, flags, calls, size, inputs)
+        layouts[name] = KeyBits(tree, keys, flags, calls, size, inputs)
     return layouts
 
 

@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.syntax_tree import (
     Attribute,
-    Choice,
-    Comparison,
+    ComparisonChain,
+    Conditional,
     ListOf,
-    Literally,
+    LiteralValue,
     Logic,
     Name,
     Not,
     Part,
     walk,
 )
-from ...files.expressions.syntax_tree import below as parts_of
+from ...files.expressions.syntax_tree import children as parts_of
 from ...world.belief.facts import FACTS
 from ...world.causes import perception
 from ...world.causes import tree as tree_causes
@@ -26,14 +26,14 @@ from ...world.causes import world as world_causes
 from ..mission import NodeSpec
 from ..ports import Required
 from ..values.references import Constant, Reference
-from .failure_reasons import CauseBits, Reasons
-from .flow_state import EMPTY, SHARED, State, States, tidy
-from .key_bits import Layout
-from .outcomes import Ends, Failures, Flow
+from .failure_reasons import CauseBits, FailureReasons
+from .flow_state import EMPTY, SHARED, FlowState, States, tidy
+from .key_bits import KeyBits
+from .outcomes import Failures, NodeOutcomes, OutcomeCollector
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class ExpressionShape:
     """`certain`: names that are read whatever the values are. `total`: it has a value as soon as its names
     have one, of whatever type. `constant`: whether it holds, where no name decides; None: cannot be said."""
 
@@ -50,10 +50,10 @@ class Shape:
     """The same where it does not hold."""
 
 
-def shape(expression: Expression) -> Shape:
+def shape(expression: Expression) -> ExpressionShape:
     constant, fails = _constant(expression)
     names = dict.fromkeys(part.name for part in walk(expression.root) if isinstance(part, Name))
-    return Shape(
+    return ExpressionShape(
         tuple(names),
         certain_names(expression.root),
         bool(expression.paths),
@@ -72,9 +72,9 @@ def certain_names(part: Part) -> frozenset[str]:
             return frozenset((name,))
         case Logic(parts=(first, *_)):
             return certain_names(first)
-        case Choice(test=test, yes=yes, no=no):
+        case Conditional(test=test, yes=yes, no=no):
             return certain_names(test) | (certain_names(yes) & certain_names(no))
-        case Comparison(first=first, rest=(second, *_)):
+        case ComparisonChain(first=first, rest=(second, *_)):
             return certain_names(first) | certain_names(second.operand)
         case _:
             return frozenset[str]().union(*map(certain_names, parts_of(part)))
@@ -83,11 +83,11 @@ def certain_names(part: Part) -> frozenset[str]:
 def is_total(part: Part) -> bool:
     """Whether nothing in it works on some types only."""
     match part:
-        case Literally() | Name():
+        case LiteralValue() | Name():
             return True
-        case Comparison(rest=rest):
+        case ComparisonChain(rest=rest):
             return all(r.relation in ("==", "!=") for r in rest) and all(map(is_total, parts_of(part)))
-        case Logic() | Not() | Choice() | ListOf():
+        case Logic() | Not() | Conditional() | ListOf():
             return all(map(is_total, parts_of(part)))
         case _:
             return False
@@ -118,7 +118,7 @@ def _constant(expression: Expression) -> tuple[bool | None, bool]:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class ExpressionAnswers:
     """What an expression may answer: where it holds, where not, and where it has no value."""
 
     yes: States
@@ -127,7 +127,7 @@ class Asked:
 
 
 @dataclass(slots=True)
-class Read:
+class KeyRead:
     """A key that is read at one place. It may be unwritten there (`missing`), or written (`ever`)."""
 
     spec: NodeSpec
@@ -139,22 +139,24 @@ class Read:
 
 
 @dataclass(slots=True)
-class Frame:
+class WiredTree:
     """A tree in one way of being wired; `same`: bits that stand for one key; `owned`: inputs that are
     attributes of an object."""
 
-    layout: Layout
+    layout: KeyBits
     same: Mapping[int, int]
     owned: int
-    memo: dict[tuple[int, State], Flow] = field(default_factory=dict[tuple[int, State], Flow])
+    memo: dict[tuple[int, FlowState], NodeOutcomes] = field(
+        default_factory=dict[tuple[int, FlowState], NodeOutcomes]
+    )
 
 
-class Reading:
+class KeyReader:
     """What a walk knows of keys, in the tree through which it goes at the moment."""
 
     def __init__(self) -> None:
         self.causes = CauseBits()
-        self.reads: dict[tuple[int, str, str], Read] = {}
+        self.reads: dict[tuple[int, str, str], KeyRead] = {}
         """By `id` of the spec, its key under which the name stands, and the name."""
         self.raised: dict[int, int] = {}
         """What each node has raised itself, by `id` of its spec."""
@@ -165,21 +167,21 @@ class Reading:
         self.no_image = self.causes.of((perception.NO_IMAGE,))
         """What whoever looks may fail with. Where it declares nothing else of a look, nobody is told to
         handle it: any device may fail."""
-        self._here: Frame | None = None
+        self._here: WiredTree | None = None
         self._missing = 0
-        self._shapes: dict[int, Shape] = {}
-        self._made: dict[tuple[int, int, int], Reasons] = {}
+        self._shapes: dict[int, ExpressionShape] = {}
+        self._made: dict[tuple[int, int, int], FailureReasons] = {}
 
     @property
-    def _frame(self) -> Frame:
+    def _frame(self) -> WiredTree:
         assert self._here is not None, "no tree was entered"
         return self._here
 
-    def fails(self, spec: NodeSpec, loud: int, quiet: int = 0) -> Reasons:
+    def fails(self, spec: NodeSpec, loud: int, quiet: int = 0) -> FailureReasons:
         """Failures of the node's own making."""
         key = (id(spec), loud, quiet & ~loud)
         if key not in self._made:
-            self._made[key] = Reasons(loud, quiet & ~loud, origin=spec)
+            self._made[key] = FailureReasons(loud, quiet & ~loud, origin=spec)
             self.raised[id(spec)] = self.raised.get(id(spec), 0) | loud
         return self._made[key]
 
@@ -212,18 +214,20 @@ class Reading:
         """The bits of a node that is `lasting`."""
         return self._frame.layout.flags[id(spec)]
 
-    def shape(self, expression: Expression) -> Shape:
+    def shape(self, expression: Expression) -> ExpressionShape:
         found = self._shapes.get(id(expression))
         if found is None:
             found = self._shapes[id(expression)] = shape(expression)
         return found
 
-    def ask(self, spec: NodeSpec, place: str, expression: Expression, states: Iterable[State]) -> Asked:
+    def ask(
+        self, spec: NodeSpec, place: str, expression: Expression, states: Iterable[FlowState]
+    ) -> ExpressionAnswers:
         """What the expression that stands under the key `place` of a node answers."""
         found = self.shape(expression)
-        yes: list[State] = []
-        no: list[State] = []
-        failed = Ends()
+        yes: list[FlowState] = []
+        no: list[FlowState] = []
+        failed = OutcomeCollector()
         for state in states:
             after, reasons = self._names(spec, place, found, state)
             if reasons is not None:
@@ -234,11 +238,11 @@ class Reading:
                 yes.append(self._told(after, holding=found.if_yes))
             if found.constant is not True:
                 no.append(self._told(after, holding=found.if_no))
-        return Asked(tidy(yes), tidy(no), failed.flow().failure)
+        return ExpressionAnswers(tidy(yes), tidy(no), failed.flow().failure)
 
     # For the walk.
 
-    def _told(self, state: State, *, holding: bool | None) -> State:
+    def _told(self, state: FlowState, *, holding: bool | None) -> FlowState:
         """After the fact `holding` was heard, unless a key hides it."""
         hidden = state.maybe & self._frame.layout.keys.get("holding", 0)
         if holding is None or hidden or state.hand & SHARED:
@@ -252,7 +256,7 @@ class Reading:
         bit = self._frame.layout.keys[key]
         return self._frame.same.get(bit, bit)
 
-    def inputs(self, spec: NodeSpec, state: State) -> tuple[State, Reasons | None]:
+    def inputs(self, spec: NodeSpec, state: FlowState) -> tuple[FlowState, FailureReasons | None]:
         """After the inputs were read as the node starts; and why that may fail."""
         assert spec.node is not None
         loud = quiet = 0
@@ -271,7 +275,9 @@ class Reading:
                 quiet |= self._missing_input
         return state, self.fails(spec, loud, quiet) if loud or quiet else None
 
-    def _names(self, spec: NodeSpec, place: str, found: Shape, state: State) -> tuple[State, Reasons | None]:
+    def _names(
+        self, spec: NodeSpec, place: str, found: ExpressionShape, state: FlowState
+    ) -> tuple[FlowState, FailureReasons | None]:
         """After the names of an expression were read; and why it may have no value."""
         loud = quiet = 0
         for name in found.names:
@@ -291,7 +297,9 @@ class Reading:
             quiet |= self._missing_input
         return state, self.fails(spec, loud, quiet) if loud or quiet else None
 
-    def read(self, spec: NodeSpec, place: str, key: str, bits: int, state: State) -> tuple[State, int]:
+    def read(
+        self, spec: NodeSpec, place: str, key: str, bits: int, state: FlowState
+    ) -> tuple[FlowState, int]:
         """After a key was read: then it was written. Also the cause if it may not have been."""
         unwritten = not state.sure & bits
         self.note_read(spec, place, key, state, missing=unwritten)
@@ -302,7 +310,7 @@ class Reading:
         told = state.maybe & bits or self._frame.layout.inputs & bits
         return after if told else after.in_doubt(), self._missing_input
 
-    def note_read(self, spec: NodeSpec, place: str, key: str, state: State, *, missing: bool) -> None:
+    def note_read(self, spec: NodeSpec, place: str, key: str, state: FlowState, *, missing: bool) -> None:
         """That the key is read at that place, in that state."""
         layout, bits = self._frame.layout, self.bits(key)
         if bits & layout.inputs:
@@ -312,6 +320,6 @@ class Reading:
         where = (id(spec), place, key)
         read = self.reads.get(where)
         if read is None:
-            read = self.reads[where] = Read(spec, place, key, layout.tree.name)
+            read = self.reads[where] = KeyRead(spec, place, key, layout.tree.name)
         read.missing = read.missing or (missing and not state.doubtful)
         read.ever = read.ever or (bool(state.maybe & bits) and not state.doubtful)

@@ -6,20 +6,31 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
-from .failure_reasons import UNREPORTED, Reasons, joined
-from .flow_state import BETWEEN, LIMIT, NONE, NOTHING, SHARED, Effect, State, States, merged, tidy
+from .failure_reasons import UNREPORTED, FailureReasons, joined
+from .flow_state import (
+    BETWEEN,
+    LIMIT,
+    NONE,
+    NOTHING,
+    SHARED,
+    ConcurrentEffect,
+    FlowState,
+    States,
+    merged,
+    tidy,
+)
 
 if TYPE_CHECKING:
     from ..mission import NodeSpec
-    from .flow_walk import Walk
+    from .flow_walk import FlowAnalysis
 
 
-Failures: TypeAlias = Mapping[State, Reasons]
+Failures: TypeAlias = Mapping[FlowState, FailureReasons]
 """States in which a node may have failed, and for which reasons."""
 
 
 @dataclass(frozen=True, slots=True)
-class Flow:
+class NodeOutcomes:
     """The ends of a node that started in one state. `running`: where it may be between two ticks."""
 
     success: States
@@ -34,55 +45,55 @@ class Flow:
         """Every state that it may leave behind, halted or ended."""
         return frozenset((*self.success, *self.skipped, *self.failure, *self.running))
 
-    def effect(self, entry: State) -> Effect:
+    def effect(self, entry: FlowState) -> ConcurrentEffect:
         """What it may have done to the state in which it started."""
         maybe = hand = 0
         for state in self.everywhere:
             maybe |= state.maybe
             hand |= state.hand
-        return Effect(maybe & ~entry.maybe, hand & ~entry.hand & ~SHARED)
+        return ConcurrentEffect(maybe & ~entry.maybe, hand & ~entry.hand & ~SHARED)
 
-    def alone(self) -> Flow:
+    def alone(self) -> NodeOutcomes:
         """The same after what went on beside it has ended."""
-        failed = Ends()
+        failed = OutcomeCollector()
         for state, reasons in self.failure.items():
             failed.fail_at(state.alone(), reasons)
         success, skipped, running = (
             frozenset(state.alone() for state in states)
             for states in (self.success, self.skipped, self.running)
         )
-        return Flow(success, failed.flow().failure, skipped, running, self.missing)
+        return NodeOutcomes(success, failed.flow().failure, skipped, running, self.missing)
 
 
-NEVER = Flow(NONE, {}, NONE, NONE)
+NEVER = NodeOutcomes(NONE, {}, NONE, NONE)
 """Of a node that does not start."""
 
 
-class Ends:
+class OutcomeCollector:
     """Gathers the ends of one node."""
 
     __slots__ = ("_failure", "_running", "_skipped", "_success")
 
     def __init__(self) -> None:
-        self._success: set[State] = set()
-        self._skipped: set[State] = set()
-        self._running: set[State] = set()
-        self._failure: dict[State, Reasons] = {}
+        self._success: set[FlowState] = set()
+        self._skipped: set[FlowState] = set()
+        self._running: set[FlowState] = set()
+        self._failure: dict[FlowState, FailureReasons] = {}
 
-    def succeed(self, states: Iterable[State]) -> None:
+    def succeed(self, states: Iterable[FlowState]) -> None:
         self._success.update(states)
 
-    def skip(self, states: Iterable[State]) -> None:
+    def skip(self, states: Iterable[FlowState]) -> None:
         self._skipped.update(states)
 
-    def run(self, states: Iterable[State]) -> None:
+    def run(self, states: Iterable[FlowState]) -> None:
         self._running.update(states)
 
     def fail(self, failures: Failures) -> None:
         for state, reasons in failures.items():
             self.fail_at(state, reasons)
 
-    def fail_at(self, state: State, reasons: Reasons) -> None:
+    def fail_at(self, state: FlowState, reasons: FailureReasons) -> None:
         """Failure in that state. Without a reason it is none; with quiet ones only it is doubtful."""
         if not reasons.loud:
             if not reasons.quiet:
@@ -91,15 +102,15 @@ class Ends:
         known = self._failure.get(state)
         self._failure[state] = reasons if known is None else joined((known, reasons))
 
-    def take(self, flow: Flow) -> None:
+    def take(self, flow: NodeOutcomes) -> None:
         """All ends of a child as one's own."""
         self._success.update(flow.success)
         self._skipped.update(flow.skipped)
         self._running.update(flow.running)
         self.fail(flow.failure)
 
-    def flow(self) -> Flow:
-        return Flow(
+    def flow(self) -> NodeOutcomes:
+        return NodeOutcomes(
             tidy(frozenset(self._success)),
             tidy_failures(self._failure),
             tidy(frozenset(self._skipped)),
@@ -111,7 +122,7 @@ def tidy_failures(failures: Failures) -> Failures:
     """Merged where there are too many states; by the hand first, as `tidy`."""
     if len(failures) <= LIMIT:
         return failures
-    groups: dict[tuple[int, bool], list[State]] = {}
+    groups: dict[tuple[int, bool], list[FlowState]] = {}
     for state in failures:
         groups.setdefault((state.hand, state.doubtful), []).append(state)
     if len(groups) > LIMIT:
@@ -122,7 +133,7 @@ def tidy_failures(failures: Failures) -> Failures:
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class TrialOutcomes:
     """After one more child: `skipped`: all so far were; `failed`: for which reasons those so far failed."""
 
     success: States
@@ -132,11 +143,15 @@ class Trial:
 
 
 def try_next(
-    part: NodeSpec, skipped: States, failed: Failures, walk: Walk, meanwhile: Effect = NOTHING
-) -> Trial:
+    part: NodeSpec,
+    skipped: States,
+    failed: Failures,
+    walk: FlowAnalysis,
+    meanwhile: ConcurrentEffect = NOTHING,
+) -> TrialOutcomes:
     """Try the child where all before it were skipped, and where one failed."""
     first = walk.child(part, skipped, meanwhile)
-    success, running, after = set(first.success), set(first.running), Ends()
+    success, running, after = set(first.success), set(first.running), OutcomeCollector()
     after.fail(first.failure)
     for state, before in failed.items():
         flow = walk.child(part, (state,), meanwhile)
@@ -146,10 +161,10 @@ def try_next(
             after.fail_at(passed, before)
         for end, now in flow.failure.items():
             after.fail_at(end, decisive(before, now))
-    return Trial(tidy(success), tidy(running), first.skipped, after.flow().failure)
+    return TrialOutcomes(tidy(success), tidy(running), first.skipped, after.flow().failure)
 
 
-def decisive(before: Reasons, now: Reasons) -> Reasons:
+def decisive(before: FailureReasons, now: FailureReasons) -> FailureReasons:
     """The reasons of the last child that gives any. What follows a reported failure is an attempt to cure it,
     and what comes out of that attempt was not left without one."""
     cured = before.loud != 0 and before.loud & UNREPORTED == 0

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from .failure_reasons import joined
-from .flow_state import NOTHING, SHARED, Effect, State
-from .outcomes import NEVER, Ends, Flow
+from .flow_state import NOTHING, SHARED, ConcurrentEffect, FlowState
+from .outcomes import NEVER, NodeOutcomes, OutcomeCollector
 
 if TYPE_CHECKING:
     from ..mission import NodeSpec
-    from .flow_walk import Walk
+    from .flow_walk import FlowAnalysis
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +20,8 @@ class _Part:
     """One child: where it starts, and how it may end. `begins`: whether it is ticked at all; `brings`: what
     the hand may hold because of it."""
 
-    start: State
-    flow: Flow
+    start: FlowState
+    flow: NodeOutcomes
     begins: bool
     brings: int = 0
 
@@ -34,12 +34,12 @@ class _Part:
         """Whether it may change what the hand holds."""
         return self.brings != 0 or any(state.hand != self.start.hand for state in self.flow.everywhere)
 
-    def anywhere(self, entry: State) -> frozenset[State]:
+    def anywhere(self, entry: FlowState) -> frozenset[FlowState]:
         """Not begun yet, where nothing before it need have come to its end; still running; or ended."""
         return self.flow.everywhere | {self.start._replace(sure=entry.sure)}
 
 
-class SideBySide:
+class ParallelFlow:
     """The flow of a node that ticks all its children until `wanted` succeeded or `tolerated` failed.
 
     None: the number is not known. `spares_skipped`: those that are skipped need not succeed.
@@ -48,8 +48,8 @@ class SideBySide:
     def __init__(
         self,
         spec: NodeSpec,
-        entry: State,
-        walk: Walk,
+        entry: FlowState,
+        walk: FlowAnalysis,
         wanted: int | None,
         tolerated: int | None,
         *,
@@ -59,7 +59,7 @@ class SideBySide:
         self._wanted, self._tolerated, self._spares_skipped = wanted, tolerated, spares_skipped
         self._total = len(spec.children)
 
-    def flow(self) -> Flow:
+    def flow(self) -> NodeOutcomes:
         effects = [NOTHING] * self._total
         while True:
             parts = self._started(effects)
@@ -71,7 +71,7 @@ class SideBySide:
 
     # How each child may go, given what the others may do.
 
-    def _started(self, effects: Sequence[Effect]) -> list[_Part]:
+    def _started(self, effects: Sequence[ConcurrentEffect]) -> list[_Part]:
         parts: list[_Part] = []
         sure, over = self._entry, False
         for index, child in enumerate(self._spec.children):
@@ -98,7 +98,7 @@ class SideBySide:
         may_fail, may_succeed = bool(part.flow.failure), bool(part.flow.success)
         return not part.flow.skipped and (fails or not may_fail) and (succeeds or not may_succeed)
 
-    def _after_first_tick(self, part: _Part, before: State) -> State:
+    def _after_first_tick(self, part: _Part, before: FlowState) -> FlowState:
         """What the next child may rely on after one that ends at once."""
         states = [*part.flow.success, *part.flow.skipped]
         if self._tolerated != 1:
@@ -110,8 +110,8 @@ class SideBySide:
 
     # What comes of them together.
 
-    def _ends(self, parts: list[_Part]) -> Flow:
-        ends = Ends()
+    def _ends(self, parts: list[_Part]) -> NodeOutcomes:
+        ends = OutcomeCollector()
         flows = [part.flow for part in parts if part.begins]
         failing = [index for index, part in enumerate(parts) if part.flow.failure]
         passing = sum(bool(f.success or (f.skipped and self._spares_skipped)) for f in flows)
@@ -133,7 +133,7 @@ class SideBySide:
             return 1
         return max(1, min(self._tolerated, self._total - self._wanted + 1))
 
-    def _fail(self, parts: list[_Part], failing: list[int], needed: int, ends: Ends) -> None:
+    def _fail(self, parts: list[_Part], failing: list[int], needed: int, ends: OutcomeCollector) -> None:
         everything = joined(r for index in failing for r in parts[index].flow.failure.values())
         for index in failing:
             for state, reasons in parts[index].flow.failure.items():
@@ -142,14 +142,14 @@ class SideBySide:
                 for end in self._together(parts, ways):
                     ends.fail_at(end, reasons if needed == 1 else everything)
 
-    def _succeed(self, parts: list[_Part], ends: Ends) -> None:
+    def _succeed(self, parts: list[_Part], ends: OutcomeCollector) -> None:
         if self._wanted == self._total and all(part.may_pass for part in parts):
             ways = [part.flow.success | part.flow.skipped for part in parts]
         else:
             ways = [part.anywhere(self._entry) for part in parts]
         ends.succeed(self._together(parts, ways))
 
-    def _together(self, parts: list[_Part], ways: list[frozenset[State]]) -> Iterable[State]:
+    def _together(self, parts: list[_Part], ways: list[frozenset[FlowState]]) -> Iterable[FlowState]:
         """States in which each child is in one of its own."""
         sure, maybe = self._entry.sure, self._entry.maybe
         doubtful = self._entry.doubtful
@@ -173,4 +173,4 @@ class SideBySide:
                 for state in states:
                     hand |= state.hand
             hands = {hand: doubtful}
-        return [State(sure, maybe, hand, in_doubt) for hand, in_doubt in hands.items()]
+        return [FlowState(sure, maybe, hand, in_doubt) for hand, in_doubt in hands.items()]

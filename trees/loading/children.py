@@ -12,9 +12,9 @@ from ..controls import Sequence
 from ..declaration import NodeDeclaration
 from ..mission import NodeSpec
 from ..slots import SlotDeclaration
-from ..values.fault_collector import Faults
+from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import show
-from .registry import Registry
+from .registry import NodeRegistry
 
 NAME = re.compile(r"[^/#\x00-\x1f]{1,60}")
 """Of a node, or of a case."""
@@ -23,7 +23,7 @@ Filled: TypeAlias = tuple[tuple[str, NodeSpec], ...]
 
 
 @dataclass(slots=True)
-class Names:
+class ChildNames:
     """Gives each child of a node a name of its own: the second `Observe` is `Observe#2`."""
 
     _counts: dict[str, int] = field(default_factory=dict[str, int])
@@ -33,15 +33,15 @@ class Names:
         return name if count == 1 else f"{name}#{count}"
 
 
-class Children:
+class ChildReader:
     """Reads the slots of nodes; `node` is how one node is read."""
 
     def __init__(
         self,
         document: Document,
-        registry: Registry,
-        faults: Faults,
-        node: Callable[[Value, Location, str, Names], NodeSpec | None],
+        registry: NodeRegistry,
+        faults: MissionDiagnostics,
+        node: Callable[[Value, Location, str, ChildNames], NodeSpec | None],
     ) -> None:
         self._document = document
         self._registry = registry
@@ -55,7 +55,7 @@ class Children:
         value: Value,
         loc: Location,
         trail: str,
-        names: Names,
+        names: ChildNames,
     ) -> Filled:
         match slot.arity:
             case "one":
@@ -67,7 +67,7 @@ class Children:
             case "table":
                 return self._table(slot, value, loc, trail, names)
 
-    def _one(self, value: Value, loc: Location, trail: str, names: Names, label: str) -> NodeSpec | None:
+    def _one(self, value: Value, loc: Location, trail: str, names: ChildNames, label: str) -> NodeSpec | None:
         """One node; a list is a Sequence, which under `do` is called so and elsewhere as its slot."""
         if not isinstance(value, list):
             return self._node(value, loc, trail, names)
@@ -76,7 +76,7 @@ class Children:
             self._fault(loc, trail, message, code="P231")
             return None
         name = names.take(label or Sequence.declaration.id)
-        parts = self.listed(value, loc, f"{trail}/{name}", Names())
+        parts = self.listed(value, loc, f"{trail}/{name}", ChildNames())
         mark = self._document.mark(loc)
         slots = {"do": parts}
         return NodeSpec(Sequence.declaration.id, name, mark, Sequence, slots=slots, places={"do": mark})
@@ -88,7 +88,7 @@ class Children:
         value: Value,
         loc: Location,
         trail: str,
-        names: Names,
+        names: ChildNames,
     ) -> Filled:
         if not isinstance(value, list):
             found = self._node(value, loc, trail, names)
@@ -101,11 +101,13 @@ class Children:
             self._fault(loc, trail, message, code="P229")
         return parts
 
-    def listed(self, value: list[Value], loc: Location, trail: str, names: Names) -> Filled:
+    def listed(self, value: list[Value], loc: Location, trail: str, names: ChildNames) -> Filled:
         found = (self._node(item, (*loc, index), trail, names) for index, item in enumerate(value))
         return tuple(("", node) for node in found if node is not None)
 
-    def _table(self, slot: SlotDeclaration, value: Value, loc: Location, trail: str, names: Names) -> Filled:
+    def _table(
+        self, slot: SlotDeclaration, value: Value, loc: Location, trail: str, names: ChildNames
+    ) -> Filled:
         if not isinstance(value, dict) or not value:
             self._fault(loc, trail, f"{slot.key!r} is a mapping: {slot.doc}", code="P232")
             return ()

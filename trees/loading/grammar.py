@@ -15,12 +15,12 @@ from ..declaration import COMMON_KEYS, IDENTIFIER, NodeDeclaration
 from ..mission import NodeSpec
 from ..node import Node
 from ..ports import PortDeclaration
-from ..values.fault_collector import Faults
-from ..values.port_types import Given, show
-from ..values.references import Binding, Constant, Pointer
-from .children import NAME, Children, Filled, Names, labels_of
-from .port_wires import Wires
-from .registry import Registry
+from ..values.fault_collector import MissionDiagnostics
+from ..values.port_types import PortValues, show
+from ..values.references import Binding, Constant, ExpressionLocator
+from .children import NAME, ChildNames, ChildReader, Filled, labels_of
+from .port_wires import PortReader
+from .registry import NodeRegistry
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,16 +37,16 @@ class _Site:
         return self.loc != self.start
 
 
-class Grammar:
+class NodeSpecReader:
     """Reads the nodes of one document."""
 
     def __init__(
         self,
         document: Document,
-        registry: Registry,
+        registry: NodeRegistry,
         trees: Mapping[str, tuple[PortDeclaration, ...]],
-        faults: Faults,
-        pointer: Pointer,
+        faults: MissionDiagnostics,
+        pointer: ExpressionLocator,
         *,
         lacking: bool = False,
     ) -> None:
@@ -56,8 +56,8 @@ class Grammar:
         self._registry = registry
         self._trees = trees
         self._faults = faults
-        self._wires = Wires(document, faults, pointer)
-        self._children = Children(document, registry, faults, self.node)
+        self._wires = PortReader(document, faults, pointer)
+        self._children = ChildReader(document, registry, faults, self.node)
 
     def _fault(
         self,
@@ -72,7 +72,7 @@ class Grammar:
     ) -> None:
         self._faults.at(self._document, loc, trail, message, hint, code=code, key=key, detail=detail)
 
-    def node(self, value: Value, loc: Location, above: str, names: Names) -> NodeSpec | None:
+    def node(self, value: Value, loc: Location, above: str, names: ChildNames) -> NodeSpec | None:
         """One node and all below it; None when it cannot be read at all."""
         if not self._faults.has_room(self._document, loc):
             return None
@@ -94,7 +94,7 @@ class Grammar:
         return None
 
     def _known(
-        self, identity: str, body: Value, loc: Location, start: Location, above: str, names: Names
+        self, identity: str, body: Value, loc: Location, start: Location, above: str, names: ChildNames
     ) -> NodeSpec | None:
         given = body.get("name") if isinstance(body, dict) else None
         named = isinstance(given, str) and NAME.fullmatch(given) is not None
@@ -132,9 +132,9 @@ class Grammar:
         # What stands below is still looked at: all faults are reported at once.
         inner, at = (body.get("do"), (*loc, "do")) if isinstance(body, dict) else (body, loc)
         if isinstance(inner, list):
-            self._children.listed(inner, at, site.trail, Names())
+            self._children.listed(inner, at, site.trail, ChildNames())
         elif inner is not None and at != loc:
-            self.node(inner, at, site.trail, Names())
+            self.node(inner, at, site.trail, ChildNames())
 
     # A sub-tree.
 
@@ -162,7 +162,7 @@ class Grammar:
         bindings: dict[str, Binding] = {}
         slots: dict[str, Filled] = {}
         places: dict[str, Mark] = {}
-        names = Names()
+        names = ChildNames()
         for key, value in given.items():
             port, slot, at = declaration.port(key), declaration.slot(key), locations[key]
             places[key] = self._document.mark(at)
@@ -200,7 +200,7 @@ class Grammar:
         constants = {key: bound.value for key, bound in bindings.items() if isinstance(bound, Constant)}
         slots = [slot for slot in node.declaration.slots if slot.key in given]
         labels = {slot.key: labels_of(slot, given[slot.key]) for slot in slots}
-        for wrong in node.check_ports(Given(frozenset(given), constants, labels)):
+        for wrong in node.check_ports(PortValues(frozenset(given), constants, labels)):
             if isinstance(wrong, str):
                 self._fault(site.loc, site.trail, wrong, code="P234", key=site.keyed)
                 continue

@@ -8,7 +8,7 @@ from typing import Final
 from ...errors import PicktreeError
 from ...files.yaml.document import Document, FileError, Location, Value, where
 from ..mission import IN_LIBRARY, MissionFiles
-from ..values.fault_collector import Faults
+from ..values.fault_collector import MissionDiagnostics
 
 MAX_FILES: Final = 50
 MAX_CHARACTERS: Final = 1_000_000
@@ -16,10 +16,10 @@ MAX_CHARACTERS: Final = 1_000_000
 _SUFFIXES = (".yaml", ".yml")
 
 
-class Includes:
+class IncludeReader:
     """Follows the `include:` of one mission through all its files."""
 
-    def __init__(self, files: MissionFiles, faults: Faults) -> None:
+    def __init__(self, files: MissionFiles, faults: MissionDiagnostics) -> None:
         self._files = files
         self._faults = faults
         self._found: dict[str, Document | None] = {}

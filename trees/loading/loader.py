@@ -9,28 +9,28 @@ from pathlib import Path
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.type_inference import INT, ValueType, check_types
 from ...files.yaml.document import (
+    Diagnostic,
     Document,
-    Fault,
     FileError,
     Location,
-    nearest,
     open_document,
     read_document,
+    suggest_name,
     where,
 )
 from ..mission import FilesOnDisk, Mission, MissionFiles, TreeSpec, check_calls
 from ..node import Node
 from ..plugins.plugin_import import PluginError
-from ..values.fault_collector import Faults
+from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import show
-from ..values.references import Pointer
-from ..wiring.circuit import Circuit
-from ..wiring.expression_checks import unanswerable
+from ..values.references import ExpressionLocator
+from ..wiring.circuit import ValueFlow
+from ..wiring.expression_checks import expression_faults
 from ..wiring.key_writers import FACT_TYPES
-from ..wiring.wiring_faults import misfits
-from .include import Includes
-from .registry import Registry
-from .tree_set import Forest
+from ..wiring.wiring_faults import wiring_faults
+from .include import IncludeReader
+from .registry import NodeRegistry
+from .tree_set import TreeSetReader
 
 _KEYS = ("picktree", "kind", "name", "scene", "goal", "library", "include", "plugins", "trees")
 _NOT_IN_LIBRARY = ("scene", "goal")
@@ -40,7 +40,13 @@ _GOAL_NAMES = ("total", "sorted", "misplaced", "left", "outstanding")
 class MissionHead:
     """Reads the top of one document; plug-ins are added to the registry."""
 
-    def __init__(self, document: Document, registry: Registry, faults: Faults, pointer: Pointer) -> None:
+    def __init__(
+        self,
+        document: Document,
+        registry: NodeRegistry,
+        faults: MissionDiagnostics,
+        pointer: ExpressionLocator,
+    ) -> None:
         self._document = document
         self._registry = registry
         self._faults = faults
@@ -86,7 +92,7 @@ class MissionHead:
             return None
         unknown = sorted(goal.names - set(_GOAL_NAMES))
         for name in unknown:
-            self._fault(("goal",), f"a goal knows no {name!r}", nearest(name, _GOAL_NAMES), code="P203")
+            self._fault(("goal",), f"a goal knows no {name!r}", suggest_name(name, _GOAL_NAMES), code="P203")
         try:
             check_types(goal, dict.fromkeys((*_GOAL_NAMES, *unknown), INT), {})
         except ExpressionError as error:
@@ -95,7 +101,7 @@ class MissionHead:
 
     def _goal_fault(self, goal: str, error: ExpressionError, code: str) -> None:
         mark, message = self._pointer.told(self._document.mark(("goal",)), goal, error)
-        self._faults.add(Fault(mark, "goal", message, "", code))
+        self._faults.add(Diagnostic(mark, "goal", message, "", code))
 
     def plugins(self) -> tuple[str, ...]:
         """The plug-ins that the file names."""
@@ -126,17 +132,17 @@ class MissionHead:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class MissionReadResult:
     """What a mission file gave. With faults the mission is only what could be read of it."""
 
     mission: Mission
-    faults: tuple[Fault, ...]
-    circuit: Circuit | None
+    faults: tuple[Diagnostic, ...]
+    circuit: ValueFlow | None
     """What is wired to what; None where sub-trees call each other in a circle."""
-    pointer: Pointer
+    pointer: ExpressionLocator
 
 
-def load_mission(path: Path, registry: Registry | None = None) -> Mission:
+def load_mission(path: Path, registry: NodeRegistry | None = None) -> Mission:
     """Read a mission file. Raises FileError with all its faults."""
     return read_mission(open_document(path, "mission"), registry)
 
@@ -144,7 +150,7 @@ def load_mission(path: Path, registry: Registry | None = None) -> Mission:
 def parse_mission(
     text: str,
     path: Path,
-    registry: Registry | None = None,
+    registry: NodeRegistry | None = None,
     files: MissionFiles | None = None,
     facts: Mapping[str, ValueType] = FACT_TYPES,
 ) -> Mission:
@@ -158,7 +164,7 @@ def parse_mission(
 
 def read_mission(
     document: Document,
-    registry: Registry | None = None,
+    registry: NodeRegistry | None = None,
     files: MissionFiles | None = None,
     facts: Mapping[str, ValueType] = FACT_TYPES,
 ) -> Mission:
@@ -175,40 +181,40 @@ def read_mission(
 
 def examine(
     document: Document,
-    registry: Registry | None = None,
+    registry: NodeRegistry | None = None,
     files: MissionFiles | None = None,
     facts: Mapping[str, ValueType] = FACT_TYPES,
-) -> Reading:
+) -> MissionReadResult:
     """As `read_mission`, for who wants to look at a faulty mission too, or at a library."""
     beside = files or FilesOnDisk(document.path.parent)
-    return _Reader(document, (registry or Registry()).copy(), beside, facts).read()
+    return _Reader(document, (registry or NodeRegistry()).copy(), beside, facts).read()
 
 
 class _Reader:
     def __init__(
-        self, document: Document, registry: Registry, files: MissionFiles, facts: Mapping[str, ValueType]
+        self, document: Document, registry: NodeRegistry, files: MissionFiles, facts: Mapping[str, ValueType]
     ) -> None:
         self._document = document
         self._registry = registry
         self._files = files
         self._facts = facts
-        self._faults = Faults()
+        self._faults = MissionDiagnostics()
 
-    def read(self) -> Reading:
+    def read(self) -> MissionReadResult:
         document, faults = self._document, self._faults
         for fault in document.faults:
             faults.add(fault)
         before = len(faults)
-        included = Includes(self._files, faults).of(document)
+        included = IncludeReader(self._files, faults).of(document)
         lacking = len(faults) > before
         documents = (document, *included)
-        pointer = Pointer(documents)
+        pointer = ExpressionLocator(documents)
         heads = [MissionHead(each, self._registry, faults, pointer) for each in documents]
         plugins: list[str] = []
         for head in heads:
             head.check_keys()
             plugins += head.plugins()
-        trees = Forest(self._registry, faults, pointer, lacking=lacking).read(documents)
+        trees = TreeSetReader(self._registry, faults, pointer, lacking=lacking).read(documents)
         circuit = self._circuit(trees, pointer)
         head = heads[0]
         mission = Mission(
@@ -222,9 +228,9 @@ class _Reader:
             head.library,
             sources=self._registry.plugins_of(_classes(trees)),
         )
-        return Reading(mission, faults.all(), circuit, pointer)
+        return MissionReadResult(mission, faults.all(), circuit, pointer)
 
-    def _circuit(self, trees: Mapping[str, TreeSpec], pointer: Pointer) -> Circuit | None:
+    def _circuit(self, trees: Mapping[str, TreeSpec], pointer: ExpressionLocator) -> ValueFlow | None:
         """What is wired to what, checked: what can be wrong between nodes that are right by themselves."""
         calls = tuple(check_calls(trees))
         for fault in calls:
@@ -233,8 +239,8 @@ class _Reader:
             return None
         # Where a node could not be read, a key may be written that nobody sees.
         unfinished = [name for name in trees if self._faults.within(name)]
-        circuit = Circuit(trees, self._facts)
-        for fault in (*misfits(circuit), *unanswerable(circuit, pointer, unfinished)):
+        circuit = ValueFlow(trees, self._facts)
+        for fault in (*wiring_faults(circuit), *expression_faults(circuit, pointer, unfinished)):
             self._faults.add(fault)
         return circuit
 

@@ -12,14 +12,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, Literal, cast
 
 from ...files.expressions.expression import Expression, ExpressionError
-from ...files.yaml.document import Document, Fault, Location, Value
+from ...files.yaml.document import Diagnostic, Document, Location, Value
 from ...world.journal import Plain
 from ..declaration import BREAKPOINT, IDENTIFIER, POSTCONDITIONS, PRECONDITIONS
 from ..mission import Assignment
 from ..ports import PortDeclaration
-from ..values.fault_collector import Faults
-from ..values.port_types import convert, show
-from ..values.references import ATTRIBUTES, Binding, Constant, Pointer, Reference
+from ..values.fault_collector import MissionDiagnostics
+from ..values.port_types import convert_literal, show
+from ..values.references import ATTRIBUTES, Binding, Constant, ExpressionLocator, Reference
 
 MAX_ASSIGNMENTS: Final = 20
 MAX_LENGTH: Final = 4000
@@ -74,10 +74,10 @@ def _assignment(part: str, at: int) -> Assignment:
     return Assignment(match[1], value, match[2] == ":=", begins)
 
 
-class Wires:
+class PortReader:
     """Reads the values under the nodes of one document."""
 
-    def __init__(self, document: Document, faults: Faults, pointer: Pointer) -> None:
+    def __init__(self, document: Document, faults: MissionDiagnostics, pointer: ExpressionLocator) -> None:
         self._document = document
         self._faults = faults
         self._pointer = pointer
@@ -100,7 +100,7 @@ class Wires:
             self._fault(loc, trail, message, hint or 'as "{key}"', code="P223")
             return None
         try:
-            literal = convert(value, port.type, port.unit, port.choices, port.within)
+            literal = convert_literal(value, port.type, port.unit, port.choices, port.within)
             return Constant(literal, cast("Plain", value))
         except ExpressionError as error:
             self._expression_fault(error, value, loc, trail, what)
@@ -190,7 +190,7 @@ class Wires:
             self._fault(loc, trail, f"{what}: {error}", code="P225")
             return
         mark, message = self._pointer.told(self._document.mark(loc), value, error)
-        self._faults.add(Fault(mark, trail, f"{what}: {message}", "", "P225"))
+        self._faults.add(Diagnostic(mark, trail, f"{what}: {message}", "", "P225"))
 
     def _fault(
         self, loc: Location, trail: str, message: str, hint: str = "", *, code: str, key: bool = False

@@ -18,7 +18,7 @@ GROUP = "picktree.nodes"
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class PluginProblem:
     """A plug-in that could not be used: a sentence, and its own traceback."""
 
     plugin: str
@@ -26,7 +26,7 @@ class Problem:
     traceback: str = ""
 
 
-class Registry:
+class NodeRegistry:
     """Node classes by ID. Installed plug-ins are imported when a name is asked for that is not built in."""
 
     def __init__(self, nodes: Iterable[type[Node]] = (), *, installed: bool = True) -> None:
@@ -36,7 +36,7 @@ class Registry:
         self._from: dict[str, str] = {}
         self._plugins: list[Plugin] = []
         self._asked: set[str] = set()
-        self._problems: list[Problem] = []
+        self._problems: list[PluginProblem] = []
         self._pending = installed
         self.add(NODES, "picktree.trees")
         self.add(nodes, "given")
@@ -55,7 +55,7 @@ class Registry:
         return tuple(node.declaration for node in self._nodes.values())
 
     @property
-    def problems(self) -> tuple[Problem, ...]:
+    def problems(self) -> tuple[PluginProblem, ...]:
         """Installed plug-ins that failed. Only a mission that misses a node needs to hear of it."""
         self._load_installed()
         return tuple(self._problems)
@@ -81,9 +81,9 @@ class Registry:
         foreign = (plugin for plugin in self._plugins if not _is_ours(plugin.name))
         return tuple(plugin for plugin in foreign if plugin.name in used | self._asked)
 
-    def copy(self) -> Registry:
+    def copy(self) -> NodeRegistry:
         """A registry that can take in a mission's plug-ins without this one changing."""
-        other = Registry(installed=False)
+        other = NodeRegistry(installed=False)
         other._nodes, other._from = dict(self._nodes), dict(self._from)
         other._plugins, other._asked = list(self._plugins), set(self._asked)
         other._problems, other._pending = list(self._problems), self._pending
@@ -129,7 +129,7 @@ class Registry:
                 self._take(load_installed(entry.value, _distribution(entry)))
             except PluginError as error:
                 name = f"{entry.name} ({entry.value})"
-                self._problems.append(Problem(name, error.message, error.detail))
+                self._problems.append(PluginProblem(name, error.message, error.detail))
 
 
 def _is_ours(module: str) -> bool:

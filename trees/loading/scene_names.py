@@ -14,7 +14,7 @@ from ..ports import NameKind
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
+class SceneNames:
     """What a mission may name, by the kind of name; `scene` and `robot` say where the names come from."""
 
     scene: str
@@ -22,16 +22,16 @@ class Surroundings:
     names: Mapping[NameKind, tuple[str, ...]]
 
 
-def load_surroundings(name: str, beside: Path | None = None) -> Surroundings:
+def load_surroundings(name: str, beside: Path | None = None) -> SceneNames:
     """Of the shipped scene of that name, or of a file whose path counts from `beside`; with its robot.
 
     Raises FileError for a faulty file, PicktreeError when there is none.
     """
     scene = load_scene(name, beside)
-    return surroundings(scene, load_robot(scene.robot, Path(scene.source).parent))
+    return scene_names(scene, load_robot(scene.robot, Path(scene.source).parent))
 
 
-def surroundings(scene: SceneDescription, robot: RobotDescription) -> Surroundings:
+def scene_names(scene: SceneDescription, robot: RobotDescription) -> SceneNames:
     """The names of that scene and that robot."""
     bins = tuple(str(body.id) for body in scene.bins)
     colours = dict.fromkeys(colour for entry in scene.loads for colour in entry.colours)
@@ -45,4 +45,4 @@ def surroundings(scene: SceneDescription, robot: RobotDescription) -> Surroundin
         "kind": tuple(entry.kind for entry in scene.catalogue),
         "colour": tuple(colours),
     }
-    return Surroundings(scene.name, robot.name, names)
+    return SceneNames(scene.name, robot.name, names)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 from ...files.quantities import UNITS
-from ...files.yaml.document import Document, Location, Value, nearest
+from ...files.yaml.document import Document, Location, Value, suggest_name
 from ...world.journal import Plain
 from ..declaration import COMMON_KEYS, IDENTIFIER
 from ..ports import PortDeclaration
-from ..values.fault_collector import Faults
-from ..values.port_types import NAMES_IN_FILES, PortType, convert, show
+from ..values.fault_collector import MissionDiagnostics
+from ..values.port_types import NAMES_IN_FILES, PortType, convert_literal, show
 
 _KEYS = ("type", "default", "doc", "unit", "choices", "direction")
 
@@ -31,7 +31,7 @@ class _Given:
 class TreePorts:
     """Reads the ports of the trees of one document."""
 
-    def __init__(self, document: Document, faults: Faults) -> None:
+    def __init__(self, document: Document, faults: MissionDiagnostics) -> None:
         self._document = document
         self._faults = faults
 
@@ -103,7 +103,9 @@ class TreePorts:
         if not unit:
             return None
         if unit not in UNITS:
-            self._fault(given.at("unit"), f"unknown unit {show(unit)}", nearest(unit, UNITS), code="P211")
+            self._fault(
+                given.at("unit"), f"unknown unit {show(unit)}", suggest_name(unit, UNITS), code="P211"
+            )
             return None
         if kind is not None and kind.name not in ("float", "any"):
             hint = "it is for 'float'"
@@ -122,7 +124,7 @@ class TreePorts:
         for index, choice in enumerate(value):
             try:
                 one = PortType(port.type.name)
-                found.append(cast("Plain", convert(choice, one, port.unit)))
+                found.append(cast("Plain", convert_literal(choice, one, port.unit)))
             except ValueError as error:
                 self._fault((*given.at("choices"), index), f"the choice: {error}", code="P211")
         return tuple(found) or None
@@ -135,7 +137,7 @@ class TreePorts:
             self._fault(given.at("default"), message, code="P211", key=True)
             return port
         try:
-            default = convert(given.entry["default"], port.type, port.unit, port.choices)
+            default = convert_literal(given.entry["default"], port.type, port.unit, port.choices)
         except ValueError as error:
             self._fault(given.at("default"), f"the default: {error}", code="P213")
             return replace(port, default="")

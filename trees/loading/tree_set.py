@@ -8,19 +8,21 @@ from ...files.yaml.document import Document, Location, Value, where
 from ..declaration import IDENTIFIER
 from ..mission import MAIN, NodeSpec, TreeSpec
 from ..ports import PortDeclaration
-from ..values.fault_collector import Faults
+from ..values.fault_collector import MissionDiagnostics
 from ..values.port_types import show
-from ..values.references import Pointer
-from .children import Names
-from .grammar import Grammar
-from .registry import Registry
+from ..values.references import ExpressionLocator
+from .children import ChildNames
+from .grammar import NodeSpecReader
+from .registry import NodeRegistry
 from .tree_ports import TreePorts
 
 
-class Forest:
+class TreeSetReader:
     """Reads what stands under `trees:` of several documents. `lacking`: not all files could be read."""
 
-    def __init__(self, registry: Registry, faults: Faults, pointer: Pointer, *, lacking: bool) -> None:
+    def __init__(
+        self, registry: NodeRegistry, faults: MissionDiagnostics, pointer: ExpressionLocator, *, lacking: bool
+    ) -> None:
         self._registry = registry
         self._faults = faults
         self._pointer = pointer
@@ -39,7 +41,7 @@ class Forest:
                     ports[name] = declared.of(name, body)
         trees: dict[str, TreeSpec] = {}
         for document, found in bodies:
-            grammar = Grammar(
+            grammar = NodeSpecReader(
                 document, self._registry, ports, self._faults, self._pointer, lacking=self._lacking
             )
             for name, body in found.items():
@@ -85,7 +87,7 @@ class Forest:
             self._fault(document, loc, message, hint, code=code, key=True)
         return not message
 
-    def _root(self, document: Document, grammar: Grammar, name: str, body: Value) -> NodeSpec | None:
+    def _root(self, document: Document, grammar: NodeSpecReader, name: str, body: Value) -> NodeSpec | None:
         loc: Location = ("trees", name)
         if isinstance(body, dict):
             body = {key: value for key, value in body.items() if key != "ports"}
@@ -93,7 +95,7 @@ class Forest:
                 message = f"the tree {name!r} has no node"
                 self._fault(document, loc, message, code="P210", key=True)
                 return None
-        return grammar.node(body, loc, name, Names())
+        return grammar.node(body, loc, name, ChildNames())
 
     def _fault(
         self,

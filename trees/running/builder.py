@@ -14,7 +14,7 @@ from ..slots import child
 from ..status import NodeStatus
 from ..values.references import Binding, Constant, Reference
 from .run_settings import Overrides, read_settings
-from .runner import Tree
+from .runner import BehaviourTree
 
 
 class SubTree(Node):
@@ -47,7 +47,7 @@ class SubTree(Node):
         return state
 
 
-def build(mission: Mission, world: TreeWorld, parameters: Mapping[str, Plain] | None = None) -> Tree:
+def build(mission: Mission, world: TreeWorld, parameters: Mapping[str, Plain] | None = None) -> BehaviourTree:
     """The mission as a tree. `parameters` are set from outside, as `read_settings` takes them.
 
     Raises PicktreeError for one that is unknown, missing or unfitting.
@@ -58,7 +58,7 @@ def build(mission: Mission, world: TreeWorld, parameters: Mapping[str, Plain] | 
     caller = Namespace(runtime.blackboard, "")
     start = NodeSpec(main.name, main.name, main.mark, None, settings.parameters)
     root = _Builder(mission, runtime, settings.overrides).tree(main, start, main.name, caller)
-    return Tree(root, runtime)
+    return BehaviourTree(root, runtime)
 
 
 class _Builder:

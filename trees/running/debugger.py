@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
-from .runner import Tree
+from .runner import BehaviourTree
 
 When: TypeAlias = Literal["before", "after"]
 
@@ -20,17 +20,17 @@ class Breakpoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
+class DebuggerStop:
     """Where the tree stands still. `path` is empty between two ticks."""
 
     when: When | Literal["tick"]
     path: str = ""
 
 
-class Prompt(Protocol):
+class DebuggerPrompt(Protocol):
     """Whoever is asked what to do at a stop. It looks, tells the debugger how to go on, and returns."""
 
-    def __call__(self, debugger: Debugger, stop: Stop) -> None: ...
+    def __call__(self, debugger: Debugger, stop: DebuggerStop) -> None: ...
 
 
 class Debugger:
@@ -40,10 +40,10 @@ class Debugger:
     one that is raised anywhere else: KeyboardInterrupt interrupts it.
     """
 
-    def __init__(self, prompt: Prompt, *, at_start: bool = True) -> None:
+    def __init__(self, prompt: DebuggerPrompt, *, at_start: bool = True) -> None:
         """`at_start`: stop before the first node already, so that there is a moment to set breakpoints."""
         self._prompt = prompt
-        self._tree: Tree | None = None
+        self._tree: BehaviourTree | None = None
         self._breakpoints: dict[int, Breakpoint] = {}
         self._of_the_file: set[int] = set()
         self._number = 0
@@ -53,13 +53,13 @@ class Debugger:
 
     # The session's side.
 
-    def attach(self, tree: Tree) -> None:
+    def attach(self, tree: BehaviourTree) -> None:
         """Listen to the tree from its first tick on."""
         tree.on_start.insert(0, self._starts)
         tree.on_end.insert(0, self._ended)
         self.follow(tree)
 
-    def follow(self, tree: Tree) -> None:
+    def follow(self, tree: BehaviourTree) -> None:
         """Another version of the mission goes on: its breakpoints replace those of the former file."""
         self._tree = tree
         for number in self._of_the_file:
@@ -75,7 +75,7 @@ class Debugger:
             return
         self._ticks -= 1
         if self._ticks <= 0:
-            self._stop(Stop("tick"))
+            self._stop(DebuggerStop("tick"))
 
     def _starts(self, path: str) -> None:
         self._pass("before", path)
@@ -85,9 +85,9 @@ class Debugger:
 
     def _pass(self, when: When, path: str) -> None:
         if self._next or Breakpoint(path, when) in self._breakpoints.values():
-            self._stop(Stop(when, path))
+            self._stop(DebuggerStop(when, path))
 
-    def _stop(self, stop: Stop) -> None:
+    def _stop(self, stop: DebuggerStop) -> None:
         if self._off:
             return
         self._ticks, self._next = None, False
@@ -96,7 +96,7 @@ class Debugger:
     # The prompt's side.
 
     @property
-    def tree(self) -> Tree:
+    def tree(self) -> BehaviourTree:
         assert self._tree is not None, "the session attaches the debugger before anything is ticked"
         return self._tree
 

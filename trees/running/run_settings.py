@@ -8,12 +8,12 @@ from typing import TypeAlias
 
 from ...errors import PicktreeError
 from ...files.node_patterns import node_matches
-from ...files.value_wording import nearest
+from ...files.value_wording import suggest_name
 from ...files.yaml.reader import resolve
 from ...world.journal import Plain
 from ..mission import Mission, NodeSpec
 from ..ports import PortDeclaration
-from ..values.port_types import Given, Misfit, convert
+from ..values.port_types import PortProblem, PortValues, convert_literal
 from ..values.references import Binding, Constant
 
 Overrides: TypeAlias = Mapping[str, Mapping[str, Constant]]
@@ -21,14 +21,14 @@ Overrides: TypeAlias = Mapping[str, Mapping[str, Constant]]
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class RunSettings:
     """Checked values. `parameters`: for the ports of `Main`."""
 
     parameters: Mapping[str, Binding]
     overrides: Overrides
 
 
-def read_settings(mission: Mission, given: Mapping[str, Plain]) -> Settings:
+def read_settings(mission: Mission, given: Mapping[str, Plain]) -> RunSettings:
     """`{"rounds": 2, "SortOne/Grasp.force": "15 N"}` for this mission: a name is a parameter of the mission,
     a pattern with a dot the port of every node that fits it. Texts are read as in a file.
 
@@ -36,7 +36,7 @@ def read_settings(mission: Mission, given: Mapping[str, Plain]) -> Settings:
     """
     plain = {name: value for name, value in given.items() if "." not in name}
     patterns = {name: value for name, value in given.items() if "." in name}
-    return Settings(_parameters(mission.main.ports, plain), _overrides(mission, patterns))
+    return RunSettings(_parameters(mission.main.ports, plain), _overrides(mission, patterns))
 
 
 def parameter_value(value: Plain, port: PortDeclaration) -> object:
@@ -45,7 +45,7 @@ def parameter_value(value: Plain, port: PortDeclaration) -> object:
         value = [_scalar(part.strip(), port) for part in value.split(",") if part.strip()]
     elif isinstance(value, str):
         value = _scalar(value, port)
-    return convert(value, port.type, port.unit, port.choices, port.within)
+    return convert_literal(value, port.type, port.unit, port.choices, port.within)
 
 
 def _scalar(text: str, port: PortDeclaration) -> Plain:
@@ -57,7 +57,7 @@ def _parameters(ports: tuple[PortDeclaration, ...], given: Mapping[str, Plain]) 
     names = [port.key for port in ports]
     for name in given:
         if name not in names:
-            known = nearest(name, names) or "it has none"
+            known = suggest_name(name, names) or "it has none"
             raise PicktreeError(f"the mission has no parameter {name!r} ({known})")
     bindings: dict[str, Binding] = {}
     for port in ports:
@@ -85,7 +85,7 @@ def _overrides(mission: Mission, given: Mapping[str, Plain]) -> dict[str, dict[s
         fitting = [(path, spec) for path, spec in nodes if node_matches(pattern, path)]
         if not fitting:
             last = pattern.rpartition("/")[2]
-            known = nearest(last, sorted({spec.name for _, spec in nodes}))
+            known = suggest_name(last, sorted({spec.name for _, spec in nodes}))
             raise PicktreeError(f"{name}: no node of the mission fits {pattern!r} ({known})")
         for path, spec in fitting:
             port = _port(mission, spec, name, key)
@@ -105,7 +105,7 @@ def _port(mission: Mission, spec: NodeSpec, name: str, key: str) -> PortDeclarat
     inputs = [port for port in ports if port.direction == "in"]
     port = next((port for port in inputs if port.key == key), None)
     if port is None:
-        known = nearest(key, [port.key for port in inputs]) or "it has none"
+        known = suggest_name(key, [port.key for port in inputs]) or "it has none"
         raise PicktreeError(f"{name}: {spec.id} has no input {key!r} ({known})")
     return port
 
@@ -117,8 +117,8 @@ def _check_together(spec: NodeSpec, overrides: Mapping[str, Constant]) -> None:
     ports: dict[str, Binding] = {**spec.ports, **overrides}
     constants = {key: bound.value for key, bound in ports.items() if isinstance(bound, Constant)}
     labels = {slot: tuple(label for label, _ in filled) for slot, filled in spec.slots.items()}
-    for wrong in spec.node.check_ports(Given(frozenset({*ports, *spec.slots}), constants, labels)):
-        if isinstance(wrong, Misfit):
+    for wrong in spec.node.check_ports(PortValues(frozenset({*ports, *spec.slots}), constants, labels)):
+        if isinstance(wrong, PortProblem):
             if wrong.key in overrides:
                 hint = f" ({wrong.hint})" if wrong.hint else ""
                 raise PicktreeError(f"port {wrong.key!r} of {spec.id}: {wrong.message}{hint}")

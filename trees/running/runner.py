@@ -9,14 +9,14 @@ from typing import cast
 from ...errors import PicktreeError
 from ...world.causes import Evidence, FailureReport
 from ...world.journal import Plain
-from ..blackboard import Blackboard, Write
+from ..blackboard import Blackboard, BlackboardWrite
 from ..node import Node
 from ..runtime import Runtime
 from ..skill import Skill
 from ..status import NodeStatus
-from ..transitions import Transition
+from ..transitions import NodeTransition
 from ..values.references import Constant
-from .tree_adoption import Adoption, adopt
+from .tree_adoption import StateTransfer, transfer_state
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +38,8 @@ class TickReport:
     their order."""
 
     nodes: tuple[NodeReport, ...]
-    writes: tuple[Write, ...]
-    transitions: tuple[Transition, ...] = ()
+    writes: tuple[BlackboardWrite, ...]
+    transitions: tuple[NodeTransition, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class NodeInfo:
     """As the mission file says it."""
 
 
-class Tree:
+class BehaviourTree:
     """The nodes of a mission with their blackboard. One tick is one call of `tick`."""
 
     def __init__(self, root: Node, runtime: Runtime) -> None:
@@ -176,14 +176,14 @@ class Tree:
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
         self._runtime.transitions.take()
 
-    def adopt(self, saved: Mapping[str, Plain]) -> Adoption:
+    def adopt(self, saved: Mapping[str, Plain]) -> StateTransfer:
         """Go on from a saved state of another version of the mission; this tree is new, not yet ticked.
 
         The blackboard is taken over whole, and each node whose path and type are the same goes on where it
         was; the others begin anew.
         """
         self.blackboard.restore(cast("dict[str, Plain]", saved["blackboard"]))
-        return adopt(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
+        return transfer_state(self._nodes, cast("dict[str, dict[str, Plain]]", saved["nodes"]))
 
     def read_again(self, full_keys: Collection[str]) -> None:
         """Let the running nodes have what is on the blackboard now under these keys, which they had read when

@@ -16,7 +16,7 @@ from ..values.references import Reference
 
 
 @dataclass(frozen=True, slots=True)
-class Adoption:
+class StateTransfer:
     """What became of the nodes: paths, parents first."""
 
     kept: tuple[str, ...]
@@ -26,7 +26,7 @@ class Adoption:
     gone: tuple[str, ...]
 
 
-def adopt(nodes: Sequence[Node], saved: Mapping[str, Mapping[str, Plain]]) -> Adoption:
+def transfer_state(nodes: Sequence[Node], saved: Mapping[str, Mapping[str, Plain]]) -> StateTransfer:
     """Give each node of a new tree (parents first) the saved state of the node of its path and type.
 
     What stands below a node that begins anew is halted: it is IDLE, and remembers what outlasts that.
@@ -41,7 +41,7 @@ def adopt(nodes: Sequence[Node], saved: Mapping[str, Mapping[str, Plain]]) -> Ad
             kept.append(node.path)
     going_on, now = set(kept), {node.path: None for node in nodes}
     fresh = tuple(path for path in now if path not in going_on)
-    return Adoption(tuple(kept), fresh, tuple(path for path in saved if path not in now))
+    return StateTransfer(tuple(kept), fresh, tuple(path for path in saved if path not in now))
 
 
 def _take_over(

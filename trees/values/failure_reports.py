@@ -61,7 +61,7 @@ def with_attached(report: FailureReport, others: Iterable[FailureReport]) -> Fai
     return replace(report, attached=(*report.attached, *added)) if added else report
 
 
-def decisive(reports: Iterable[FailureReport | None]) -> FailureReport | None:
+def decisive_report(reports: Iterable[FailureReport | None]) -> FailureReport | None:
     """The last that is a report at all (a false condition has none), with the earlier ones attached."""
     known = [report for report in reports if report is not None]
     return with_attached(known[-1], known[:-1]) if known else None

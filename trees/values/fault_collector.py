@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from ...files.yaml.document import Document, Fault, Location, nearest
+from ...files.yaml.document import Diagnostic, Document, Location, suggest_name
 
 MAX_NODES: Final = 10_000
 """Of a mission with all sub-trees written out."""
@@ -13,11 +13,11 @@ MAX_FAULTS: Final = 200
 """More are counted, not kept."""
 
 
-class Faults:
+class MissionDiagnostics:
     """The faults of one mission, whichever of its files they stand in."""
 
     def __init__(self) -> None:
-        self._kept: list[Fault] = []
+        self._kept: list[Diagnostic] = []
         self._more = 0
         self._nodes = 0
 
@@ -37,7 +37,7 @@ class Faults:
     def __len__(self) -> int:
         return len(self._kept) + self._more
 
-    def add(self, fault: Fault) -> None:
+    def add(self, fault: Diagnostic) -> None:
         if self.full:
             self._more += 1
         else:
@@ -60,11 +60,11 @@ class Faults:
             self._more += 1
             return
         mark = document.key_mark(loc) if key else document.mark(loc)
-        self._kept.append(Fault(mark, trail, message, hint, code, detail=detail))
+        self._kept.append(Diagnostic(mark, trail, message, hint, code, detail=detail))
 
     def nearest(self, name: str, known: Iterable[str]) -> str:
-        """As `nearest`, which is dear: nothing when nobody will read it."""
-        return "" if self.full else nearest(name, known)
+        """As `suggest_name`, which is dear: nothing when nobody will read it."""
+        return "" if self.full else suggest_name(name, known)
 
     def within(self, tree: str) -> bool:
         """Whether any of them stands in that tree."""
@@ -72,10 +72,10 @@ class Faults:
         names = (tree, f"trees.{tree}")
         return any(f.where in names or f.where.startswith(starts) for f in self._kept)
 
-    def all(self) -> tuple[Fault, ...]:
+    def all(self) -> tuple[Diagnostic, ...]:
         """In the order of the files; the last one says how many are left out."""
         kept = sorted(dict.fromkeys(self._kept), key=lambda fault: fault.mark)
         if self._more:
             message = f"and {self._more} more faults"
-            kept.append(Fault(kept[-1].mark, "", message, "mend those above first", "P200"))
+            kept.append(Diagnostic(kept[-1].mark, "", message, "mend those above first", "P200"))
         return tuple(kept)

@@ -11,13 +11,13 @@ from typing import Final, Literal, TypeAlias, cast
 
 from ...files.expressions.expression import Expression
 from ...files.quantities import parse_quantity
-from ...files.value_wording import nearest
+from ...files.value_wording import suggest_name
 from ...world.journal import Plain
 from ...world.values import ObjectId
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class PortValues:
     """The keys that stand under a node, and what is known of them."""
 
     keys: frozenset[str]
@@ -37,7 +37,7 @@ class Given:
 
 
 @dataclass(frozen=True, slots=True)
-class Misfit:
+class PortProblem:
     """What is wrong with the value of one key; `key` may be `slot/label`."""
 
     key: str
@@ -159,7 +159,7 @@ ANY_NUMBER: Final = Range()
 NAMES_IN_FILES: tuple[Name, ...] = ("string", "int", "float", "bool", "object", "any")
 
 
-def convert(
+def convert_literal(
     value: object,
     kind: PortType,
     unit: str | None = None,
@@ -173,18 +173,18 @@ def convert(
         if not isinstance(value, list):
             raise ValueError(f"{show(value)} is not {kind.words()}")
         one = PortType(kind.name)
-        return [convert(item, one, unit, choices, within) for item in cast("list[object]", value)]
+        return [convert_literal(item, one, unit, choices, within) for item in cast("list[object]", value)]
     converted = _CONVERTERS[kind.name](value, unit)
     if choices is not None and converted not in choices:
         raise ValueError(
-            f"{show(converted)} is none of the choices; {nearest(str(value), map(str, choices))}"
+            f"{show(converted)} is none of the choices; {suggest_name(str(value), map(str, choices))}"
         )
     if kind.name in ("int", "float"):
         within.check(cast("float", converted))
     return converted
 
 
-def accept(
+def accept_value(
     value: object,
     kind: PortType,
     choices: Collection[Plain] | None = None,
@@ -196,7 +196,7 @@ def accept(
     """
     if isinstance(value, str) and kind.name in ("float", "int") and not kind.many:
         raise ValueError(f"{show(value)} is not {kind.words()}")
-    return convert(value, kind, None, choices, within)
+    return convert_literal(value, kind, None, choices, within)
 
 
 def show(value: object) -> str:

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from ...files.expressions.expression import ExpressionError
 from ...files.expressions.type_inference import BOOL, FLOAT, INT, OBJECT, PLACE, TEXT, ValueType
-from ...files.value_wording import nearest
+from ...files.value_wording import suggest_name
 from ...files.yaml.document import Document, Mark
 from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.causes import Failure, tree
@@ -23,7 +23,7 @@ from .port_types import show
 _LINE = re.compile(r"\r?\n")
 
 
-class Pointer:
+class ExpressionLocator:
     """Knows the lines of the files of one mission."""
 
     def __init__(self, documents: Iterable[Document]) -> None:
@@ -125,7 +125,7 @@ def attribute(scene: PlanningScene, owner: object, name: str) -> Plain:
     if not isinstance(owner, str):
         raise ValueError(f"only an object has attributes, so not {name!r} either")
     if name not in ATTRIBUTES:
-        raise ValueError(f"an object has no attribute {name!r}; {nearest(name, ATTRIBUTES)}")
+        raise ValueError(f"an object has no attribute {name!r}; {suggest_name(name, ATTRIBUTES)}")
     if name == "destination":
         return scene.destination(owner)
     value: Plain = getattr(scene.get(owner), name)

@@ -11,16 +11,16 @@ from ...files.yaml.document import Mark
 from ..mission import MAIN, NodeSpec, TreeSpec, bottom_up
 from ..ports import PortDeclaration
 from ..values.references import Constant, Reference
-from .key_writers import Keys, Placed
-from .type_fit import DEFAULT, misfit
-from .value_sources import Source, constant
+from .key_writers import PlacedNode, TreeKeys
+from .type_fit import DEFAULT, type_mismatch
+from .value_sources import ValueSource, constant
 
 MAX_DEMANDS: Final = 60
 """On one input of a tree; more are not followed."""
 
 
 @dataclass(frozen=True, slots=True)
-class Arrival:
+class ArrivingValue:
     """A value that reaches an input, and the place of the text where it is wired so."""
 
     mark: Mark
@@ -29,7 +29,7 @@ class Arrival:
     """Of the input at that place, which may be that of a sub-tree."""
     text: str
     """What stands there: `{item.colour}`, or a literal."""
-    source: Source
+    source: ValueSource
     target: PortDeclaration
     """Where it ends up: the same input, or that of a node in the sub-tree;"""
     via: str
@@ -61,34 +61,34 @@ class _Place:
     port: PortDeclaration
     text: str
 
-    def arrival(self, source: Source, demand: _Demand) -> Arrival:
+    def arrival(self, source: ValueSource, demand: _Demand) -> ArrivingValue:
         for _ in range(demand.depth):
             source = source.elements()
         target = demand.target
-        problem = misfit(source, target, self.text, strict=demand.strict)
+        problem = type_mismatch(source, target, self.text, strict=demand.strict)
         via = "" if target is self.port else demand.told(self.mark.file)
-        return Arrival(self.mark, self.trail, self.port.key, self.text, source, target, via, problem)
+        return ArrivingValue(self.mark, self.trail, self.port.key, self.text, source, target, via, problem)
 
 
-class Circuit:
+class ValueFlow:
     """The trees of a mission with their keys, and what arrives at each input.
 
     Raises CycleError for sub-trees in a circle.
     """
 
     def __init__(self, trees: Mapping[str, TreeSpec], facts: Mapping[str, ValueType]) -> None:
-        self.keys: dict[str, Keys] = {}
+        self.keys: dict[str, TreeKeys] = {}
         self.facts = facts
         self._demands: dict[str, dict[str, list[_Demand]]] = {}
         for name in bottom_up(trees):
-            keys = self.keys[name] = Keys(trees[name], trees, self.keys, facts)
+            keys = self.keys[name] = TreeKeys(trees[name], trees, self.keys, facts)
             self._demands[name] = {}
             for port in trees[name].ports:
                 keys.sources(port.key)  # now, so that callers need not look through many trees at once
         self.arrivals = tuple(self._all(trees.get(MAIN)))
         """By input; what stands first at an input came first in the text."""
 
-    def _all(self, main: TreeSpec | None) -> Iterator[tuple[Arrival, ...]]:
+    def _all(self, main: TreeSpec | None) -> Iterator[tuple[ArrivingValue, ...]]:
         for name, keys in self.keys.items():
             for placed in keys.nodes:
                 for port in keys.ports(placed.spec):
@@ -98,7 +98,7 @@ class Circuit:
             for port in main.ports:
                 yield tuple(self._parameter(main, port))
 
-    def _at(self, tree: str, placed: Placed, port: PortDeclaration) -> Iterator[Arrival]:
+    def _at(self, tree: str, placed: PlacedNode, port: PortDeclaration) -> Iterator[ArrivingValue]:
         spec = placed.spec
         bound = spec.ports.get(port.key)
         if bound is None and (port.required or port.default == ""):
@@ -121,14 +121,14 @@ class Circuit:
                 if source.port is not None and arrival.problem is None:
                     self._add(tree, source, demand)
 
-    def _parameter(self, main: TreeSpec, port: PortDeclaration) -> Iterator[Arrival]:
+    def _parameter(self, main: TreeSpec, port: PortDeclaration) -> Iterator[ArrivingValue]:
         """The default of a parameter of the mission, as far as it goes on to nodes."""
         if port.direction == "in" and not port.required and port.default != "":
             mark = main.places.get(port.key, main.mark)
             place = _Place(mark, main.name, port, DEFAULT)
             yield from _literal(place, port.default, self._demands[MAIN].get(port.key, []))
 
-    def _add(self, tree: str, source: Source, demand: _Demand) -> None:
+    def _add(self, tree: str, source: ValueSource, demand: _Demand) -> None:
         assert source.port is not None
         found = self._demands[tree].setdefault(source.port, [])
         depth = demand.depth + source.depth
@@ -137,7 +137,7 @@ class Circuit:
             found.append(_Demand(demand.target, demand.node, depth, demand.strict))
 
 
-def _literal(place: _Place, value: object, wanted: list[_Demand]) -> Iterator[Arrival]:
+def _literal(place: _Place, value: object, wanted: list[_Demand]) -> Iterator[ArrivingValue]:
     source = constant(value, place.mark)
     for demand in wanted:
         yield place.arrival(source, demand)

@@ -7,43 +7,47 @@ from dataclasses import dataclass
 
 from ...files.expressions.expression import Expression, ExpressionError
 from ...files.expressions.type_inference import UnknownName, check_types
-from ...files.yaml.document import Fault
-from ..values.references import ATTRIBUTE_TYPES, Constant, Pointer
-from .circuit import Circuit
-from .key_writers import Placed
+from ...files.yaml.document import Diagnostic
+from ..values.references import ATTRIBUTE_TYPES, Constant, ExpressionLocator
+from .circuit import ValueFlow
+from .key_writers import PlacedNode
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class MissionExpression:
     """An expression in a mission, and under which key of its node it stands."""
 
-    placed: Placed
+    placed: PlacedNode
     key: str
     what: str
     expression: Expression
     before: int = 0
     """Characters of the text before it."""
 
-    def fault(self, error: ExpressionError, pointer: Pointer, code: str) -> Fault:
+    def fault(self, error: ExpressionError, pointer: ExpressionLocator, code: str) -> Diagnostic:
         """What is wrong with it."""
         start = self.placed.mark(self.key)
         mark, message = pointer.told(start, self.expression.text, error, self.before)
-        return Fault(mark, self.placed.path, f"{self.what}: {message}", "", code)
+        return Diagnostic(mark, self.placed.path, f"{self.what}: {message}", "", code)
 
 
-def expressions_of(placed: Placed) -> Iterator[Asked]:
+def expressions_of(placed: PlacedNode) -> Iterator[MissionExpression]:
     """All expressions of one node."""
     for name, expression in placed.spec.preconditions.items():
-        yield Asked(placed, name, name, expression)
+        yield MissionExpression(placed, name, name, expression)
     for key, bound in placed.spec.ports.items():
         if isinstance(bound, Constant) and isinstance(bound.value, Expression):
-            yield Asked(placed, key, f"port {key!r}", bound.value)
+            yield MissionExpression(placed, key, f"port {key!r}", bound.value)
     for name, assignments in placed.spec.postconditions.items():
         for assignment in assignments:
-            yield Asked(placed, name, f"{name}: {assignment.key!r}", assignment.value, assignment.at)
+            yield MissionExpression(
+                placed, name, f"{name}: {assignment.key!r}", assignment.value, assignment.at
+            )
 
 
-def unanswerable(circuit: Circuit, pointer: Pointer, unfinished: Collection[str] = ()) -> Iterator[Fault]:
+def expression_faults(
+    circuit: ValueFlow, pointer: ExpressionLocator, unfinished: Collection[str] = ()
+) -> Iterator[Diagnostic]:
     """A fault for each expression that can have no value.
 
     `unfinished`: trees of which not all could be read, so that a name may be written where nobody sees it.

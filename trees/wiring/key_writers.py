@@ -13,7 +13,7 @@ from ...world.belief.facts import FACTS
 from ..mission import Assignment, NodeSpec, TreeSpec
 from ..ports import NameKind, PortDeclaration
 from ..values.references import ATTRIBUTE_TYPES, Constant, Reference
-from .value_sources import Source, constant, declared, distinct, unknown
+from .value_sources import ValueSource, constant, declared, distinct, unknown
 
 MAX_CHAIN: Final = 60
 """How far a value is followed from key to key."""
@@ -27,7 +27,7 @@ _NAMING: Mapping[str, NameKind] = {"kind": "kind", "colour": "colour", "destinat
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class PlacedNode:
     """A node with its path in the tree."""
 
     path: str
@@ -39,42 +39,42 @@ class Placed:
 
 
 @dataclass(frozen=True, slots=True)
-class Write:
+class KeyWrite:
     """One place of the text that writes a key."""
 
-    placed: Placed
+    placed: PlacedNode
     place: str
     """Under which key of the node it stands."""
     what: PortDeclaration | Assignment
 
 
-def placed_below(spec: NodeSpec, above: str) -> Iterator[Placed]:
+def placed_below(spec: NodeSpec, above: str) -> Iterator[PlacedNode]:
     """The node and all below it in the same tree, with their paths."""
-    todo = [Placed(f"{above}/{spec.name}", spec)]
+    todo = [PlacedNode(f"{above}/{spec.name}", spec)]
     while todo:
         placed = todo.pop()
         yield placed
-        todo += [Placed(f"{placed.path}/{child.name}", child) for child in reversed(placed.spec.children)]
+        todo += [PlacedNode(f"{placed.path}/{child.name}", child) for child in reversed(placed.spec.children)]
 
 
-class Keys(Mapping[str, ValueType]):
+class TreeKeys(Mapping[str, ValueType]):
     """The types of a tree's keys by name, as an expression asks for them, and the sources behind them."""
 
     def __init__(
         self,
         tree: TreeSpec,
         trees: Mapping[str, TreeSpec],
-        below: Mapping[str, Keys],
+        below: Mapping[str, TreeKeys],
         facts: Mapping[str, ValueType],
     ) -> None:
         """`below` are the keys of the trees that this one uses."""
         self.tree = tree
         self.nodes = tuple(placed_below(tree.root, tree.name))
-        self.writes: dict[str, list[Write]] = {}
+        self.writes: dict[str, list[KeyWrite]] = {}
         self._trees, self._below, self._facts = trees, below, facts
         self._inputs = {port.key: port for port in tree.ports if port.direction == "in"}
         self._outputs = {port.key: port for port in tree.ports if port.direction == "out"}
-        self._sources: dict[str, tuple[Source, ...]] = {}
+        self._sources: dict[str, tuple[ValueSource, ...]] = {}
         self._types: dict[str, ValueType] = {}
         self._open: set[str] = set()
         """Keys that are being looked up; a value that depends on itself is not known."""
@@ -117,7 +117,7 @@ class Keys(Mapping[str, ValueType]):
         """The tree's own output of that name."""
         return self._outputs.get(key)
 
-    def sources(self, key: str) -> tuple[Source, ...]:
+    def sources(self, key: str) -> tuple[ValueSource, ...]:
         """All that may write the key; nothing when nobody in the tree does."""
         found = self._sources.get(key)
         if found is None:
@@ -128,7 +128,7 @@ class Keys(Mapping[str, ValueType]):
             self._open.discard(key)
         return found
 
-    def reference(self, reference: Reference) -> tuple[Source, ...]:
+    def reference(self, reference: Reference) -> tuple[ValueSource, ...]:
         """What a reference may read."""
         sources = self.sources(reference.key)
         if not reference.attributes:
@@ -136,24 +136,24 @@ class Keys(Mapping[str, ValueType]):
         last = reference.attributes[-1]
         kind, names = ATTRIBUTE_TYPES[last], _NAMING.get(last)
         values = kind.choices or None
-        return tuple(Source(kind, s.mark, s.writer, values=values, names=names) for s in sources[:1])
+        return tuple(ValueSource(kind, s.mark, s.writer, values=values, names=names) for s in sources[:1])
 
-    def _find(self, key: str) -> Iterator[Source]:
+    def _find(self, key: str) -> Iterator[ValueSource]:
         own = self._inputs.get(key)
         if own is not None:
             yield replace(declared(own, self.tree.places.get(key, self.tree.mark)), port=key)
         for write in self.writes.get(key, ()):
             yield from self.written(write)
 
-    def _written_by(self, placed: Placed) -> Iterator[Write]:
+    def _written_by(self, placed: PlacedNode) -> Iterator[KeyWrite]:
         spec = placed.spec
         for port in self.ports(spec):
             bound = spec.ports.get(port.key)
             if port.direction == "out" and isinstance(bound, Reference):
-                yield Write(placed, port.key, port)
+                yield KeyWrite(placed, port.key, port)
         for name, assignments in spec.postconditions.items():
             for assignment in assignments:
-                yield Write(placed, name, assignment)
+                yield KeyWrite(placed, name, assignment)
 
     def ports(self, spec: NodeSpec) -> tuple[PortDeclaration, ...]:
         """Of a node, or of the tree that it stands for."""
@@ -162,7 +162,7 @@ class Keys(Mapping[str, ValueType]):
         called = self._trees.get(spec.id)
         return called.ports if called is not None else ()
 
-    def written(self, write: Write) -> Iterator[Source]:
+    def written(self, write: KeyWrite) -> Iterator[ValueSource]:
         """What one place of the text writes."""
         mark, path = write.placed.mark(write.place), write.placed.path
         if isinstance(write.what, Assignment):
@@ -170,7 +170,7 @@ class Keys(Mapping[str, ValueType]):
         elif write.what.like is not None:
             yield from self._passed(write, write.what.like, lambda source: source)
         elif write.what.each_of is not None:
-            yield from self._passed(write, write.what.each_of, Source.elements)
+            yield from self._passed(write, write.what.each_of, ValueSource.elements)
         elif write.placed.spec.node is None and write.what.type.name == "any":
             # An output whose type nobody declared: what the sub-tree writes there.
             inner = self._below[write.placed.spec.id].sources(write.what.key)
@@ -178,7 +178,9 @@ class Keys(Mapping[str, ValueType]):
         else:
             yield declared(write.what, mark, path)
 
-    def _passed(self, write: Write, key: str, change: Callable[[Source], Source]) -> Iterator[Source]:
+    def _passed(
+        self, write: KeyWrite, key: str, change: Callable[[ValueSource], ValueSource]
+    ) -> Iterator[ValueSource]:
         spec, mark, path = write.placed.spec, write.placed.mark(write.place), write.placed.path
         bound = spec.ports.get(key)
         port = spec.node.declaration.port(key) if spec.node is not None else None
@@ -191,14 +193,14 @@ class Keys(Mapping[str, ValueType]):
         for source in found:
             yield replace(change(source), mark=mark, writer=path)
 
-    def _assigned(self, assignment: Assignment, mark: Mark, path: str) -> Source:
+    def _assigned(self, assignment: Assignment, mark: Mark, path: str) -> ValueSource:
         try:
-            return Source(check_types(assignment.value, self, ATTRIBUTE_TYPES), mark, path)
+            return ValueSource(check_types(assignment.value, self, ATTRIBUTE_TYPES), mark, path)
         except ExpressionError:
-            return Source(ANY, mark, path)
+            return ValueSource(ANY, mark, path)
 
 
-def _key_of(write: Write) -> str:
+def _key_of(write: KeyWrite) -> str:
     if isinstance(write.what, Assignment):
         return write.what.key
     bound = write.placed.spec.ports[write.what.key]

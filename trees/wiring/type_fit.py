@@ -7,8 +7,8 @@ from typing import Final
 
 from ...files.expressions.type_inference import ValueType
 from ..ports import PortDeclaration
-from ..values.port_types import accept
-from .value_sources import Source
+from ..values.port_types import accept_value
+from .value_sources import ValueSource
 
 DEFAULT: Final = "its default"
 """What stands at an input where nothing is written."""
@@ -23,7 +23,7 @@ _TAKES: Mapping[str, tuple[str, ...]] = {
 """Kinds of values by the name of the port's type."""
 
 
-def misfit(source: Source, target: PortDeclaration, text: str, *, strict: bool) -> str | None:
+def type_mismatch(source: ValueSource, target: PortDeclaration, text: str, *, strict: bool) -> str | None:
     """Why the input does not take what comes from there, as a sentence; `text` is what the file says.
 
     strict: the name of a place is no object, unless the input asks for one.
@@ -42,7 +42,7 @@ def misfit(source: Source, target: PortDeclaration, text: str, *, strict: bool) 
 
 def _refused(value: object, target: PortDeclaration) -> str | None:
     try:
-        accept(value, target.type, target.choices, target.within)
+        accept_value(value, target.type, target.choices, target.within)
     except (TypeError, ValueError) as error:
         return str(error)
     return None

@@ -26,7 +26,7 @@ MAX_SOURCES: Final = 40
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ValueSource:
     """One way in which a key gets its value."""
 
     type: ValueType
@@ -53,7 +53,7 @@ class Source:
             return f"{self.writer} writes it, {place}"
         return f"the tree's input {self.port!r}, {place}" if self.port else place
 
-    def elements(self) -> Source:
+    def elements(self) -> ValueSource:
         """Of the elements of the list that it is."""
         inner = self.type.element if self.type.kind == "list" and self.type.element else ANY
         values = None if self.values is None else _flat(self.values)
@@ -64,19 +64,19 @@ def _flat(values: Iterable[Plain]) -> tuple[Plain, ...]:
     return tuple(item for value in values if isinstance(value, list) for item in value)
 
 
-def constant(value: object, mark: Mark, writer: str = "") -> Source:
+def constant(value: object, mark: Mark, writer: str = "") -> ValueSource:
     """A literal, or a default."""
-    return Source(type_of_value(value), mark, writer, values=(cast("Plain", value),), certain=True)
+    return ValueSource(type_of_value(value), mark, writer, values=(cast("Plain", value),), certain=True)
 
 
-def unknown(mark: Mark, writer: str = "") -> Source:
-    return Source(ANY, mark, writer)
+def unknown(mark: Mark, writer: str = "") -> ValueSource:
+    return ValueSource(ANY, mark, writer)
 
 
-def declared(port: PortDeclaration, mark: Mark, writer: str = "") -> Source:
+def declared(port: PortDeclaration, mark: Mark, writer: str = "") -> ValueSource:
     """What the declaration of an output, or of a tree's input, says."""
     values = None if port.type.many else port.choices
-    return Source(type_of_port(port), mark, writer, port.unit, values, names=port.names)
+    return ValueSource(type_of_port(port), mark, writer, port.unit, values, names=port.names)
 
 
 def type_of_port(port: PortDeclaration) -> ValueType:
@@ -98,9 +98,9 @@ def type_of_port(port: PortDeclaration) -> ValueType:
     return replace(found, optional=port.type.optional)
 
 
-def distinct(sources: Iterable[Source]) -> tuple[Source, ...]:
+def distinct(sources: Iterable[ValueSource]) -> tuple[ValueSource, ...]:
     """Each kind of source once, with the first writer; beyond a bound only that there are others."""
-    found: dict[object, Source] = {}
+    found: dict[object, ValueSource] = {}
     for source in sources:
         values = repr(source.values)
         found.setdefault((source.type, source.unit, values, source.names, source.port, source.depth), source)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...files.yaml.document import Fault, Mark, nearest
+from ...files.yaml.document import Diagnostic, Mark, suggest_name
 from ..slots import SlotDeclaration
 from ..values.port_types import show
 from ..values.references import ATTRIBUTE_TYPES, Reference
-from .circuit import Arrival, Circuit
-from .key_writers import Keys, Placed, Write
-from .type_fit import misfit
-from .value_sources import Source
+from .circuit import ArrivingValue, ValueFlow
+from .key_writers import KeyWrite, PlacedNode, TreeKeys
+from .type_fit import type_mismatch
+from .value_sources import ValueSource
 
 
-def misfits(circuit: Circuit) -> Iterator[Fault]:
+def wiring_faults(circuit: ValueFlow) -> Iterator[Diagnostic]:
     """At each input the first thing that does not fit; attributes, cases and writes that cannot be."""
     for keys in circuit.keys.values():
         for placed in keys.nodes:
@@ -27,24 +27,26 @@ def misfits(circuit: Circuit) -> Iterator[Fault]:
             yield _misfit(wrong)
 
 
-def _misfit(arrival: Arrival) -> Fault:
+def _misfit(arrival: ArrivingValue) -> Diagnostic:
     hints = [f"it goes to the port {arrival.target.key!r} of {arrival.via}"] if arrival.via else []
     if arrival.text.startswith("{"):
         hints.append(arrival.source.told(arrival.mark.file))
     message = f"port {arrival.key!r}: {arrival.problem}"
-    return Fault(arrival.mark, arrival.trail, message, "; ".join(hints), "P237")
+    return Diagnostic(arrival.mark, arrival.trail, message, "; ".join(hints), "P237")
 
 
-def _attributes(keys: Keys, placed: Placed) -> Iterator[Fault]:
+def _attributes(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
     """References to attributes of what is no object."""
     for key, bound in placed.spec.ports.items():
         if isinstance(bound, Reference) and bound.attributes:
             mark = placed.mark(key)
             for message, hint in _no_object(bound, keys.sources(bound.key), mark.file):
-                yield Fault(mark, placed.path, f"port {key!r}: {bound}: {message}", hint, "P238")
+                yield Diagnostic(mark, placed.path, f"port {key!r}: {bound}: {message}", hint, "P238")
 
 
-def _no_object(reference: Reference, sources: tuple[Source, ...], file: str) -> Iterator[tuple[str, str]]:
+def _no_object(
+    reference: Reference, sources: tuple[ValueSource, ...], file: str
+) -> Iterator[tuple[str, str]]:
     only = "only an object has attributes, and"
     for source in sources:
         if source.type.kind not in ("any", "word", "object"):
@@ -56,7 +58,7 @@ def _no_object(reference: Reference, sources: tuple[Source, ...], file: str) -> 
             return
 
 
-def _cases(keys: Keys, placed: Placed) -> Iterator[Fault]:
+def _cases(keys: TreeKeys, placed: PlacedNode) -> Iterator[Diagnostic]:
     """Cases that the value which decides can never be."""
     if placed.spec.node is None:
         return
@@ -69,16 +71,16 @@ def _cases(keys: Keys, placed: Placed) -> Iterator[Fault]:
 
 
 def _never(
-    placed: Placed, slot: SlotDeclaration, label: str, text: str, sources: tuple[Source, ...]
-) -> Fault:
+    placed: PlacedNode, slot: SlotDeclaration, label: str, text: str, sources: tuple[ValueSource, ...]
+) -> Diagnostic:
     mark = placed.mark(f"{slot.key}/{label}")
     values = [_as_label(value) for source in sources for value in source.values or ()]
-    hint = nearest(label, values) if values else sources[0].told(mark.file)
+    hint = suggest_name(label, values) if values else sources[0].told(mark.file)
     message = f"{text} is never {label!r}" + ("" if values else f": it is {sources[0].type.words()}")
-    return Fault(mark, placed.path, message, hint, "P258")
+    return Diagnostic(mark, placed.path, message, hint, "P258")
 
 
-def _may_be(source: Source, label: str) -> bool:
+def _may_be(source: ValueSource, label: str) -> bool:
     """Whether the case of that name may ever be chosen by a value from there.
 
     A literal that decides is a setting of the mission: cases for other settings may stand beside it.
@@ -116,37 +118,37 @@ def _as_label(value: object) -> str:
     return value if isinstance(value, str) else show(value)
 
 
-def _writes(keys: Keys, facts: frozenset[str]) -> Iterator[Fault]:
+def _writes(keys: TreeKeys, facts: frozenset[str]) -> Iterator[Diagnostic]:
     """Writes to inputs of the tree or of another type than its output has; keys that hide a fact."""
     for port in keys.tree.ports:
         if port.key in facts:
-            yield Fault(_declared(keys, port.key), keys.tree.name, *_hidden(port.key), "P259")
+            yield Diagnostic(_declared(keys, port.key), keys.tree.name, *_hidden(port.key), "P259")
     for key, writes in keys.writes.items():
         for write in writes:
             yield from _write(keys, key, write, facts)
 
 
-def _write(keys: Keys, key: str, write: Write, facts: frozenset[str]) -> Iterator[Fault]:
+def _write(keys: TreeKeys, key: str, write: KeyWrite, facts: frozenset[str]) -> Iterator[Diagnostic]:
     mark, path = write.placed.mark(write.place), write.placed.path
     what = write.place if write.place.startswith("_") else f"port {write.place!r}"
     output = keys.output(key)
     if keys.input(key) is not None:
         message = f"{what}: {key!r} is an input of the tree {keys.tree.name!r}; it cannot be written"
         hint = "declare the port with 'direction: out', or write another key"
-        yield Fault(mark, path, message, hint, "P239")
+        yield Diagnostic(mark, path, message, hint, "P239")
     elif output is not None:
         for source in keys.written(write):
-            problem = misfit(source, output, "what it writes", strict=False)
+            problem = type_mismatch(source, output, "what it writes", strict=False)
             if problem is not None:
                 hint = f"the tree's output {key!r}, {_declared(keys, key).told(mark.file)}"
-                yield Fault(mark, path, f"{what}: {problem}", hint, "P237")
+                yield Diagnostic(mark, path, f"{what}: {problem}", hint, "P237")
                 return
     elif key in facts:
         message, hint = _hidden(key)
-        yield Fault(mark, path, f"{what}: {message}", hint, "P259")
+        yield Diagnostic(mark, path, f"{what}: {message}", hint, "P259")
 
 
-def _declared(keys: Keys, port: str) -> Mark:
+def _declared(keys: TreeKeys, port: str) -> Mark:
     return keys.tree.places.get(port, keys.tree.mark)
 
 

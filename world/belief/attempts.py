@@ -6,15 +6,15 @@ from collections.abc import Iterable, Mapping
 from typing import Protocol, TypeVar
 
 
-class Named(Protocol):
+class NamedCandidate(Protocol):
     @property
     def name(self) -> str: ...
 
 
-C = TypeVar("C", bound=Named)
+C = TypeVar("C", bound=NamedCandidate)
 
 
-class Attempts:
+class AttemptMemory:
     """For each (node path, object): the names of the candidates that were tried and failed."""
 
     def __init__(self) -> None:

@@ -12,14 +12,14 @@ from .planning_scene import BeliefObject, PlanningScene
 
 
 @dataclass(frozen=True, slots=True)
-class NoticedState:
-    """See `Noticed`."""
+class FeedProgressState:
+    """See `FeedProgress`."""
 
     deliveries: int = 0
     exchanges: Mapping[ObjectId, int] = field(default_factory=dict[ObjectId, int])
 
 
-class Noticed:
+class FeedProgress:
     """Counts of the feed's lines up to which the belief has followed them: whatever came since is news."""
 
     def __init__(self) -> None:
@@ -34,10 +34,10 @@ class Noticed:
         self._exchanges.update((bin_id, counts[bin_id]) for bin_id in found)
         return found
 
-    def state(self) -> NoticedState:
-        return NoticedState(self.deliveries, dict(self._exchanges))
+    def state(self) -> FeedProgressState:
+        return FeedProgressState(self.deliveries, dict(self._exchanges))
 
-    def restore(self, state: NoticedState) -> None:
+    def restore(self, state: FeedProgressState) -> None:
         self.deliveries = state.deliveries
         self._exchanges = dict(state.exchanges)
 
@@ -64,7 +64,7 @@ FACTS: Mapping[str, type[bool] | type[int] | type[float] | type[str]] = {
 """Their names and types."""
 
 
-def to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
+def items_to_do(scene: PlanningScene) -> tuple[BeliefObject, ...]:
     """Items that are believed to lie elsewhere than where they belong, and are not put aside."""
     return tuple(
         o
@@ -84,7 +84,7 @@ def facts(
     `exhausted`: the feed's line says that nothing more will come; `done`: items placed so far.
     """
     held = scene.held
-    left = len(to_do(scene))
+    left = len(items_to_do(scene))
     return {
         "items_left": left > 0 or not looked,
         "items_to_do": left,

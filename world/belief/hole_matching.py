@@ -16,7 +16,7 @@ Slack: TypeAlias = tuple[float, float]
 """How much wider a hole is than the item, along the hole's long side and across, m."""
 
 
-def slack(hole: Hole, shape: Shape) -> Slack | None:
+def hole_clearance(hole: Hole, shape: Shape) -> Slack | None:
     """What an item that stands in the hole, its own z upwards, has left on both sides together; negative
     where it is too wide. None for a form that does not go with the hole's: what is round belongs into what
     is round, a box into a square hole or a slot, a mesh nowhere."""
@@ -30,16 +30,18 @@ def slack(hole: Hole, shape: Shape) -> Slack | None:
             return None
 
 
-def fits(hole: Hole, shape: Shape) -> bool:
+def fits_hole(hole: Hole, shape: Shape) -> bool:
     """Whether an item of that shape goes into the hole with room on every side."""
-    left = slack(hole, shape)
+    left = hole_clearance(hole, shape)
     return left is not None and min(left) > 0.0
 
 
-def closest(holes: Iterable[Hole], shape: Shape) -> Hole | None:
+def tightest_hole(holes: Iterable[Hole], shape: Shape) -> Hole | None:
     """Of the holes that the item fits the one that leaves it the least room; None when it fits none."""
     loose = [
-        (max(slack(hole, shape) or (0.0, 0.0)), n, hole) for n, hole in enumerate(holes) if fits(hole, shape)
+        (max(hole_clearance(hole, shape) or (0.0, 0.0)), n, hole)
+        for n, hole in enumerate(holes)
+        if fits_hole(hole, shape)
     ]
     return min(loose)[2] if loose else None
 
@@ -90,4 +92,4 @@ def fitting_hole(scene: PlanningScene, object_id: str, into: str | None = None) 
     if holes is None:
         return None
     taken = {o.place for o in scene.objects if o.id != object_id}
-    return closest((hole for hole in holes if hole.id not in taken), scene.get(object_id).shape)
+    return tightest_hole((hole for hole in holes if hole.id not in taken), scene.get(object_id).shape)

@@ -16,7 +16,7 @@ Role: TypeAlias = Literal["item", "obstacle"]
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
+class ObstacleBlock:
     """An upright box that is a part of an obstacle, along the axes of the obstacle's frame."""
 
     size: Vector3
@@ -52,7 +52,7 @@ class BeliefObject:
     """Set while the object is attached to the gripper."""
     place: str = "table"
     """Where it is believed to lie: `table`, a bin's id, `hand`, or `aside`."""
-    blocks: tuple[Block, ...] = ()
+    blocks: tuple[ObstacleBlock, ...] = ()
     """Of an obstacle: what it takes up, as far as it is known. `shape` is their convex hull where that wastes
     little, and collisions are checked with it alone; else the box about them, and they are checked with each.
     Empty where the shape itself is taken up, as by items, and by the obstacles of older logs."""

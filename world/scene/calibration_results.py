@@ -29,7 +29,7 @@ SMALLEST = (0.06, 0.04, 0.02)
 
 
 @dataclass(frozen=True, slots=True)
-class Tile:
+class TargetTile:
     """A coloured square on the top of a target, with its edges along the target's x and y."""
 
     colour: str
@@ -45,27 +45,27 @@ class Tile:
         return around * half + np.array(self.centre)
 
 
-def tiles_on(size: Vector3) -> tuple[Tile, ...]:
+def tiles_on(size: Vector3) -> tuple[TargetTile, ...]:
     """The squares of a target of `size` (x, y, z) m: in three columns along x and two rows along y."""
     x, y, z = size
     cell = (x / COLUMNS, y / ROWS)
     edge = FILLED * min(cell)
-    found: list[Tile] = []
+    found: list[TargetTile] = []
     for n, colour in enumerate(COLOURS):
         row, column = divmod(n, COLUMNS)
         across, along = column - (COLUMNS - 1) / 2, (ROWS - 1) / 2 - row
-        found.append(Tile(colour, (across * cell[0], along * cell[1], z / 2 + PROUD), edge))
+        found.append(TargetTile(colour, (across * cell[0], along * cell[1], z / 2 + PROUD), edge))
     return tuple(found)
 
 
-def sticker(tile: Tile, thickness: float) -> tuple[Box, Pose]:
+def tile_body(tile: TargetTile, thickness: float) -> tuple[Box, Pose]:
     """The square as a body for whoever draws it, in the target's frame: half of it stands out, m."""
     x, y, z = tile.centre
     return Box((tile.edge, tile.edge, thickness)), Pose((x, y, z - PROUD))
 
 
 @dataclass(frozen=True, slots=True)
-class Calibration:
+class SceneCalibration:
     """Corrections of a scene's belief. They move what is believed, never what is true."""
 
     cameras: tuple[tuple[str, Pose], ...] = ()
@@ -77,7 +77,7 @@ class Calibration:
     """What has calibrated, in a few words."""
 
 
-def corrected(camera: CameraDescription, calibration: Calibration | None) -> CameraDescription:
+def apply_calibration(camera: CameraDescription, calibration: SceneCalibration | None) -> CameraDescription:
     """The camera with its calibrated pose, where there is one. The true pose, `pose @ error`, stays."""
     found = dict(calibration.cameras).get(camera.name) if calibration is not None else None
     if found is None:

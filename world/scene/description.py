@@ -7,9 +7,9 @@ from typing import Literal, TypeAlias
 
 from ..shapes import Box, Shape
 from ..values import Bounds, ObjectId, Pose, Vector3
-from .calibration_results import Calibration, Tile
+from .calibration_results import SceneCalibration, TargetTile
 from .feed import Belt, Delivery, Exchange
-from .holes import CERTAIN, Hole, Uncertainty
+from .holes import CERTAIN, Hole, PlacementUncertainty
 
 Form: TypeAlias = Literal["box", "cylinder", "sphere", "plate", "mesh"]
 
@@ -24,9 +24,9 @@ class Fixture:
     """In the world, as everybody believes it."""
     colour: str = "grey"
     holes: tuple[Hole, ...] = ()
-    uncertainty: Uncertainty = CERTAIN
+    uncertainty: PlacementUncertainty = CERTAIN
     """How far from there it may really stand: only the simulation draws where."""
-    tiles: tuple[Tile, ...] = ()
+    tiles: tuple[TargetTile, ...] = ()
     """Coloured squares on its top: it is a target for calibrating."""
 
 
@@ -124,7 +124,7 @@ class Destination:
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class SafetyLimits:
     """What the safety monitor enforces."""
 
     force: float = 60.0
@@ -176,7 +176,7 @@ class SceneDescription:
     catalogue: tuple[CatalogueEntry, ...]
     spawn: tuple[Spawn, ...]
     destinations: tuple[Destination, ...]
-    limits: Limits = field(default_factory=Limits)
+    limits: SafetyLimits = field(default_factory=SafetyLimits)
     thinking: Thinking = field(default_factory=Thinking)
     noise: SensorNoise = field(default_factory=SensorNoise)
     checkpoint_every: int = 4
@@ -200,7 +200,7 @@ class SceneDescription:
     tool_error: Pose = field(default_factory=Pose)
     """Where the TCP really is, seen from where the robot file says: the hand is mounted off by it. Only the
     simulation reads it."""
-    calibration: Calibration | None = None
+    calibration: SceneCalibration | None = None
     """What was found out about cameras and tool; the poses in `cameras` are corrected by it already."""
 
     @property

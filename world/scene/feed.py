@@ -24,25 +24,25 @@ class Belt:
 
 
 @dataclass(frozen=True, slots=True)
-class Clear:
+class WhenClear:
     """A load comes when the robot says that it is done with what lies there."""
 
 
 @dataclass(frozen=True, slots=True)
-class Every:
+class AtIntervals:
     """A load comes whenever so much time has passed since the beginning, s."""
 
     period: float
 
 
 @dataclass(frozen=True, slots=True)
-class At:
+class AtTimes:
     """A load comes at each of these simulated times, s, ascending."""
 
     times: tuple[float, ...]
 
 
-When: TypeAlias = Clear | Every | At
+When: TypeAlias = WhenClear | AtIntervals | AtTimes
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +51,8 @@ class Delivery:
     from which single items are drawn, over the whole of the belt's top."""
 
     load: Spawn
-    when: When = Clear()
-    """For a belt always `Clear`: it runs when the robot is ready."""
+    when: When = WhenClear()
+    """For a belt always `WhenClear`: it runs when the robot is ready."""
     total: int | None = None
     """Items in all; None: for ever."""
     belt: ObjectId | None = None

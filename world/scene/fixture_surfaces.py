@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 
 from ..shapes import Box
 from ..values import Array
-from .hole_geometry import layered
+from .hole_geometry import layered_pieces
 from .holes import Hole
 
 ABOVE = 1e-6
@@ -33,7 +33,7 @@ class Surface:
 def surface(box: Box, holes: tuple[Hole, ...]) -> Surface:
     """What can be seen of a box with holes, their insides included."""
     hulls: list[tuple[Array, ConvexHull]] = []
-    for piece, piece_in_fixture in layered(box, holes):
+    for piece, piece_in_fixture in layered_pieces(box, holes):
         points = piece_in_fixture.apply(np.array(piece.vertices))
         hulls.append((points, ConvexHull(points)))
     corners: list[Array] = []

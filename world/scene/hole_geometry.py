@@ -33,7 +33,7 @@ Polygon: TypeAlias = Array
 
 
 @dataclass(frozen=True, slots=True)
-class Interlocked:
+class InterlockedHoles:
     """Holes of one box that no straight cut parts from one another."""
 
     holes: tuple[Hole, ...]
@@ -52,7 +52,7 @@ def outline(hole: Hole, grown: float = 0.0) -> Polygon:
     return corners @ turn.T + np.array(hole.pose.position[:2])
 
 
-def bored(fixture: Fixture) -> tuple[tuple[ConvexMesh, Pose], ...]:
+def convex_pieces(fixture: Fixture) -> tuple[tuple[ConvexMesh, Pose], ...]:
     """Convex pieces, which together are the fixture's solid, with their poses in its frame.
 
     The fixture is a box, and its holes were checked on reading.
@@ -61,7 +61,7 @@ def bored(fixture: Fixture) -> tuple[tuple[ConvexMesh, Pose], ...]:
     return _bored(fixture.shape, fixture.holes)
 
 
-def layered(box: Box, holes: Sequence[Hole]) -> tuple[tuple[ConvexMesh, Pose], ...]:
+def layered_pieces(box: Box, holes: Sequence[Hole]) -> tuple[tuple[ConvexMesh, Pose], ...]:
     """The same solid of other pieces: parted also at the height of each bottom, so that no face of a piece is
     partly hidden by another piece and partly seen."""
     return _bored(box, tuple(holes), layers=True)
@@ -69,8 +69,8 @@ def layered(box: Box, holes: Sequence[Hole]) -> tuple[tuple[ConvexMesh, Pose], .
 
 @cache
 def _bored(box: Box, holes: tuple[Hole, ...], *, layers: bool = False) -> tuple[tuple[ConvexMesh, Pose], ...]:
-    plots = parted(box, holes)
-    assert not isinstance(plots, Interlocked)
+    plots = partition_top(box, holes)
+    assert not isinstance(plots, InterlockedHoles)
     pieces: list[tuple[ConvexMesh, Pose]] = []
     top = box.size[2] / 2
     for plot, hole in plots:
@@ -88,26 +88,26 @@ def _bored(box: Box, holes: tuple[Hole, ...], *, layers: bool = False) -> tuple[
     return tuple(pieces)
 
 
-def parted(box: Box, holes: Sequence[Hole]) -> list[tuple[Polygon, Hole | None]] | Interlocked:
+def partition_top(box: Box, holes: Sequence[Hole]) -> list[tuple[Polygon, Hole | None]] | InterlockedHoles:
     """The box from above, cut until there is one hole in each polygon at most."""
     x, y, _ = box.size
     whole = np.array([(x, y), (-x, y), (-x, -y), (x, -y)]) / 2
     return _parted(whole, tuple(holes))
 
 
-def _parted(plot: Polygon, holes: tuple[Hole, ...]) -> list[tuple[Polygon, Hole | None]] | Interlocked:
+def _parted(plot: Polygon, holes: tuple[Hole, ...]) -> list[tuple[Polygon, Hole | None]] | InterlockedHoles:
     if len(holes) < 2:
         return [(plot, holes[0] if holes else None)]
     cut = _cut(holes)
     if cut is None:
-        return Interlocked(holes)
+        return InterlockedHoles(holes)
     normal, at = cut
     below = tuple(h for h in holes if float(np.dot(h.pose.position[:2], normal)) < at)
     above = tuple(h for h in holes if h not in below)
     parts: list[tuple[Polygon, Hole | None]] = []
     for side, inside in ((1.0, below), (-1.0, above)):
         found = _parted(_clipped(plot, side * normal, side * at), inside)
-        if isinstance(found, Interlocked):
+        if isinstance(found, InterlockedHoles):
             return found
         parts += found
     return parts
@@ -133,7 +133,7 @@ def _cut(holes: Sequence[Hole]) -> tuple[Array, float] | None:
     return None if best is None else best[1:]
 
 
-def apart(one: Hole, other: Hole) -> float:
+def wall_thickness(one: Hole, other: Hole) -> float:
     """Wall between the mouths of two holes, chamfers included, m; 0 or less where they overlap.
 
     Exact where the nearest points lie on a side and anything; a little too small between two corners.

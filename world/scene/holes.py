@@ -29,7 +29,7 @@ class Hole:
 
 
 @dataclass(frozen=True, slots=True)
-class Uncertainty:
+class PlacementUncertainty:
     """How far a fixture may really stand from where the scene says: drawn from the seed, evenly."""
 
     position: float = 0.0
@@ -38,4 +38,4 @@ class Uncertainty:
     """About its own z, and of its tilt about a horizontal axis, at most, rad."""
 
 
-CERTAIN = Uncertainty()
+CERTAIN = PlacementUncertainty()

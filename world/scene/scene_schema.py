@@ -15,6 +15,7 @@ from ...files.models.validation import (
     FileModel,
     Flag,
     Force,
+    InvalidValue,
     Length,
     Mass,
     Name,
@@ -22,12 +23,11 @@ from ...files.models.validation import (
     Size,
     Sizes,
     Vector,
-    Wrong,
     quantity,
 )
-from ...files.value_wording import describe, nearest
+from ...files.value_wording import describe, suggest_name
 from ..colours import COLOURS, ITEM_COLOURS, PLAIN_COLOURS
-from .description import Form, Limits, SensorNoise, Thinking
+from .description import Form, SafetyLimits, SensorNoise, Thinking
 
 SECTIONS = ("fixtures", "unknown", "cameras", "catalogue", "spawn", "feed", "destinations")
 """The parts of a scene file that are read entry by entry; the rest is `RestFile`."""
@@ -36,8 +36,10 @@ FORMS: tuple[Form, ...] = get_args(Form)
 
 def _item_colour(name: str) -> str:
     if name not in ITEM_COLOURS:
-        raise Wrong(
-            f"{describe(name)} is no colour that an item may have", nearest(name, ITEM_COLOURS), code="P108"
+        raise InvalidValue(
+            f"{describe(name)} is no colour that an item may have",
+            suggest_name(name, ITEM_COLOURS),
+            code="P108",
         )
     return name
 
@@ -46,15 +48,15 @@ def _plain_colour(name: str) -> str:
     if name in ITEM_COLOURS:
         plain = ", ".join(PLAIN_COLOURS)
         message = f"{name} is a colour of items: a camera tells items from fixtures by it"
-        raise Wrong(message, f"one of {plain}", code="P108")
+        raise InvalidValue(message, f"one of {plain}", code="P108")
     if name not in PLAIN_COLOURS:
-        raise Wrong(f"unknown colour {describe(name)}", nearest(name, PLAIN_COLOURS), code="P108")
+        raise InvalidValue(f"unknown colour {describe(name)}", suggest_name(name, PLAIN_COLOURS), code="P108")
     return name
 
 
 def _colour(name: str) -> str:
     if name not in COLOURS:
-        raise Wrong(f"unknown colour {describe(name)}", nearest(name, COLOURS), code="P108")
+        raise InvalidValue(f"unknown colour {describe(name)}", suggest_name(name, COLOURS), code="P108")
     return name
 
 
@@ -73,7 +75,7 @@ def _clear(value: object) -> object:
     """What stands for no time: the robot says when."""
     if isinstance(value, str) and value != "clear":
         hint = "it is clear, {every: 45 s} or {at: [10 s, 60 s]}"
-        raise Wrong(f"{describe(value)} is no time for a load", hint, code="P108")
+        raise InvalidValue(f"{describe(value)} is no time for a load", hint, code="P108")
     return None if value == "clear" else value
 
 
@@ -404,16 +406,16 @@ class CalibrationFile(FileModel):
 class WorkspaceFile(FileModel):
     """A box along the world's axes."""
 
-    min: Vector = Limits().workspace.min
+    min: Vector = SafetyLimits().workspace.min
     """Smallest x, y, z in the world."""
-    max: Vector = Limits().workspace.max
+    max: Vector = SafetyLimits().workspace.max
     """Greatest x, y, z in the world."""
 
 
 class LimitsFile(FileModel):
     """What the safety monitor enforces: beyond it the robot stops, and only a SafeRetreat goes on."""
 
-    force: Force = Limits().force
+    force: Force = SafetyLimits().force
     """Greatest contact force at the wrist."""
     workspace: WorkspaceFile = WorkspaceFile()
     """Where the TCP may be."""

@@ -11,11 +11,11 @@ from ....logs.schema.records import TreeNode
 from ....logs.visits import Visit
 from ....session.environment import SOURCES
 from ..diff import RunDiff
-from ..divergence import Parting
+from ..divergence import Divergence
 from ..message_fields import short_names, value_text
 from ..run_outcome import KILLED, ItemChange, ItemEnd, RunOutcome
 from ..run_settings import FileChange, value_changes
-from ..time_spent import Spent, TimeChange
+from ..time_spent import TimeChange, TimeUse
 from .divergence_text import first_value_lines, parting_lines
 
 
@@ -58,7 +58,7 @@ def _outcome_json(outcome: RunOutcome) -> dict[str, Any]:
     return {**asdict(outcome), "log": str(outcome.log.absolute())}
 
 
-def _parting(parting: Parting) -> dict[str, Any]:
+def _parting(parting: Divergence) -> dict[str, Any]:
     evidence = value_changes(parting.a.evidence if parting.a else {}, parting.b.evidence if parting.b else {})
     return {
         "time": parting.time,
@@ -85,7 +85,7 @@ def _time(change: TimeChange) -> dict[str, Any]:
     }
 
 
-def _spent_json(spent: Spent) -> dict[str, Any]:
+def _spent_json(spent: TimeUse) -> dict[str, Any]:
     return asdict(spent)
 
 
@@ -252,7 +252,7 @@ def _above(diff: RunDiff) -> Mapping[str, str]:
     }
 
 
-def _spent(spent: Spent) -> tuple[str, str, str]:
+def _spent(spent: TimeUse) -> tuple[str, str, str]:
     if spent.median is None:
         return "–", "–", "–"
     return str(spent.count), f"{spent.total:.2f}", f"{spent.median:.2f}"

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from ....logs.schema.records import Values
 from ....logs.visits import HALTED, Visit
-from ..divergence import Difference, How, Parting
+from ..divergence import Divergence, How, MessageDifference
 from ..message_fields import first_apart, value_text
 from ..run_settings import value_changes
 
@@ -21,7 +21,7 @@ HOW: Mapping[How, str] = {
 }
 
 
-def parting_lines(parting: Parting) -> Iterator[str]:
+def parting_lines(parting: Divergence) -> Iterator[str]:
     a, b = parting.a, parting.b
     same = a is not None and b is not None and parting.how not in ("order", "end")
     if parting.how != "end":
@@ -42,7 +42,7 @@ def parting_lines(parting: Parting) -> Iterator[str]:
             yield f"  then {side}  nothing more begins"
 
 
-def first_value_lines(first: Difference) -> Iterator[str]:
+def first_value_lines(first: MessageDifference) -> Iterator[str]:
     """The first simulated value that differs."""
     where = f"tick {first.tick}, {first.time:.2f} s, {first.topic}"
     if first.missing:
@@ -70,7 +70,7 @@ def _apart(title: str, a: Values, b: Values) -> Iterator[str]:
             yield f"     {title} {found.path}: A {value_text(found.a)}, B {value_text(found.b)}"
 
 
-def _what(parting: Parting, same: Visit | None) -> str:
+def _what(parting: Divergence, same: Visit | None) -> str:
     if same is None:
         return HOW[parting.how]
     also = "".join(f", {HOW[aspect]}" for aspect in parting.also)

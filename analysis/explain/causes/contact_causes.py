@@ -8,7 +8,7 @@ import numpy as np
 
 from ....world.shapes import extents
 from ....world.values import Vector3
-from ..investigation.case import Case, Finding
+from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory, number, numbers, word
 from ..investigation.number_wording import distance, force, place, seconds
 from .item_whereabouts import EMPTY, way_since
@@ -24,7 +24,7 @@ CLOSE = 0.08
 """An item nearer to the hand than that was touched rather than an unknown thing beside it, m."""
 
 
-def touched(case: Case, failure: FailureStory) -> Finding | None:
+def touched(case: Investigation, failure: FailureStory) -> Finding | None:
     """What was near the hand when it was stopped, by the truth; None when the cause is no touch."""
     if failure.cause not in STOPPED and not pressed_from_below(failure):
         return None
@@ -68,7 +68,7 @@ def touched(case: Case, failure: FailureStory) -> Finding | None:
     )
 
 
-def _obstacle_near(case: Case, hand: Vector3 | None, time: float) -> str | None:
+def _obstacle_near(case: Investigation, hand: Vector3 | None, time: float) -> str | None:
     """The nearest thing about the hand that the robot was not told of, by the truth."""
     near: list[tuple[float, str]] = []
     for name in case.obstacles.tracks:
@@ -81,7 +81,7 @@ def _obstacle_near(case: Case, hand: Vector3 | None, time: float) -> str | None:
     return name if away < AROUND else None
 
 
-def _when_seen(case: Case, time: float) -> str:
+def _when_seen(case: Investigation, time: float) -> str:
     """When the robot last looked before it."""
     looks = case.events("image", start=0.0, end=time)
     return f"it was looked for the last time at {seconds(looks[-1].time)}" if looks else "nobody had looked"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..investigation.body_tracks import apart
-from ..investigation.case import Case, Finding
+from ..investigation.body_tracks import horizontal_distance
+from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory, number
 from ..investigation.number_wording import between, distance, force, place, seconds
 from .slip_causes import grip_within
@@ -41,7 +41,7 @@ SEEKING = frozenset(
 
 
 @dataclass(frozen=True, slots=True)
-class Moving:
+class ItemDisplacement:
     """An item's way between two samples of the truth."""
 
     start: float
@@ -50,7 +50,7 @@ class Moving:
     """From where it was when last seen to where it was in the end, m."""
 
 
-def elsewhere(case: Case, failure: FailureStory) -> Finding | None:
+def wrong_location_cause(case: Investigation, failure: FailureStory) -> Finding | None:
     """Whether the item was truly elsewhere, or nowhere, when the hand reached for it or should hold it."""
     if failure.cause not in SEEKING or not failure.item:
         return None
@@ -61,14 +61,14 @@ def elsewhere(case: Case, failure: FailureStory) -> Finding | None:
     return _taken(case, failure, true, reached) or _moved(case, failure, item, true, reached)
 
 
-def _reached(case: Case, failure: FailureStory) -> float:
+def _reached(case: Investigation, failure: FailureStory) -> float:
     """When the fingers closed, else when it failed."""
     visit = case.visit(failure)
     grip = grip_within(case, visit.start, failure.time) if failure.cause.startswith("grasp.") else None
     return failure.time if grip is None else grip.closed
 
 
-def _taken(case: Case, failure: FailureStory, true: str, reached: float) -> Finding | None:
+def _taken(case: Investigation, failure: FailureStory, true: str, reached: float) -> Finding | None:
     gone = case.gone(true)
     if gone is None or gone[1] > max(reached, failure.time) + SAMPLED:
         return None
@@ -83,13 +83,15 @@ def _taken(case: Case, failure: FailureStory, true: str, reached: float) -> Find
     return Finding("item.gone", true, title, tuple(reasons), item, gone[0])
 
 
-def _moved(case: Case, failure: FailureStory, item: str, true: str, reached: float) -> Finding | None:
+def _moved(
+    case: Investigation, failure: FailureStory, item: str, true: str, reached: float
+) -> Finding | None:
     believed = case.belief.tracks[item].before(reached)
     if believed is None or believed.attached or failure.cause == "grasp.slipped":
         return None
     moving = way_since(case, true, _settled(case, item, reached), reached)
     now = None if moving is None else case.truth.tracks[true].before(moving.end)
-    if moving is None or now is None or apart(now, believed) < MISPLACED:
+    if moving is None or now is None or horizontal_distance(now, believed) < MISPLACED:
         return None
     pushed, told = by_the_arm(case, true, moving)
     verb = "the arm pushed it" if pushed else "it had moved"
@@ -101,7 +103,9 @@ def _moved(case: Case, failure: FailureStory, item: str, true: str, reached: flo
         f"it was last seen at {seconds(believed.last_seen)}, and believed at {place(believed.pose.position)} "
         f"when the hand got there at {seconds(reached)}"
     ]
-    reasons.append(f"truly it was at {place(now.pose.position)}, {distance(apart(now, believed))} away")
+    reasons.append(
+        f"truly it was at {place(now.pose.position)}, {distance(horizontal_distance(now, believed))} away"
+    )
     reasons.append(told)
     reasons += _felt_nothing(failure)
     cause = "item.pushed_by_arm" if pushed else "item.moved"
@@ -113,13 +117,13 @@ def _moved(case: Case, failure: FailureStory, item: str, true: str, reached: flo
     return Finding(cause, true, title, tuple(reasons), item, moving.start)
 
 
-def _settled(case: Case, item: str, until: float) -> float:
+def _settled(case: Investigation, item: str, until: float) -> float:
     """Since when the belief has had the item where it has it at that time, s."""
     changes = [at.time for at in case.changes(item, end=until)]
     return changes[-1] if changes else 0.0
 
 
-def way_since(case: Case, true: str, seen: float, until: float) -> Moving | None:
+def way_since(case: Investigation, true: str, seen: float, until: float) -> ItemDisplacement | None:
     """How a true item moved away between two times, if it did; None for one that was carried."""
     track = case.truth.tracks[true]
     bodies = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if seen <= t <= until + SAMPLED]
@@ -127,7 +131,7 @@ def way_since(case: Case, true: str, seen: float, until: float) -> Moving | None
     start = track.before(seen) if carried is None else track.after(carried + SAMPLED / 2)
     if start is None:
         return None
-    samples = [(t, apart(start, b)) for t, b in bodies if carried is None or t > carried]
+    samples = [(t, horizontal_distance(start, b)) for t, b in bodies if carried is None or t > carried]
     if not samples:
         return None
     far = next((d for _, d in samples if d > MOVED), None)
@@ -136,10 +140,10 @@ def way_since(case: Case, true: str, seen: float, until: float) -> Moving | None
     begun = next(t for t, way in samples if way > BEGUN)
     rested = max((t for t, _ in samples if t < begun), default=seen)
     way = next((d for t, d in reversed(samples) if t <= until), far)
-    return Moving(rested, max(begun, rested), max(way, far))
+    return ItemDisplacement(rested, max(begun, rested), max(way, far))
 
 
-def by_the_arm(case: Case, true: str, moving: Moving) -> tuple[bool, str]:
+def by_the_arm(case: Investigation, true: str, moving: ItemDisplacement) -> tuple[bool, str]:
     """Whether the arm moved the item, and what tells so."""
     track = case.truth.tracks[true]
     body, after = track.before(moving.start) or track.first, track.after(moving.end) or track.bodies[-1]
@@ -167,18 +171,23 @@ def by_the_arm(case: Case, true: str, moving: Moving) -> tuple[bool, str]:
     return True, f"the hand was {distance(nearest)} from it then, and felt {force(felt)}"
 
 
-def misjudged(case: Case, failure: FailureStory) -> Finding | None:
+def misjudged(case: Investigation, failure: FailureStory) -> Finding | None:
     """Whether the item lay still, and was believed somewhere else all the time."""
     true = case.pairs.get(failure.item)
     if true is None or failure.cause not in SEEKING or failure.cause == "grasp.slipped":
         return None
     reached = _reached(case, failure)
     believed, body = case.belief.tracks[failure.item].before(reached), case.truth.at(true, reached)
-    if believed is None or body is None or believed.attached or apart(body, believed) < MISPLACED:
+    if (
+        believed is None
+        or body is None
+        or believed.attached
+        or horizontal_distance(body, believed) < MISPLACED
+    ):
         return None
     settled = _settled(case, failure.item, reached)
     reasons = (f"believed at {place(believed.pose.position)}, truly at {place(body.pose.position)}",)
-    off = distance(apart(body, believed))
+    off = distance(horizontal_distance(body, believed))
     if settled > believed.last_seen + SAMPLED:
         title = f"{failure.item} lay {off} from where it was believed to have come to rest"
         reasons = (*reasons, f"it had been let go at {seconds(settled)} and not been seen since")
@@ -187,7 +196,7 @@ def misjudged(case: Case, failure: FailureStory) -> Finding | None:
     return Finding("perception.misjudged", true, title, reasons, failure.item, settled)
 
 
-def _carried(case: Case, true: str, time: float) -> bool:
+def _carried(case: Investigation, true: str, time: float) -> bool:
     """Whether the robot believed at that time that it held the item."""
     for item in case.believed.get(true, ()):
         body = case.belief.at(item, time)
@@ -203,7 +212,7 @@ def _felt_nothing(failure: FailureStory) -> list[str]:
     return [f"the fingers met ({max(width, 0.0) * 1000:.1f} mm) and hold nothing"]
 
 
-def _seen_empty(case: Case, item: str, since: float) -> list[str]:
+def _seen_empty(case: Investigation, item: str, since: float) -> list[str]:
     for at in case.changes(item, since):
         if at.record.data.get("after") is None:
             return [f"at {seconds(at.time)} {at.record.data.get('reason')}, and the robot gave it up"]

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ....logs.schema.records import Body
+from ....logs.schema.records import BodyRecord
 from ....manipulation.pick.pick_candidates import PLACE, ROOM, TRANSFER
-from ....manipulation.place.bin_spots import heap, spots
+from ....manipulation.place.bin_spots import free_cells, heap_heights
 from ....world.belief.planning_scene import BeliefObject
 from ....world.scene.description import Bin, Fixture
 from ....world.shapes import extents
 from ....world.values import ObjectId, Pose
-from ..investigation.case import Case, Finding
-from ..investigation.explanation import Choice, FailureStory, number, word, words
+from ..investigation.case import Finding, Investigation
+from ..investigation.explanation import CandidateChoice, FailureStory, number, word, words
 from ..investigation.number_wording import counted, listed, place, seconds
 from ..investigation.reachability import reachable
 
@@ -24,14 +24,14 @@ OVER = 0.35
 """Height over a bin's rim, and width around an item, that hand and arm need, m."""
 
 
-def fixture_above(case: Case, target: Bin) -> str:
+def fixture_above(case: Investigation, target: Bin) -> str:
     """The fixture that covers a bin, or reaches into the room over it; empty when none does."""
     (x, y, z), (sx, sy, sz) = target.pose.position, target.size
     low, high = (x - sx / 2, y - sy / 2, z + sz), (x + sx / 2, y + sy / 2, z + sz + OVER)
     return next((name for name, fixture in case.fixtures.items() if _overlap(fixture, low, high)), "")
 
 
-def fixtures_around(case: Case, lies: Body) -> list[str]:
+def fixtures_around(case: Investigation, lies: BodyRecord) -> list[str]:
     """Fixtures in the column over an item, the hand's width around it."""
     x, y, z = lies.pose.position
     low, high = (x - OVER / 2, y - OVER / 2, z), (x + OVER / 2, y + OVER / 2, z + 2 * OVER)
@@ -49,7 +49,7 @@ APPROACH = 0.08
 """Height over a grasp, or a bin, from which the hand comes down, m."""
 
 
-def no_way_to_bin(case: Case, failure: FailureStory, refused: int, total: int) -> Finding | None:
+def no_way_to_bin(case: Investigation, failure: FailureStory, refused: int, total: int) -> Finding | None:
     """No grasp leads to the item's bin: because that is full, covered, or too far away."""
     lies = (
         case.belief.tracks[failure.item].before(failure.time) if failure.item in case.belief.tracks else None
@@ -85,7 +85,9 @@ def no_way_to_bin(case: Case, failure: FailureStory, refused: int, total: int) -
     return Finding("bin.hemmed_in", str(target.id), title, reasons, failure.item, failure.time)
 
 
-def full_bin(case: Case, failure: FailureStory, bin_id: str, reasons: tuple[str, ...] = ()) -> Finding | None:
+def full_bin(
+    case: Investigation, failure: FailureStory, bin_id: str, reasons: tuple[str, ...] = ()
+) -> Finding | None:
     """Whether what is believed to lie in the bin leaves no spot in it."""
     target = case.bins.get(bin_id)
     if target is None:
@@ -93,8 +95,8 @@ def full_bin(case: Case, failure: FailureStory, bin_id: str, reasons: tuple[str,
     inside = [b for b in case.believed_at(failure.time) if b.place == bin_id]
     item = case.belief.at(failure.item, failure.time)
     if failure.cause != "place.full":
-        heights = heap(target, [_object(b) for b in inside], None)
-        if item is None or spots(target, heights, item.shape, item.pose.rotation()):
+        heights = heap_heights(target, [_object(b) for b in inside], None)
+        if item is None or free_cells(target, heights, item.shape, item.pose.rotation()):
             return None
     size = " × ".join(f"{s * 100:.0f}" for s in target.size)
     title = (
@@ -105,7 +107,7 @@ def full_bin(case: Case, failure: FailureStory, bin_id: str, reasons: tuple[str,
     return Finding("bin.full", bin_id, title, told, failure.item, failure.time)
 
 
-def _object(body: Body) -> BeliefObject:
+def _object(body: BodyRecord) -> BeliefObject:
     return BeliefObject(
         ObjectId(body.id), "item", body.kind, body.form, body.shape, body.colour, body.pose,
         body.sigma_position, body.sigma_angle, body.confidence, body.last_seen, place=body.place,
@@ -117,7 +119,7 @@ PAIR = re.compile(r"(\S+) (?:only )?[\d.]+ mm (?:deep in|from) (\S+)")
 FAR = "is out of reach or in collision"
 
 
-def in_the_way(case: Case, failure: FailureStory) -> Finding | None:
+def obstruction_cause(case: Investigation, failure: FailureStory) -> Finding | None:
     """What a plan or a choice of grasps failed on; None when it was neither, or nothing tells."""
     match failure.cause:
         case "grasp.no_candidate":
@@ -144,7 +146,7 @@ def _held_another(failure: FailureStory) -> Finding | None:
     return Finding("grasp.hand_not_free", held, title, (), failure.item, failure.time)
 
 
-def _no_grasp(case: Case, failure: FailureStory) -> Finding | None:
+def _no_grasp(case: Investigation, failure: FailureStory) -> Finding | None:
     choice = next((c for c in reversed(failure.choices) if c.purpose != "plan"), None)
     if choice is None or not choice.rejections:
         return None
@@ -174,7 +176,7 @@ def _no_grasp(case: Case, failure: FailureStory) -> Finding | None:
 
 
 def _touching(
-    case: Case, failure: FailureStory, touched: Counter[str], reasons: tuple[str, ...]
+    case: Investigation, failure: FailureStory, touched: Counter[str], reasons: tuple[str, ...]
 ) -> Finding | None:
     """By what it is that would be touched: something that was put there, a neighbour, a bin."""
     if not touched:
@@ -218,7 +220,12 @@ def _doing(failure: FailureStory) -> str:
 
 
 def _far(
-    case: Case, failure: FailureStory, choice: Choice, far: int, total: int, hindered: Counter[str]
+    case: Investigation,
+    failure: FailureStory,
+    choice: CandidateChoice,
+    far: int,
+    total: int,
+    hindered: Counter[str],
 ) -> Finding | None:
     """`hindered`: how often the arm itself would touch what."""
     lies = (
@@ -253,7 +260,7 @@ def _far(
     return Finding("item.hemmed_in", failure.item, title, reasons, failure.item, failure.time)
 
 
-def _grasp_poses(case: Case, choice: Choice) -> list[Pose]:
+def _grasp_poses(case: Investigation, choice: CandidateChoice) -> list[Pose]:
     """Of the TCP over the grasps that were tried, from where the hand would come down."""
     made = [at.record for at in case.run.candidates if abs(at.time - choice.time) < 1e-6]
     return [
@@ -264,7 +271,7 @@ def _grasp_poses(case: Case, choice: Choice) -> list[Pose]:
     ]
 
 
-def _occupied(case: Case, failure: FailureStory) -> Finding | None:
+def _occupied(case: Investigation, failure: FailureStory) -> Finding | None:
     by = word(failure, "by")
     cause = "scene.blocked" if by in case.fixtures else "place.occupied"
     title = f"{by or 'something'} stands where {failure.item} should go"
@@ -295,6 +302,6 @@ def _pairs(pairs: Sequence[str]) -> Counter[str]:
     return Counter(match.group(2).split("/")[0] for match in found if match)
 
 
-def _role(case: Case, name: str) -> str:
+def _role(case: Investigation, name: str) -> str:
     track = case.belief.tracks.get(name)
     return track.first.role if track else ""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....logs.schema.records import Body
+from ....logs.schema.records import BodyRecord
 from ....world.scene.description import CameraDescription
-from ..investigation.case import Case, Finding
+from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory
 from ..investigation.number_wording import counted, distance, listed, place
 
@@ -26,7 +26,7 @@ AFFECTED = frozenset(
 """Causes that a wrong place of an item may have."""
 
 
-def camera_off(case: Case) -> Finding | None:
+def camera_off(case: Investigation) -> Finding | None:
     """Whether all items were seen off by the same way, which is the camera's fault, not theirs."""
     offsets: dict[str, tuple[float, float]] = {}
     for item, true in case.pairs.items():
@@ -64,7 +64,7 @@ def through_the_camera(finding: Finding | None, failure: FailureStory) -> Findin
     return finding if finding is not None and failure.cause in AFFECTED else None
 
 
-def never_seen(case: Case, true: str) -> Finding:
+def never_seen(case: Investigation, true: str) -> Finding:
     """For a true item that no belief ever was of."""
     body = case.truth.tracks[true].first
     cameras = [c for c in case.scene.cameras if c.on == "world"] if case.scene else []
@@ -76,7 +76,7 @@ def never_seen(case: Case, true: str) -> Finding:
     return Finding("item.never_seen", true, title, reasons, true, None)
 
 
-def in_picture(camera: CameraDescription, body: Body) -> bool:
+def in_picture(camera: CameraDescription, body: BodyRecord) -> bool:
     """Whether the body's centre is within the picture, as far as the camera hangs where it is believed to."""
     x, y, z = (camera.pose.inverse() @ body.pose).position
     width, height = camera.size
@@ -86,6 +86,6 @@ def in_picture(camera: CameraDescription, body: Body) -> bool:
     return bool(abs(y / z) <= across and abs(x / z) <= across * width / height)
 
 
-def _camera(case: Case) -> str:
+def _camera(case: Investigation) -> str:
     looked = [str(at.record.message).removeprefix("image from ") for at in case.events("image")]
     return f"the camera {looked[0]}" if looked else "the camera"

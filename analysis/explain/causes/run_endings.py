@@ -5,13 +5,13 @@ from __future__ import annotations
 from statistics import median
 
 from ....logs.visits import HALTED, Visit
-from ..investigation.case import Case, Finding
-from ..investigation.explanation import FailureStory, Outcome, number, word
+from ..investigation.case import Finding, Investigation
+from ..investigation.explanation import ExplainedOutcome, FailureStory, number, word
 from ..investigation.failure_course import time_lost
 from ..investigation.number_wording import counted, listed, seconds
 
 
-def run_ended(case: Case, outcome: Outcome) -> Finding | None:
+def run_ended(case: Investigation, outcome: ExplainedOutcome) -> Finding | None:
     """Why the run ended when that was not the mission's doing."""
     match outcome.status:
         case "timeout":
@@ -35,7 +35,7 @@ def run_ended(case: Case, outcome: Outcome) -> Finding | None:
             return None
 
 
-def by_the_mission(case: Case, failure: FailureStory) -> Finding | None:
+def by_the_mission(case: Investigation, failure: FailureStory) -> Finding | None:
     """Failures that are the mission's own making, or the program's."""
     match failure.cause:
         case "tree.timeout":
@@ -58,7 +58,7 @@ def by_the_mission(case: Case, failure: FailureStory) -> Finding | None:
             return None
 
 
-def _under_way(case: Case) -> tuple[str, ...]:
+def _under_way(case: Investigation) -> tuple[str, ...]:
     lost = [f for f in case.failures if f.fate != "cured"]
     spent = time_lost(case.failures)
     reasons: list[str] = []
@@ -72,7 +72,7 @@ def _under_way(case: Case) -> tuple[str, ...]:
     return (*reasons, f"what ran then: {listed(told)}") if told else tuple(reasons)
 
 
-def _asked(case: Case) -> tuple[str, ...]:
+def _asked(case: Investigation) -> tuple[str, ...]:
     """What a person is to say before it goes on, and how."""
     result = case.run.result
     if result is None or result.asked is None:
@@ -85,11 +85,11 @@ def _asked(case: Case) -> tuple[str, ...]:
     )
 
 
-def _recovered(case: Case) -> tuple[str, ...]:
+def _recovered(case: Investigation) -> tuple[str, ...]:
     return (case.run.recovered,) if case.run.recovered else ()
 
 
-def _condition(case: Case) -> Finding | None:
+def _condition(case: Investigation) -> Finding | None:
     """A mission that failed without any cause: a condition was false."""
     root = next((v for v in case.family.visits if v.parent is None and v.outcome == "FAILURE"), None)
     if root is None or root.cause:
@@ -107,7 +107,7 @@ def _condition(case: Case) -> Finding | None:
     return Finding("tree.condition", visit.path, title, reasons, visit.item, visit.end)
 
 
-def _timeout(case: Case, failure: FailureStory) -> Finding:
+def _timeout(case: Investigation, failure: FailureStory) -> Finding:
     visit = case.visit(failure)
     halted = [
         v
@@ -133,7 +133,7 @@ def _timeout(case: Case, failure: FailureStory) -> Finding:
     return Finding("tree.timeout", visit.path, title, tuple(reasons), failure.item, failure.time)
 
 
-def _unacknowledged(case: Case, failure: FailureStory) -> Finding | None:
+def _unacknowledged(case: Investigation, failure: FailureStory) -> Finding | None:
     """A motion that was refused because of a stop that nobody acknowledged."""
     stops = case.events("safety_stop", end=failure.time)
     if not stops:
@@ -147,7 +147,7 @@ def _unacknowledged(case: Case, failure: FailureStory) -> Finding | None:
     return Finding(cause, about, title, reasons, failure.item, stop.time)
 
 
-def _leaves(case: Case, visits: list[Visit]) -> list[Visit]:
+def _leaves(case: Investigation, visits: list[Visit]) -> list[Visit]:
     return [v for v in visits if not case.family.children(v)] or visits[-1:]
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....world.values import GRAVITY, Array
-from ..investigation.case import Case, Finding
+from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory, number, numbers
 from ..investigation.number_wording import force
 
@@ -25,7 +25,7 @@ STILL = 0.001
 
 
 @dataclass(frozen=True, slots=True)
-class Grip:
+class GripPeriod:
     """One closing of the fingers on something."""
 
     closed: float
@@ -38,7 +38,7 @@ class Grip:
     """Opening at the end, m."""
 
 
-def grip_within(case: Case, start: float, end: float) -> Grip | None:
+def grip_within(case: Investigation, start: float, end: float) -> GripPeriod | None:
     """The last closing between two times, s; None when the fingers did not close then."""
     joints, wrenches = case.run.joints, case.run.wrenches
     fingers = [n for n, name in enumerate(joints.names) if "finger" in name]
@@ -61,7 +61,7 @@ def grip_within(case: Case, start: float, end: float) -> Grip | None:
         steady = _steady(-wrenches.forces[:, 2])
         felt = np.interp(times, wrenches.times, steady) if len(wrenches.times) else np.zeros(len(times))
         load = max(float(felt[pressing].max()), 0.0)
-    return Grip(float(times[0]), force, load, float(width[-1]))
+    return GripPeriod(float(times[0]), force, load, float(width[-1]))
 
 
 def _closing(width: Array, effort: Array) -> int | None:
@@ -94,7 +94,7 @@ MARGIN = 1.3
 """The fingers should hold this many times the weight."""
 
 
-def not_held(case: Case, failure: FailureStory) -> Finding | None:
+def grip_loss_cause(case: Investigation, failure: FailureStory) -> Finding | None:
     """Why an item that was between the fingers got away; None when it was not, or nothing tells."""
     if failure.cause != "grasp.slipped":
         return None
@@ -125,7 +125,7 @@ def not_held(case: Case, failure: FailureStory) -> Finding | None:
     return None
 
 
-def _grip(case: Case, failure: FailureStory) -> Grip | None:
+def _grip(case: Investigation, failure: FailureStory) -> GripPeriod | None:
     """From when the item was last gripped until it had slipped, which may be in another visit."""
     attached = [
         at.time
@@ -143,7 +143,7 @@ def _grip(case: Case, failure: FailureStory) -> Grip | None:
     return grip_within(case, max(around, default=0.0), min([*picked, failure.time]))
 
 
-def too_heavy(case: Case, failure: FailureStory) -> Finding | None:
+def too_heavy(case: Investigation, failure: FailureStory) -> Finding | None:
     """Whether what the hand held, or was about to lift, pulled it down much harder than it should weigh."""
     if failure.cause not in ("world.disturbed", "safety.force_limit", "control.tracking"):
         return None

@@ -6,7 +6,7 @@ import math
 
 from ....simulation.scoring.scorer import REST_SPEED
 from ....world.scene.destinations import is_at
-from ..investigation.case import Case, Finding
+from ..investigation.case import Finding, Investigation
 from ..investigation.explanation import FailureStory
 from ..investigation.number_wording import between, distance, listed, place, seconds
 from .item_whereabouts import NOWHERE, SAMPLED, way_since
@@ -18,7 +18,7 @@ PUSHED = 0.35
 """What is pushed out of a bin is not further away than this a second later, m."""
 
 
-def why_not_sorted(case: Case, true: str) -> Finding | None:
+def why_not_sorted(case: Investigation, true: str) -> Finding | None:
     """For an item that the scorer calls left or misplaced; None when the log does not tell."""
     if not case.believed.get(true):
         return _gone_before_seen(case, true) or never_seen(case, true)
@@ -34,20 +34,20 @@ def why_not_sorted(case: Case, true: str) -> Finding | None:
     )
 
 
-def after_wrong_bin(case: Case, failure: FailureStory) -> Finding | None:
+def after_wrong_bin(case: Investigation, failure: FailureStory) -> Finding | None:
     """Whether the item had been placed where it does not belong before it failed."""
     true = case.pairs.get(failure.item)
     done = None if true is None else _placed(case, true, failure.time)
     return None if true is None or done is None else _wrong_bin(case, true, done[1], done[2], done[3])
 
 
-def placed_at(case: Case, true: str) -> float | None:
+def placed_at(case: Investigation, true: str) -> float | None:
     """When it was last placed somewhere, as the robot believed; None when it never was."""
     done = _placed(case, true)
     return None if done is None else done[0]
 
 
-def _placed(case: Case, true: str, until: float = math.inf) -> tuple[float, str, str, str] | None:
+def _placed(case: Investigation, true: str, until: float = math.inf) -> tuple[float, str, str, str] | None:
     """Of the last time that it was placed: time, believed item, into what, by which node."""
     names = set(case.believed.get(true, ()))
     found = [at for at in case.events("item_done", end=until) if str(at.record.data.get("object")) in names]
@@ -57,7 +57,7 @@ def _placed(case: Case, true: str, until: float = math.inf) -> tuple[float, str,
     return found[-1].time, str(data.get("object")), str(data.get("into", "")), found[-1].record.node
 
 
-def _gone_before_seen(case: Case, true: str) -> Finding | None:
+def _gone_before_seen(case: Investigation, true: str) -> Finding | None:
     gone = case.gone(true)
     if gone is None:
         return None
@@ -66,7 +66,7 @@ def _gone_before_seen(case: Case, true: str) -> Finding | None:
     return Finding("item.gone", true, title, reasons, true, gone[0])
 
 
-def _taken(case: Case, true: str, into: str) -> Finding | None:
+def _taken(case: Investigation, true: str, into: str) -> Finding | None:
     gone = case.gone(true)
     if gone is None:
         return None
@@ -83,7 +83,7 @@ def _taken(case: Case, true: str, into: str) -> Finding | None:
     return Finding("item.gone", true, title, reasons, item, gone[0])
 
 
-def _wrong_bin(case: Case, true: str, item: str, into: str, node: str) -> Finding | None:
+def _wrong_bin(case: Investigation, true: str, item: str, into: str, node: str) -> Finding | None:
     real, believed = case.truth.tracks[true].bodies[-1], case.belief.tracks[item].bodies[-1]
     belongs = case.destination(real)
     if not into or not belongs or is_at(into, belongs):
@@ -104,7 +104,7 @@ def _wrong_bin(case: Case, true: str, item: str, into: str, node: str) -> Findin
     return Finding("mission.wrong_bin", node, title, reasons, item, None)
 
 
-def _not_seated(case: Case, true: str, item: str, into: str, time: float) -> Finding | None:
+def _not_seated(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
     """It was let go at a hole, and by the scorer's measure is not in it."""
     score = case.scores[true]
     if not any(str(hole.id) == into for fixture in case.fixtures.values() for hole in fixture.holes):
@@ -117,7 +117,7 @@ def _not_seated(case: Case, true: str, item: str, into: str, time: float) -> Fin
     return Finding("insert.not_in", true, title, (), item, time)
 
 
-def _left_bin(case: Case, true: str, item: str, into: str, time: float) -> Finding | None:
+def _left_bin(case: Investigation, true: str, item: str, into: str, time: float) -> Finding | None:
     """It had been placed where it belongs, and does not lie there in the end."""
     track = case.truth.tracks[true]
     later = [(t, b) for t, b in zip(track.times, track.bodies, strict=True) if t > time]
@@ -159,7 +159,7 @@ def _left_bin(case: Case, true: str, item: str, into: str, time: float) -> Findi
     return Finding("item.left_bin", true, title, tuple(reasons), item, inside[-1])
 
 
-def _lies_in(case: Case, true: str, bin_id: str) -> bool:
+def _lies_in(case: Investigation, true: str, bin_id: str) -> bool:
     return case.gone(true) is None and case.bin_at(case.truth.tracks[true].bodies[-1]) == bin_id
 
 
@@ -168,7 +168,7 @@ def _crowded(bin_id: str, true: str, others: list[str]) -> tuple[str, str]:
     return ("bin.crowded", bin_id) if others else ("place.not_at_rest", true)
 
 
-def _not_tried(case: Case, true: str) -> Finding | None:
+def _not_tried(case: Investigation, true: str) -> Finding | None:
     item = case.believed[true][-1]
     if any(v.item in case.believed[true] for v in case.family.visits if v.id == "Grasp"):
         return None

@@ -8,8 +8,8 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ....logs.run_log import At
-from ....logs.schema.records import Body, Scene
+from ....logs.run_log import Stamped
+from ....logs.schema.records import BodyRecord, Scene
 
 NEAR = 0.08
 """What was seen this far from a true item, m, can be that item."""
@@ -18,15 +18,15 @@ OTHER_KIND = 0.03
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class BodyTrack:
     """One body over time. `times` are those of the messages that had it, s."""
 
     id: str
     times: tuple[float, ...]
-    bodies: tuple[Body, ...]
+    bodies: tuple[BodyRecord, ...]
 
     @property
-    def first(self) -> Body:
+    def first(self) -> BodyRecord:
         return self.bodies[0]
 
     @property
@@ -37,33 +37,33 @@ class Track:
         way = math.dist(self.bodies[-1].pose.position, self.bodies[-2].pose.position)
         return way / max(self.times[-1] - self.times[-2], 1e-3)
 
-    def before(self, time: float) -> Body | None:
+    def before(self, time: float) -> BodyRecord | None:
         """As of the last message at `time` or before that had it."""
         number = bisect.bisect_right(self.times, time + 1e-6)
         return self.bodies[number - 1] if number else None
 
-    def after(self, time: float) -> Body | None:
+    def after(self, time: float) -> BodyRecord | None:
         """As of the first message at `time` or after that had it."""
         number = bisect.bisect_left(self.times, time - 1e-6)
         return self.bodies[number] if number < len(self.bodies) else None
 
 
-class Tracks:
+class BodyTracks:
     """All bodies of one topic, or those of one role."""
 
-    def __init__(self, scenes: Sequence[At[Scene]], role: str | None = None) -> None:
+    def __init__(self, scenes: Sequence[Stamped[Scene]], role: str | None = None) -> None:
         self.times = tuple(at.time for at in scenes)
-        collected: dict[str, list[tuple[float, Body]]] = defaultdict(list)
+        collected: dict[str, list[tuple[float, BodyRecord]]] = defaultdict(list)
         for at in scenes:
             for body in at.record.bodies:
                 if role in (None, body.role):
                     collected[body.id].append((at.time, body))
-        self.tracks: Mapping[str, Track] = {
-            id_: Track(id_, tuple(t for t, _ in found), tuple(b for _, b in found))
+        self.tracks: Mapping[str, BodyTrack] = {
+            id_: BodyTrack(id_, tuple(t for t, _ in found), tuple(b for _, b in found))
             for id_, found in collected.items()
         }
 
-    def at(self, id_: str, time: float) -> Body | None:
+    def at(self, id_: str, time: float) -> BodyRecord | None:
         """The body as of the last message at `time` or before; None when that did not have it."""
         track = self.tracks.get(id_)
         number = bisect.bisect_right(self.times, time + 1e-6)
@@ -81,12 +81,12 @@ class Tracks:
         return track.times[-1], next(t for t in self.times if t > track.times[-1] + 1e-6)
 
 
-def apart(a: Body, b: Body) -> float:
+def horizontal_distance(a: BodyRecord, b: BodyRecord) -> float:
     """Horizontal distance of two bodies' centres, m."""
     return math.dist(a.pose.position[:2], b.pose.position[:2])
 
 
-def paired(belief: Tracks, truth: Tracks) -> Mapping[str, str]:
+def paired(belief: BodyTracks, truth: BodyTracks) -> Mapping[str, str]:
     """For each believed item the id of the true one that it is.
 
     Judged where it was first seen: a true item near that place, of its colour if there is one.
@@ -102,12 +102,12 @@ def paired(belief: Tracks, truth: Tracks) -> Mapping[str, str]:
     return pairs
 
 
-def _there(truth: Tracks, time: float) -> list[tuple[str, Body]]:
+def _there(truth: BodyTracks, time: float) -> list[tuple[str, BodyRecord]]:
     found = [(id_, truth.at(id_, time)) for id_ in truth.tracks]
     return [(id_, body) for id_, body in found if body is not None]
 
 
-def _unlike(seen: Body, true: Body) -> float:
+def _unlike(seen: BodyRecord, true: BodyRecord) -> float:
     distance = math.dist(seen.pose.position, true.pose.position)
     if seen.colour != true.colour:
         return math.inf if distance > NEAR / 4 else distance + 2 * OTHER_KIND

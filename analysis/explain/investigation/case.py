@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....errors import PicktreeError
-from ....logs.run_log import At
-from ....logs.schema.records import Body, Event
+from ....logs.run_log import Stamped
+from ....logs.schema.records import BodyRecord, Event
 from ....logs.visits import Visit
 from ....simulation.scoring.scorer import REST_SPEED, ItemScore, score
 from ....simulation.scoring.truth import TrueBody
@@ -23,9 +23,9 @@ from ....world.scene.description import Bin, CatalogueEntry, Fixture, SceneDescr
 from ....world.scene.destinations import destination_rule
 from ....world.scene.loading.scene_loading import parse_scene
 from ....world.values import ObjectId, Vector3
-from .body_tracks import Tracks, paired
+from .body_tracks import BodyTracks, paired
 from .explanation import FailureStory
-from .failure_course import Family
+from .failure_course import VisitTree
 from .reachability import arm_of
 
 if TYPE_CHECKING:
@@ -70,10 +70,10 @@ class Finding:
     """When it happened, as near as that is known, s."""
 
 
-class Case:
+class Investigation:
     """What is asked of a log again and again while causes are looked for. Truth is for the analyst only."""
 
-    def __init__(self, run: RunRecord, family: Family, failures: Sequence[FailureStory]) -> None:
+    def __init__(self, run: RunRecord, family: VisitTree, failures: Sequence[FailureStory]) -> None:
         self.run = run
         self.family = family
         self.failures = tuple(failures)
@@ -83,18 +83,18 @@ class Case:
         return scene_of(self.run)
 
     @cached_property
-    def belief(self) -> Tracks:
-        return Tracks(list(self.run.log.beliefs()))
+    def belief(self) -> BodyTracks:
+        return BodyTracks(list(self.run.log.beliefs()))
 
     @cached_property
-    def truth(self) -> Tracks:
+    def truth(self) -> BodyTracks:
         """Of the items: an obstacle is none."""
-        return Tracks(list(self.run.log.truths()), "item")
+        return BodyTracks(list(self.run.log.truths()), "item")
 
     @cached_property
-    def obstacles(self) -> Tracks:
+    def obstacles(self) -> BodyTracks:
         """What really stood in the way without the robot's knowledge."""
-        return Tracks(list(self.run.log.truths()), "obstacle")
+        return BodyTracks(list(self.run.log.truths()), "obstacle")
 
     @cached_property
     def pairs(self) -> Mapping[str, str]:
@@ -174,13 +174,13 @@ class Case:
     def visit(self, failure: FailureStory) -> Visit:
         return self.family.visits[failure.visit]
 
-    def events(self, *kinds: str, start: float = 0.0, end: float = math.inf) -> list[At[Event]]:
+    def events(self, *kinds: str, start: float = 0.0, end: float = math.inf) -> list[Stamped[Event]]:
         """Events of these kinds between two times, both inclusive, s."""
         return [
             at for at in self.run.events if at.record.kind in kinds and start - 1e-6 <= at.time <= end + 1e-6
         ]
 
-    def changes(self, item: str, start: float = 0.0, end: float = math.inf) -> list[At[Event]]:
+    def changes(self, item: str, start: float = 0.0, end: float = math.inf) -> list[Stamped[Event]]:
         """Changes of the belief of an item."""
         return [
             at for at in self.events("belief", start=start, end=end) if at.record.data.get("object") == item
@@ -225,7 +225,7 @@ class Case:
     def bins(self) -> Mapping[str, Bin]:
         return {str(b.id): b for b in self.scene.bins} if self.scene else {}
 
-    def believed_at(self, time: float) -> list[Body]:
+    def believed_at(self, time: float) -> list[BodyRecord]:
         """All bodies of the belief at that time."""
         found = (self.belief.at(id_, time) for id_ in self.belief.tracks)
         return [body for body in found if body is not None]
@@ -235,13 +235,13 @@ class Case:
         nothing: Mapping[str, str] = {}
         return next((n.ports for n in self.run.tree_at(self.end).nodes if n.path == path), nothing)
 
-    def destination(self, body: Body) -> str:
+    def destination(self, body: BodyRecord) -> str:
         """The bin, hole or fixture with holes where it belongs by the scene's rules; empty when nowhere."""
         if self.scene is None:
             return ""
         return str(destination_rule(self.scene.destinations)(body) or "")
 
-    def bin_at(self, body: Body) -> str:
+    def bin_at(self, body: BodyRecord) -> str:
         """The bin within whose walls it is, or the hole where it is; empty when in none."""
         if body.seat is not None and body.seat.over:
             return str(body.seat.hole)

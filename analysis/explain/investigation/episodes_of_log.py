@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from ....logs.episodes.episode import Episode, Planted
 from ....logs.episodes.episode_counts import CauseCount, CureCount, by_cause, counted
-from ....logs.episodes.episode_tracker import Following
-from ....logs.run_log import At
+from ....logs.episodes.episode_tracker import EpisodeTracker
+from ....logs.run_log import Stamped
 from ....logs.schema.records import Event
 from ....logs.visits import under_way, with_transitions
 
@@ -41,7 +41,7 @@ def episodes_of(run: RunRecord) -> Episodes:
     """Of an older log as far as its events go. Raises PicktreeError where the log is damaged."""
     episodes: list[Episode] = []
     planted: list[Planted] = []
-    following = Following(episodes.append, planted.append)
+    following = EpisodeTracker(episodes.append, planted.append)
     trees = list(run.trees)
     events = [at for at in run.events if at.record.kind in _KINDS]
     first = True
@@ -66,9 +66,9 @@ def episodes_of(run: RunRecord) -> Episodes:
 _KINDS = frozenset({"recovery", "set_aside", "fault"})
 
 
-def _ticks(run: RunRecord) -> Iterator[At[Tick | None]]:
+def _ticks(run: RunRecord) -> Iterator[Stamped[Tick | None]]:
     if run.log.format >= 2:
         yield from run.log.busy_ticks()
         return
     for at in with_transitions(run.log.ticks()):
-        yield At(at.time, at.record)
+        yield Stamped(at.time, at.record)

@@ -18,7 +18,7 @@ reached the root, and the mission ended with it. `open`: the log ends before.
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class FailureLink:
     """A node that ended because of a failure, from where it came up towards the root."""
 
     path: str
@@ -30,7 +30,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Handling:
+class CureAttempt:
     """One try to cure a failure."""
 
     node: str
@@ -50,7 +50,7 @@ class Handling:
 
 
 @dataclass(frozen=True, slots=True)
-class Rejection:
+class RejectedCandidate:
     """A candidate of a grasp, a placement or a plan that was not taken, and why."""
 
     name: str
@@ -64,14 +64,14 @@ class Rejection:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class CandidateChoice:
     """What was chosen from shortly before a failure: how many reached each stage, and who dropped out."""
 
     time: float
     purpose: str
     object: str
     stages: tuple[tuple[str, int], ...]
-    rejections: tuple[Rejection, ...]
+    rejections: tuple[RejectedCandidate, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +97,9 @@ class FailureStory:
     message: str
     """What the node said."""
     evidence: Values
-    chain: tuple[Link, ...]
+    chain: tuple[FailureLink, ...]
     """From the parent of the node upwards: who ended with it, up to who stopped it, or the root."""
-    handled_by: tuple[Handling, ...]
+    handled_by: tuple[CureAttempt, ...]
     fate: Fate
     fate_by: str
     """Path of the node that decided it; empty when open."""
@@ -107,7 +107,7 @@ class FailureStory:
     """Simulated s."""
     because_of: int | None
     """Number of the earlier failure that it follows from, as a failing handler does from what it handles."""
-    choices: tuple[Choice, ...]
+    choices: tuple[CandidateChoice, ...]
     observed: tuple[str, ...]
     """What the log tells of the moment, a sentence each: the belief, the hand, stops, changes, faults that
     were planted, and, for the analyst only, where the truth differed from the belief."""
@@ -175,7 +175,7 @@ class ItemStory:
 
 
 @dataclass(frozen=True, slots=True)
-class LookAt:
+class KeyMoment:
     """A moment worth a look, the most telling first."""
 
     time: float
@@ -184,7 +184,7 @@ class LookAt:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ExplainedOutcome:
     status: str
     """As in the result; `killed` when the log has none."""
     sentence: str
@@ -199,12 +199,12 @@ class Outcome:
 class Explanation:
     """Why a run ended as it did."""
 
-    outcome: Outcome
+    outcome: ExplainedOutcome
     failures: tuple[FailureStory, ...]
     root_causes: tuple[RootCause, ...]
     """Those that ended the run first, then by what they cost."""
     items: tuple[ItemStory, ...]
-    look_at: tuple[LookAt, ...]
+    look_at: tuple[KeyMoment, ...]
     recovery: Episodes
     """Which causes were seen, what was tried against each and what came of it; see `episodes.episode`."""
 

@@ -6,14 +6,14 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from ....logs.episodes.episode import Names
-from ....logs.run_log import At
+from ....logs.episodes.episode import CureNames
+from ....logs.run_log import Stamped
 from ....logs.schema.records import Event
 from ....logs.visits import HALTED, Visit
-from .explanation import FailureStory, Fate, Handling, Link
+from .explanation import CureAttempt, FailureLink, FailureStory, Fate
 
 
-class Family:
+class VisitTree:
     """Visits by number, their children in the order of their beginnings."""
 
     def __init__(self, visits: Sequence[Visit]) -> None:
@@ -84,65 +84,67 @@ GIVE_UP = "give_up"
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class FailureCourse:
     """See the fields of the same names of a `FailureStory`."""
 
-    chain: tuple[Link, ...]
-    handled_by: tuple[Handling, ...]
+    chain: tuple[FailureLink, ...]
+    handled_by: tuple[CureAttempt, ...]
     fate: Fate
     fate_by: str
     fate_at: float | None
 
 
-class Courses:
+class FailureCourses:
     """Follows failures upwards through the visits of a run."""
 
-    def __init__(self, family: Family, events: Sequence[At[Event]], end: float, names: Names) -> None:
+    def __init__(
+        self, family: VisitTree, events: Sequence[Stamped[Event]], end: float, names: CureNames
+    ) -> None:
         """`end`: time of the log's last tick, s; `names` says what a cure is called."""
         self._family = family
         self._recoveries = [at for at in events if at.record.kind == "recovery"]
         self._end = end
         self._names = names
 
-    def of(self, source: Visit) -> Course:
-        chain: list[Link] = []
-        handlings: list[Handling] = []
+    def of(self, source: Visit) -> FailureCourse:
+        chain: list[FailureLink] = []
+        handlings: list[CureAttempt] = []
         failing, visit, parent = source, source, self._family.parent(source)
         while parent is not None:
             goes_up = _ended_by(parent, failing, self._family.came_from(parent), visit)
             if goes_up:
                 handlings += self._given_up(parent, visit)
-                chain.append(Link(parent.path, parent.id, parent.end, parent.outcome))
+                chain.append(FailureLink(parent.path, parent.id, parent.end, parent.outcome))
                 visit, parent = parent, self._family.parent(parent)
                 continue
             answered = "RUNNING" if parent.last > visit.last else parent.outcome
-            chain.append(Link(parent.path, parent.id, visit.end, answered))
+            chain.append(FailureLink(parent.path, parent.id, visit.end, answered))
             if parent.id in BRANCHING and parent.outcome != "FAILURE":
-                return Course(tuple(chain), tuple(handlings), "branched", parent.path, visit.end)
+                return FailureCourse(tuple(chain), tuple(handlings), "branched", parent.path, visit.end)
             if parent.id == "ForEach":
-                return Course(tuple(chain), tuple(handlings), "passed_over", parent.path, visit.end)
+                return FailureCourse(tuple(chain), tuple(handlings), "passed_over", parent.path, visit.end)
             handling = self._handling(parent, visit)
             handlings += [handling] if handling is not None else []
             runs = [v for v in self._family.after(visit) if v.path == visit.path]
             if runs and parent.outcome in ("SUCCESS", "RUNNING") and runs[-1].outcome == "SUCCESS":
-                return Course(tuple(chain), tuple(handlings), "cured", parent.path, runs[-1].end)
+                return FailureCourse(tuple(chain), tuple(handlings), "cured", parent.path, runs[-1].end)
             if parent.outcome == "FAILURE":
                 # It was answered, and the node failed after all: with a later failure, or the answer's.
                 if answered != "FAILURE":
-                    chain.append(Link(parent.path, parent.id, parent.end, "FAILURE"))
+                    chain.append(FailureLink(parent.path, parent.id, parent.end, "FAILURE"))
                 failing = visit = parent
                 parent = self._family.parent(parent)
                 continue
             if parent.outcome == HALTED:
                 return self._halted(parent, chain, handlings)
             if parent.outcome == "RUNNING":
-                return Course(tuple(chain), tuple(handlings), "open", "", None)
-            return Course(tuple(chain), tuple(handlings), "branched", parent.path, visit.end)
+                return FailureCourse(tuple(chain), tuple(handlings), "open", "", None)
+            return FailureCourse(tuple(chain), tuple(handlings), "branched", parent.path, visit.end)
         if visit.outcome != "FAILURE":
-            return Course(tuple(chain), tuple(handlings), "open", "", None)
-        return Course(tuple(chain), tuple(handlings), "ended", visit.path, visit.end)
+            return FailureCourse(tuple(chain), tuple(handlings), "open", "", None)
+        return FailureCourse(tuple(chain), tuple(handlings), "ended", visit.path, visit.end)
 
-    def _halted(self, halted: Visit, chain: list[Link], handlings: list[Handling]) -> Course:
+    def _halted(self, halted: Visit, chain: list[FailureLink], handlings: list[CureAttempt]) -> FailureCourse:
         """It was being dealt with when somebody above stopped that: who, and whether he failed, decides."""
         for above in self._family.above(halted):
             if above.outcome == HALTED:
@@ -152,20 +154,20 @@ class Courses:
             fate: Fate = "branched"
             if above.outcome == "FAILURE" and above.last == halted.last:
                 upper = self.of(above)
-                chain.append(Link(above.path, above.id, above.end, "FAILURE"))
+                chain.append(FailureLink(above.path, above.id, above.end, "FAILURE"))
                 chain += upper.chain
-                return Course(
+                return FailureCourse(
                     tuple(chain),
                     (*handlings, *upper.handled_by),
                     upper.fate,
                     upper.fate_by,
                     upper.fate_at,
                 )
-            chain.append(Link(above.path, above.id, halted.end, above.outcome))
-            return Course(tuple(chain), tuple(handlings), fate, above.path, halted.end)
-        return Course(tuple(chain), tuple(handlings), "open", "", None)
+            chain.append(FailureLink(above.path, above.id, halted.end, above.outcome))
+            return FailureCourse(tuple(chain), tuple(handlings), fate, above.path, halted.end)
+        return FailureCourse(tuple(chain), tuple(handlings), "open", "", None)
 
-    def _handling(self, parent: Visit, failed: Visit) -> Handling | None:
+    def _handling(self, parent: Visit, failed: Visit) -> CureAttempt | None:
         """How the parent answered a failure of its child by something that may cure it."""
         noted = next((at for at in self._recoveries if _answers(at, parent, failed)), None)
         attempt = 1 + sum(
@@ -175,15 +177,15 @@ class Courses:
         if noted is None:
             if not any(v.path == failed.path for v in following):
                 return None
-            return Handling(parent.path, AGAIN, failed.end, attempt, "SUCCESS", 0.0)
+            return CureAttempt(parent.path, AGAIN, failed.end, attempt, "SUCCESS", 0.0)
         cure = next((v for v in following if v.path != failed.path), None)
         label = str(noted.record.data.get("handler", ""))
         if cure is None:
-            return Handling(parent.path, label, noted.time, attempt, "RUNNING", self._end - noted.time)
+            return CureAttempt(parent.path, label, noted.time, attempt, "RUNNING", self._end - noted.time)
         ran = self._names.of(cure.path)
-        return Handling(parent.path, label, cure.start, attempt, cure.outcome, cure.duration, ran)
+        return CureAttempt(parent.path, label, cure.start, attempt, cure.outcome, cure.duration, ran)
 
-    def _given_up(self, parent: Visit, failed: Visit) -> list[Handling]:
+    def _given_up(self, parent: Visit, failed: Visit) -> list[CureAttempt]:
         """What the parent still ran after the failure with which it then failed."""
         if parent.last == failed.last and parent.id not in ("Recover", "RecoveryNode"):
             return []
@@ -196,7 +198,7 @@ class Courses:
             return []
         label = GIVE_UP if noted is None else str(noted.record.data.get("handler", ""))
         ran = self._names.of(last.path)
-        return [Handling(parent.path, label, last.start, attempt, last.outcome, last.duration, ran)]
+        return [CureAttempt(parent.path, label, last.start, attempt, last.outcome, last.duration, ran)]
 
 
 def time_lost(failures: Iterable[FailureStory]) -> float:
@@ -221,5 +223,5 @@ def _ended_by(parent: Visit, failing: Visit, came_from: Visit | None, visit: Vis
     )
 
 
-def _answers(at: At[Event], parent: Visit, failed: Visit) -> bool:
+def _answers(at: Stamped[Event], parent: Visit, failed: Visit) -> bool:
     return at.record.node == parent.path and abs(at.time - failed.end) < 1e-6

@@ -9,7 +9,7 @@ from ....logs.episodes.episode import Episode, Planted
 from ....logs.episodes.episode_counts import ENDS, CauseCount
 from ....manipulation.pick.pick_candidates import RANKED
 from ..investigation.episodes_of_log import Episodes
-from ..investigation.explanation import Choice, FailureStory, Handling
+from ..investigation.explanation import CandidateChoice, CureAttempt, FailureStory
 from ..investigation.number_wording import counted, listed, seconds, wrapped
 
 PLANTED = 12
@@ -77,7 +77,7 @@ _FATES = {
 }
 
 
-class Stories:
+class FailureText:
     """Tells the failures of a run; `names` gives short names of nodes by their paths."""
 
     def __init__(
@@ -168,7 +168,7 @@ class Stories:
             return ""
         return f" by {episode.cure} after {counted(episode.tries, 'try', 'tries')}"
 
-    def _handling(self, handling: Handling) -> str:
+    def _handling(self, handling: CureAttempt) -> str:
         node = self._names.get(handling.node, handling.node)
         took = f"{handling.ended} after {handling.seconds:.1f} s"
         if handling.handler == "again":
@@ -189,14 +189,14 @@ def _alike(failures: Sequence[FailureStory]) -> list[list[FailureStory]]:
     return list(groups.values())
 
 
-def _tells(choice: Choice, story: FailureStory) -> bool:
+def _tells(choice: CandidateChoice, story: FailureStory) -> bool:
     """Whether a choice says more than the failure's own words."""
     if any(r.stage for r in choice.rejections) and all(r.reason in story.message for r in choice.rejections):
         return False
     return any(r.count > 1 or story.message not in r.reason for r in choice.rejections)
 
 
-def _choice(choice: Choice) -> str:
+def _choice(choice: CandidateChoice) -> str:
     if any(r.stage for r in choice.rejections):
         asked = counted(dict(choice.stages).get(RANKED, 0), "candidate")
         return f"Grasps at {seconds(choice.time)}: {asked}: {'; '.join(_few(_counts(choice)))}."
@@ -211,6 +211,6 @@ def _few(words: Sequence[str], most: int = 4) -> list[str]:
     return [*words[:most], f"{len(words) - most} other reasons"] if len(words) > most else [*words]
 
 
-def _counts(choice: Choice) -> list[str]:
+def _counts(choice: CandidateChoice) -> list[str]:
     """`11 the hand would touch wall (1.2 mm from it at best)`."""
     return [f"{r.count} {r.reason}" for r in choice.rejections]

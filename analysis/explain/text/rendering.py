@@ -15,7 +15,7 @@ from ....logs.schema.json_records import encode
 from ....world.journal import Plain
 from ..investigation.explanation import Explanation, ItemStory, RootCause
 from ..investigation.number_wording import counted, listed, seconds, wrapped
-from .failure_text import Stories, recovery_lines
+from .failure_text import FailureText, recovery_lines
 
 if TYPE_CHECKING:
     from ...run import Run
@@ -30,7 +30,7 @@ EVENTS = 9
 """Events of an item that are told, unless all are asked for."""
 
 
-class Page:
+class ExplanationText:
     """Turns an explanation into lines.
 
     `log` is what the reader typed for the log, `program` how picktree is called here, `names` gives short
@@ -54,7 +54,7 @@ class Page:
         ]
         for part in (
             self._causes(everything),
-            Stories(found.failures, self._names, self._paint, found.recovery.episodes).lines(everything),
+            FailureText(found.failures, self._names, self._paint, found.recovery.episodes).lines(everything),
             recovery_lines(found.recovery, self._paint),
             self._items(everything),
             self._look(),
@@ -171,7 +171,7 @@ def to_text(
     everything: bool = False,
 ) -> str:
     """Without a line's end. `log`: what the reader typed for the log; `program`: how picktree is called."""
-    page = Page(found, shlex.quote(log), program, _names(run), paint)
+    page = ExplanationText(found, shlex.quote(log), program, _names(run), paint)
     return page.text(_head(run), notes_on(run), everything=everything)
 
 

@@ -118,7 +118,7 @@ def _frames(log: RunLog) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class ViewerLayout:
     file: LayoutFile
 
     @property
@@ -156,7 +156,7 @@ class _Desk:
         return self.put("Tab", {"activeTabIdx": 0, "tabs": tabs})
 
 
-def layout(run: Run) -> Layout:
+def layout(run: Run) -> ViewerLayout:
     """For the run's own tree, topics, joints and cameras. Raises PicktreeError where the log is damaged."""
     desk = _Desk()
     view = desk.tabs(
@@ -173,7 +173,7 @@ def layout(run: Run) -> Layout:
     drawn = [(p["foxglovePanelTitle"], desk.put("Plot", p)) for p in panels.plots(run)]
     lines = desk.put("RosOut", panels.log())
     below = _column([*([desk.tabs(drawn)] if drawn else []), lines], 60.0)
-    return Layout(
+    return ViewerLayout(
         {
             "configById": desk.panels,
             "globalVariables": {},

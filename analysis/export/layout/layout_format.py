@@ -57,7 +57,7 @@ class Frustum(TypedDict):
     """How far the frustum reaches, m."""
 
 
-class Shown(TypedDict):
+class TopicVisibility(TypedDict):
     visible: bool
 
 
@@ -76,14 +76,14 @@ class ThreeDee(TypedDict):
     followMode: Literal["follow-none"]
     followTf: str
     scene: ThreeDeeScene
-    transforms: dict[str, Shown]
+    transforms: dict[str, TopicVisibility]
     """By `frame:NAME`."""
     topics: dict[str, Entities | Frustum]
     layers: dict[str, Grid]
     foxglovePanelTitle: str
 
 
-class Transition(TypedDict):
+class StateSeries(TypedDict):
     value: str
     label: str
     timestampMethod: Literal["receiveTime"]
@@ -91,7 +91,7 @@ class Transition(TypedDict):
 
 class StateTransitions(TypedDict):
     isSynced: bool
-    paths: list[Transition]
+    paths: list[StateSeries]
     foxglovePanelTitle: str
 
 
@@ -102,7 +102,7 @@ class Series(TypedDict):
     timestampMethod: Literal["receiveTime"]
 
 
-class Plot(TypedDict):
+class PlotPanel(TypedDict):
     paths: list[Series]
     showXAxisLabels: bool
     showYAxisLabels: bool
@@ -124,7 +124,7 @@ class RawMessages(TypedDict):
     foxglovePanelTitle: str
 
 
-class Log(TypedDict):
+class LogPanel(TypedDict):
     searchTerms: list[str]
     minLogLevel: int
     topicToRender: str
@@ -162,7 +162,7 @@ class Playback(TypedDict):
     speed: float
 
 
-Panel = ThreeDee | StateTransitions | Plot | RawMessages | Log | Image | Tab
+Panel = ThreeDee | StateTransitions | PlotPanel | RawMessages | LogPanel | Image | Tab
 
 
 class LayoutFile(TypedDict):

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias, cast
 from ....logs.schema import topics
 from ...run import Run
 from .lanes import lanes
-from .layout_format import Image, Log, Plot, RawMessages, Series, StateTransitions, Transition
+from .layout_format import Image, LogPanel, PlotPanel, RawMessages, Series, StateSeries, StateTransitions
 
 Value: TypeAlias = str | int | bool
 
@@ -175,10 +175,10 @@ def state_transitions(run: Run) -> StateTransitions:
     return {"isSynced": True, "paths": paths, "foxglovePanelTitle": "Tree"}
 
 
-def plots(run: Run) -> tuple[Plot, ...]:
+def plots(run: Run) -> tuple[PlotPanel, ...]:
     """Wrench, positions, velocities, tracking error, gripper and wall time: of what the log holds."""
     held = {name for name, info in run.log.topics.items() if info.messages}
-    made: list[Plot] = []
+    made: list[PlotPanel] = []
     if topics.WRENCH.name in held:
         force = [(f"f{axis} (N)", f"{topics.WRENCH.name}.force.{axis}") for axis in "xyz"]
         torque = [(f"t{axis} (Nm)", f"{topics.WRENCH.name}.torque.{axis}") for axis in "xyz"]
@@ -234,7 +234,7 @@ def images(run: Run) -> tuple[Image, ...]:
     )
 
 
-def log() -> Log:
+def log() -> LogPanel:
     return {
         "searchTerms": [],
         "minLogLevel": 1,
@@ -262,11 +262,11 @@ def _of_joints(names: Iterable[str], quantity: str) -> list[tuple[str, str]]:
     ]
 
 
-def _transition(label: str, value: str) -> Transition:
+def _transition(label: str, value: str) -> StateSeries:
     return {"value": value, "label": label, "timestampMethod": "receiveTime"}
 
 
-def _plot(title: str, paths: Sequence[tuple[str, str]]) -> Plot:
+def _plot(title: str, paths: Sequence[tuple[str, str]]) -> PlotPanel:
     series: list[Series] = [
         {"value": value, "label": label, "enabled": True, "timestampMethod": "receiveTime"}
         for label, value in paths

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...run import Run
 from ..layout.lanes import lanes
 from ..tables.table_rows import about
-from .stage import TIMELINE, Sheet, camera_entity, write_stage
+from .stage import TIMELINE, RerunWriter, camera_entity, write_stage
 
 _IDLE = "IDLE"
 _STATES: Mapping[str, int] = {
@@ -34,7 +34,7 @@ _COLOURS = (0xE0443EFF, 0x2E9E5BFF, 0x3D8BFDFF, 0xC98A1AFF, 0x8E5BD0FF, 0x17A2A8
 """Of the series of a plot, in their order: x red, y green, z blue."""
 
 
-def write_course(sheet: Sheet, run: Run) -> None:
+def write_course(sheet: RerunWriter, run: Run) -> None:
     _lanes(sheet, run)
     _signals(sheet, run)
     sheet.always("/about", rr.TextDocument(_about(run), media_type="text/markdown"))
@@ -60,7 +60,7 @@ def lane_entity(path: str) -> str:
     return "/tree/" + "/".join(rr.escape_entity_path_part(part) for part in path.split("/") if part)
 
 
-def _lanes(sheet: Sheet, run: Run) -> None:
+def _lanes(sheet: RerunWriter, run: Run) -> None:
     """A node's visits, each in the colour of how it ended; nothing between them."""
     lanes: dict[str, list[tuple[float, str]]] = {}
     for path, time, state in _changes(run):
@@ -90,7 +90,7 @@ def _changes(run: Run) -> Iterator[tuple[str, float, str]]:
             before[node.path] = node.status
 
 
-def _signals(sheet: Sheet, run: Run) -> None:
+def _signals(sheet: RerunWriter, run: Run) -> None:
     joints, wrenches, controls = run.joints, run.wrenches, run.controls
     arm = _arm(run)
     for name, values in (
@@ -115,7 +115,11 @@ def _arm(run: Run) -> int:
 
 
 def _series(
-    sheet: Sheet, entity: str, times: NDArray[np.float64], values: NDArray[np.float64], names: Sequence[str]
+    sheet: RerunWriter,
+    entity: str,
+    times: NDArray[np.float64],
+    values: NDArray[np.float64],
+    names: Sequence[str],
 ) -> None:
     """Values (n, series) at times (n,)."""
     if not values.size:
@@ -133,7 +137,7 @@ _EVENTS = ["$origin/**", "- /events/belief/**", "- /events/image/**"]
 def write_rerun(run: Run, path: Path) -> None:
     """Raises OSError when the disk refuses, PicktreeError where the log is damaged."""
     name = f"{run.info.mission}, seed {run.info.seed}"
-    sheet = Sheet(path, name, blueprint(run))
+    sheet = RerunWriter(path, name, blueprint(run))
     try:
         write_stage(sheet, run)
         write_course(sheet, run)

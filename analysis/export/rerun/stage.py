@@ -15,7 +15,7 @@ from ....logs.meshes.triangle_meshes import part_mesh, shape_mesh
 from ....logs.recording import foxglove_messages
 from ....logs.recording.foxglove_messages import UNKNOWN_COLOUR
 from ....logs.schema import topics
-from ....logs.schema.records import Block, Body, Part, Scene, Transform
+from ....logs.schema.records import BlockRecord, BodyRecord, PartRecord, Scene, Transform
 from ....world.colours import COLOURS
 from ....world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ....world.values import Pose
@@ -25,7 +25,7 @@ TIMELINE = "sim_time"
 """Simulated seconds."""
 
 
-class Sheet:
+class RerunWriter:
     """Everything goes straight to the file. Raises OSError when the disk refuses to open it."""
 
     def __init__(self, path: Path, name: str, blueprint: rrb.Blueprint) -> None:
@@ -63,7 +63,7 @@ _TRUTH = (255, 0, 255)
 _PLANNED, _REFUSED = (40, 200, 120), (230, 60, 60)
 
 
-def write_stage(sheet: Sheet, run: Run) -> None:
+def write_stage(sheet: RerunWriter, run: Run) -> None:
     sheet.always("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _robot(sheet, run)
     fixed: Scene | None = next((at.record for at in run.log.beliefs()), None)
@@ -87,7 +87,7 @@ def write_stage(sheet: Sheet, run: Run) -> None:
         _camera(sheet, run, camera)
 
 
-def _robot(sheet: Sheet, run: Run) -> None:
+def _robot(sheet: RerunWriter, run: Run) -> None:
     """The meshes once; they follow their links' frames."""
     for mesh in run.log.robot_model():
         model = f"/world/robot/{rr.escape_entity_path_part(mesh.link)}/model"
@@ -95,8 +95,8 @@ def _robot(sheet: Sheet, run: Run) -> None:
         sheet.always(model, rr.Transform3D(quaternion=_Z_UP_FROM_Y_UP))
 
 
-def _fixtures(sheet: Sheet, parts: Sequence[Part]) -> None:
-    by_owner: dict[str, list[Part]] = {}
+def _fixtures(sheet: RerunWriter, parts: Sequence[PartRecord]) -> None:
+    by_owner: dict[str, list[PartRecord]] = {}
     for part in parts:
         by_owner.setdefault(part.id.split("/")[0], []).append(part)
     for owner, pieces in by_owner.items():
@@ -107,13 +107,13 @@ def _fixtures(sheet: Sheet, parts: Sequence[Part]) -> None:
 
 
 def _bodies(
-    sheet: Sheet,
+    sheet: RerunWriter,
     source: str,
-    scenes: Sequence[tuple[float, tuple[Body, ...]]],
+    scenes: Sequence[tuple[float, tuple[BodyRecord, ...]]],
     fill: rr.components.FillMode,
 ) -> None:
     """Shapes when they appear or change, poses at each message, and the end of what is no longer there."""
-    there: Mapping[str, tuple[Shape, str, tuple[Block, ...]]] = {}
+    there: Mapping[str, tuple[Shape, str, tuple[BlockRecord, ...]]] = {}
     for time, bodies in scenes:
         present = {body.id: (body.shape, body.colour, body.blocks) for body in bodies}
         for gone in there.keys() - present.keys():
@@ -127,7 +127,7 @@ def _bodies(
         there = present
 
 
-def _frames(sheet: Sheet, run: Run) -> None:
+def _frames(sheet: RerunWriter, run: Run) -> None:
     """Each tick's pose of the links, of cameras, and of the believed objects between two beliefs."""
     links = {mesh.link for mesh in run.log.robot_model()}
     believed = _believed(run)
@@ -145,7 +145,7 @@ def _frames(sheet: Sheet, run: Run) -> None:
         _move(sheet, entity, track)
 
 
-def _move(sheet: Sheet, entity: str, track: Sequence[tuple[float, Pose]]) -> None:
+def _move(sheet: RerunWriter, entity: str, track: Sequence[tuple[float, Pose]]) -> None:
     columns = rr.Transform3D.columns(
         translation=np.array([pose.position for _, pose in track]),
         quaternion=np.array([pose.orientation for _, pose in track]),
@@ -166,7 +166,7 @@ def _frame_entity(t: Transform, links: set[str], believed: frozenset[str]) -> st
     return camera_entity(t.child.removeprefix("camera/")) if t.child.startswith("camera/") else None
 
 
-def _plans(sheet: Sheet, run: Run) -> None:
+def _plans(sheet: RerunWriter, run: Run) -> None:
     """The tool's way of the last plan; nothing where no way was found."""
     for at in run.plans:
         way = [at.record.tool_path] if len(at.record.tool_path) > 1 else []
@@ -174,7 +174,7 @@ def _plans(sheet: Sheet, run: Run) -> None:
         sheet.at(at.time, "/world/plan", rr.LineStrips3D(way, colors=[colour] * len(way), radii=0.003))
 
 
-def _camera(sheet: Sheet, run: Run, camera: str) -> None:
+def _camera(sheet: RerunWriter, run: Run, camera: str) -> None:
     """Colour and depth as they stand in the log, on the plane of a pinhole camera."""
     entity = camera_entity(camera)
     for message in run.log.messages([topics.calibration_topic(camera).name]):
@@ -210,7 +210,9 @@ def _placed(pose: Pose) -> rr.Transform3D:
     return rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.orientation))
 
 
-def _body_form(body: Body, colour: tuple[int, int, int], fill: rr.components.FillMode) -> rr.AsComponents:
+def _body_form(
+    body: BodyRecord, colour: tuple[int, int, int], fill: rr.components.FillMode
+) -> rr.AsComponents:
     if not body.blocks:
         return _form(body.shape, colour, fill, body.id)
     return rr.Boxes3D(
@@ -223,7 +225,7 @@ def _body_form(body: Body, colour: tuple[int, int, int], fill: rr.components.Fil
     )
 
 
-def _mesh_form(part: Part) -> rr.AsComponents:
+def _mesh_form(part: PartRecord) -> rr.AsComponents:
     mesh = part_mesh(part.shape, part.holes)
     return rr.Mesh3D(
         vertex_positions=mesh.vertices,

@@ -21,7 +21,7 @@ _KINDS: Final[dict[type, Kind]] = {int: "int", float: "float", bool: "bool", str
 
 
 @dataclass(frozen=True, slots=True)
-class Says:
+class ColumnDoc:
     """What a column holds, for people; `unit` is empty for what has none."""
 
     meaning: str
@@ -39,7 +39,7 @@ class Column:
 
 
 @dataclass(frozen=True, slots=True)
-class Table(Generic[R]):
+class TableSpec(Generic[R]):
     """`row` is a dataclass whose fields are `Annotated[int | float | bool | str, Says(…)]`."""
 
     name: str

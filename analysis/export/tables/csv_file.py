@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
 
-from .columns import Cell, Table, cells
+from .columns import Cell, TableSpec, cells
 
 R = TypeVar("R")
 
@@ -19,7 +19,7 @@ _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 """A text that begins so is a formula to a spreadsheet, and may do what a program does, unless ' precedes."""
 
 
-def write_csv(path: Path, table: Table[R], rows: Iterable[R]) -> int:
+def write_csv(path: Path, table: TableSpec[R], rows: Iterable[R]) -> int:
     """How many rows were written. Raises OSError when the disk refuses."""
     count = 0
     with path.open("w", encoding="utf-8", newline="") as file:
@@ -31,7 +31,7 @@ def write_csv(path: Path, table: Table[R], rows: Iterable[R]) -> int:
     return count
 
 
-def read_csv(path: Path, table: Table[R]) -> tuple[R, ...]:
+def read_csv(path: Path, table: TableSpec[R]) -> tuple[R, ...]:
     """What `write_csv` wrote. Raises ValueError for another file."""
     with path.open(encoding="utf-8", newline="") as file:
         reader = csv.reader(file, strict=True)

@@ -10,7 +10,7 @@ from typing import TypeVar
 import pyarrow as pa
 from pyarrow import parquet
 
-from .columns import Column, Table, cells
+from .columns import Column, TableSpec, cells
 
 R = TypeVar("R")
 
@@ -19,7 +19,7 @@ _GROUP = 100_000
 TYPES = {"int": pa.int64(), "float": pa.float64(), "bool": pa.bool_(), "text": pa.string()}
 
 
-def write_parquet(path: Path, table: Table[R], rows: Iterable[R]) -> int:
+def write_parquet(path: Path, table: TableSpec[R], rows: Iterable[R]) -> int:
     """How many rows were written. Raises OSError when the disk refuses."""
     schema = pa.schema(
         [field_of(column) for column in table.columns],
@@ -38,7 +38,7 @@ def write_parquet(path: Path, table: Table[R], rows: Iterable[R]) -> int:
     return count
 
 
-def read_parquet(path: Path, table: Table[R]) -> tuple[R, ...]:
+def read_parquet(path: Path, table: TableSpec[R]) -> tuple[R, ...]:
     """What `write_parquet` wrote. Raises ValueError for another file."""
     read = parquet.read_table(path)
     if read.schema.names != [column.name for column in table.columns]:

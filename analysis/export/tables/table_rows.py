@@ -8,7 +8,7 @@ from dataclasses import asdict
 
 import orjson
 
-from ....logs.schema.records import Body
+from ....logs.schema.records import BodyRecord
 from ...explain.investigation.explanation import ItemStory
 from ...run import Run
 from . import row_types
@@ -211,7 +211,7 @@ def about(run: Run) -> Iterator[row_types.RunRow]:
         yield row_types.RunRow("digest", run.result.digest)
 
 
-def _object(time: float, source: str, body: Body) -> row_types.ObjectRow:
+def _object(time: float, source: str, body: BodyRecord) -> row_types.ObjectRow:
     return row_types.ObjectRow(
         time, source, body.id, body.kind, body.colour, body.place, body.attached, body.confidence,
         *body.pose.position, *body.pose.orientation,

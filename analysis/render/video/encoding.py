@@ -7,7 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ....logs.optional_libraries import extra
+from ....logs.optional_libraries import optional_import
 from ..rasterizer import Picture
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ _KEY = 2.0
 
 def require_encoder() -> None:
     """Raises PicktreeError when the library that encodes is not installed."""
-    with extra("video", "av", "A video"):
+    with optional_import("video", "av", "A video"):
         import av  # noqa: F401 # pyright: ignore[reportUnusedImport]
 
 

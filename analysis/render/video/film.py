@@ -21,10 +21,10 @@ from ....errors import PicktreeError
 from ....logs.run_log import RunLog
 from ....logs.schema.records import LinkMesh
 from ..captions import write
-from ..frames import Frame, moments
+from ..frames import FrameContent, moments
 from ..rasterizer import Picture
-from ..scene_view import Scenery, Show
-from ..viewpoint import VIEWS, View
+from ..scene_view import SceneRenderer, Show
+from ..viewpoint import VIEWS, PictureView
 from .encoding import require_encoder, write_gif, write_mp4
 
 _AHEAD = 2
@@ -32,22 +32,22 @@ _AHEAD = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Setup:
+class FrameSetup:
     """What all frames of a film have in common."""
 
     robot: tuple[LinkMesh, ...]
-    view: View
+    view: PictureView
     size: tuple[int, int]
 
 
-class Painters:
+class FrameWorkers:
     """Use it as a context manager. With one process everything is drawn in this one."""
 
-    def __init__(self, setup: Setup, processes: int) -> None:
+    def __init__(self, setup: FrameSetup, processes: int) -> None:
         self._setup, self._count = setup, processes
         self._painters: list[tuple[BaseProcess, Connection]] = []
 
-    def __enter__(self) -> Painters:
+    def __enter__(self) -> FrameWorkers:
         if self._count > 1:
             # Started anew, because a fork would take over locks of libraries' threads.
             context = multiprocessing.get_context("spawn")
@@ -70,7 +70,7 @@ class Painters:
             process.join()
         self._painters.clear()
 
-    def pictures(self, frames: Iterable[Frame]) -> Iterator[Picture]:
+    def pictures(self, frames: Iterable[FrameContent]) -> Iterator[Picture]:
         """RGB (h, w, 3) of each frame, in order. Raises PicktreeError when a process dies."""
         if not self._painters:
             scenery = _scenery(self._setup)
@@ -103,23 +103,23 @@ def _died() -> PicktreeError:
     return PicktreeError("a process that draws frames has died; --processes 1 does without others")
 
 
-def _paint(line: Connection, setup: Setup) -> None:
+def _paint(line: Connection, setup: FrameSetup) -> None:
     """Life of a process: draw what comes until nothing does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started it decides
     scenery = _scenery(setup)
     try:
         while True:
-            frame: Frame = line.recv()
+            frame: FrameContent = line.recv()
             line.send_bytes(_drawn(scenery, frame).tobytes())
     except (EOFError, OSError):
         return
 
 
-def _scenery(setup: Setup) -> Scenery:
-    return Scenery(setup.robot, setup.view, setup.size)
+def _scenery(setup: FrameSetup) -> SceneRenderer:
+    return SceneRenderer(setup.robot, setup.view, setup.size)
 
 
-def _drawn(scenery: Scenery, frame: Frame) -> Picture:
+def _drawn(scenery: SceneRenderer, frame: FrameContent) -> Picture:
     picture = scenery.picture(frame.shown)
     write(picture, frame.caption)
     return picture
@@ -147,7 +147,7 @@ class FilmRequest:
     fps: int | None = None
     size: tuple[int, int] | None = None
     """Pixels."""
-    view: View = VIEWS["corner"]
+    view: PictureView = VIEWS["corner"]
     show: Show = "belief"
     processes: int = 1
     """How many draw; more than one only from a program whose main module may be imported again."""
@@ -214,12 +214,12 @@ def film(
     count = max(1, round((end - start) / request.speed * fps))
     times = [min(start + k * request.speed / fps, end) for k in range(count)]
 
-    def pictures(some: list[float], painters: Painters) -> Iterator[Picture]:
+    def pictures(some: list[float], painters: FrameWorkers) -> Iterator[Picture]:
         hold, speed = HOLD * request.speed, request.speed
         frames = moments(log, some, (start, end), show=request.show, hold=hold, speed=speed, bar=True)
         return painters.pictures(frames)
 
-    setup = Setup(log.robot_model(), request.view, size)
+    setup = FrameSetup(log.robot_model(), request.view, size)
     partial = output.with_name(f".{output.name}.partial")
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
@@ -227,10 +227,10 @@ def film(
     except OSError as error:
         raise _refused(output, error) from None
     try:
-        with Painters(setup, request.processes if count > _FEW else 1) as painters:
+        with FrameWorkers(setup, request.processes if count > _FEW else 1) as painters:
             drawn = _counted(pictures(times, painters), count, progress)
             if moving:
-                sample = list(pictures(times[:: max(1, math.ceil(count / _SAMPLE))], Painters(setup, 1)))
+                sample = list(pictures(times[:: max(1, math.ceil(count / _SAMPLE))], FrameWorkers(setup, 1)))
                 frames = write_gif(partial, drawn, size, fps, sample)
             else:
                 frames = write_mp4(partial, drawn, size, fps)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ....logs.schema.records import Body
+from ....logs.schema.records import BodyRecord
 from ....world.values import Array
 from ...run import Run
 from .poses import row
@@ -31,22 +31,22 @@ class Frames:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
+class BodyAppearance:
     """A body as it is thought to be from one tick on."""
 
     tick: int
-    body: Body
+    body: BodyRecord
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Believed:
+class BelievedBody:
     """One body of the belief over the run."""
 
     id: str
     track: Array
     """(n, 7) in the world, NaN where the robot knows nothing of it."""
     held: Flags
-    looks: tuple[Look, ...]
+    looks: tuple[BodyAppearance, ...]
 
     @property
     def present(self) -> Flags:
@@ -54,10 +54,10 @@ class Believed:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sampled:
+class TrueBodySamples:
     """One true body at the times at which the simulator's truth was written down."""
 
-    body: Body
+    body: BodyRecord
     ticks: NDArray[np.int64]
     poses: Array
     """(samples, 7)."""
@@ -78,10 +78,10 @@ def frames_of(run: Run) -> Frames:
     return Frames(tracks, len(number))
 
 
-def believed_of(run: Run, frames: Frames) -> list[Believed]:
+def believed_of(run: Run, frames: Frames) -> list[BelievedBody]:
     """In the order in which they were first believed."""
     ticks = len(run.ticks)
-    looks: dict[str, list[Look]] = {}
+    looks: dict[str, list[BodyAppearance]] = {}
     held: dict[str, Flags] = {}
     for at in run.log.beliefs():
         tick = run.ticks.number_at(at.time)
@@ -90,14 +90,14 @@ def believed_of(run: Run, frames: Frames) -> list[Believed]:
         for body in at.record.bodies:
             seen = looks.setdefault(body.id, [])
             if not seen or _differs(seen[-1].body, body):
-                seen.append(Look(tick, body))
+                seen.append(BodyAppearance(tick, body))
             held.setdefault(body.id, np.zeros(ticks, dtype=np.bool_))[tick:] = body.attached
-    return [Believed(name, frames.track(name), held[name], tuple(found)) for name, found in looks.items()]
+    return [BelievedBody(name, frames.track(name), held[name], tuple(found)) for name, found in looks.items()]
 
 
-def truths_of(run: Run) -> list[Sampled]:
+def truths_of(run: Run) -> list[TrueBodySamples]:
     """Up to the tick at which a fault took a body away."""
-    bodies: dict[str, Body] = {}
+    bodies: dict[str, BodyRecord] = {}
     found: dict[str, list[tuple[int, tuple[float, ...]]]] = {}
     taken = _taken(run)
     for at in run.log.truths():
@@ -114,7 +114,7 @@ def truths_of(run: Run) -> list[Sampled]:
         if name in found and found[name][-1][0] < tick:
             found[name].append((tick, found[name][-1][1]))
     return [
-        Sampled(
+        TrueBodySamples(
             bodies[name], np.array([tick for tick, _ in samples]), np.array([pose for _, pose in samples])
         )
         for name, samples in found.items()
@@ -137,9 +137,9 @@ def spans(flags: Flags) -> list[Span]:
     return [(int(first), int(after) - 1) for first, after in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _differs(a: Body, b: Body) -> bool:
+def _differs(a: BodyRecord, b: BodyRecord) -> bool:
     return _look(a) != _look(b)
 
 
-def _look(body: Body) -> tuple[object, ...]:
+def _look(body: BodyRecord) -> tuple[object, ...]:
     return body.shape, body.colour, body.kind, body.role, body.place, body.blocks

@@ -9,29 +9,29 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ....logs.schema.records import Body
+from ....logs.schema.records import BodyRecord
 from ...run import Run
-from .body_frames import Believed, Frames, Sampled, believed_of, frames_of, truths_of
+from .body_frames import BelievedBody, Frames, TrueBodySamples, believed_of, frames_of, truths_of
 from .truth_matching import matched, track
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class SceneMotion:
     frames: Frames
-    believed: list[Believed]
-    truths: list[Sampled]
+    believed: list[BelievedBody]
+    truths: list[TrueBodySamples]
     partners: list[int | None]
     """For each true body the number of the believed one, if any."""
 
 
 @dataclass(frozen=True, slots=True)
-class Deviation:
+class BeliefDeviation:
     """How far the truth was from the belief, from a tick on."""
 
     tick: int
     object: str
     """Id of the believed object; empty where the robot believed in none then."""
-    body: Body
+    body: BodyRecord
     """The true one."""
     distance: float
     """Between both positions, m; NaN where one of both is not there."""
@@ -39,26 +39,26 @@ class Deviation:
 
 _FINE = 5e-4
 """Changes of a distance below this are none, m."""
-_MOTIONS: WeakKeyDictionary[Run, Motion] = WeakKeyDictionary()
+_MOTIONS: WeakKeyDictionary[Run, SceneMotion] = WeakKeyDictionary()
 
 
-def motion_of(run: Run) -> Motion:
+def motion_of(run: Run) -> SceneMotion:
     motion = _MOTIONS.get(run)
     if motion is None:
         frames = frames_of(run)
         believed, truths = believed_of(run, frames), truths_of(run)
-        motion = _MOTIONS[run] = Motion(frames, believed, truths, matched(believed, truths))
+        motion = _MOTIONS[run] = SceneMotion(frames, believed, truths, matched(believed, truths))
     return motion
 
 
-def deviations(motion: Motion) -> Iterator[Deviation]:
+def deviations(motion: SceneMotion) -> Iterator[BeliefDeviation]:
     """Body by body: at every sample of the truth, and between two of them, where the scene shows it
     interpolated, whenever the distance has become another."""
     for truth, partner in zip(motion.truths, motion.partners, strict=True):
         samples = frozenset(truth.ticks.tolist())
         one = None if partner is None else motion.believed[partner]
         if one is None:
-            yield from (Deviation(tick, "", truth.body, math.nan) for tick in sorted(samples))
+            yield from (BeliefDeviation(tick, "", truth.body, math.nan) for tick in sorted(samples))
             continue
         poses = track(truth, one, motion.frames.ticks)
         apart = np.linalg.norm(one.track[:, :3] - poses[:, :3], axis=1).tolist()
@@ -71,4 +71,4 @@ def deviations(motion: Motion) -> Iterator[Deviation]:
                 or abs(apart[tick] - told) > _FINE
             ):
                 told = apart[tick]
-                yield Deviation(tick, one.id if present[tick] else "", truth.body, told)
+                yield BeliefDeviation(tick, one.id if present[tick] else "", truth.body, told)

@@ -18,7 +18,7 @@ import orjson
 from numpy.typing import NDArray
 
 
-class Words:
+class StringTable:
     """Numbers texts in the order in which they come; the empty text is 0."""
 
     def __init__(self) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ....errors import PicktreeError
 from ....logs.schema import topics
-from ....logs.schema.records import Tree, TreeNode, Write
+from ....logs.schema.records import Tree, TreeNode, WriteRecord
 from ...run import Run
 
 
@@ -74,11 +74,11 @@ class TickWrite:
     """A write to the blackboard, with the number of its tick."""
 
     tick: int
-    write: Write
+    write: WriteRecord
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class NodeMessage:
     """What a failing node said in a tick."""
 
     cause: str
@@ -93,7 +93,7 @@ class TickTable:
     codes: NDArray[np.uint8]
     """(nodes, ticks): status codes, `TICKED` added; or `ABSENT`."""
     writes: tuple[TickWrite, ...]
-    said: Mapping[tuple[int, int], Said]
+    said: Mapping[tuple[int, int], NodeMessage]
     """By node and tick: of failures."""
 
     @property
@@ -118,7 +118,7 @@ def _read(run: Run) -> TickTable:
     numbers = {node.path: number for number, node in enumerate(nodes)}
     times: list[float] = []
     writes: list[TickWrite] = []
-    said: dict[tuple[int, int], Said] = {}
+    said: dict[tuple[int, int], NodeMessage] = {}
     columns: list[NDArray[np.uint8]] = []
     for time, tick in _ticks(run):
         number = len(times)
@@ -130,10 +130,10 @@ def _read(run: Run) -> TickTable:
                 continue
             column[row] = _CODES.get(node["status"], 0) + (TICKED if node["ticked"] else 0)
             if node["status"] == "FAILURE" and node["ticked"]:
-                said[row, number] = Said(node.get("cause", ""), node.get("message", ""))
+                said[row, number] = NodeMessage(node.get("cause", ""), node.get("message", ""))
         columns.append(column)
         for write in tick.get("writes", ()):
-            writes.append(TickWrite(number, Write(write["key"], write["value"], write["node"])))
+            writes.append(TickWrite(number, WriteRecord(write["key"], write["value"], write["node"])))
     codes = np.array(columns, dtype=np.uint8).reshape(len(times), len(nodes)).T
     return TickTable(nodes, np.array(times), np.ascontiguousarray(codes), tuple(writes), said)
 

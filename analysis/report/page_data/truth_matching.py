@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ....world.values import Array
-from .body_frames import Believed, Sampled
+from .body_frames import BelievedBody, TrueBodySamples
 from .poses import between, composed, filled, inverse
 
 RIDES = 0.03
@@ -20,7 +20,7 @@ UNLIKE = 0.1
 """What another kind or another colour counts for in a match, m each."""
 
 
-def matched(believed: Sequence[Believed], truths: Sequence[Sampled]) -> list[int | None]:
+def matched(believed: Sequence[BelievedBody], truths: Sequence[TrueBodySamples]) -> list[int | None]:
     """For each true body the believed one (its number), or None: with the least sum of mean distances."""
     from scipy.optimize import linear_sum_assignment
 
@@ -34,7 +34,7 @@ def matched(believed: Sequence[Believed], truths: Sequence[Sampled]) -> list[int
     return found
 
 
-def _cost(one: Believed, truth: Sampled) -> float:
+def _cost(one: BelievedBody, truth: TrueBodySamples) -> float:
     poses = one.track[truth.ticks]
     there = ~np.isnan(poses[:, 0])
     body = one.looks[-1].body
@@ -47,7 +47,7 @@ def _cost(one: Believed, truth: Sampled) -> float:
     return float(np.median(np.minimum(apart, FAR))) + unlike
 
 
-def track(truth: Sampled, one: Believed | None, ticks: int) -> Array:
+def track(truth: TrueBodySamples, one: BelievedBody | None, ticks: int) -> Array:
     """Where a true body was at each tick: (n, 7), NaN before its first and after its last sample.
 
     Between two samples it moves with the believed one while both agree that it is in the hand, and straight

@@ -11,11 +11,11 @@ from typing import Final
 import numpy as np
 import orjson
 
-from ....logs.schema.records import Body
+from ....logs.schema.records import BodyRecord
 from ....world.values import Pose
 from ...run import Run
-from ..page_data.body_motion import Deviation, Motion, deviations, motion_of
-from ..page_data.packing import Packable, Section, Words, quantised
+from ..page_data.body_motion import BeliefDeviation, SceneMotion, deviations, motion_of
+from ..page_data.packing import Packable, Section, StringTable, quantised
 from ..page_data.tick_table import TickTable, tick_table
 
 _STILL: Final = 2e-4
@@ -23,12 +23,12 @@ _STILL: Final = 2e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class BeliefSighting:
     """An object as it is believed from a moment on; `body` is None when it is believed no more."""
 
     time: float
     id: str
-    body: Body | None
+    body: BodyRecord | None
 
 
 def pack_board(run: Run) -> Section:
@@ -41,24 +41,24 @@ def pack_board(run: Run) -> Section:
     )
 
 
-def sightings(run: Run) -> tuple[Sighting, ...]:
+def sightings(run: Run) -> tuple[BeliefSighting, ...]:
     """Every change of the belief in an item, in the order of time."""
-    found: list[Sighting] = []
-    present: dict[str, Body] = {}
+    found: list[BeliefSighting] = []
+    present: dict[str, BodyRecord] = {}
     for at in run.log.beliefs():
         now = {body.id: body for body in at.record.bodies}
         for name in [name for name in present if name not in now]:
             del present[name]
-            found.append(Sighting(at.time, name, None))
+            found.append(BeliefSighting(at.time, name, None))
         for name, body in now.items():
             before = present.get(name)
             if before is None or _differs(before, body):
                 present[name] = body
-                found.append(Sighting(at.time, name, body))
+                found.append(BeliefSighting(at.time, name, body))
     return tuple(found)
 
 
-def _differs(before: Body, after: Body) -> bool:
+def _differs(before: BodyRecord, after: BodyRecord) -> bool:
     moved = math.dist(before.pose.position, after.pose.position) > _STILL
     turned = before.pose.orientation != after.pose.orientation and _angle(before.pose, after.pose) > 0.005
     return moved or turned or any(
@@ -81,7 +81,7 @@ def yaw_and_tilt(pose: Pose) -> tuple[float, float]:
 
 
 def _writes(table: TickTable) -> Packable:
-    words = Words()
+    words = StringTable()
     return {
         "tick": np.array([written.tick for written in table.writes], dtype=np.uint32),
         "key": words.numbers([written.write.key for written in table.writes]),
@@ -95,9 +95,9 @@ def _json(value: object) -> str:
     return orjson.dumps(value).decode()
 
 
-def _belief(seen: Sequence[Sighting]) -> Packable:
+def _belief(seen: Sequence[BeliefSighting]) -> Packable:
     """Column by column: positions in m, angles in rad, NaN for an object that is believed no more."""
-    words = Words()
+    words = StringTable()
     bodies = [sighting.body for sighting in seen]
     nothing = (math.nan,) * 7
     numbers = np.array([nothing if body is None else _numbers(body) for body in bodies]).reshape(len(seen), 7)
@@ -118,16 +118,16 @@ def _belief(seen: Sequence[Sighting]) -> Packable:
     }
 
 
-def _numbers(body: Body) -> tuple[float, ...]:
+def _numbers(body: BodyRecord) -> tuple[float, ...]:
     return (*body.pose.position, *yaw_and_tilt(body.pose), body.confidence, body.last_seen)
 
 
-def _truth(motion: Motion) -> Packable:
+def _truth(motion: SceneMotion) -> Packable:
     """`distance` in mm by object; of a believed object that was not there any more, NaN. `unknown`: what
     was there and the robot did not believe in, whenever that is something else than before."""
     told = sorted(deviations(motion), key=lambda one: one.tick)
     believed = [one for one in told if one.object]
-    words = Words()
+    words = StringTable()
     return {
         "tick": np.array([one.tick for one in believed], dtype=np.uint32),
         "object": words.numbers([one.object for one in believed]),
@@ -139,7 +139,7 @@ def _truth(motion: Motion) -> Packable:
     }
 
 
-def _gone(motion: Motion) -> list[Packable]:
+def _gone(motion: SceneMotion) -> list[Packable]:
     """Since when a believed object stands for nothing, by its id: a fault took it away."""
     last = max((int(truth.ticks[-1]) for truth in motion.truths), default=0)
     return [
@@ -149,7 +149,9 @@ def _gone(motion: Motion) -> list[Packable]:
     ]
 
 
-def unknown_bodies(told: Sequence[Deviation], motion: Motion) -> Iterator[tuple[int, tuple[str, ...]]]:
+def unknown_bodies(
+    told: Sequence[BeliefDeviation], motion: SceneMotion
+) -> Iterator[tuple[int, tuple[str, ...]]]:
     """Ticks at which other bodies are unknown to the robot than before, and which they are from then on."""
     ends = {truth.body.id: int(truth.ticks[-1]) for truth in motion.truths}
     last = max(ends.values(), default=0)

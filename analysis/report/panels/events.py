@@ -11,7 +11,7 @@ import numpy as np
 from ....logs.episodes.episode_counts import CauseCount
 from ....logs.schema.records import Plan
 from ...run import Run
-from ..page_data.packing import Packable, Section, Words
+from ..page_data.packing import Packable, Section, StringTable
 
 
 def pack_failures(run: Run) -> Section:
@@ -54,7 +54,7 @@ _RANKS: Final = {"failure": 1, "recovery": 2, "handled": 3}
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class ReportEvent:
     time: float
     """Simulated s."""
     kind: str
@@ -66,7 +66,7 @@ def pack_events(run: Run) -> Section:
     found = happenings(run)
     if not found:
         return Section("events", {"empty": "The log tells of no event."})
-    words = Words()
+    words = StringTable()
     return Section(
         "events",
         {
@@ -79,23 +79,23 @@ def pack_events(run: Run) -> Section:
     )
 
 
-def happenings(run: Run) -> tuple[Happening, ...]:
+def happenings(run: Run) -> tuple[ReportEvent, ...]:
     """In the order of time; in one tick failures before what is done about them."""
     found = [*_events(run), *_plans(run), *_lines(run)]
     return tuple(sorted(found, key=lambda one: (one.time, _RANKS.get(one.kind, 0))))
 
 
-def _events(run: Run) -> Iterator[Happening]:
+def _events(run: Run) -> Iterator[ReportEvent]:
     for at in run.events:
         event = at.record
         if event.kind not in _REPEATED:
-            yield Happening(at.time, event.kind, event.message, event.node)
+            yield ReportEvent(at.time, event.kind, event.message, event.node)
 
 
-def _plans(run: Run) -> Iterator[Happening]:
+def _plans(run: Run) -> Iterator[ReportEvent]:
     for at in run.plans:
         kind = "plan" if at.record.outcome == "found" else "no plan"
-        yield Happening(at.time, kind, plan_words(at.record), "")
+        yield ReportEvent(at.time, kind, plan_words(at.record), "")
 
 
 def plan_words(plan: Plan) -> str:
@@ -107,11 +107,11 @@ def plan_words(plan: Plan) -> str:
     return f"{plan.request}: {plan.outcome}{said} ({cost})"
 
 
-def _lines(run: Run) -> Iterator[Happening]:
+def _lines(run: Run) -> Iterator[ReportEvent]:
     """Lines for people that no event tells: failures, and what the mission itself says."""
     told = {(at.time, at.record.message) for at in run.events}
     for at in run.lines:
         line = at.record
         if (at.time, line.message) not in told:
             kind = "failure" if line.level in ("ERROR", "FATAL") else "log"
-            yield Happening(at.time, kind, line.message, line.name)
+            yield ReportEvent(at.time, kind, line.message, line.name)

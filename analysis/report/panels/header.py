@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...explain.investigation.explanation import Outcome
+from ...explain.investigation.explanation import ExplainedOutcome
 from ...run import Run
 from ..page_data.packing import Packable, Section
 
@@ -54,7 +54,7 @@ def summary(run: Run) -> str:
     return f"{run.info.mission}, seed {run.info.seed}: {outcome.status}" + (f", {items}" if items else "")
 
 
-def _outcome(outcome: Outcome) -> Packable:
+def _outcome(outcome: ExplainedOutcome) -> Packable:
     return {
         "word": outcome.status,
         "kind": _WORDS.get(outcome.status, "failure"),
@@ -63,7 +63,7 @@ def _outcome(outcome: Outcome) -> Packable:
     }
 
 
-def _items(outcome: Outcome) -> str:
+def _items(outcome: ExplainedOutcome) -> str:
     if outcome.items_total is None:
         return ""
     return f"{outcome.items_sorted} of {outcome.items_total} items sorted"

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ....logs.run_log import At, Shot
+from ....logs.run_log import CameraImage, Stamped
 from ...run import Run
 from ..page_data.packing import Packable, Section
 
@@ -22,7 +22,7 @@ _SMALLEST: Final = 160
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+class ReportImage:
     """One shot as the page shows it: WebP files."""
 
     camera: str
@@ -56,7 +56,7 @@ def pack_images(run: Run, budget: int = BUDGET) -> Section:
     )
 
 
-def fitting(shots: Sequence[At[Shot]], budget: int) -> list[Picture]:
+def fitting(shots: Sequence[Stamped[CameraImage]], budget: int) -> list[ReportImage]:
     """The shots in the best quality that `budget` allows; fewer of them when even the smallest are too
     many, the first and the last among them."""
     some = [shots[k] for k in range(0, len(shots), max(len(shots) // 8, 1))]
@@ -78,20 +78,20 @@ def _looks(width: int) -> list[tuple[int, int]]:
     return [*((whole, quality) for quality in _QUALITIES), *small]
 
 
-def _size(picture: Picture) -> int:
+def _size(picture: ReportImage) -> int:
     return len(picture.colour) + len(picture.depth)
 
 
-def _pictures(shots: Sequence[At[Shot]], width: int, quality: int) -> list[Picture]:
+def _pictures(shots: Sequence[Stamped[CameraImage]], width: int, quality: int) -> list[ReportImage]:
     return [_picture(shot, width, quality) for shot in shots]
 
 
-def _picture(at: At[Shot], width: int, quality: int) -> Picture:
+def _picture(at: Stamped[CameraImage], width: int, quality: int) -> ReportImage:
     shot = at.record
     known = shot.depth[shot.depth > 0.0]
     nearest, farthest = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
     colour = cv2.cvtColor(shot.colour, cv2.COLOR_RGB2BGR).astype(np.uint8)
-    return Picture(
+    return ReportImage(
         shot.camera,
         at.time,
         _webp(colour, width, quality),
@@ -120,7 +120,7 @@ def _webp(image: NDArray[np.uint8], width: int, quality: int) -> bytes:
     return data.tobytes()
 
 
-def _packed(picture: Picture, findings: object) -> Packable:
+def _packed(picture: ReportImage, findings: object) -> Packable:
     found = [str(line) for line in findings] if isinstance(findings, list) else []  # pyright: ignore
     return {
         "camera": picture.camera,

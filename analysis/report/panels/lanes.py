@@ -11,7 +11,7 @@ import orjson
 
 from ....logs.visits import HALTED, Visit
 from ...run import Run
-from ..page_data.packing import Packable, Section, Words
+from ..page_data.packing import Packable, Section, StringTable
 from ..page_data.tick_table import ABSENT, STATUSES, TICKED, TickTable, tick_table
 
 OUTCOMES: Final = ("RUNNING", "SUCCESS", "FAILURE", "SKIPPED", HALTED)
@@ -111,7 +111,7 @@ def _visits(visits: Sequence[Visit], table: TickTable) -> Packable:
     numbers = {node.path: number for number, node in enumerate(table.nodes)}
     known = [visit for visit in visits if visit.path in numbers]
     places = {visit.number: place for place, visit in enumerate(known)}
-    words = Words()
+    words = StringTable()
     columns: dict[str, Packable] = {
         "node": np.array([numbers[visit.path] for visit in known], dtype=np.uint16),
         "first": np.array([visit.first for visit in known], dtype=np.uint32),

@@ -23,14 +23,14 @@ peak is lost."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Curve:
+class PlotCurve:
     label: str
     values: Floats
     """(n,); NaN where there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plot:
+class CurvePlot:
     """Curves over the same times (n,), in one unit. `step`: to which the page rounds them."""
 
     name: str
@@ -38,7 +38,7 @@ class Plot:
     unit: str
     step: float
     times: Floats
-    curves: tuple[Curve, ...]
+    curves: tuple[PlotCurve, ...]
     note: str = ""
 
 
@@ -49,7 +49,7 @@ def pack_plots(run: Run) -> Section:
     return Section("plots", {"plots": [_packed(plot) for plot in plots]})
 
 
-def plots_of(run: Run) -> tuple[Plot, ...]:
+def plots_of(run: Run) -> tuple[CurvePlot, ...]:
     """All plots in full; those that the log has nothing for have no curves."""
     fingers = _fingers(run)
     joints, told = run.joints, run.controls
@@ -61,7 +61,7 @@ def plots_of(run: Run) -> tuple[Plot, ...]:
     )
 
 
-def thinned(plot: Plot, most: int = MOST) -> Plot:
+def thinned(plot: CurvePlot, most: int = MOST) -> CurvePlot:
     """The plot with at most `most` points: of each stretch of ticks the least and the greatest value of each
     curve, in the order in which they came."""
     n = len(plot.times)
@@ -71,9 +71,9 @@ def thinned(plot: Plot, most: int = MOST) -> Plot:
     starts = np.arange(0, n, size)
     middles = np.minimum(starts + size // 2, n - 1)
     times = np.stack([plot.times[starts], plot.times[middles]], axis=1).ravel()
-    curves = tuple(Curve(curve.label, _extremes(curve.values, size)) for curve in plot.curves)
+    curves = tuple(PlotCurve(curve.label, _extremes(curve.values, size)) for curve in plot.curves)
     note = f"{plot.note} " if plot.note else ""
-    return Plot(
+    return CurvePlot(
         plot.name,
         plot.title,
         plot.unit,
@@ -96,13 +96,13 @@ def _extremes(values: Floats, size: int) -> Floats:
     ).ravel()
 
 
-def _joint_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[Plot, ...]:
+def _joint_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[CurvePlot, ...]:
     arm = [k for k, name in enumerate(joints.names) if name not in fingers]
     labels = _short([joints.names[k] for k in arm])
 
-    def plot(name: str, title: str, unit: str, step: float, values: Floats) -> Plot:
-        curves = tuple(Curve(label, values[:, k]) for label, k in zip(labels, arm, strict=True))
-        return Plot(name, title, unit, step, joints.times, curves)
+    def plot(name: str, title: str, unit: str, step: float, values: Floats) -> CurvePlot:
+        curves = tuple(PlotCurve(label, values[:, k]) for label, k in zip(labels, arm, strict=True))
+        return CurvePlot(name, title, unit, step, joints.times, curves)
 
     return (
         plot("position", "Joint positions", "rad", 1e-4, joints.positions),
@@ -110,46 +110,46 @@ def _joint_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[Plot, ...
     )
 
 
-def _tracking(joints: JointSeries, told: ControlSeries) -> Plot:
+def _tracking(joints: JointSeries, told: ControlSeries) -> CurvePlot:
     """How far the joints were from where the servo had been told to be."""
     labels = _short(joints.names[: told.errors.shape[1]])
-    curves = tuple(Curve(label, 1000.0 * told.errors[:, k]) for k, label in enumerate(labels))
-    return Plot(
+    curves = tuple(PlotCurve(label, 1000.0 * told.errors[:, k]) for k, label in enumerate(labels))
+    return CurvePlot(
         "tracking", "Tracking error", "mrad", 1e-3, told.times, curves,
         "Where the servo was told to be, less where it was; none while the arm complied.",
     )  # fmt: skip
 
 
-def _wrench_plots(wrenches: WrenchSeries) -> tuple[Plot, ...]:
+def _wrench_plots(wrenches: WrenchSeries) -> tuple[CurvePlot, ...]:
     force, torque = wrenches.forces, wrenches.torques
     size = np.linalg.norm(force, axis=1)
     return (
-        Plot(
+        CurvePlot(
             "force", "Force on the wrist", "N", 0.01, wrenches.times,
-            (*(Curve(axis, force[:, k]) for k, axis in enumerate("xyz")), Curve("size", size)),
+            (*(PlotCurve(axis, force[:, k]) for k, axis in enumerate("xyz")), PlotCurve("size", size)),
             "External, in the axes of the world.",
         ),
-        Plot(
+        CurvePlot(
             "torque", "Torque on the wrist", "Nm", 1e-3, wrenches.times,
-            tuple(Curve(axis, torque[:, k]) for k, axis in enumerate("xyz")),
+            tuple(PlotCurve(axis, torque[:, k]) for k, axis in enumerate("xyz")),
             "External, in the axes of the world.",
         ),
     )  # fmt: skip
 
 
-def _gripper_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[Plot, ...]:
+def _gripper_plots(joints: JointSeries, fingers: Sequence[str]) -> tuple[CurvePlot, ...]:
     held = [k for k, name in enumerate(joints.names) if name in fingers]
     if not held:
         return ()
     width = 1000.0 * joints.positions[:, held].sum(axis=1)
     force = joints.efforts[:, held].max(axis=1)
     return (
-        Plot("width", "Gripper width", "mm", 0.01, joints.times, (Curve("width", width),)),
-        Plot("grip", "Grip force", "N", 0.01, joints.times, (Curve("force", force),)),
+        CurvePlot("width", "Gripper width", "mm", 0.01, joints.times, (PlotCurve("width", width),)),
+        CurvePlot("grip", "Grip force", "N", 0.01, joints.times, (PlotCurve("force", force),)),
     )
 
 
-def _packed(plot: Plot) -> Packable:
+def _packed(plot: CurvePlot) -> Packable:
     return {
         "name": plot.name,
         "title": plot.title,

@@ -13,13 +13,13 @@ from ....logs.meshes.link_meshes import parts_of
 from ....logs.meshes.mesh_decimation import thinned
 from ....logs.meshes.triangle_meshes import Mesh, joined, part_mesh, shape_mesh, smoothed
 from ....logs.recording.foxglove_messages import UNKNOWN_COLOUR
-from ....logs.schema.records import Body, LinkMesh, Part
+from ....logs.schema.records import BodyRecord, LinkMesh, PartRecord
 from ....robots.loading import parse_robot
 from ....world.colours import COLOURS
 from ....world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ....world.values import Array, Pose
 from ...run import Run
-from ..page_data.body_frames import Believed, Frames, Sampled, spans
+from ..page_data.body_frames import BelievedBody, Frames, TrueBodySamples, spans
 from ..page_data.body_motion import motion_of
 from ..page_data.packing import Packable, Quantised, Section, quantised
 from ..page_data.poses import composed, continuous, filled, inverse, row
@@ -75,14 +75,14 @@ def packed_shape(shape: Shape) -> Packable:
             return {"mesh": packed_mesh(shape_mesh(shape))}
 
 
-def packed_part(part: Part) -> Packable:
+def packed_part(part: PartRecord) -> Packable:
     """The shape of a part that never moves; one with holes is a mesh."""
     if not part.holes:
         return packed_shape(part.shape)
     return {"mesh": packed_mesh(part_mesh(part.shape, part.holes))}
 
 
-def packed_body(body: Body) -> Packable:
+def packed_body(body: BodyRecord) -> Packable:
     """The shape of a body; an obstacle's blocks are one mesh."""
     if not body.blocks:
         return packed_shape(body.shape)
@@ -156,7 +156,7 @@ def _tool(run: Run, links: Sequence[str]) -> Packable:
     return {"link": links.index(robot.tcp_link), "at": list(row(robot.tcp_in_link))}
 
 
-def _object(one: Believed) -> Packable:
+def _object(one: BelievedBody) -> Packable:
     return {
         "id": one.id,
         "looks": [
@@ -176,7 +176,7 @@ def _object(one: Believed) -> Packable:
     }
 
 
-def _truth(truth: Sampled, one: Believed | None, partner: int | None, ticks: int) -> Packable:
+def _truth(truth: TrueBodySamples, one: BelievedBody | None, partner: int | None, ticks: int) -> Packable:
     poses = track(truth, one, ticks)
     return {
         "id": truth.body.id,

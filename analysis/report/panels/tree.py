@@ -11,7 +11,7 @@ from ....authoring.drawing.formats.html import chart_json
 from ....errors import PicktreeError
 from ....logs.schema.records import Tree, TreeNode
 from ....trees.loading.loader import parse_mission
-from ....trees.loading.registry import Registry
+from ....trees.loading.registry import NodeRegistry
 from ....trees.mission import RecordedFiles
 from ...run import Run
 from ..page_data.packing import Packable, Section
@@ -64,7 +64,7 @@ def _paths(drawn: Chart) -> set[str]:
 def _of_tree(run: Run, tree: Tree) -> Chart:
     """What the log's own record of the tree tells: nodes and ports, no labels of branches."""
     nodes = {node.path: node for node in tree.nodes}
-    registry = Registry()
+    registry = NodeRegistry()
 
     def drawn(node: TreeNode) -> ChartNode:
         known = registry.find(node.id)

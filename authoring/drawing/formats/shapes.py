@@ -18,10 +18,10 @@ from ..layout.cards import (
     PADDING,
     PILL_LINE,
     SIDE,
-    Card,
+    BranchLabel,
     Header,
-    Line,
-    Pill,
+    NodeCard,
+    TextLine,
 )
 from ..layout.frames import Edge
 
@@ -134,7 +134,7 @@ def classes(node: ChartNode) -> str:
     return f"{node.kind} recovers" if node.symbol == "recover" else node.kind
 
 
-def card_svg(card: Card) -> str:
+def card_svg(card: NodeCard) -> str:
     """The card's box and texts, with its upper left corner at 0, 0."""
     node = card.node
     radius = LEAST // 2 if node.written_as_list else _ROUND[node.kind]
@@ -157,7 +157,7 @@ def header_texts(header: Header, call: ChartNode | None = None) -> str:
     return _texts("subtree", header.head, header.lines) + flag
 
 
-def pill_svg(pill: Pill) -> str:
+def pill_svg(pill: BranchLabel) -> str:
     """The label of a branch, with its upper left corner at 0, 0."""
     radius = min(pill.height / 2, 9)
     rows = "".join(
@@ -192,7 +192,7 @@ def tooltip(node: ChartNode) -> str:
     return "\n".join(rows)
 
 
-def _texts(symbol: Symbol, head: Sequence[Line], lines: Sequence[Line]) -> str:
+def _texts(symbol: Symbol, head: Sequence[TextLine], lines: Sequence[TextLine]) -> str:
     top = (LEAST - 14) / 2
     found = [use(symbol, SIDE - 1, top)]
     for index, line in enumerate(head):
@@ -203,7 +203,7 @@ def _texts(symbol: Symbol, head: Sequence[Line], lines: Sequence[Line]) -> str:
     return "".join(found)
 
 
-def _text(line: Line, x: float, y: int) -> str:
+def _text(line: TextLine, x: float, y: int) -> str:
     spans = "".join(
         f'<tspan class="{span.look}" x="{x + span.x:g}">{escape(span.text)}{_gap(line, index)}</tspan>'
         for index, span in enumerate(line.spans)
@@ -212,7 +212,7 @@ def _text(line: Line, x: float, y: int) -> str:
     return f'{arrow}<text y="{y}">{spans}</text>'
 
 
-def _gap(line: Line, index: int) -> str:
+def _gap(line: TextLine, index: int) -> str:
     """A space between what is beside one another, for whoever copies the text."""
     return " " if index + 1 < len(line.spans) else ""
 

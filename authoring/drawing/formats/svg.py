@@ -7,8 +7,8 @@ from typing import Final
 
 from ....trees.status import NodeStatus
 from ..chart import MEANINGS, Chart, Symbol
-from ..layout.cards import TITLE, Card, width
-from ..layout.frames import Frame, Tile, expanded, frame_of, page
+from ..layout.cards import TITLE, NodeCard, width
+from ..layout.frames import PlacedCard, TreeFrame, expanded, frame_of, page
 from .shapes import (
     card_svg,
     classes,
@@ -67,7 +67,7 @@ class _Drawing:
         self._statuses = statuses
         self._links = links
 
-    def frame(self, frame: Frame, x: int, y: int, path: str) -> str:
+    def frame(self, frame: TreeFrame, x: int, y: int, path: str) -> str:
         """`path` is that of the sub-tree's node in the running tree."""
         called = frame.call is not None
         look = " called" if called else ""
@@ -83,16 +83,16 @@ class _Drawing:
         ]
         return "\n".join(rows)
 
-    def _tile(self, tile: Tile, path: str) -> Iterator[str]:
+    def _tile(self, tile: PlacedCard, path: str) -> Iterator[str]:
         if tile.pill is not None:
             top = tile.middle - tile.pill.height // 2
             yield f'<g transform="translate({tile.x} {top})">{pill_svg(tile.pill)}</g>'
-        if isinstance(tile.body, Frame):
+        if isinstance(tile.body, TreeFrame):
             yield self.frame(tile.body, tile.body_x, tile.body_y, path)
         else:
             yield self._card(tile.body, tile.body_x, tile.body_y, path)
 
-    def _card(self, card: Card, x: int, y: int, path: str) -> str:
+    def _card(self, card: NodeCard, x: int, y: int, path: str) -> str:
         node = card.node
         inner = f"<title>{escape(tooltip(node))}</title>{card_svg(card)}"
         if node.calls and self._links:

@@ -115,7 +115,7 @@ _SIZES: Final[dict[SpanClass, tuple[float, Face]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class TextSpan:
     """A piece of a line; `x` counts from where the line begins."""
 
     text: str
@@ -124,8 +124,8 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
-    spans: tuple[Span, ...]
+class TextLine:
+    spans: tuple[TextSpan, ...]
     arrow: float | None = None
     """Where the arrow of an output stands."""
 
@@ -135,7 +135,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Pill:
+class BranchLabel:
     """The label of a branch, which stands before its card."""
 
     lines: tuple[str, ...]
@@ -145,12 +145,12 @@ class Pill:
 
 
 @dataclass(frozen=True, slots=True)
-class Card:
+class NodeCard:
     """A node's box: head lines beside the icon, then ports, conditions and assignments."""
 
     node: ChartNode
-    head: tuple[Line, ...]
-    lines: tuple[Line, ...]
+    head: tuple[TextLine, ...]
+    lines: tuple[TextLine, ...]
     width: int
     height: int
 
@@ -160,27 +160,27 @@ class Header:
     """The head of a tree's frame: its name and ports, or those of the node that calls it."""
 
     name: str
-    head: tuple[Line, ...]
-    lines: tuple[Line, ...]
+    head: tuple[TextLine, ...]
+    lines: tuple[TextLine, ...]
     width: int
     height: int
 
 
-def card(node: ChartNode) -> Card:
+def card(node: ChartNode) -> NodeCard:
     if node.written_as_list:
-        return Card(node, (), (), LEAST, LEAST)
+        return NodeCard(node, (), (), LEAST, LEAST)
     head, lines = _head(node), _lines(node)
     flag = _FLAG_ROOM if node.breakpoint else 0
-    return Card(node, head, lines, _across(head, lines, flag), _down(head, lines))
+    return NodeCard(node, head, lines, _across(head, lines, flag), _down(head, lines))
 
 
-def pill(branch: Branch) -> Pill | None:
+def pill(branch: Branch) -> BranchLabel | None:
     """None for a plain child."""
     if not branch.label:
         return None
     lines = wrapped(branch.label, _MOST_LABEL, SMALL, "bold")
     across = max(_width(line, "label") for line in lines) + 2 * PILL_SIDE
-    return Pill(lines, branch.role, math.ceil(across), PILL_LINE * len(lines) + 4)
+    return BranchLabel(lines, branch.role, math.ceil(across), PILL_LINE * len(lines) + 4)
 
 
 def header(tree: ChartTree, call: ChartNode | None = None) -> Header:
@@ -188,61 +188,61 @@ def header(tree: ChartTree, call: ChartNode | None = None) -> Header:
     if call is not None:
         head, lines = _head(call), _lines(call)
     else:
-        head = (Line((Span(tree.name, "id", 0.0),)),)
+        head = (TextLine((TextSpan(tree.name, "id", 0.0),)),)
         lines = tuple(line for port in tree.ports for line in _port(port, doc=port.doc))
     flag = _FLAG_ROOM if call is not None and call.breakpoint else 0
     return Header(tree.name, head, lines, _across(head, lines, flag), _down(head, lines))
 
 
-def _head(node: ChartNode) -> tuple[Line, ...]:
+def _head(node: ChartNode) -> tuple[TextLine, ...]:
     title, name = node.id, node.given_name
     if name and _width(f"{title} {name}", "id") <= _MOST:
         x = _width(title, "id") + (1.0 if name.startswith("#") else 5.0)
-        return (Line((Span(title, "id", 0.0), Span(name, "name", x))),)
-    broken = [Line((Span(part, "id", 0.0),)) for part in wrapped(title, _MOST, TITLE, "bold")]
+        return (TextLine((TextSpan(title, "id", 0.0), TextSpan(name, "name", x))),)
+    broken = [TextLine((TextSpan(part, "id", 0.0),)) for part in wrapped(title, _MOST, TITLE, "bold")]
     if name:
-        broken += [Line((Span(part, "name", 0.0),)) for part in wrapped(name, _MOST, TITLE)]
+        broken += [TextLine((TextSpan(part, "name", 0.0),)) for part in wrapped(name, _MOST, TITLE)]
     return tuple(broken)
 
 
-def _lines(node: ChartNode) -> tuple[Line, ...]:
+def _lines(node: ChartNode) -> tuple[TextLine, ...]:
     found = [line for rule in node.before for line in _rule(rule)]
     found += [line for port in node.ports for line in _port(port)]
     found += [line for rule in node.after for line in _rule(rule)]
     return tuple(found)
 
 
-def _rule(rule: Rule) -> list[Line]:
-    return _entry(Span(rule.key, "key", 0.0), rule.text, "rule", arrow=False)
+def _rule(rule: Rule) -> list[TextLine]:
+    return _entry(TextSpan(rule.key, "key", 0.0), rule.text, "rule", arrow=False)
 
 
-def _port(port: ChartPort, doc: str = "") -> list[Line]:
+def _port(port: ChartPort, doc: str = "") -> list[TextLine]:
     output = port.role == "output"
-    key = Span(port.key if output else f"{port.key}:", "key", 0.0)
+    key = TextSpan(port.key if output else f"{port.key}:", "key", 0.0)
     lines = _entry(key, port.value, port.role, arrow=output)
     if doc:
-        lines += [Line((Span(part, "doc", 12.0),)) for part in wrapped(doc, _MOST, SMALL, lines=2)]
+        lines += [TextLine((TextSpan(part, "doc", 12.0),)) for part in wrapped(doc, _MOST, SMALL, lines=2)]
     return lines
 
 
-def _entry(key: Span, text: str, look: SpanClass, *, arrow: bool) -> list[Line]:
+def _entry(key: TextSpan, text: str, look: SpanClass, *, arrow: bool) -> list[TextLine]:
     """A key, and its value beside it in one or more lines."""
     size, face = _SIZES[look]
     at = _width(key.text, key.look) + 5.0
     x = at + (ICON + 2 if arrow else 0)
     first, *more = wrapped(text, max(_MOST - x, 110.0), size, face)
     return [
-        Line((key, Span(first, look, x)), at if arrow else None),
-        *(Line((Span(part, look, x),)) for part in more),
+        TextLine((key, TextSpan(first, look, x)), at if arrow else None),
+        *(TextLine((TextSpan(part, look, x),)) for part in more),
     ]
 
 
-def _across(head: tuple[Line, ...], lines: tuple[Line, ...], flag: int) -> int:
+def _across(head: tuple[TextLine, ...], lines: tuple[TextLine, ...], flag: int) -> int:
     title = ICON_ROOM + max(line.width for line in head) + flag
     return math.ceil(max([title, *(line.width for line in lines)]) + 2 * SIDE)
 
 
-def _down(head: tuple[Line, ...], lines: tuple[Line, ...]) -> int:
+def _down(head: tuple[TextLine, ...], lines: tuple[TextLine, ...]) -> int:
     """An even height, so that boxes that stand level have their middles at the same pixel."""
     below = LINE * len(lines) + PADDING - 2 if lines else 0
     height = max(HEAD_LINE * len(head) + 2 * PADDING, LEAST) + below

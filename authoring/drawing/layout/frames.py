@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Final
 
 from ..chart import Branch, BranchRole, Chart, ChartNode, ChartTree
-from .cards import PILL_GAP, Card, Header, Pill, card, header, pill
-from .graphviz_layout import BESIDE, Box, Spot, arrange
+from .cards import PILL_GAP, BranchLabel, Header, NodeCard, card, header, pill
+from .graphviz_layout import BESIDE, BoxPosition, LayoutBox, lay_out_boxes
 
 GAP: Final = 28
 _SHAPE: Final = 1.5
@@ -17,19 +17,19 @@ _SHAPE: Final = 1.5
 
 
 @dataclass(frozen=True, slots=True)
-class Page:
-    spots: tuple[Spot, ...]
+class FramePage:
+    spots: tuple[BoxPosition, ...]
     width: int
     height: int
 
 
-def page(sizes: Sequence[tuple[int, int]]) -> Page:
+def page(sizes: Sequence[tuple[int, int]]) -> FramePage:
     """The page whose shape is nearest to that of a screen, of those with one column, two, and so on."""
     pages = [_in_columns(sizes, count) for count in range(1, len(sizes) + 1)]
     return min(pages, key=lambda p: max(p.width / p.height / _SHAPE, p.height * _SHAPE / p.width))
 
 
-def _in_columns(sizes: Sequence[tuple[int, int]], count: int) -> Page:
+def _in_columns(sizes: Sequence[tuple[int, int]], count: int) -> FramePage:
     columns: list[list[int]] = [[] for _ in range(count)]
     depths = [0] * count
     tops: list[int] = []
@@ -44,8 +44,8 @@ def _in_columns(sizes: Sequence[tuple[int, int]], count: int) -> Page:
         for number, column in enumerate(columns)
         for index in column
     }
-    spots = tuple(Spot(lefts[index], tops[index]) for index in range(len(sizes)))
-    return Page(spots, sum(widths) + GAP * (count - 1), max(depths) - GAP)
+    spots = tuple(BoxPosition(lefts[index], tops[index]) for index in range(len(sizes)))
+    return FramePage(spots, sum(widths) + GAP * (count - 1), max(depths) - GAP)
 
 
 INSET: Final = 16
@@ -53,15 +53,15 @@ INSET: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Tile:
+class PlacedCard:
     """A node at its place: `x`, `y` of its pill, or of its body where it has none, within the frame."""
 
     path: str
     """The node's path within its tree: `Repeat/Sequence/Observe`."""
-    pill: Pill | None
+    pill: BranchLabel | None
     room: int
     """For the pill, and for those of its siblings, so that what follows stands flush."""
-    body: Card | Frame
+    body: NodeCard | TreeFrame
     x: int
     y: int
     height: int
@@ -82,13 +82,13 @@ class Tile:
 
 
 @dataclass(frozen=True)
-class Frame:
+class TreeFrame:
     """A tree with its header; `call` is the node that it is drawn in place of, None for a tree of its own."""
 
     tree: ChartTree
     call: ChartNode | None
     header: Header
-    tiles: tuple[Tile, ...]
+    tiles: tuple[PlacedCard, ...]
 
     @cached_property
     def width(self) -> int:
@@ -121,12 +121,12 @@ class Edge:
     body_x: int
 
 
-def frame_of(tree: ChartTree) -> Frame:
+def frame_of(tree: ChartTree) -> TreeFrame:
     """The tree with its calls as cards."""
     return _Framing(None).frame(tree, None)
 
 
-def expanded(chart: Chart) -> Frame:
+def expanded(chart: Chart) -> TreeFrame:
     """The chart's first tree with every call written out."""
     return _Framing(chart).frame(chart.trees[0], None)
 
@@ -144,37 +144,37 @@ class _Step:
 class _Framing:
     def __init__(self, chart: Chart | None) -> None:
         self._chart = chart
-        self._tiles: dict[str, tuple[Tile, ...]] = {}
+        self._tiles: dict[str, tuple[PlacedCard, ...]] = {}
         """By tree: each is laid out once, wherever it is called."""
 
-    def frame(self, tree: ChartTree, call: ChartNode | None) -> Frame:
+    def frame(self, tree: ChartTree, call: ChartNode | None) -> TreeFrame:
         if tree.name not in self._tiles:
             self._tiles[tree.name] = self._lay_out(tree)
         head = header(tree, call)
         top = head.height + INSET
         tiles = tuple(_moved(tile, INSET, top) for tile in self._tiles[tree.name])
-        return Frame(tree, call, head, tiles)
+        return TreeFrame(tree, call, head, tiles)
 
-    def _lay_out(self, tree: ChartTree) -> tuple[Tile, ...]:
+    def _lay_out(self, tree: ChartTree) -> tuple[PlacedCard, ...]:
         steps = list(_steps(tree.root))
         pills = [pill(step.branch) if step.branch else None for step in steps]
         rooms = _rooms([step.parent for step in steps], pills)
         bodies = [self._body(step.node) for step in steps]
         boxes = [
-            Box(room + body.width, max(body.height, label.height if label else 0), step.parent)
+            LayoutBox(room + body.width, max(body.height, label.height if label else 0), step.parent)
             for step, label, room, body in zip(steps, pills, rooms, bodies, strict=True)
         ]
         return tuple(
-            Tile(
+            PlacedCard(
                 step.path, label, room, body, spot.x, spot.y, box.height, step.parent,
                 step.branch.role if step.branch else "child",
             )
             for step, label, room, body, box, spot in zip(
-                steps, pills, rooms, bodies, boxes, arrange(boxes), strict=True
+                steps, pills, rooms, bodies, boxes, lay_out_boxes(boxes), strict=True
             )
         )  # fmt: skip
 
-    def _body(self, node: ChartNode) -> Card | Frame:
+    def _body(self, node: ChartNode) -> NodeCard | TreeFrame:
         if self._chart is None or not node.calls:
             return card(node)
         return self.frame(self._chart.tree(node.calls), node)
@@ -194,7 +194,7 @@ def _steps(root: ChartNode) -> Iterator[_Step]:
         ]
 
 
-def _rooms(parents: Sequence[int | None], pills: Sequence[Pill | None]) -> list[int]:
+def _rooms(parents: Sequence[int | None], pills: Sequence[BranchLabel | None]) -> list[int]:
     """What stands before each body: nothing, or the widest pill among its siblings'."""
     widest: dict[int | None, int] = {}
     for parent, label in zip(parents, pills, strict=True):
@@ -203,5 +203,5 @@ def _rooms(parents: Sequence[int | None], pills: Sequence[Pill | None]) -> list[
     return [widest[parent] if label is not None else 0 for parent, label in zip(parents, pills, strict=True)]
 
 
-def _moved(tile: Tile, x: int, y: int) -> Tile:
+def _moved(tile: PlacedCard, x: int, y: int) -> PlacedCard:
     return replace(tile, x=tile.x + x, y=tile.y + y)

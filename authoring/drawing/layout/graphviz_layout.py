@@ -15,7 +15,7 @@ _PER_INCH: Final = 72.0
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class LayoutBox:
     """A box to be placed; `parent` is the index of an earlier box, None for the root."""
 
     width: int
@@ -24,14 +24,14 @@ class Box:
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class BoxPosition:
     """The upper left corner of a box, and where its column begins; in pixels."""
 
     x: int
     y: int
 
 
-def arrange(boxes: Sequence[Box]) -> tuple[Spot, ...]:
+def lay_out_boxes(boxes: Sequence[LayoutBox]) -> tuple[BoxPosition, ...]:
     """A spot for each box; no two overlap, all coordinates are at least 0, and so is one of each.
 
     Boxes of the same depth stand in one column, flush left. Graphviz gets the tree turned by 90 degrees: its
@@ -61,10 +61,10 @@ def arrange(boxes: Sequence[Box]) -> tuple[Spot, ...]:
     middles = [float(graph.get_node(index).attr["pos"].partition(",")[0]) for index in range(len(boxes))]
     tops = [middle - box.height / 2 for middle, box in zip(middles, boxes, strict=True)]
     lefts = [sum(columns[:depth]) + BESIDE * depth for depth in depths]
-    return tuple(Spot(x, round(y - min(tops))) for x, y in zip(lefts, tops, strict=True))
+    return tuple(BoxPosition(x, round(y - min(tops))) for x, y in zip(lefts, tops, strict=True))
 
 
-def _depths(boxes: Sequence[Box]) -> list[int]:
+def _depths(boxes: Sequence[LayoutBox]) -> list[int]:
     depths: list[int] = []
     for box in boxes:
         depths.append(0 if box.parent is None else depths[box.parent] + 1)

@@ -35,7 +35,7 @@ class Effects:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class LeafAnswer:
     """What a leaf does when it is started once; `loc` is where the file says it."""
 
     loc: Location
@@ -49,22 +49,22 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Script:
+class LeafScript:
     """Answers of all leaves that fit the pattern, for one start after the other."""
 
     loc: Location
     pattern: str
-    answers: tuple[Answer, ...]
-    otherwise: Answer | None = None
+    answers: tuple[LeafAnswer, ...]
+    otherwise: LeafAnswer | None = None
     """When the answers are used up; None: the last again."""
 
     @property
-    def everything(self) -> tuple[Answer, ...]:
+    def everything(self) -> tuple[LeafAnswer, ...]:
         return self.answers if self.otherwise is None else (*self.answers, self.otherwise)
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class ExpectedStart:
     """One entry of `order`: the pattern of a leaf, and how its run ended; ANY_LEAVES stands for any."""
 
     loc: Location
@@ -73,7 +73,7 @@ class Turn:
 
 
 @dataclass(frozen=True, slots=True)
-class TakenUp:
+class ExpectedHandling:
     """A failure that some node must take up."""
 
     loc: Location
@@ -91,8 +91,8 @@ class Expectation:
     status: EndStatus | None = None
     cause: str | None = None
     ticks: int | None = None
-    order: tuple[Turn, ...] | None = None
-    handled: tuple[TakenUp, ...] = ()
+    order: tuple[ExpectedStart, ...] | None = None
+    handled: tuple[ExpectedHandling, ...] = ()
     never: tuple[str, ...] = ()
     facts: Mapping[str, object] = field(default_factory=dict[str, object])
     objects: Objects = field(default_factory=dict[str, "ObjectFile | None"])
@@ -100,7 +100,7 @@ class Expectation:
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class RehearsalCase:
     """One case. What the file says for all cases is laid under its own already."""
 
     name: str
@@ -109,7 +109,7 @@ class Case:
     parameters: Mapping[str, object]
     objects: Objects
     facts: Mapping[str, object]
-    scripts: tuple[Script, ...]
+    scripts: tuple[LeafScript, ...]
     halt_after: int | None
     expect: Expectation
 
@@ -120,4 +120,4 @@ class CaseFile:
 
     document: Document
     mission: Path | None
-    cases: tuple[Case, ...]
+    cases: tuple[RehearsalCase, ...]

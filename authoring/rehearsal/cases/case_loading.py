@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ....files.models.validation import Checker, Unread, describe
-from ....files.yaml.document import Location, Value, nearest
+from ....files.models.validation import DocumentChecker, UnreadPart, describe
+from ....files.yaml.document import Location, Value, suggest_name
 from .case import (
     ANY_LEAVES,
     STATUSES,
-    Answer,
     AnswerStatus,
-    Case,
     CaseFile,
     Effects,
     Expectation,
+    ExpectedHandling,
+    ExpectedStart,
+    LeafAnswer,
+    LeafScript,
     Objects,
-    Script,
-    TakenUp,
-    Turn,
+    RehearsalCase,
 )
 from .cases_schema import (
     AnswerFile,
@@ -38,14 +38,14 @@ from .cases_schema import (
 class ExpectationReader:
     """Reads the mappings `expect` of one document."""
 
-    def __init__(self, check: Checker) -> None:
+    def __init__(self, check: DocumentChecker) -> None:
         self._check, self._document = check, check.document
 
     def expectation(self, case: Location, entry: CaseEntry) -> Expectation:
         loc: Location = (*case, "expect")
         try:
             expect = entry.expect
-        except Unread:
+        except UnreadPart:
             return Expectation(loc, "SUCCESS")
         order = or_else(lambda: expect.order, None)
         found = Expectation(
@@ -82,45 +82,45 @@ class ExpectationReader:
         if halt_after is not None and expect.ticks is not None and expect.ticks < halt_after:
             fault("ticks", f"the mission is halted after {halt_after} ticks, which is more")
 
-    def _order(self, loc: Location, count: int) -> tuple[Turn, ...]:
+    def _order(self, loc: Location, count: int) -> tuple[ExpectedStart, ...]:
         return tuple(those_read(self._turn((*loc, n)) for n in range(count)))
 
-    def _turn(self, loc: Location) -> Turn | None:
+    def _turn(self, loc: Location) -> ExpectedStart | None:
         match self._document.get(loc):
             case str(pattern) if pattern == ANY_LEAVES or pattern.strip("/"):
-                return Turn(loc, pattern)
+                return ExpectedStart(loc, pattern)
             case dict(entry) if len(entry) == 1:
                 ((pattern, outcome),) = entry.items()
                 if isinstance(outcome, str) and pattern.strip("/") and pattern != ANY_LEAVES:
-                    return Turn(loc, pattern, outcome)
+                    return ExpectedStart(loc, pattern, outcome)
             case _:
                 pass
         message = "an entry of 'order' is a leaf, or a leaf and how it ends"
         self._check.fault(loc, message, "as Grasp, or {Grasp: grasp.missed}, or '...'", code="P714")
         return None
 
-    def _handled(self, loc: Location, expect: ExpectFile) -> tuple[TakenUp, ...]:
+    def _handled(self, loc: Location, expect: ExpectFile) -> tuple[ExpectedHandling, ...]:
         count = len(or_else(lambda: expect.handled, []))
         return tuple(those_read(self._taken_up((*loc, n)) for n in range(count)))
 
-    def _taken_up(self, loc: Location) -> TakenUp | None:
+    def _taken_up(self, loc: Location) -> ExpectedHandling | None:
         value = self._document.get(loc)
         if isinstance(value, str):
-            return TakenUp(loc, value)
+            return ExpectedHandling(loc, value)
         entry = self._check.read(HandledFile, loc)
         try:
-            return TakenUp(loc, entry.cause, entry.by or "", entry.handler or "", entry.times)
-        except Unread:
+            return ExpectedHandling(loc, entry.cause, entry.by or "", entry.handler or "", entry.times)
+        except UnreadPart:
             return None
 
 
 class AnswerReader:
     """Reads the mappings `leaves` of one document."""
 
-    def __init__(self, check: Checker) -> None:
+    def __init__(self, check: DocumentChecker) -> None:
         self._check, self._document = check, check.document
 
-    def scripts(self, above: Location) -> tuple[Script, ...]:
+    def scripts(self, above: Location) -> tuple[LeafScript, ...]:
         """Those under `leaves` of the mapping at `above`, as far as they can be read."""
         loc: Location = (*above, "leaves")
         value = self._document.get(loc)
@@ -128,40 +128,40 @@ class AnswerReader:
             return ()  # reported by the model
         return tuple(self._script(pattern, body, (*loc, pattern)) for pattern, body in value.items())
 
-    def _script(self, pattern: str, body: Value, loc: Location) -> Script:
+    def _script(self, pattern: str, body: Value, loc: Location) -> LeafScript:
         if not pattern.strip("/"):
             self._check.fault(loc, "the pattern is empty", "as SortOne/Grasp", code="P703", key=True)
         match body:
             case list():
-                return Script(loc, pattern, self._answers(body, loc))
+                return LeafScript(loc, pattern, self._answers(body, loc))
             case {"answers": list(answers)}:
                 self._keys(TurnsFile, loc)
                 last = self._answer((*loc, "else")) if "else" in body else None
-                return Script(loc, pattern, self._answers(answers, (*loc, "answers")), last)
+                return LeafScript(loc, pattern, self._answers(answers, (*loc, "answers")), last)
             case {"answers": _}:
                 self._check.fault((*loc, "answers"), "'answers' is a list of answers", code="P710", key=True)
-                return Script(loc, pattern, ())
+                return LeafScript(loc, pattern, ())
             case {"else": _}:
                 self._check.read(TurnsFile, loc)
-                return Script(loc, pattern, ())
+                return LeafScript(loc, pattern, ())
             case _:
-                return Script(loc, pattern, tuple(those_read([self._answer(loc)])))
+                return LeafScript(loc, pattern, tuple(those_read([self._answer(loc)])))
 
-    def _answers(self, body: list[Value], loc: Location) -> tuple[Answer, ...]:
+    def _answers(self, body: list[Value], loc: Location) -> tuple[LeafAnswer, ...]:
         if not body:
             self._check.fault(loc, "the list of answers is empty", code="P710")
         return tuple(those_read(self._answer((*loc, n)) for n in range(len(body))))
 
-    def _answer(self, loc: Location) -> Answer | None:
+    def _answer(self, loc: Location) -> LeafAnswer | None:
         value = self._document.get(loc)
         if isinstance(value, str):
             if value in STATUSES:
-                return Answer(loc, value)
+                return LeafAnswer(loc, value)
             if "." not in value:
                 message = f"{describe(value)} is neither a status nor a cause"
-                self._check.fault(loc, message, nearest(value, STATUSES), code="P710")
+                self._check.fault(loc, message, suggest_name(value, STATUSES), code="P710")
                 return None
-            return Answer(loc, "FAILURE", value)
+            return LeafAnswer(loc, "FAILURE", value)
         if not isinstance(value, dict):
             message = f"an answer is a status, a cause or a mapping, not {describe(value)}"
             self._check.fault(loc, message, "as SUCCESS, or {cause: grasp.missed, ticks: 3}", code="P710")
@@ -169,10 +169,10 @@ class AnswerReader:
         entry = self._check.read(AnswerFile, loc)
         try:
             return self._full_answer(loc, entry)
-        except Unread:
+        except UnreadPart:
             return None
 
-    def _full_answer(self, loc: Location, entry: AnswerFile) -> Answer | None:
+    def _full_answer(self, loc: Location, entry: AnswerFile) -> LeafAnswer | None:
         status: AnswerStatus = entry.status or ("FAILURE" if entry.cause else "SUCCESS")
         if entry.cause and status != "FAILURE":
             message = f"an answer with a cause is a FAILURE, not {status}"
@@ -183,7 +183,7 @@ class AnswerReader:
         if entry.then and status == "RUNNING":
             message = "what never ends has no 'then'"
             self._check.fault((*loc, "then"), message, code="P710", key=True)
-        return Answer(
+        return LeafAnswer(
             loc, status, entry.cause or "", entry.ticks, entry.message, entry.outputs, _effects(entry.then)
         )
 
@@ -194,7 +194,7 @@ class AnswerReader:
         for key in value if isinstance(value, dict) else ():
             if key not in known:
                 message = f"unknown key {describe(key)}"
-                self._check.fault((*loc, key), message, nearest(key, known), code="P104", key=True)
+                self._check.fault((*loc, key), message, suggest_name(key, known), code="P104", key=True)
 
 
 def _effects(then: EffectsFile | None) -> Effects:
@@ -205,7 +205,7 @@ MOST_CASES = 500
 """In one file: what is beyond is no longer read by people, nor checked in a second."""
 
 
-def read_cases(check: Checker) -> CaseFile:
+def read_cases(check: DocumentChecker) -> CaseFile:
     """What could be read of the checker's document; what is wrong with its form is with the checker."""
     return _Reader(check).read()
 
@@ -217,11 +217,11 @@ class _Common:
     parameters: Mapping[str, object]
     objects: Objects
     facts: Mapping[str, object]
-    scripts: tuple[Script, ...]
+    scripts: tuple[LeafScript, ...]
 
 
 class _Reader:
-    def __init__(self, check: Checker) -> None:
+    def __init__(self, check: DocumentChecker) -> None:
         self._check, self._document = check, check.document
         self._answers, self._expectations = AnswerReader(check), ExpectationReader(check)
 
@@ -248,9 +248,9 @@ class _Reader:
         mission = or_else(lambda: top.mission, None)
         return CaseFile(self._document, self._document.path.parent / mission if mission else None, cases)
 
-    def _case(self, name: str, entry: CaseEntry, common: _Common) -> Case:
+    def _case(self, name: str, entry: CaseEntry, common: _Common) -> RehearsalCase:
         loc: Location = ("cases", name)
-        return Case(
+        return RehearsalCase(
             name,
             loc,
             or_else(lambda: entry.doc, ""),

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field, PlainValidator, Strict
 
-from ....files.models.validation import Duration, FileModel, Name, Share, Unread, quantity
+from ....files.models.validation import Duration, FileModel, Name, Share, UnreadPart, quantity
 
 T = TypeVar("T")
 
@@ -17,7 +17,7 @@ def or_else(read: Callable[[], T], default: T) -> T:
     """A part of a model, or the default where it could not be read; the fault is reported already."""
     try:
         return read()
-    except Unread:
+    except UnreadPart:
         return default
 
 
@@ -25,7 +25,7 @@ def entries(mapping: Mapping[str, T]) -> dict[str, T]:
     """The entries of a mapping that could be read."""
     found: dict[str, T] = {}
     for key in mapping:
-        with suppress(Unread):
+        with suppress(UnreadPart):
             found[key] = mapping[key]
     return found
 

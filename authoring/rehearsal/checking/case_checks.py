@@ -6,23 +6,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ....errors import PicktreeError
-from ....files.models.validation import Checker
-from ....files.yaml.document import Document, Fault, FileError, Location, load_document
+from ....files.models.validation import DocumentChecker
+from ....files.yaml.document import Diagnostic, Document, FileError, Location, load_document
 from ....trees.controls.leaves import ConditionNode
 from ....trees.declaration import NodeDeclaration
 from ....trees.loading.loader import load_mission
-from ....trees.loading.registry import Registry
+from ....trees.loading.registry import NodeRegistry
 from ....trees.mission import Mission
 from ....trees.skill import Skill
-from ....trees.values.port_types import convert
+from ....trees.values.port_types import convert_literal
 from ....world.causes import Cause, internal, matches, tree, world
 from ....world.scene.description import SceneDescription
-from ..cases.case import Answer, Case, CaseFile
+from ..cases.case import CaseFile, LeafAnswer, RehearsalCase
 from ..cases.case_loading import read_cases
 from ..stage.mission_staging import scene_of
-from ..stage.node_roles import Role, may_fail_with
+from ..stage.node_roles import NodeRole, may_fail_with
 from .expect_checks import ExpectChecks, WorldChecks
-from .known_names import Known
+from .known_names import CaseNames
 
 _ALWAYS = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERROR)
 """What every node may fail with; with a fault of the program because some want it handled."""
@@ -31,7 +31,7 @@ _ALWAYS = (tree.MISSING_INPUT, tree.TIMEOUT, world.UNKNOWN_OBJECT, internal.ERRO
 class LeafChecks:
     """Holds the answers of one case against the leaves that give them."""
 
-    def __init__(self, known: Known, case: Case, worlds: WorldChecks) -> None:
+    def __init__(self, known: CaseNames, case: RehearsalCase, worlds: WorldChecks) -> None:
         self._known, self._case, self._worlds = known, case, worlds
 
     def run(self) -> None:
@@ -51,9 +51,9 @@ class LeafChecks:
                 answered.update(role.path for role in left)
         for role in self._known.in_need:
             if role.path not in answered:
-                self._outputs(Answer(self._case.loc), role, of_itself=True)
+                self._outputs(LeafAnswer(self._case.loc), role, of_itself=True)
 
-    def _answer(self, answer: Answer, roles: list[Role]) -> None:
+    def _answer(self, answer: LeafAnswer, roles: list[NodeRole]) -> None:
         self._worlds.effects(answer.then, (*answer.loc, "then"))
         causes = self._known.cause(answer.cause, _at(answer, "cause")) if answer.cause else ()
         said: set[tuple[object, ...]] = set()
@@ -69,7 +69,7 @@ class LeafChecks:
             if self._outputs(answer, role, of_itself=False):
                 break
 
-    def _possible(self, answer: Answer, role: Role, causes: tuple[Cause, ...]) -> None:
+    def _possible(self, answer: LeafAnswer, role: NodeRole, causes: tuple[Cause, ...]) -> None:
         node, identity = role.spec.node, role.spec.id
         assert node is not None
         skill, condition = issubclass(node, Skill), issubclass(node, ConditionNode)
@@ -95,7 +95,7 @@ class LeafChecks:
                 message = f"{identity} does not fail with {cause}"
                 self._known.fault(_at(answer, "cause"), message, f"it declares {names}", code="P706")
 
-    def _given_outputs(self, answer: Answer, role: Role) -> None:
+    def _given_outputs(self, answer: LeafAnswer, role: NodeRole) -> None:
         assert role.spec.node is not None
         declaration = role.spec.node.declaration
         for key, value in answer.outputs.items():
@@ -105,7 +105,7 @@ class LeafChecks:
                 self._unknown_output(declaration, key, loc)
                 continue
             try:
-                converted = convert(value, port.type, port.unit, port.choices, port.within)
+                converted = convert_literal(value, port.type, port.unit, port.choices, port.within)
             except ValueError as error:
                 self._known.fault(loc, f"output {key!r} of {declaration.id}: {error}", port.doc, code="P708")
                 continue
@@ -113,13 +113,13 @@ class LeafChecks:
                 self._worlds.objects_named(converted, loc)
 
     def _unknown_output(self, declaration: NodeDeclaration, key: str, loc: Location) -> None:
-        from ....files.yaml.document import nearest
+        from ....files.yaml.document import suggest_name
 
         known = [port.key for port in declaration.outputs]
-        hint = nearest(key, known) if known else "it has none"
+        hint = suggest_name(key, known) if known else "it has none"
         self._known.fault(loc, f"{declaration.id} has no output {key!r}", hint, code="P707", key=True)
 
-    def _outputs(self, answer: Answer, role: Role, *, of_itself: bool) -> bool:
+    def _outputs(self, answer: LeafAnswer, role: NodeRole, *, of_itself: bool) -> bool:
         """A fault for an output that somebody may read and nobody gives; whether there was one."""
         assert role.spec.node is not None
         declaration = role.spec.node.declaration
@@ -136,7 +136,7 @@ class LeafChecks:
         return False
 
 
-def _at(answer: Answer, key: str) -> Location:
+def _at(answer: LeafAnswer, key: str) -> Location:
     return (*answer.loc, key)
 
 
@@ -147,14 +147,14 @@ class CasesCheck:
     cases: CaseFile
     mission: Mission | None
     """The given one, or the one that the file names."""
-    faults: tuple[Fault, ...]
+    faults: tuple[Diagnostic, ...]
 
     @property
-    def errors(self) -> tuple[Fault, ...]:
+    def errors(self) -> tuple[Diagnostic, ...]:
         return tuple(fault for fault in self.faults if fault.severity == "error")
 
 
-def check_cases(document: Document, registry: Registry | None = None) -> tuple[Fault, ...]:
+def check_cases(document: Document, registry: NodeRegistry | None = None) -> tuple[Diagnostic, ...]:
     """All that is wrong with a document of kind `cases`; the mission is the one that it names."""
     return examine_cases(document, None, registry).faults
 
@@ -171,17 +171,17 @@ def load_cases(path: Path, mission: Mission | None = None) -> CaseFile:
 
 
 def examine_cases(
-    document: Document, mission: Mission | None, registry: Registry | None = None
+    document: Document, mission: Mission | None, registry: NodeRegistry | None = None
 ) -> CasesCheck:
     """As `check_cases`, for who wants the cases, too. Raises only for a faulty scene of the given mission."""
-    check = Checker(document)
+    check = DocumentChecker(document)
     cases = read_cases(check)
     if mission is not None:
         scene = scene_of(mission)
     else:
         mission = _mission(check, cases.mission, registry) if cases.mission else None
         scene = _scene(check, mission)
-    known = Known(check, mission, scene)
+    known = CaseNames(check, mission, scene)
     for case in cases.cases:
         worlds = WorldChecks(known, case)
         worlds.run()
@@ -191,7 +191,7 @@ def examine_cases(
     return CasesCheck(cases, mission, tuple(faults))
 
 
-def _mission(check: Checker, path: Path, registry: Registry | None) -> Mission | None:
+def _mission(check: DocumentChecker, path: Path, registry: NodeRegistry | None) -> Mission | None:
     try:
         return load_mission(path, registry)
     except FileError as error:
@@ -201,7 +201,7 @@ def _mission(check: Checker, path: Path, registry: Registry | None) -> Mission |
     return None
 
 
-def _scene(check: Checker, mission: Mission | None) -> SceneDescription | None:
+def _scene(check: DocumentChecker, mission: Mission | None) -> SceneDescription | None:
     if mission is None:
         return None
     try:

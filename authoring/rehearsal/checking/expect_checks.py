@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, cast
 
 from ....files.node_patterns import node_matches
-from ....files.yaml.document import Location, nearest
+from ....files.yaml.document import Location, suggest_name
 from ....trees.mission import MAIN, TreeSpec
 from ....trees.running.run_settings import parameter_value
 from ....trees.values.port_types import show
@@ -14,10 +14,20 @@ from ....trees.values.references import Reference
 from ....world.belief.facts import FACTS
 from ....world.causes import Cause, matches
 from ....world.journal import Plain
-from ..cases.case import ANY_LEAVES, EMPTY_HAND, OUTCOMES, Case, Effects, Expectation, Objects, TakenUp, Turn
+from ..cases.case import (
+    ANY_LEAVES,
+    EMPTY_HAND,
+    OUTCOMES,
+    Effects,
+    Expectation,
+    ExpectedHandling,
+    ExpectedStart,
+    Objects,
+    RehearsalCase,
+)
 from ..cases.cases_schema import ObjectFile, or_else
-from ..stage.node_roles import Role, may_fail_with
-from .known_names import Known
+from ..stage.node_roles import NodeRole, may_fail_with
+from .known_names import CaseNames
 
 _SET_BY_CLOCK = "time"
 _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
@@ -26,7 +36,7 @@ _WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: 
 class WorldChecks:
     """Holds what one case says of the world against what there is."""
 
-    def __init__(self, known: Known, case: Case) -> None:
+    def __init__(self, known: CaseNames, case: RehearsalCase) -> None:
         self._known, self._case = known, case
         scene = known.scene
         fixed = (*(f.id for f in scene.fixtures), *(b.id for b in scene.bins)) if scene else ()
@@ -48,7 +58,7 @@ class WorldChecks:
                 message = f"there is no fact {name!r}"
                 if name == _SET_BY_CLOCK:
                     message = "the time passes by itself, tick by tick"
-                self._fault(loc, message, nearest(name, known), "P711", key=True)
+                self._fault(loc, message, suggest_name(name, known), "P711", key=True)
             elif not (may_set and value is None) and not _is(value, FACTS[name]):
                 message = f"the fact {name!r} is {_WORDS[FACTS[name]]}, not {show(value)}"
                 self._fault(loc, message, "", "P711")
@@ -68,7 +78,7 @@ class WorldChecks:
         """A warning for an id of no object that this case ever has in its belief."""
         for one in cast("list[object]", value) if isinstance(value, list) else [value]:
             if isinstance(one, str) and one not in self._ids:
-                hint = nearest(one, self._ids) or "list it under 'objects'"
+                hint = suggest_name(one, self._ids) or "list it under 'objects'"
                 message = f"no object {one!r} is in the belief of this case"
                 self._known.fault(loc, message, hint, code="P717", severity="warning")
 
@@ -92,7 +102,7 @@ class WorldChecks:
         for name, value in given.items():
             loc = self._place((*self._case.loc, "parameters", name))
             if name not in ports:
-                hint = nearest(name, ports) or "it has none"
+                hint = suggest_name(name, ports) or "it has none"
                 self._fault(loc, f"the mission has no parameter {name!r}", hint, "P713", key=True)
                 continue
             try:
@@ -116,7 +126,7 @@ class WorldChecks:
         return loc
 
 
-def _ids(case: Case) -> Iterator[str]:
+def _ids(case: RehearsalCase) -> Iterator[str]:
     yield from (name for name, entry in case.objects.items() if entry is not None)
     for script in case.scripts:
         for answer in script.everything:
@@ -132,7 +142,7 @@ def _is(value: object, kind: type) -> bool:
 class ExpectChecks:
     """Holds the expectation of one case against the mission."""
 
-    def __init__(self, known: Known, expect: Expectation, worlds: WorldChecks) -> None:
+    def __init__(self, known: CaseNames, expect: Expectation, worlds: WorldChecks) -> None:
         self._known, self._expect, self._worlds = known, expect, worlds
 
     def run(self) -> None:
@@ -151,13 +161,13 @@ class ExpectChecks:
         for key in expect.blackboard:
             self._key(key, (*loc, "blackboard", key))
 
-    def _turn(self, turn: Turn) -> None:
+    def _turn(self, turn: ExpectedStart) -> None:
         leaves = self._known.leaves(turn.pattern, turn.loc)
         if not turn.outcome or turn.outcome in OUTCOMES:
             return
         at = (*turn.loc, turn.pattern)
         if "." not in turn.outcome and turn.outcome != "*":
-            hint = nearest(turn.outcome, (*OUTCOMES, *(c for role in leaves for c in _causes(role))))
+            hint = suggest_name(turn.outcome, (*OUTCOMES, *(c for role in leaves for c in _causes(role))))
             self._known.fault(at, f"{turn.outcome!r} is neither an outcome nor a cause", hint, code="P714")
             return
         causes = self._known.cause(turn.outcome, at, family=True)
@@ -166,7 +176,7 @@ class ExpectChecks:
             message = f"{turn.pattern} does not fail with {turn.outcome}"
             self._known.fault(at, message, f"it declares {declared}", code="P706")
 
-    def _taken_up(self, wanted: TakenUp) -> None:
+    def _taken_up(self, wanted: ExpectedHandling) -> None:
         self._known.cause(wanted.cause, (*wanted.loc, "cause"), family=True)
         if self._known.roles is None:
             return
@@ -175,7 +185,7 @@ class ExpectChecks:
         if wanted.handler and by and wanted.handler not in labels:
             owner = wanted.by or "the mission"
             message = f"{owner} has no handler {wanted.handler!r}"
-            hint = nearest(wanted.handler, labels) or "there are none"
+            hint = suggest_name(wanted.handler, labels) or "there are none"
             self._known.fault((*wanted.loc, "handler"), message, hint, code="P718")
 
     def _key(self, key: str, loc: Location) -> None:
@@ -193,11 +203,11 @@ class ExpectChecks:
         if owner and not trees:
             names = [role.spec.name for role in self._known.roles.all if role.spec.node is None]
             message = f"no sub-tree of the mission fits {owner!r}"
-            self._known.fault(loc, message, nearest(owner, (MAIN, *names)), code="P715", key=True)
+            self._known.fault(loc, message, suggest_name(owner, (MAIN, *names)), code="P715", key=True)
             return
         keys = list(dict.fromkeys(one for tree in trees for one in _keys(tree)))
         if name not in keys:
-            hint = nearest(name, keys) or "it has none"
+            hint = suggest_name(name, keys) or "it has none"
             message = f"{owner or MAIN} has no key {name!r}"
             self._known.fault(loc, message, hint, code="P715", key=True)
 
@@ -211,7 +221,7 @@ def _keys(tree: TreeSpec) -> Iterator[str]:
             yield from (one.key for one in assignments)
 
 
-def _handlers(role: Role) -> Iterator[str]:
+def _handlers(role: NodeRole) -> Iterator[str]:
     """What a node calls its handlers: the patterns of its table of causes, and what stands beside it."""
     node = role.spec.node
     tables = [slot for slot in node.declaration.slots if slot.of == "cause"] if node else []
@@ -221,10 +231,10 @@ def _handlers(role: Role) -> Iterator[str]:
         yield "otherwise"
 
 
-def _causes(role: Role) -> Iterator[str]:
+def _causes(role: NodeRole) -> Iterator[str]:
     return map(str, role.causes)
 
 
-def _may_fail(role: Role, causes: tuple[Cause, ...]) -> bool:
+def _may_fail(role: NodeRole, causes: tuple[Cause, ...]) -> bool:
     declared = (*may_fail_with(role), "tree.missing_input", "world.unknown_object", "internal.error")
     return any(matches(str(one), cause) for one in declared for cause in causes)

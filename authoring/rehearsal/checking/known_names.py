@@ -6,30 +6,32 @@ from collections.abc import Iterable
 from typing import get_args
 
 from ....files.marks import Severity
-from ....files.models.validation import Checker
-from ....files.yaml.document import Location, nearest
+from ....files.models.validation import DocumentChecker
+from ....files.yaml.document import Location, suggest_name
 from ....trees.mission import Mission
 from ....world.belief.facts import ASIDE
 from ....world.causes import Cause, all_causes, matches
 from ....world.colours import ITEM_COLOURS
 from ....world.scene.description import Form, SceneDescription
-from ..stage.node_roles import Role, roles_of
+from ..stage.node_roles import NodeRole, roles_of
 from ..stage.rehearsal_world import HAND, TABLE, UNKNOWN
 
 
-class Known:
+class CaseNames:
     """The names that are valid, and a word about those that are not.
 
     Without a mission only what every mission knows is held against the file.
     """
 
-    def __init__(self, check: Checker, mission: Mission | None, scene: SceneDescription | None) -> None:
+    def __init__(
+        self, check: DocumentChecker, mission: Mission | None, scene: SceneDescription | None
+    ) -> None:
         self._check, self.mission, self.scene = check, mission, scene
         self.roles = roles_of(mission) if mission else None
         played = (role for role in (self.roles.all if self.roles else ()) if role.played)
         self.in_need = tuple(role for role in played if role.needed)
         """Leaves with outputs that a case must give."""
-        self._fitting: dict[str, tuple[Role, ...]] = {}
+        self._fitting: dict[str, tuple[NodeRole, ...]] = {}
 
     def fault(
         self,
@@ -55,7 +57,7 @@ class Known:
 
     # Nodes.
 
-    def nodes(self, pattern: str, loc: Location, *, key: bool = False) -> tuple[Role, ...]:
+    def nodes(self, pattern: str, loc: Location, *, key: bool = False) -> tuple[NodeRole, ...]:
         """The nodes that fit a pattern; a fault when there are none. Of `Main` itself there is no pattern."""
         if self.roles is None or not pattern.strip("/"):
             return ()
@@ -67,21 +69,21 @@ class Known:
             self.fault(loc, message, self._near(pattern), code="P703", key=key)
         return found
 
-    def leaves(self, pattern: str, loc: Location, *, key: bool = False) -> tuple[Role, ...]:
+    def leaves(self, pattern: str, loc: Location, *, key: bool = False) -> tuple[NodeRole, ...]:
         """The leaves that fit a pattern and that cases answer for; a fault when there are none."""
         found = self.nodes(pattern, loc, key=key)
         played = tuple(role for role in found if role.played)
         if found and not played:
             kind = found[0].spec.id
             message = f"{pattern!r} is a node of the language ({kind}), which answers for itself"
-            self.fault(loc, message, nearest("", self._names(played=True)), code="P704", key=key)
+            self.fault(loc, message, suggest_name("", self._names(played=True)), code="P704", key=key)
         return played
 
     def _near(self, pattern: str) -> str:
         assert self.roles is not None
         last = pattern.rstrip("/").rpartition("/")[2]
         there = next((role.path for role in self.roles.all if role.spec.name.partition("#")[0] == last), None)
-        return f"{last!r} stands at {there}" if there else nearest(last, self._names(played=False))
+        return f"{last!r} stands at {there}" if there else suggest_name(last, self._names(played=False))
 
     def _names(self, *, played: bool) -> list[str]:
         """Names of nodes, the leaves first, each once."""
@@ -102,7 +104,7 @@ class Known:
             return tuple(cause for cause in all_causes() if matches(name, cause))
         prefixes = {cause.name.partition(".")[0] for cause in all_causes()}
         if self.mission is not None or name.partition(".")[0] in prefixes:  # else it may be a plug-in's
-            self.fault(loc, f"no cause is called {name!r}", nearest(name, known), code="P705")
+            self.fault(loc, f"no cause is called {name!r}", suggest_name(name, known), code="P705")
         return ()
 
     # Scene.
@@ -144,4 +146,4 @@ class Known:
             return
         names = list(known)
         if value not in names:
-            self.fault(loc, f"there is no {what} {value!r}", nearest(value, names), code="P712")
+            self.fault(loc, f"there is no {what} {value!r}", suggest_name(value, names), code="P712")

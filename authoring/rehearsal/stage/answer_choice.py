@@ -7,22 +7,22 @@ from dataclasses import dataclass
 
 from ....files.node_patterns import node_matches
 from ....files.yaml.document import Location
-from ..cases.case import Answer, Script
+from ..cases.case import LeafAnswer, LeafScript
 
 
 @dataclass(slots=True)
 class _Turns:
-    script: Script
+    script: LeafScript
     given: int = 0
 
 
-class Prompter:
+class ScriptedAnswers:
     """Counts the starts for each pattern; the first pattern that fits a node is the one that counts."""
 
-    def __init__(self, scripts: Iterable[Script]) -> None:
+    def __init__(self, scripts: Iterable[LeafScript]) -> None:
         self._turns = [_Turns(script) for script in scripts]
 
-    def answer(self, path: str) -> Answer | None:
+    def answer(self, path: str) -> LeafAnswer | None:
         """The next answer of the leaf at that path; None when the case says nothing of it."""
         turns = next((t for t in self._turns if node_matches(t.script.pattern, path)), None)
         if turns is None or not turns.script.answers:

@@ -13,18 +13,18 @@ from ....trees.node import Node
 from ....trees.values.references import Binding, Constant
 from ....world.scene.description import SceneDescription
 from ....world.scene.loading.scene_loading import load_scene
-from .node_roles import Roles, is_played, roles_of
-from .stand_ins import stand_in, witnessed
+from .node_roles import NodeRoles, is_stubbed, roles_of
+from .stand_ins import leaf_stub, node_spy
 
 
 @dataclass(frozen=True, slots=True)
-class WatchedExpression(Expression):
+class CoveredExpression(Expression):
     """An expression as any other; `seen` are the answers that it gave, as true or false."""
 
     seen: set[bool] = field(default_factory=set[bool], compare=False)
 
     @classmethod
-    def of(cls, expression: Expression) -> WatchedExpression:
+    def of(cls, expression: Expression) -> CoveredExpression:
         return cls(**{part.name: getattr(expression, part.name) for part in fields(expression)})
 
     def evaluate(self, names: Mapping[str, object], attributes: Attributes | None = None) -> object:
@@ -34,30 +34,30 @@ class WatchedExpression(Expression):
         return value
 
 
-_Watched: TypeAlias = defaultdict[str, dict[str, WatchedExpression]]
+_Watched: TypeAlias = defaultdict[str, dict[str, CoveredExpression]]
 
 
 @dataclass(frozen=True, slots=True)
-class Staging:
+class StubbedMission:
     """What all cases of a mission share. `expressions` by the node's path in its tree and by key."""
 
     mission: Mission
     """The mission that is built: the author's, with other classes behind its nodes."""
-    roles: Roles
+    roles: NodeRoles
     """Of the author's mission."""
     scene: SceneDescription | None
-    expressions: Mapping[str, Mapping[str, WatchedExpression]]
+    expressions: Mapping[str, Mapping[str, CoveredExpression]]
     texts: Mapping[str, str]
     """Of a node as it is built: its path in the tree that the file writes down."""
 
 
-def stage_mission(mission: Mission, scene: SceneDescription | None) -> Staging:
+def stub_mission(mission: Mission, scene: SceneDescription | None) -> StubbedMission:
     """Make a mission ready; `scene` gives bins, kinds and destinations."""
     watched: _Watched = defaultdict(dict)
     trees = {name: _tree(tree, watched) for name, tree in mission.trees.items()}
     roles = roles_of(mission)
     texts = {role.path: role.text for role in roles.all}
-    return Staging(replace(mission, trees=trees), roles, scene, watched, texts)
+    return StubbedMission(replace(mission, trees=trees), roles, scene, watched, texts)
 
 
 def scene_of(mission: Mission) -> SceneDescription | None:
@@ -75,10 +75,10 @@ def _node(spec: NodeSpec, above: str, watched: _Watched) -> NodeSpec:
     text = f"{above}/{spec.name}"
 
     def watch(key: str, expression: Expression) -> Expression:
-        watched[text][key] = WatchedExpression.of(expression)
+        watched[text][key] = CoveredExpression.of(expression)
         return watched[text][key]
 
-    played = spec.node is not None and is_played(spec.node)
+    played = spec.node is not None and is_stubbed(spec.node)
 
     def binding(key: str, bound: Binding) -> Binding:
         # Nobody asks the expressions of a leaf whose place is taken.
@@ -109,4 +109,4 @@ def _node(spec: NodeSpec, above: str, watched: _Watched) -> NodeSpec:
 def _class(node: type[Node] | None) -> type[Node] | None:
     if node is None:
         return None
-    return stand_in(node) if is_played(node) else witnessed(node)
+    return leaf_stub(node) if is_stubbed(node) else node_spy(node)

@@ -17,7 +17,7 @@ _OWN = frozenset(NODES)
 
 
 @dataclass(frozen=True, slots=True)
-class Role:
+class NodeRole:
     """One node as it will be built. `text` is its path in the tree that the file writes down."""
 
     path: str
@@ -34,13 +34,13 @@ class Role:
     """Outputs that the mission reads and that only a case can say."""
 
 
-def is_played(node: type[Node]) -> bool:
+def is_stubbed(node: type[Node]) -> bool:
     """Whether a stand-in takes the node's place: a leaf that is not of the language itself, unless it does
     nothing but change the belief."""
     return node.played and node not in _OWN and not node.declaration.slots
 
 
-def may_fail_with(role: Role) -> tuple[Cause | Family, ...]:
+def may_fail_with(role: NodeRole) -> tuple[Cause | Family, ...]:
     """What a leaf declares as it is wired; one that looks may be without an image however it is wired."""
     node = role.spec.node
     looks = node is not None and perception.NO_IMAGE in node.causes
@@ -53,28 +53,28 @@ def follows_from_belief(port: PortDeclaration, uses: tuple[Resource, ...]) -> bo
 
 
 @dataclass(frozen=True, slots=True)
-class Roles:
+class NodeRoles:
     """All nodes of a mission, parents first."""
 
-    all: tuple[Role, ...]
+    all: tuple[NodeRole, ...]
 
-    def fitting(self, pattern: str) -> tuple[Role, ...]:
+    def fitting(self, pattern: str) -> tuple[NodeRole, ...]:
         return tuple(role for role in self.all if node_matches(pattern, role.path))
 
 
-def roles_of(mission: Mission) -> Roles:
+def roles_of(mission: Mission) -> NodeRoles:
     """Every node of the tree that `build` makes of the mission, but for `Main` itself."""
-    return Roles(tuple(_walk(mission, mission.main.root, mission.main.name, mission.main.name, "")))
+    return NodeRoles(tuple(_walk(mission, mission.main.root, mission.main.name, mission.main.name, "")))
 
 
-def _walk(mission: Mission, spec: NodeSpec, above: str, text: str, branch: str) -> Iterator[Role]:
+def _walk(mission: Mission, spec: NodeSpec, above: str, text: str, branch: str) -> Iterator[NodeRole]:
     path, text, node = f"{above}/{spec.name}", f"{text}/{spec.name}", spec.node
-    role = Role(path, text, spec, branch)
+    role = NodeRole(path, text, spec, branch)
     if node is not None:
         uses = node.declaration.uses
         wired = [port for port in node.declaration.outputs if port.key in spec.ports]
         needed = tuple(port for port in wired if not follows_from_belief(port, uses))
-        role = Role(path, text, spec, branch, is_played(node), node.causes_with(spec.ports), needed)
+        role = NodeRole(path, text, spec, branch, is_stubbed(node), node.causes_with(spec.ports), needed)
     yield role
     if spec.node is None:
         called = mission.trees[spec.id]

@@ -13,20 +13,20 @@ from dataclasses import replace
 from typing import Any, NoReturn
 
 from ....trees.declaration import Hand, NodeDeclaration, Resource
-from ....world.belief.attempts import Attempts
-from ....world.belief.facts import TAKEN_AWAY, facts, to_do
+from ....world.belief.attempts import AttemptMemory
+from ....world.belief.facts import TAKEN_AWAY, facts, items_to_do
 from ....world.belief.hole_matching import fitting_hole, named_holes
 from ....world.belief.planning_scene import BeliefObject, PlanningScene
 from ....world.causes import Cause, Failure, matches, safety, world
 from ....world.causes import grasp as grasp_causes
-from ....world.journal import Entry, Happened, Journal
+from ....world.journal import Entry, Journal, JournalEvent
 from ....world.scene.description import CatalogueEntry, SceneDescription
 from ....world.scene.destinations import destination_rule
 from ....world.shapes import Box
 from ....world.values import ObjectId, Pose
 from ..cases.case import EMPTY_HAND, Effects, Objects
 from ..cases.cases_schema import ObjectFile
-from .answer_choice import Prompter
+from .answer_choice import ScriptedAnswers
 from .trace import Trace
 
 TABLE = "table"
@@ -70,7 +70,7 @@ class Belief:
 
     def to_do(self) -> list[str]:
         """Ids of the items to be handled: what the hand holds first."""
-        return [o.id for o in sorted(to_do(self.scene), key=lambda o: not o.attached)]
+        return [o.id for o in sorted(items_to_do(self.scene), key=lambda o: not o.attached)]
 
     # What a case says.
 
@@ -258,7 +258,7 @@ class _Notes(Journal):
         self._trace = trace
 
     def note(self, entry: Entry) -> None:
-        if isinstance(entry, Happened):
+        if isinstance(entry, JournalEvent):
             self._trace.noted(entry)
 
 
@@ -267,13 +267,13 @@ class RehearsalWorld:
 
     tick = TICK
 
-    def __init__(self, scene: SceneDescription | None, prompter: Prompter, trace: Trace) -> None:
+    def __init__(self, scene: SceneDescription | None, prompter: ScriptedAnswers, trace: Trace) -> None:
         self.clock = TickClock()
         self.belief = Belief(scene)
         self.prompter = prompter
         self.trace = trace
         self.journal: Journal = _Notes(trace)
-        self.attempts = Attempts()
+        self.attempts = AttemptMemory()
         self.contradictions: list[str] = []
 
     @property

@@ -9,22 +9,22 @@ from typing import Any, ClassVar, cast
 from ....trees.node import Node
 from ....trees.ports import PortDeclaration
 from ....trees.status import NodeStatus
-from ....trees.values.port_types import convert
+from ....trees.values.port_types import convert_literal
 from ....trees.values.references import Constant
 from ....world.causes import Failure, cause_named
-from ..cases.case import Answer
+from ..cases.case import LeafAnswer
 from .node_roles import follows_from_belief
 from .rehearsal_world import Contradiction, RehearsalWorld
 
 
-class StandIn(Node, abstract=True):
+class LeafStub(Node, abstract=True):
     """Answers as the case says, with the ports and causes of the leaf in whose place it is.
 
     Nothing of the leaf's own code runs, so that neither a robot nor a scene of flesh is needed.
     """
 
     stands_for: ClassVar[type[Node]]
-    _answer: Answer | None = None
+    _answer: LeafAnswer | None = None
     _ticks_left: int = 0
 
     def on_start(self) -> None:
@@ -62,7 +62,7 @@ class StandIn(Node, abstract=True):
     def _stage(self) -> RehearsalWorld:
         return cast("RehearsalWorld", self.world)
 
-    def _end(self, answer: Answer) -> NodeStatus:
+    def _end(self, answer: LeafAnswer) -> NodeStatus:
         belief = self._stage.belief
         if answer.status == "SUCCESS":
             state = self._succeed(answer)
@@ -77,7 +77,7 @@ class StandIn(Node, abstract=True):
             raise Failure(cause, answer.message or cause.sentence.rstrip("."))
         return NodeStatus(answer.status)
 
-    def _succeed(self, answer: Answer | None) -> NodeStatus:
+    def _succeed(self, answer: LeafAnswer | None) -> NodeStatus:
         # Who says what the hand holds, says it instead of the leaf's declaration.
         if answer is None or answer.then.hand is None:
             inputs = {port.key: self.input(port.key) for port in self.declaration.inputs}
@@ -93,11 +93,11 @@ class StandIn(Node, abstract=True):
                 self.output(port.key, self._believed(port))
         return NodeStatus.SUCCESS
 
-    def _write(self, answer: Answer | None) -> None:
+    def _write(self, answer: LeafAnswer | None) -> None:
         for key, value in answer.outputs.items() if answer else ():
             port = self.declaration.port(key)
             if port is not None and key in self.wiring.ports:
-                self.output(key, convert(value, port.type, port.unit, port.choices, port.within))
+                self.output(key, convert_literal(value, port.type, port.unit, port.choices, port.within))
 
     def _believed(self, port: PortDeclaration) -> object:
         if not follows_from_belief(port, self.declaration.uses):
@@ -105,7 +105,7 @@ class StandIn(Node, abstract=True):
         return self._stage.belief.to_do()
 
 
-class Witness(Node, abstract=True):
+class NodeSpy(Node, abstract=True):
     """Mixed into a node of the language, which does its own work: tells the trace what comes of it."""
 
     def step(self) -> NodeStatus:
@@ -128,16 +128,16 @@ class Witness(Node, abstract=True):
 
 
 @cache
-def stand_in(node: type[Node]) -> type[Node]:
+def leaf_stub(node: type[Node]) -> type[Node]:
     """The class that takes the leaf's place."""
     kept = {name: getattr(node, name) for name in ("declaration", "kind", "causes", "uses", "hand_after")}
-    return _made(node.__name__, (StandIn,), {**kept, "stands_for": node})
+    return _made(node.__name__, (LeafStub,), {**kept, "stands_for": node})
 
 
 @cache
-def witnessed(node: type[Node]) -> type[Node]:
+def node_spy(node: type[Node]) -> type[Node]:
     """The node's own class, with a witness."""
-    return _made(node.__name__, (Witness, node), {})
+    return _made(node.__name__, (NodeSpy, node), {})
 
 
 def _made(name: str, bases: tuple[type[Node], ...], members: dict[str, Any]) -> type[Node]:

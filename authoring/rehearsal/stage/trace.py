@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ....trees.blackboard import Write
+from ....trees.blackboard import BlackboardWrite
 from ....trees.status import NodeStatus
 from ....world.causes import FailureReport
-from ....world.journal import Happened, Plain
+from ....world.journal import JournalEvent, Plain
 
 
 @dataclass(slots=True)
@@ -28,7 +28,7 @@ class LeafRun:
 
 
 @dataclass(frozen=True, slots=True)
-class Started:
+class LeafStarted:
     """A leaf starts."""
 
     tick: int
@@ -36,7 +36,7 @@ class Started:
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class LeafEnded:
     """A leaf ends, or is halted."""
 
     tick: int
@@ -44,7 +44,7 @@ class Ended:
 
 
 @dataclass(frozen=True, slots=True)
-class Settled:
+class ConditionAnswered:
     """A precondition answers for a node, which does not start; or a condition of the language says something
     else than the last time."""
 
@@ -54,7 +54,7 @@ class Settled:
 
 
 @dataclass(frozen=True, slots=True)
-class Wrote:
+class KeyWritten:
     """A value is written to the blackboard."""
 
     tick: int
@@ -64,7 +64,7 @@ class Wrote:
 
 
 @dataclass(frozen=True, slots=True)
-class Failed:
+class ControlFailed:
     """A control node fails for a cause of its own."""
 
     tick: int
@@ -74,7 +74,7 @@ class Failed:
 
 
 @dataclass(frozen=True, slots=True)
-class Handled:
+class FailureHandled:
     """A failure that went no further: `by` took it up, with its handler `handler` where it names them."""
 
     tick: int
@@ -85,7 +85,7 @@ class Handled:
 
 
 @dataclass(frozen=True, slots=True)
-class Noted:
+class NoteTaken:
     """A node tells the record something."""
 
     tick: int
@@ -94,7 +94,9 @@ class Noted:
     message: str
 
 
-Event: TypeAlias = Started | Ended | Settled | Wrote | Failed | Handled | Noted
+Event: TypeAlias = (
+    LeafStarted | LeafEnded | ConditionAnswered | KeyWritten | ControlFailed | FailureHandled | NoteTaken
+)
 
 
 MAX_EVENTS = 20_000
@@ -111,13 +113,13 @@ class Trace:
         self._open: dict[str, LeafRun] = {}
         self._handlers: dict[str, str] = {}
         self._said: dict[str, NodeStatus] = {}
-        self.writes: Callable[[], tuple[Write, ...]] = tuple
+        self.writes: Callable[[], tuple[BlackboardWrite, ...]] = tuple
         self.events: list[Event] = []
         self.runs: list[LeafRun] = []
         self._begun: dict[str, int] = {}
         self.started: dict[str, int] = {}
         """Every node that has started, and the tick in which it did so first."""
-        self.handled: list[Handled] = []
+        self.handled: list[FailureHandled] = []
         self.faults: list[str] = []
         """What is a fault of the program: internal.error."""
         self.raised: set[tuple[str, str]] = set()
@@ -134,13 +136,13 @@ class Trace:
             run = LeafRun(self.tick, path)
             self._open[path] = run
             self.runs.append(run)
-            self._add(Started(run.tick, run))
+            self._add(LeafStarted(run.tick, run))
 
     def stepped(self, path: str, before: NodeStatus, status: NodeStatus) -> None:
         """A node was ticked. That it did not start although it was not RUNNING was a precondition's doing."""
         self.flush()
         if before is not NodeStatus.RUNNING and self._begun.get(path) != self.tick:
-            self._add(Settled(self.tick, path, status))
+            self._add(ConditionAnswered(self.tick, path, status))
 
     def ended(self, path: str, status: NodeStatus, failure: FailureReport | None) -> None:
         """A stand-in is no longer RUNNING."""
@@ -160,13 +162,13 @@ class Trace:
         """A condition of the language has answered; worth a line when it is another answer than before."""
         if self._said.get(path) is not status:
             self._said[path] = status
-            self._add(Settled(self.tick, path, status))
+            self._add(ConditionAnswered(self.tick, path, status))
 
     def failed(self, report: FailureReport) -> None:
         """A control node failed for a cause of its own."""
         self.flush()
         self.raised.add((report.node, report.cause.name))
-        self._add(Failed(self.tick, report.node, report.cause.name, report.message))
+        self._add(ControlFailed(self.tick, report.node, report.cause.name, report.message))
 
     def took_up(self, by: str, report: FailureReport, *, by_handlers: bool) -> None:
         """`by` did not fail although what stands below it did; `by_handlers`: only if it says with which."""
@@ -174,11 +176,11 @@ class Trace:
         handler = self._handlers.pop(by, "")
         if by_handlers and not handler:
             return
-        handled = Handled(self.tick, report.cause.name, report.node, by, handler)
+        handled = FailureHandled(self.tick, report.cause.name, report.node, by, handler)
         self.handled.append(handled)
         self._add(handled)
 
-    def noted(self, entry: Happened) -> None:
+    def noted(self, entry: JournalEvent) -> None:
         self.flush()
         handler = entry.data.get("handler")
         if isinstance(handler, str):
@@ -186,19 +188,19 @@ class Trace:
         if entry.kind == "internal_error":
             self.faults.append(entry.message)
         if entry.kind not in ("recovery", "handled"):
-            self._add(Noted(self.tick, entry.node, entry.kind, entry.message))
+            self._add(NoteTaken(self.tick, entry.node, entry.kind, entry.message))
 
-    def flush(self, also: tuple[Write, ...] = ()) -> None:
+    def flush(self, also: tuple[BlackboardWrite, ...] = ()) -> None:
         """Take over what was written to the blackboard by now, and what was taken from there before."""
         for write in (*also, *self.writes()):
-            self._add(Wrote(self.tick, write.node, write.key, write.value))
+            self._add(KeyWritten(self.tick, write.node, write.key, write.value))
 
     def _end(self, run: LeafRun, outcome: str, failure: FailureReport | None) -> None:
         del self._open[run.path]
         run.last, run.outcome = self.tick, outcome
         if failure is not None:
             run.cause, run.message = failure.cause.name, failure.message
-        self._add(Ended(run.last, run))
+        self._add(LeafEnded(run.last, run))
 
     def _add(self, event: Event) -> None:
         if len(self.events) < MAX_EVENTS:

@@ -9,15 +9,15 @@ from typing import Literal, TypeAlias
 from ....files.yaml.document import Mark
 from ....trees.declaration import POSTCONDITIONS
 from ....world.causes import all_causes, matches
-from ..stage.mission_staging import Staging
-from ..stage.node_roles import Role
+from ..stage.mission_staging import StubbedMission
+from ..stage.node_roles import NodeRole
 from ..stage.trace import Trace
 
 PointKind: TypeAlias = Literal["node", "branch", "expression", "answer"]
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class CoveragePoint:
     """One thing that a case can reach. `node` is the path in the tree of the file that `mark` is in."""
 
     kind: PointKind
@@ -42,11 +42,11 @@ class CauseRaised:
 class Coverage:
     """All points in the order of the mission's text. Causes are counted apart: no mission needs them all."""
 
-    points: tuple[Point, ...]
+    points: tuple[CoveragePoint, ...]
     causes: tuple[CauseRaised, ...]
 
     @property
-    def missed(self) -> tuple[Point, ...]:
+    def missed(self) -> tuple[CoveragePoint, ...]:
         return tuple(point for point in self.points if not point.reached)
 
     @property
@@ -64,14 +64,14 @@ class Coverage:
 
 
 @dataclass(slots=True)
-class Reached:
+class CoverageRecord:
     """What cases have reached so far, by paths in the file's trees; expressions remember it themselves."""
 
     started: set[str] = field(default_factory=set[str])
     raised: set[tuple[str, str]] = field(default_factory=set[tuple[str, str]])
     answered: set[tuple[str, str]] = field(default_factory=set[tuple[str, str]])
 
-    def take(self, staging: Staging, trace: Trace) -> None:
+    def take(self, staging: StubbedMission, trace: Trace) -> None:
         """Add what one case has reached."""
         texts = staging.texts
         self.started |= {texts[path] for path in trace.started if path in texts}
@@ -79,7 +79,7 @@ class Reached:
         self.answered |= {(texts[run.path], run.outcome) for run in trace.runs}
 
 
-def coverage(staging: Staging, reached: Reached) -> Coverage:
+def coverage(staging: StubbedMission, reached: CoverageRecord) -> Coverage:
     """What was reached of all that there is; what no call of a tree leads to does not count."""
     roles = {role.text: role for role in staging.roles.all}
     points = [point for role in roles.values() for point in _points(staging, reached, role)]
@@ -87,25 +87,25 @@ def coverage(staging: Staging, reached: Reached) -> Coverage:
     return Coverage(tuple(sorted(points, key=lambda p: p.mark)), tuple(causes))
 
 
-def _points(staging: Staging, reached: Reached, role: Role) -> Iterator[Point]:
+def _points(staging: StubbedMission, reached: CoverageRecord, role: NodeRole) -> Iterator[CoveragePoint]:
     mark, text = role.spec.mark, role.text
     missed = f"'{role.branch}' is never used" if role.branch else "never starts"
-    yield Point("branch" if role.branch else "node", mark, text, missed, text in reached.started)
+    yield CoveragePoint("branch" if role.branch else "node", mark, text, missed, text in reached.started)
     if role.played and role.spec.node is not None and role.spec.node.kind == "condition":
         for answer in ("SUCCESS", "FAILURE"):
-            yield Point("answer", mark, text, f"never {answer}", (text, answer) in reached.answered)
+            yield CoveragePoint("answer", mark, text, f"never {answer}", (text, answer) in reached.answered)
     for key, expression in staging.expressions.get(text, {}).items():
         name = key.split()[0]
         place = role.spec.places.get(name, mark)
         if name in POSTCONDITIONS:
-            yield Point("expression", place, text, f"'{name}' never runs", bool(expression.seen))
+            yield CoveragePoint("expression", place, text, f"'{name}' never runs", bool(expression.seen))
         elif expression.names:
             for answer in (True, False):
                 missed = f"'{key}: {expression}' is never {str(answer).lower()}"
-                yield Point("expression", place, text, missed, answer in expression.seen)
+                yield CoveragePoint("expression", place, text, missed, answer in expression.seen)
 
 
-def _causes(reached: Reached, role: Role) -> Iterator[CauseRaised]:
+def _causes(reached: CoverageRecord, role: NodeRole) -> Iterator[CauseRaised]:
     declared = [str(cause) for cause in role.causes]
     for cause in all_causes():
         if any(matches(pattern, cause) for pattern in declared):

@@ -6,7 +6,17 @@ import json
 
 from ....files.yaml.document import Mark
 from ....world.journal import Plain
-from ..stage.trace import Ended, Event, Failed, Handled, LeafRun, Noted, Settled, Started, Wrote
+from ..stage.trace import (
+    ConditionAnswered,
+    ControlFailed,
+    Event,
+    FailureHandled,
+    KeyWritten,
+    LeafEnded,
+    LeafRun,
+    LeafStarted,
+    NoteTaken,
+)
 from .coverage import Coverage
 from .rehearsal_result import CaseResult, Rehearsal
 
@@ -65,7 +75,7 @@ def _run(run: LeafRun) -> dict[str, Plain]:
     }
 
 
-def _handled(one: Handled) -> dict[str, Plain]:
+def _handled(one: FailureHandled) -> dict[str, Plain]:
     return {
         "tick": one.tick,
         "cause": one.cause,
@@ -77,9 +87,9 @@ def _handled(one: Handled) -> dict[str, Plain]:
 
 def _event(event: Event) -> dict[str, Plain]:
     match event:
-        case Started(tick, run):
+        case LeafStarted(tick, run):
             return {"tick": tick, "kind": "started", "node": run.path}
-        case Ended(tick, run):
+        case LeafEnded(tick, run):
             return {
                 "tick": tick,
                 "kind": "ended",
@@ -87,15 +97,15 @@ def _event(event: Event) -> dict[str, Plain]:
                 "outcome": run.outcome,
                 "cause": run.cause or None,
             }
-        case Settled(tick, path, status):
+        case ConditionAnswered(tick, path, status):
             return {"tick": tick, "kind": "answered", "node": path, "outcome": status.value}
-        case Wrote(tick, path, key, value):
+        case KeyWritten(tick, path, key, value):
             return {"tick": tick, "kind": "wrote", "node": path, "key": key, "value": value}
-        case Failed(tick, path, cause, message):
+        case ControlFailed(tick, path, cause, message):
             return {"tick": tick, "kind": "failed", "node": path, "cause": cause, "message": message}
-        case Handled():
+        case FailureHandled():
             return {"kind": "handled", **_handled(event)}
-        case Noted(tick, path, kind, message):
+        case NoteTaken(tick, path, kind, message):
             return {"tick": tick, "kind": "noted", "node": path, "about": kind, "message": message}
 
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....files.yaml.document import Fault, Mark
-from ..stage.trace import Event, Handled, LeafRun
+from ....files.yaml.document import Diagnostic, Mark
+from ..stage.trace import Event, FailureHandled, LeafRun
 from .coverage import Coverage
-from .verdict import Difference
+from .verdict import ExpectationMiss
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +26,10 @@ class CaseResult:
     ticks: int
     seconds: float
     """Simulated."""
-    differences: tuple[Difference, ...]
+    differences: tuple[ExpectationMiss, ...]
     runs: tuple[LeafRun, ...]
     """Of the leaves, in the order in which they started."""
-    handled: tuple[Handled, ...]
+    handled: tuple[FailureHandled, ...]
     events: tuple[Event, ...]
     unused: tuple[Mark, ...]
     """Answers of the case's own that no leaf has given."""
@@ -49,7 +49,7 @@ class Rehearsal:
     coverage: Coverage
     complete: bool
     """Whether all cases of the file were rehearsed."""
-    warnings: tuple[Fault, ...]
+    warnings: tuple[Diagnostic, ...]
     """Of the cases file: what may be meant otherwise."""
     names: Mapping[str, str]
     """Short names of the nodes by their paths, for people."""

@@ -6,8 +6,17 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 
 from ....world.journal import Plain
-from ..stage.trace import Ended, Event, Failed, Handled, LeafRun, Settled, Started, Wrote
-from .coverage import CauseRaised, Coverage, Point
+from ..stage.trace import (
+    ConditionAnswered,
+    ControlFailed,
+    Event,
+    FailureHandled,
+    KeyWritten,
+    LeafEnded,
+    LeafRun,
+    LeafStarted,
+)
+from .coverage import CauseRaised, Coverage, CoveragePoint
 from .rehearsal_result import CaseResult, Rehearsal
 
 _WIDEST = 44
@@ -26,24 +35,24 @@ def trace_lines(events: tuple[Event, ...], names: Mapping[str, str]) -> list[str
 def _rows(events: tuple[Event, ...]) -> Iterator[tuple[str, str, str]]:
     """Tick or ticks, the node's path, what it does."""
     for index, event in enumerate(events):
-        if isinstance(event, Started):
+        if isinstance(event, LeafStarted):
             written, after = _writes(events, index + 1, event.run)
             ended = events[after] if after < len(events) else None
-            if isinstance(ended, Ended) and ended.run is event.run:
+            if isinstance(ended, LeafEnded) and ended.run is event.run:
                 yield _ticks(event.run), event.run.path, _ending(event.run, written)
                 continue
             yield f"{event.tick}", event.run.path, "starts"
-        elif isinstance(event, Ended):
+        elif isinstance(event, LeafEnded):
             if not _in_one_line(events, index):
                 yield f"{event.tick}", event.run.path, _ending(event.run, {})
-        elif isinstance(event, Wrote):
+        elif isinstance(event, KeyWritten):
             if not _told_with_its_run(events, index):
                 yield f"{event.tick}", event.path, f"{event.key.rpartition('/')[2]} = {show(event.value)}"
-        elif isinstance(event, Settled):
+        elif isinstance(event, ConditionAnswered):
             yield f"{event.tick}", event.path, event.status.value
-        elif isinstance(event, Failed):
+        elif isinstance(event, ControlFailed):
             yield f"{event.tick}", event.path, f"FAILURE {event.cause}: {event.message}"
-        elif isinstance(event, Handled):
+        elif isinstance(event, FailureHandled):
             handler = f" with '{event.handler}'" if event.handler else ""
             yield f"{event.tick}", event.by, f"takes up {event.cause}{handler}"
         else:
@@ -55,7 +64,7 @@ def _writes(events: tuple[Event, ...], index: int, run: LeafRun) -> tuple[dict[s
     written: dict[str, Plain] = {}
     while index < len(events):
         event = events[index]
-        if not isinstance(event, Wrote) or event.path != run.path:
+        if not isinstance(event, KeyWritten) or event.path != run.path:
             break
         written[event.key.rpartition("/")[2]] = event.value
         index += 1
@@ -65,16 +74,16 @@ def _writes(events: tuple[Event, ...], index: int, run: LeafRun) -> tuple[dict[s
 def _in_one_line(events: tuple[Event, ...], index: int) -> bool:
     """Whether an end was told together with its start."""
     ended = events[index]
-    while index > 0 and isinstance(events[index - 1], Wrote):
+    while index > 0 and isinstance(events[index - 1], KeyWritten):
         index -= 1
     before = events[index - 1] if index > 0 else None
-    return isinstance(ended, Ended) and isinstance(before, Started) and before.run is ended.run
+    return isinstance(ended, LeafEnded) and isinstance(before, LeafStarted) and before.run is ended.run
 
 
 def _told_with_its_run(events: tuple[Event, ...], index: int) -> bool:
-    while index < len(events) and isinstance(events[index], Wrote):
+    while index < len(events) and isinstance(events[index], KeyWritten):
         index += 1
-    return index < len(events) and isinstance(events[index], Ended) and _in_one_line(events, index)
+    return index < len(events) and isinstance(events[index], LeafEnded) and _in_one_line(events, index)
 
 
 def _ticks(run: LeafRun) -> str:
@@ -165,7 +174,7 @@ def _coverage(coverage: Coverage, *, causes: bool) -> list[str]:
     return lines
 
 
-def _missed(missed: tuple[Point, ...]) -> list[str]:
+def _missed(missed: tuple[CoveragePoint, ...]) -> list[str]:
     """A line for each that does not go without saying: what stands in a branch that is never used does."""
     starts = {point.node for point in missed if point.kind in _STARTS}
     said = [point for point in missed if _head(point, starts) is None]
@@ -178,7 +187,7 @@ def _missed(missed: tuple[Point, ...]) -> list[str]:
     return lines
 
 
-def _head(point: Point, starts: Collection[str]) -> str | None:
+def _head(point: CoveragePoint, starts: Collection[str]) -> str | None:
     """The uppermost node above it that never starts; itself where it is about what the node would answer."""
     parts = point.node.split("/")
     most = len(parts) if point.kind in _STARTS else len(parts) + 1

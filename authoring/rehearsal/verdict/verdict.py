@@ -10,18 +10,18 @@ from ....files.node_patterns import node_matches
 from ....files.yaml.document import Document, Location, Mark, where
 from ....trees.blackboard import Namespace
 from ....trees.running.builder import SubTree
-from ....trees.running.runner import Tree
+from ....trees.running.runner import BehaviourTree
 from ....trees.status import NodeStatus
 from ....trees.values.port_types import show
 from ....trees.values.references import Reference, attribute
 from ....world.causes import FailureReport, cause_named, matches
-from ..cases.case import ANY_LEAVES, OUTCOMES, Case, Expectation, TakenUp, Turn
+from ..cases.case import ANY_LEAVES, OUTCOMES, Expectation, ExpectedHandling, ExpectedStart, RehearsalCase
 from ..stage.rehearsal_world import RehearsalWorld
 from ..stage.trace import LeafRun
 
 
 @dataclass(frozen=True, slots=True)
-class Misplaced:
+class OrderMismatch:
     """The first entry of `order` that does not hold."""
 
     loc: Location
@@ -29,7 +29,9 @@ class Misplaced:
     tick: int | None
 
 
-def compare_order(order: Sequence[Turn], runs: Sequence[LeafRun], loc: Location) -> Misplaced | None:
+def compare_order(
+    order: Sequence[ExpectedStart], runs: Sequence[LeafRun], loc: Location
+) -> OrderMismatch | None:
     """None when the leaves start as expected. `...` stands for any number of them; each stretch between two
     is looked for from left to right, which finds an arrangement whenever there is one."""
     stretches = _stretches(order)
@@ -45,9 +47,9 @@ def compare_order(order: Sequence[Turn], runs: Sequence[LeafRun], loc: Location)
     return _at_end(stretches[-1], runs, position, loc)
 
 
-def _stretches(order: Sequence[Turn]) -> list[tuple[Turn, ...]]:
+def _stretches(order: Sequence[ExpectedStart]) -> list[tuple[ExpectedStart, ...]]:
     """Entries before the first `...`, between two, after the last; the outer ones may be empty."""
-    parts: list[list[Turn]] = [[]]
+    parts: list[list[ExpectedStart]] = [[]]
     for turn in order:
         if turn.pattern == ANY_LEAVES:
             parts.append([])
@@ -59,26 +61,28 @@ def _stretches(order: Sequence[Turn]) -> list[tuple[Turn, ...]]:
 
 
 def _first_wrong(
-    turns: Sequence[Turn], runs: Sequence[LeafRun], start: int, loc: Location, *, to_end: bool
-) -> Misplaced | None:
+    turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], start: int, loc: Location, *, to_end: bool
+) -> OrderMismatch | None:
     for number, turn in enumerate(turns):
         run = runs[start + number] if start + number < len(runs) else None
         if run is None or not _fits(turn, run):
             return _wrong(turn, run)
     rest = runs[start + len(turns) :]
     if to_end and rest:
-        return Misplaced(loc, f"the order ends, but {rest[0].path} starts", rest[0].tick)
+        return OrderMismatch(loc, f"the order ends, but {rest[0].path} starts", rest[0].tick)
     return None
 
 
-def _find(turns: Sequence[Turn], runs: Sequence[LeafRun], start: int) -> int | None:
+def _find(turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], start: int) -> int | None:
     for begin in range(start, len(runs) - len(turns) + 1):
         if all(_fits(turn, runs[begin + n]) for n, turn in enumerate(turns)):
             return begin
     return None
 
 
-def _at_end(turns: Sequence[Turn], runs: Sequence[LeafRun], position: int, loc: Location) -> Misplaced | None:
+def _at_end(
+    turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], position: int, loc: Location
+) -> OrderMismatch | None:
     if not turns:
         return None
     begin = len(runs) - len(turns)
@@ -87,7 +91,7 @@ def _at_end(turns: Sequence[Turn], runs: Sequence[LeafRun], position: int, loc: 
     return _nearest_miss(turns, runs, position)
 
 
-def _nearest_miss(turns: Sequence[Turn], runs: Sequence[LeafRun], position: int) -> Misplaced:
+def _nearest_miss(turns: Sequence[ExpectedStart], runs: Sequence[LeafRun], position: int) -> OrderMismatch:
     """The entry that fails where most entries before it fit."""
 
     def fitting(begin: int) -> int:
@@ -102,21 +106,23 @@ def _nearest_miss(turns: Sequence[Turn], runs: Sequence[LeafRun], position: int)
         before = runs[position - 1] if position else None
         after = f" after {before.path}" if before else ""
         message = f"{_wanted(turns[0])} is expected{after}, but does not come"
-        return Misplaced(turns[0].loc, message, before.tick if before else None)
+        return OrderMismatch(turns[0].loc, message, before.tick if before else None)
     run = runs[begin + count] if begin + count < len(runs) else None
     return _wrong(turns[count], run)
 
 
-def _wrong(turn: Turn, run: LeafRun | None) -> Misplaced:
+def _wrong(turn: ExpectedStart, run: LeafRun | None) -> OrderMismatch:
     if run is None:
-        return Misplaced(turn.loc, f"{_wanted(turn)} is expected, but no further leaf starts", None)
+        return OrderMismatch(turn.loc, f"{_wanted(turn)} is expected, but no further leaf starts", None)
     if node_matches(turn.pattern, run.path):
         ended = run.cause or run.outcome
-        return Misplaced(turn.loc, f"{turn.outcome} is expected of {run.path}, which is {ended}", run.tick)
-    return Misplaced(turn.loc, f"{_wanted(turn)} is expected, but {run.path} starts", run.tick)
+        return OrderMismatch(
+            turn.loc, f"{turn.outcome} is expected of {run.path}, which is {ended}", run.tick
+        )
+    return OrderMismatch(turn.loc, f"{_wanted(turn)} is expected, but {run.path} starts", run.tick)
 
 
-def _fits(turn: Turn, run: LeafRun) -> bool:
+def _fits(turn: ExpectedStart, run: LeafRun) -> bool:
     if not node_matches(turn.pattern, run.path):
         return False
     if not turn.outcome or turn.outcome in OUTCOMES:
@@ -124,12 +130,12 @@ def _fits(turn: Turn, run: LeafRun) -> bool:
     return bool(run.cause) and matches(turn.outcome, cause_named(run.cause))
 
 
-def _wanted(turn: Turn) -> str:
+def _wanted(turn: ExpectedStart) -> str:
     return f"{turn.pattern} with {turn.outcome}" if turn.outcome else turn.pattern
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class ExpectationMiss:
     """One thing that is otherwise than expected: where the file says so, and the tick in which it shows."""
 
     mark: Mark
@@ -144,27 +150,27 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class CaseOutcome:
     """How a case has ended."""
 
     ticks: int
     status: NodeStatus
     failure: FailureReport | None
-    tree: Tree
+    tree: BehaviourTree
     world: RehearsalWorld
 
 
-def differences(document: Document, case: Case, outcome: Outcome) -> tuple[Difference, ...]:
+def differences(document: Document, case: RehearsalCase, outcome: CaseOutcome) -> tuple[ExpectationMiss, ...]:
     """All that is otherwise than the case expects; what cannot be in any case comes first."""
     return tuple(_Comparison(document, case, outcome).all())
 
 
 class _Comparison:
-    def __init__(self, document: Document, case: Case, outcome: Outcome) -> None:
+    def __init__(self, document: Document, case: RehearsalCase, outcome: CaseOutcome) -> None:
         self._document, self._case, self._outcome = document, case, outcome
         self._trace = outcome.world.trace
 
-    def all(self) -> Iterator[Difference]:
+    def all(self) -> Iterator[ExpectationMiss]:
         expect, outcome = self._case.expect, self._outcome
         for sentence in outcome.world.contradictions:
             yield self._at(self._case.loc, f"this cannot be: {sentence}", outcome.ticks)
@@ -187,10 +193,10 @@ class _Comparison:
         for key, value in expect.blackboard.items():
             yield from self._blackboard(key, value, (*expect.loc, "blackboard", key))
 
-    def _at(self, loc: Location, message: str, tick: int | None = None) -> Difference:
-        return Difference(self._document.mark(loc), where(loc[2:]) or self._case.name, message, tick)
+    def _at(self, loc: Location, message: str, tick: int | None = None) -> ExpectationMiss:
+        return ExpectationMiss(self._document.mark(loc), where(loc[2:]) or self._case.name, message, tick)
 
-    def _end(self, expect: Expectation) -> Iterator[Difference]:
+    def _end(self, expect: Expectation) -> Iterator[ExpectationMiss]:
         outcome, failure = self._outcome, self._outcome.failure
         if expect.status is not None and outcome.status.value != expect.status:
             why = f": {failure.cause} at {failure.node}: {failure.message}" if failure else ""
@@ -203,7 +209,7 @@ class _Comparison:
         if expect.ticks is not None and expect.status is None and outcome.status is NodeStatus.RUNNING:
             yield self._at((*expect.loc, "ticks"), "the mission still runs", outcome.ticks)
 
-    def _handled(self, wanted: TakenUp) -> Iterator[Difference]:
+    def _handled(self, wanted: ExpectedHandling) -> Iterator[ExpectationMiss]:
         of_cause = [h for h in self._trace.handled if matches(wanted.cause, cause_named(h.cause))]
         found = [
             h
@@ -224,13 +230,13 @@ class _Comparison:
             message = f"{wanted.cause} is not taken up{by}: {got}"
             yield self._at(wanted.loc, message, other.tick if other else None)
 
-    def _facts(self, wanted: Mapping[str, object], loc: Location) -> Iterator[Difference]:
+    def _facts(self, wanted: Mapping[str, object], loc: Location) -> Iterator[ExpectationMiss]:
         facts = self._outcome.world.facts()
         for name, value in wanted.items():
             if not _same(facts.get(name), value):
                 yield self._at((*loc, name), f"it is {show(facts.get(name))}, not {show(value)}")
 
-    def _objects(self, expect: Expectation, loc: Location) -> Iterator[Difference]:
+    def _objects(self, expect: Expectation, loc: Location) -> Iterator[ExpectationMiss]:
         scene = self._outcome.world.scene
         for name, entry in expect.objects.items():
             known = scene.find(name)
@@ -244,7 +250,7 @@ class _Comparison:
                 if not _same(value, wanted):
                     yield self._at((*loc, name, field), f"it is {show(value)}, not {show(wanted)}")
 
-    def _blackboard(self, key: str, wanted: object, loc: Location) -> Iterator[Difference]:
+    def _blackboard(self, key: str, wanted: object, loc: Location) -> Iterator[ExpectationMiss]:
         owner, _, name = key.rpartition("/")
         spaces = namespaces(self._outcome.tree, owner)
         written = [space for space in spaces if space.has(name)]
@@ -257,7 +263,7 @@ class _Comparison:
                 return
 
 
-def namespaces(tree: Tree, owner: str) -> list[Namespace]:
+def namespaces(tree: BehaviourTree, owner: str) -> list[Namespace]:
     """Of the sub-trees that fit the pattern; of `Main` when it is empty."""
     root = cast("SubTree", tree.root)
     subtrees = [node for node in tree.nodes if isinstance(node, SubTree)]

@@ -8,34 +8,34 @@ from dataclasses import replace
 from typing import cast
 
 from ....files.expressions.expression import Expression
-from ....files.marks import Fault, FileError, Mark
+from ....files.marks import Diagnostic, FileError, Mark
 from ....trees.mission import MAIN, Assignment, Mission, NodeSpec, TreeSpec
 from ....trees.node import Node
 from ....trees.ports import PortDeclaration
 from ....trees.values.port_types import PortType
 from ....trees.values.references import Binding, Constant, Reference
 from ..format import btcpp_vocabulary, tree_nodes_model
-from ..format.btcpp_vocabulary import Row, indexes_text, table_text
+from ..format.btcpp_vocabulary import SlotRow, indexes_text, table_text
 from ..format.element import Comments, Element
 from ..format.literal_text import is_pointer, value_text
-from .script_export import Unsayable, assignments_script, constant_script, expression_text, script
+from .script_export import NotExpressible, assignments_script, constant_script, expression_text, script
 from .xml_writer import to_text, unfit
 
 
 def mission_to_xml(mission: Mission) -> str:
     """The mission as the text of an XML file. Raises FileError with all that cannot be written there."""
-    exporter = Exporter(mission)
+    exporter = XmlExporter(mission)
     root = exporter.root()
     if exporter.faults:
         raise FileError(exporter.faults)
     return to_text(root)
 
 
-class Exporter:
+class XmlExporter:
     """Turns the trees of one mission into elements."""
 
     def __init__(self, mission: Mission) -> None:
-        self.faults: list[Fault] = []
+        self.faults: list[Diagnostic] = []
         self._mission = mission
         self._comments = Comments(mission.text)
         self._models: dict[str, Element] = {}
@@ -132,7 +132,7 @@ class Exporter:
         children: list[Element] = []
         for key, filled in spec.slots.items():
             slot = node.declaration.slot(key)
-            rows = [Row(label, len(children) + index) for index, (label, _) in enumerate(filled)]
+            rows = [SlotRow(label, len(children) + index) for index, (label, _) in enumerate(filled)]
             if slot is not None and key != "do":
                 table = slot.arity == "table"
                 attributes[key] = table_text(rows) if table else indexes_text(row.child for row in rows)
@@ -165,7 +165,7 @@ class Exporter:
             return Element(
                 "ScriptCondition", {**self._named(spec, "ScriptCondition"), "code": script(expression)}
             )
-        except Unsayable:
+        except NotExpressible:
             self._use(btcpp_vocabulary.CHECK, tree_nodes_model.check_model)
             return Element(
                 btcpp_vocabulary.CHECK, {**self._named(spec, btcpp_vocabulary.CHECK), "if": expression.text}
@@ -179,7 +179,7 @@ class Exporter:
             value = bound.value
             text = value_text(value, PortType("any"))
             if text != value:
-                with suppress(Unsayable):
+                with suppress(NotExpressible):
                     return Element("Script", {**named, "code": constant_script(key, value)})
             self._check_text(text, "port 'value'", spec.places.get("value", spec.mark), trail)
         else:
@@ -253,7 +253,7 @@ class Exporter:
             said = {key: script(expression) for key, expression in spec.preconditions.items()}
             said |= {key: assignments_script(given) for key, given in spec.postconditions.items()}
             return _with(element, said)
-        except Unsayable:
+        except NotExpressible:
             self._use(btcpp_vocabulary.GUARDED, tree_nodes_model.guarded_model)
             ours = {
                 btcpp_vocabulary.GUARDS[key]: expression.text
@@ -298,7 +298,7 @@ class Exporter:
                     self._fault(mark, "", message, "leave it out", code="P924")
 
     def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
-        self.faults.append(Fault(mark, trail, message, hint, code))
+        self.faults.append(Diagnostic(mark, trail, message, hint, code))
 
 
 def _with(element: Element, attributes: Mapping[str, str]) -> Element:

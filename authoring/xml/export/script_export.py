@@ -13,10 +13,10 @@ from ....files.expressions.syntax_tree import (
     Arithmetic,
     Attribute,
     Call,
-    Choice,
-    Comparison,
+    ComparisonChain,
+    Conditional,
     ListOf,
-    Literally,
+    LiteralValue,
     Logic,
     Name,
     Not,
@@ -33,12 +33,12 @@ _CHOICE, _OR, _AND, _NOT, _RELATION, _SUM, _PRODUCT, _SIGN, _VALUE = range(9)
 def expression_text(part: Part) -> str:
     """A text that parses to the same parts."""
     match part:
-        case Literally(value=value):
+        case LiteralValue(value=value):
             return literal_text(value)
         case Name(name=name):
             return name
         case Attribute(owner=owner, name=name):
-            number = isinstance(owner, Literally) and type(owner.value) in (int, float)
+            number = isinstance(owner, LiteralValue) and type(owner.value) in (int, float)
             return f"({expression_text(owner)}).{name}" if number else f"{_within(owner, _VALUE)}.{name}"
         case Not(operand=operand):
             return f"not {_within(operand, _NOT)}"
@@ -47,14 +47,14 @@ def expression_text(part: Part) -> str:
         case Arithmetic(symbol=symbol, left=left, right=right):
             binding = _binding(part)
             return f"{_within(left, binding)} {symbol} {_within(right, binding + 1)}"
-        case Comparison(first=first, rest=rest):
+        case ComparisonChain(first=first, rest=rest):
             words = [_within(first, _SUM)]
             for related in rest:
                 words += [related.relation, _within(related.operand, _SUM)]
             return " ".join(words)
         case Logic(symbol=symbol, parts=parts):
             return f" {symbol} ".join(_within(lower, _binding(part) + 1) for lower in parts)
-        case Choice(test=test, yes=yes, no=no):
+        case Conditional(test=test, yes=yes, no=no):
             return f"{_within(yes, _OR)} if {_within(test, _OR)} else {_within(no, _CHOICE)}"
         case ListOf(items=items):
             return f"[{', '.join(map(expression_text, items))}]"
@@ -84,13 +84,13 @@ def _within(part: Part, least: int) -> str:
 
 def _binding(part: Part) -> int:
     match part:
-        case Choice():
+        case Conditional():
             return _CHOICE
         case Logic(symbol=symbol):
             return _OR if symbol == "or" else _AND
         case Not():
             return _NOT
-        case Comparison():
+        case ComparisonChain():
             return _RELATION
         case Arithmetic(symbol=symbol):
             return _SUM if symbol in ("+", "-") else _PRODUCT
@@ -104,7 +104,7 @@ LARGEST = 2**63 - 1
 _LOGIC = {"and": "&&", "or": "||"}
 
 
-class Unsayable(Exception):
+class NotExpressible(Exception):
     """BehaviorTree.CPP's scripts cannot say it; the text tells why."""
 
 
@@ -122,7 +122,7 @@ def constant_script(key: str, value: object) -> str:
     """`key := value` for a scalar. Raises Unsayable."""
     _check_name(key)
     if not isinstance(value, str | int | float | bool):
-        raise Unsayable("there are no lists and mappings")
+        raise NotExpressible("there are no lists and mappings")
     return f"{key} := {_literal(value)}"
 
 
@@ -132,17 +132,17 @@ def _literal(value: str | int | float | bool | None) -> str:
             return "true" if value else "false"
         case int():
             if abs(value) > LARGEST:
-                raise Unsayable("the number is too large")
+                raise NotExpressible("the number is too large")
             return str(value)
         case float():
             return repr(value)
         case str():
             quote = '"' if "'" in value else "'"
             if quote in value or not value.isascii() or not value.isprintable():
-                raise Unsayable("a text with such characters")
+                raise NotExpressible("a text with such characters")
             return quote + value + quote
         case None:
-            raise Unsayable("there is no null")
+            raise NotExpressible("there is no null")
 
 
 def _assignment(assignment: Assignment) -> str:
@@ -152,7 +152,7 @@ def _assignment(assignment: Assignment) -> str:
 
 def _text(part: Part) -> str:
     match part:
-        case Literally(value=value):
+        case LiteralValue(value=value):
             return _literal(value)
         case Name(name=name):
             _check_name(name)
@@ -163,26 +163,26 @@ def _text(part: Part) -> str:
             return f"-{_atom(operand)}"
         case Arithmetic(symbol="+" | "-" | "*" | "/" as symbol, left=left, right=right):
             return f"{_left_operand(symbol, left)} {symbol} {_operand(symbol, right)}"
-        case Comparison(first=first, rest=rest):
+        case ComparisonChain(first=first, rest=rest):
             words = [_compared(first)]
             for related in rest:
                 if related.relation in ("in", "not in"):
-                    raise Unsayable(f"there is no {related.relation!r}")
+                    raise NotExpressible(f"there is no {related.relation!r}")
                 words += [related.relation, _compared(related.operand)]
             return " ".join(words)
         case Logic(symbol=symbol, parts=parts):
             return f" {_LOGIC[symbol]} ".join(_in_logic(lower) for lower in parts)
-        case Choice(test=test, yes=yes, no=no):
+        case Conditional(test=test, yes=yes, no=no):
             return f"{_in_logic(test)} ? {_in_logic(yes)} : {_in_logic(no)}"
         case _:
-            raise Unsayable("there are no attributes, lists, functions and other operators")
+            raise NotExpressible("there are no attributes, lists, functions and other operators")
 
 
 def _check_name(name: str) -> None:
     if name in FACTS:
-        raise Unsayable(f"{name!r} is a fact of the world, not a key of the blackboard")
+        raise NotExpressible(f"{name!r} is a fact of the world, not a key of the blackboard")
     if name.startswith(("true", "false")):
-        raise Unsayable(f"{name!r} begins like a constant")
+        raise NotExpressible(f"{name!r} begins like a constant")
 
 
 def _bracketed(part: Part) -> str:
@@ -190,7 +190,7 @@ def _bracketed(part: Part) -> str:
 
 
 def _atom(part: Part) -> str:
-    return _text(part) if isinstance(part, Literally | Name) else _bracketed(part)
+    return _text(part) if isinstance(part, LiteralValue | Name) else _bracketed(part)
 
 
 def _operand(symbol: str, part: Part) -> str:
@@ -210,4 +210,4 @@ def _compared(part: Part) -> str:
 
 
 def _in_logic(part: Part) -> str:
-    return _text(part) if isinstance(part, Comparison | Arithmetic | Not | Sign) else _atom(part)
+    return _text(part) if isinstance(part, ComparisonChain | Arithmetic | Not | Sign) else _atom(part)

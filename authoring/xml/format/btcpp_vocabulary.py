@@ -10,27 +10,27 @@ _ENTRY = re.compile(r"\s*((?:[^\\;=]|\\.)*?)\s*=\s*(\d{1,6})\s*(?:;|$)")
 _SPECIAL = re.compile(r"[\\;=]")
 
 
-class Row(NamedTuple):
+class SlotRow(NamedTuple):
     """A label of a table and the index, from 0, of the child that stands there."""
 
     label: str
     child: int
 
 
-def table_text(rows: Iterable[Row]) -> str:
+def table_text(rows: Iterable[SlotRow]) -> str:
     escaped = ((_SPECIAL.sub(r"\\\g<0>", row.label), row.child) for row in rows)
     return "; ".join(f"{label}={child}" for label, child in escaped)
 
 
-def read_table(text: str) -> tuple[Row, ...]:
+def read_table(text: str) -> tuple[SlotRow, ...]:
     """Raises ValueError."""
-    rows: list[Row] = []
+    rows: list[SlotRow] = []
     at = 0
     while at < len(text):
         match = _ENTRY.match(text, at)
         if match is None or not match[1]:
             raise ValueError(f"{text[at : at + 30]!r} is not 'label=child'")
-        rows.append(Row(re.sub(r"\\(.)", r"\1", match[1]), int(match[2])))
+        rows.append(SlotRow(re.sub(r"\\(.)", r"\1", match[1]), int(match[2])))
         at = match.end()
     return tuple(rows)
 

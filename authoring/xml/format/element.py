@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from ....files.marks import Mark
-from ....files.yaml.reader import Node, Value
+from ....files.yaml.reader import Value, YamlNode
 from .btcpp_vocabulary import ELEMENTS
 
 _COMMENT = re.compile(r"\s*#+\s?(.*?)\s*")
@@ -54,59 +54,61 @@ Scalar = str | int | float | bool | None
 
 
 @dataclass(slots=True)
-class Entry:
+class MarkedEntry:
     """A key and its value."""
 
     key: str
     mark: Mark
-    value: Marked
+    value: MarkedValue
 
 
 @dataclass(slots=True)
-class Marked:
+class MarkedValue:
     """A scalar, or with `entries` a mapping, or with `items` a list; `comments` stand above it."""
 
     mark: Mark
     scalar: Scalar = None
-    items: list[Marked] | None = None
-    entries: list[Entry] | None = None
+    items: list[MarkedValue] | None = None
+    entries: list[MarkedEntry] | None = None
     comments: tuple[str, ...] = field(default=())
 
     @classmethod
-    def mapping(cls, mark: Mark) -> Marked:
+    def mapping(cls, mark: Mark) -> MarkedValue:
         return cls(mark, entries=[])
 
-    def put(self, key: str, value: Marked | Scalar, mark: Mark | None = None) -> None:
+    def put(self, key: str, value: MarkedValue | Scalar, mark: Mark | None = None) -> None:
         """Add to a mapping; a bare scalar gets the place of its key."""
         assert self.entries is not None
-        at = mark or (value.mark if isinstance(value, Marked) else self.mark)
-        given = value if isinstance(value, Marked) else Marked(at, value)
-        self.entries.append(Entry(key, at, given))
+        at = mark or (value.mark if isinstance(value, MarkedValue) else self.mark)
+        given = value if isinstance(value, MarkedValue) else MarkedValue(at, value)
+        self.entries.append(MarkedEntry(key, at, given))
 
-    def get(self, key: str) -> Marked | None:
+    def get(self, key: str) -> MarkedValue | None:
         return next((entry.value for entry in self.entries or () if entry.key == key), None)
 
-    def node(self) -> Node:
+    def node(self) -> YamlNode:
         """As the reader of YAML would have it."""
         if self.items is not None:
             items = [item.node() for item in self.items]
-            return Node([item.value for item in items], self.mark, items=items)
+            return YamlNode([item.value for item in items], self.mark, items=items)
         if self.entries is not None:
             entries = {entry.key: entry.value.node() for entry in self.entries}
             value: Value = {key: node.value for key, node in entries.items()}
-            return Node(value, self.mark, entries=entries, keys={e.key: e.mark for e in self.entries})
-        return Node(_plain(self.scalar), self.mark)
+            return YamlNode(value, self.mark, entries=entries, keys={e.key: e.mark for e in self.entries})
+        return YamlNode(_plain(self.scalar), self.mark)
 
 
-def from_value(value: Value, mark: Mark) -> Marked:
+def from_value(value: Value, mark: Mark) -> MarkedValue:
     """A plain value, all of it at one place."""
     match value:
         case list():
-            return Marked(mark, items=[from_value(item, mark) for item in value])
+            return MarkedValue(mark, items=[from_value(item, mark) for item in value])
         case dict():
-            return Marked(mark, entries=[Entry(str(k), mark, from_value(v, mark)) for k, v in value.items()])
+            return MarkedValue(
+                mark, entries=[MarkedEntry(str(k), mark, from_value(v, mark)) for k, v in value.items()]
+            )
         case _:
-            return Marked(mark, value)
+            return MarkedValue(mark, value)
 
 
 def _plain(value: Scalar) -> Value:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
-from ....files.expressions.syntax_tree import Literally
-from ....files.marks import Fault, Mark
-from ....files.value_wording import nearest
+from ....files.expressions.syntax_tree import LiteralValue
+from ....files.marks import Diagnostic, Mark
+from ....files.value_wording import suggest_name
 from ....trees.declaration import POSTCONDITIONS, PRECONDITIONS
 from ....trees.values.port_types import PortType
 from ..export.script_export import expression_text
 from ..format import btcpp_vocabulary
-from ..format.element import Element, Marked, Scalar, from_value
+from ..format.element import Element, MarkedValue, Scalar, from_value
 from ..format.literal_text import is_pointer, read_value
 from .script_import import ScriptError, read_expression, read_statements
 
@@ -20,28 +20,28 @@ CONDITIONS = (*PRECONDITIONS, *POSTCONDITIONS)
 
 
 @dataclass(slots=True)
-class Draft:
+class NodeDraft:
     """`keys` are those that the node's class knows: a child of such an ID must stand under `do:`."""
 
     id: str
     mark: Mark
-    body: Marked
+    body: MarkedValue
     keys: Collection[str] = ()
     comments: tuple[str, ...] = field(default=())
 
     @classmethod
-    def of(cls, identity: str, mark: Mark, keys: Collection[str] = ()) -> Draft:
-        return cls(identity, mark, Marked.mapping(mark), keys)
+    def of(cls, identity: str, mark: Mark, keys: Collection[str] = ()) -> NodeDraft:
+        return cls(identity, mark, MarkedValue.mapping(mark), keys)
 
-    def put(self, key: str, value: Marked | Scalar, mark: Mark | None = None) -> None:
+    def put(self, key: str, value: MarkedValue | Scalar, mark: Mark | None = None) -> None:
         self.body.put(key, value, mark)
 
-    def guarded(self, key: str, condition: str, mark: Mark) -> Draft:
+    def guarded(self, key: str, condition: str, mark: Mark) -> NodeDraft:
         """The node with one more condition, asked before its own."""
         if any(self.body.get(known) for known in CONDITIONS):
-            outer = Draft.of("Sequence", self.mark)
+            outer = NodeDraft.of("Sequence", self.mark)
             outer.put(key, condition, mark)
-            outer.put("do", Marked(self.mark, items=[self.written()]))
+            outer.put("do", MarkedValue(self.mark, items=[self.written()]))
             return outer
         entries = self.body.entries or []
         self.body.entries = [entry for entry in entries if entry.key == "name"]
@@ -49,18 +49,18 @@ class Draft:
         self.body.entries += [entry for entry in entries if entry.key != "name"]
         return self
 
-    def written(self) -> Marked:
+    def written(self) -> MarkedValue:
         """In the shortest of the ways in which a mission may write it."""
         entries = self.body.entries or []
         if not entries:
-            return Marked(self.mark, self.id, comments=self.comments)
+            return MarkedValue(self.mark, self.id, comments=self.comments)
         body = self.body
         if len(entries) == 1 and entries[0].key == "do":
             child = entries[0].value
             named = child.entries[0].key if child.entries is not None and len(child.entries) == 1 else ""
             if named not in (*self.keys, "do"):
                 body = child
-        whole = Marked.mapping(self.mark)
+        whole = MarkedValue.mapping(self.mark)
         whole.comments = self.comments
         whole.put(self.id, body, self.mark)
         return whole
@@ -81,34 +81,34 @@ class Attributes:
     """Reads attributes and keeps what is wrong with them."""
 
     def __init__(self) -> None:
-        self.faults: list[Fault] = []
+        self.faults: list[Diagnostic] = []
 
     def fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
-        self.faults.append(Fault(mark, trail, message, hint, code))
+        self.faults.append(Diagnostic(mark, trail, message, hint, code))
 
     def port(
-        self, draft: Draft, key: str, kind: PortType, element: Element, attribute: str, trail: str
+        self, draft: NodeDraft, key: str, kind: PortType, element: Element, attribute: str, trail: str
     ) -> None:
         """Put the attribute's value under the port's key."""
         draft.put(key, self.value(element, attribute, kind, trail), element.place(attribute))
 
-    def value(self, element: Element, attribute: str, kind: PortType, trail: str) -> Marked:
+    def value(self, element: Element, attribute: str, kind: PortType, trail: str) -> MarkedValue:
         text, mark = element.get(attribute), element.place(attribute)
         if is_pointer(text) and kind.name != "expression":
             bare = text.strip(" ")
             if bare.startswith("{@"):
                 message = f"{attribute!r}: keys of the root's blackboard (@) have no counterpart"
                 self.fault(mark, trail, message, "pass the value through a port", code="P911")
-            return Marked(mark, f"{{{attribute}}}" if bare == "{=}" else bare)
+            return MarkedValue(mark, f"{{{attribute}}}" if bare == "{=}" else bare)
         try:
             return from_value(read_value(text, kind), mark)
         except ValueError as error:
             self.fault(mark, trail, f"{attribute!r}: {error}", code="P911")
-            return Marked(mark, text)
+            return MarkedValue(mark, text)
 
     def no_port(self, element: Element, key: str, identity: str, known: Iterable[str], trail: str) -> None:
         message = f"{identity} has no port {key!r}"
-        self.fault(element.place(key), trail, message, nearest(key, known), code="P908")
+        self.fault(element.place(key), trail, message, suggest_name(key, known), code="P908")
 
     def only(self, element: Element, known: tuple[str, ...], trail: str) -> None:
         """Refuse the attributes that a node of BehaviorTree.CPP does not have."""
@@ -132,7 +132,7 @@ class Attributes:
             message = f"{identity} has {count} children; it takes {words}"
             self.fault(element.mark, trail, message, hint, code="P909")
 
-    def common(self, element: Element, draft: Draft, trail: str) -> None:
+    def common(self, element: Element, draft: NodeDraft, trail: str) -> None:
         draft.comments = (*element.comments, *draft.comments)
         name = element.get(btcpp_vocabulary.OWN_NAME) or element.get("name")
         entries = draft.body.entries
@@ -162,7 +162,7 @@ class Attributes:
         except ScriptError as error:
             self.script_fault(element, attribute, error, trail)
             return True
-        if isinstance(part, Literally) and isinstance(part.value, bool):
+        if isinstance(part, LiteralValue) and isinstance(part.value, bool):
             return part.value
         return expression_text(part)
 

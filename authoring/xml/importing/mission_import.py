@@ -11,19 +11,19 @@ from pathlib import Path
 from typing import cast
 
 from ....errors import PicktreeError
-from ....files.marks import Fault, FileError
+from ....files.marks import Diagnostic, FileError
 from ....files.yaml.document import Document, read_document
 from ....files.yaml.reader import Value, resolve
 from ....trees.loading.loader import examine
-from ....trees.loading.registry import Registry
+from ....trees.loading.registry import NodeRegistry
 from ....trees.mission import MAIN, Mission
-from ..export.mission_export import Exporter
+from ..export.mission_export import XmlExporter
 from ..format import btcpp_vocabulary
-from ..format.element import Element, Entry, Marked, Scalar
-from .attributes import Draft
-from .node_import import NodeReader
+from ..format.element import Element, MarkedEntry, MarkedValue, Scalar
+from .attributes import NodeDraft
+from .node_import import XmlNodeReader
 from .port_import import PortsOfTrees, TreePort
-from .source import Source, read_source
+from .source import XmlSource, read_source
 
 WIDTH = 108
 """Of a line; what fits is written in one."""
@@ -33,7 +33,7 @@ _PLAIN = re.compile(r"[A-Za-z_](?:[\w./<>=+*()!%' ;-]*[\w./<>=+*()!%';-])?", re.
 _IN_QUOTES = re.compile(r"[ !#-\[\]-~\u00a1-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]*")
 
 
-def mission_text(document: Marked) -> str:
+def mission_text(document: MarkedValue) -> str:
     """The whole file: the head, then each tree after an empty line."""
     lines = [f"# {comment}" for comment in document.comments]
     for entry in document.entries or ():
@@ -88,7 +88,7 @@ def _code(match: re.Match[str]) -> str:
     return f"\\u{ord(match[0]):04x}" if ord(match[0]) < 0x10000 else f"\\U{ord(match[0]):08x}"
 
 
-def _entry(entry: Entry, indent: str) -> Iterator[str]:
+def _entry(entry: MarkedEntry, indent: str) -> Iterator[str]:
     """`key: value`, in a line or as a block."""
     for comment in entry.value.comments:
         yield f"{indent}# {comment}"
@@ -103,7 +103,7 @@ def _entry(entry: Entry, indent: str) -> Iterator[str]:
         yield f"{indent}{key}: {_flow(entry.value)}"
 
 
-def _block(value: Marked, indent: str) -> Iterator[str]:
+def _block(value: MarkedValue, indent: str) -> Iterator[str]:
     for entry in value.entries or ():
         yield from _entry(entry, indent)
     for item in value.items or ():
@@ -123,40 +123,40 @@ def _block(value: Marked, indent: str) -> Iterator[str]:
             yield f"{indent}- {_flow(item)}"
 
 
-def _is_children(entry: Entry) -> bool:
+def _is_children(entry: MarkedEntry) -> bool:
     """Whether several children stand there, which are read from top to bottom."""
     several = entry.value.items is not None and len(entry.value.items) > 1
     nodes = several and any(item.entries is not None for item in entry.value.items or ())
     return nodes and (entry.key == "do" or entry.key[:1].isupper())
 
 
-def _line(value: Marked) -> str | None:
+def _line(value: MarkedValue) -> str | None:
     """The value in one line, None when that is not read well."""
     if _commented(value) or _mappings(value) > _MOST_IN_LINE or _has_children(value):
         return None
     return _flow(value)
 
 
-def _commented(value: Marked) -> bool:
+def _commented(value: MarkedValue) -> bool:
     return any(below.comments or _commented(below) for below in _below(value))
 
 
-def _has_children(value: Marked) -> bool:
+def _has_children(value: MarkedValue) -> bool:
     return any(_is_children(entry) for entry in value.entries or ()) or any(
         _has_children(below) for below in _below(value)
     )
 
 
-def _mappings(value: Marked) -> int:
+def _mappings(value: MarkedValue) -> int:
     return (value.entries is not None) + sum(_mappings(below) for below in _below(value))
 
 
-def _below(value: Marked) -> Iterator[Marked]:
+def _below(value: MarkedValue) -> Iterator[MarkedValue]:
     yield from value.items or ()
     yield from (entry.value for entry in value.entries or ())
 
 
-def _flow(value: Marked) -> str:
+def _flow(value: MarkedValue) -> str:
     if value.items is not None:
         return f"[{', '.join(map(_flow, value.items))}]"
     if value.entries is not None:
@@ -169,20 +169,20 @@ _ONE = ("name", "scene", "goal")
 _MANY = ("include", "plugins")
 
 
-def xml_to_mission(text: str, path: Path, registry: Registry | None = None) -> str:
+def xml_to_mission(text: str, path: Path, registry: NodeRegistry | None = None) -> str:
     """The XML text as the text of a mission file; `path` says what lies beside it.
 
     Raises FileError with all that is wrong with it, or cannot be said in a mission.
     """
-    return _Importer(text, path, (registry or Registry()).copy()).text()
+    return _Importer(text, path, (registry or NodeRegistry()).copy()).text()
 
 
 class _Importer:
-    def __init__(self, text: str, path: Path, registry: Registry) -> None:
+    def __init__(self, text: str, path: Path, registry: NodeRegistry) -> None:
         self._text = text
         self._path = path
         self._registry = registry
-        self._source: Source = read_source(text, path)
+        self._source: XmlSource = read_source(text, path)
         self._refuse(self._source.faults)
 
     def text(self) -> str:
@@ -202,24 +202,24 @@ class _Importer:
         assert read_document(written, self._path, "mission").data == data
         return written
 
-    def _refuse(self, faults: Iterable[Fault]) -> None:
+    def _refuse(self, faults: Iterable[Diagnostic]) -> None:
         found = tuple(faults)
         if any(fault.severity == "error" for fault in found):
             raise FileError(found)
 
-    def _document(self) -> Marked:
+    def _document(self) -> MarkedValue:
         source = self._source
         ports = PortsOfTrees(source, self._registry)
         declared = ports.find()
-        reader = NodeReader(self._registry, declared, self._called)
-        trees = Marked.mapping(source.root.mark)
+        reader = XmlNodeReader(self._registry, declared, self._called)
+        trees = MarkedValue.mapping(source.root.mark)
         for name, element in source.trees.items():
             if name not in source.included and element.children:
                 root = reader.node(element.children[0], self._called(name))
                 body = _tree(root, declared[name], element)
                 trees.put(self._called(name), body, element.place("ID"))
         self._refuse([*self._twice(), *ports.faults, *reader.faults])
-        whole = Marked.mapping(source.root.mark)
+        whole = MarkedValue.mapping(source.root.mark)
         whole.comments = source.root.comments
         self._head(whole)
         whole.put("trees", trees)
@@ -229,13 +229,13 @@ class _Importer:
         """The tree's name in the mission, which begins with `Main`."""
         return MAIN if name == self._source.main else name
 
-    def _twice(self) -> Iterable[Fault]:
+    def _twice(self) -> Iterable[Diagnostic]:
         other = self._source.trees.get(MAIN)
         if other is not None and self._source.main not in ("", MAIN):
             message = f"a mission begins with {MAIN!r}, which is {self._source.main!r} here"
-            yield Fault(other.place("ID"), MAIN, message, "give this tree another name", "P914")
+            yield Diagnostic(other.place("ID"), MAIN, message, "give this tree another name", "P914")
 
-    def _head(self, whole: Marked) -> None:
+    def _head(self, whole: MarkedValue) -> None:
         whole.put("picktree", 1)
         whole.put("kind", "mission")
         if self._source.main == "":
@@ -246,41 +246,41 @@ class _Importer:
         for key in _MANY:
             said = self._source.said(key)
             if said:
-                items = [Marked(one.mark, one.value) for one in said]
-                whole.put(key, Marked(said[0].mark, items=items), said[0].mark)
+                items = [MarkedValue(one.mark, one.value) for one in said]
+                whole.put(key, MarkedValue(said[0].mark, items=items), said[0].mark)
 
-    def _changed(self, mission: Mission) -> Iterable[Fault]:
+    def _changed(self, mission: Mission) -> Iterable[Diagnostic]:
         """Trees that the mission takes from other files, where the XML says something else."""
-        exporter = Exporter(mission)
+        exporter = XmlExporter(mission)
         for name in sorted(self._source.included):
             given, tree = self._source.trees.get(name), mission.trees.get(name)
             if given is None:
                 continue
             if tree is None:
                 message = f"none of the included files holds the tree {name!r}"
-                yield Fault(
+                yield Diagnostic(
                     given.place("ID"), name, message, "name its file in the metadata 'include'", "P916"
                 )
             elif _bare(exporter.tree(tree)) != _bare(given):
                 message = f"the tree {name!r} says something else than the included {tree.mark.file}"
                 hint = "change that file, or give the tree another name here"
-                yield Fault(given.place("ID"), name, message, hint, "P916")
+                yield Diagnostic(given.place("ID"), name, message, hint, "P916")
 
 
-def _tree(root: Draft, ports: tuple[TreePort, ...], element: Element) -> Marked:
+def _tree(root: NodeDraft, ports: tuple[TreePort, ...], element: Element) -> MarkedValue:
     """What stands under the tree's name."""
     written = root.written()
     if not ports:
         written.comments = (*element.comments, *written.comments)
         return written
-    body = Marked.mapping(element.mark)
+    body = MarkedValue.mapping(element.mark)
     body.comments = element.comments
-    declared = Marked.mapping(element.mark)
+    declared = MarkedValue.mapping(element.mark)
     for port in ports:
         declared.put(port.key, port.declared(), port.mark)
     body.put("ports", declared)
     if written.entries is None:
-        body.put(root.id, Marked.mapping(root.mark))
+        body.put(root.id, MarkedValue.mapping(root.mark))
     else:
         body.put(root.id, written.entries[0].value, written.mark)
     return body

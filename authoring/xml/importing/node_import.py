@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from ....files.value_wording import nearest
+from ....files.value_wording import suggest_name
 from ....trees.declaration import NodeDeclaration
-from ....trees.loading.registry import Registry
+from ....trees.loading.registry import NodeRegistry
 from ....trees.slots import SlotDeclaration
 from ..format import btcpp_vocabulary
-from ..format.btcpp_vocabulary import Row, read_indexes, read_table
-from ..format.element import Element, Marked
-from .attributes import COMMON, Attributes, Draft
+from ..format.btcpp_vocabulary import SlotRow, read_indexes, read_table
+from ..format.element import Element, MarkedValue
+from .attributes import COMMON, Attributes, NodeDraft
 from .port_import import TreePort
 from .translations import Translations
 
 
-class NodeReader(Attributes):
+class XmlNodeReader(Attributes):
     """Reads elements; `trees` are the ports of the sub-trees, `called` their names in the mission."""
 
     def __init__(
-        self, registry: Registry, trees: Mapping[str, tuple[TreePort, ...]], called: Callable[[str], str]
+        self, registry: NodeRegistry, trees: Mapping[str, tuple[TreePort, ...]], called: Callable[[str], str]
     ) -> None:
         super().__init__()
         self._registry = registry
@@ -28,14 +28,14 @@ class NodeReader(Attributes):
         self._called = called
         self._translations = Translations(self)
 
-    def node(self, element: Element, above: str) -> Draft:
+    def node(self, element: Element, above: str) -> NodeDraft:
         """One element and all below it."""
         identity = element.identity
         if not identity:
             message = f"<{element.name}> needs the attribute 'ID'"
             hint = 'as <ScriptCondition code="…"/>' if element.name == "Condition" else ""
             self.fault(element.mark, above, message, hint, code="P905")
-            return Draft.of("AlwaysSuccess", element.mark)
+            return NodeDraft.of("AlwaysSuccess", element.mark)
         trail = f"{above}/{element.get('name') or identity}"
         if element.text:
             message = f"the text {element.text[:30]!r} has no meaning here"
@@ -48,15 +48,15 @@ class NodeReader(Attributes):
         self.common(element, draft, trail)
         return draft
 
-    def slot_value(self, child: Element, label: str, trail: str) -> Marked:
+    def slot_value(self, child: Element, label: str, trail: str) -> MarkedValue:
         """A child in a slot of its own; a Sequence that is called as its place is written as a list."""
         if child.name == "Sequence" and dict(child.attributes) == {"name": label} and child.children:
             below = f"{trail}/{label}"
             items = [self.node(grandchild, below).written() for grandchild in child.children]
-            return Marked(child.mark, items=items, comments=child.comments)
+            return MarkedValue(child.mark, items=items, comments=child.comments)
         return self.node(child, trail).written()
 
-    def _draft(self, element: Element, identity: str, trail: str) -> Draft:
+    def _draft(self, element: Element, identity: str, trail: str) -> NodeDraft:
         if element.name == "SubTree":
             return self._subtree(element, identity, trail)
         node = self._registry.find(identity)
@@ -71,7 +71,7 @@ class NodeReader(Attributes):
         self._unknown(element, identity, trail)
         for child in element.children:
             self.node(child, trail)
-        return Draft.of("AlwaysSuccess", element.mark)
+        return NodeDraft.of("AlwaysSuccess", element.mark)
 
     def _unknown(self, element: Element, identity: str, trail: str) -> None:
         mark = element.place("ID")
@@ -83,11 +83,11 @@ class NodeReader(Attributes):
             self.fault(mark, trail, f"unknown node {identity!r}", hint, code="P906")
         else:
             known = (*self._registry.ids(), *btcpp_vocabulary.TRANSLATED)
-            hint = nearest(identity, known)
+            hint = suggest_name(identity, known)
             self.fault(mark, trail, f"unknown node {identity!r}", hint, code="P906")
 
-    def _declared(self, element: Element, declaration: NodeDeclaration, trail: str) -> Draft:
-        draft = Draft.of(declaration.id, element.mark, declaration.keys)
+    def _declared(self, element: Element, declaration: NodeDeclaration, trail: str) -> NodeDraft:
+        draft = NodeDraft.of(declaration.id, element.mark, declaration.keys)
         slots = [slot for slot in declaration.slots if slot.key != "do"]
         for key in element.attributes:
             port = declaration.port(key)
@@ -101,7 +101,7 @@ class NodeReader(Attributes):
 
     def _children(
         self,
-        draft: Draft,
+        draft: NodeDraft,
         element: Element,
         declaration: NodeDeclaration,
         slots: list[SlotDeclaration],
@@ -123,7 +123,7 @@ class NodeReader(Attributes):
                 draft.put("do", self.node(free[0], trail).written())
         elif main is not None and free:
             items = [self.node(child, trail).written() for child in free]
-            draft.put("do", Marked(element.mark, items=items))
+            draft.put("do", MarkedValue(element.mark, items=items))
         elif free:
             message = "no slot is given for some of the children"
             self.fault(free[0].mark, trail, message, f"'{slots[0].key}' names them", code="P915")
@@ -131,7 +131,7 @@ class NodeReader(Attributes):
             if rows[slot.key]:
                 self._slot(draft, slot, rows[slot.key], element, trail)
 
-    def _rows(self, element: Element, slot: SlotDeclaration, trail: str) -> tuple[Row, ...]:
+    def _rows(self, element: Element, slot: SlotDeclaration, trail: str) -> tuple[SlotRow, ...]:
         """Which children stand in the slot."""
         if slot.key not in element.attributes:
             return ()
@@ -139,7 +139,7 @@ class NodeReader(Attributes):
         try:
             if slot.arity == "table":
                 return read_table(text)
-            return tuple(Row("", child) for child in read_indexes(text))
+            return tuple(SlotRow("", child) for child in read_indexes(text))
         except ValueError as error:
             hint = "as 'grasp.*=1; control.*=2'" if slot.arity == "table" else "children are counted from 0"
             self.fault(element.place(slot.key), trail, f"{slot.key!r}: {error}", hint, code="P915")
@@ -154,16 +154,16 @@ class NodeReader(Attributes):
         return not wrong
 
     def _slot(
-        self, draft: Draft, slot: SlotDeclaration, rows: tuple[Row, ...], element: Element, trail: str
+        self, draft: NodeDraft, slot: SlotDeclaration, rows: tuple[SlotRow, ...], element: Element, trail: str
     ) -> None:
         mark = element.place(slot.key)
         if slot.arity == "one":
             draft.put(slot.key, self.slot_value(element.children[rows[0].child], slot.key, trail), mark)
         elif slot.arity == "many":
             items = [self.node(element.children[row.child], trail).written() for row in rows]
-            draft.put(slot.key, Marked(mark, items=items), mark)
+            draft.put(slot.key, MarkedValue(mark, items=items), mark)
         else:
-            table = Marked.mapping(mark)
+            table = MarkedValue.mapping(mark)
             for row in rows:
                 if table.get(row.label) is not None:
                     self.fault(mark, trail, f"{slot.key!r} names {row.label!r} twice", code="P915")
@@ -171,15 +171,15 @@ class NodeReader(Attributes):
                 table.put(row.label, self.slot_value(child, row.label, trail), child.mark)
             draft.put(slot.key, table, mark)
 
-    def _subtree(self, element: Element, identity: str, trail: str) -> Draft:
+    def _subtree(self, element: Element, identity: str, trail: str) -> NodeDraft:
         self.count(element, "SubTree", 0, 0, trail)
         if identity not in self._trees:
-            hint = nearest(identity, self._trees)
+            hint = suggest_name(identity, self._trees)
             self.fault(element.place("ID"), trail, f"there is no tree {identity!r}", hint, code="P913")
-            return Draft.of("AlwaysSuccess", element.mark)
+            return NodeDraft.of("AlwaysSuccess", element.mark)
         ports = {port.key: port for port in self._trees[identity]}
         left_out = element.get(btcpp_vocabulary.LEFT_OUT).split()
-        draft = Draft.of(self._called(identity), element.mark)
+        draft = NodeDraft.of(self._called(identity), element.mark)
         for key in element.attributes:
             if key in ports and key not in left_out:
                 self.port(draft, key, ports[key].kind, element, key, trail)

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ....files.expressions.syntax_tree import Name, walk
-from ....files.marks import Fault, Mark
-from ....trees.loading.registry import Registry
+from ....files.marks import Diagnostic, Mark
+from ....trees.loading.registry import NodeRegistry
 from ....trees.values.port_types import PortType
 from ....trees.values.references import Reference
 from ..format import btcpp_vocabulary, tree_nodes_model
-from ..format.element import Element, Marked, from_value
+from ..format.element import Element, MarkedValue, from_value
 from ..format.literal_text import is_pointer, read_value, type_name
 from .script_import import ScriptError, read_expression, read_statements
-from .source import Source
+from .source import XmlSource
 
 _PORTS: Mapping[str, Literal["in", "out"]] = {"input_port": "in", "output_port": "out", "inout_port": "in"}
 _CONDITIONS = ("_failureIf", "_successIf", "_skipIf", "_while")
@@ -30,20 +30,20 @@ class TreePort:
     mark: Mark
     direction: Literal["in", "out"] = "in"
     type: str = "any"
-    default: Marked | None = None
+    default: MarkedValue | None = None
     remapped: str = ""
     """The key of the caller that is meant when the call says nothing, with its braces."""
     doc: str = ""
     unit: str = ""
-    choices: Marked | None = None
+    choices: MarkedValue | None = None
 
     @property
     def kind(self) -> PortType:
         return PortType.parse(self.type)
 
-    def declared(self) -> Marked:
+    def declared(self) -> MarkedValue:
         """As it stands under `ports:`."""
-        entry = Marked.mapping(self.mark)
+        entry = MarkedValue.mapping(self.mark)
         entry.put("type", self.type)
         if self.direction == "out":
             entry.put("direction", "out")
@@ -61,10 +61,10 @@ class TreePort:
 class PortsOfTrees:
     """Finds the ports of all trees of a source."""
 
-    def __init__(self, source: Source, registry: Registry) -> None:
+    def __init__(self, source: XmlSource, registry: NodeRegistry) -> None:
         self._source = source
         self._registry = registry
-        self.faults: list[Fault] = []
+        self.faults: list[Diagnostic] = []
 
     def find(self) -> dict[str, tuple[TreePort, ...]]:
         calls = list(self._calls())
@@ -94,7 +94,7 @@ class PortsOfTrees:
             if direction is None or not key:
                 message = f"<{element.name}> is no port with a name"
                 hint = '<input_port name="…"/>, <output_port/> or <inout_port/>'
-                self.faults.append(Fault(element.mark, tree, message, hint, "P913"))
+                self.faults.append(Diagnostic(element.mark, tree, message, hint, "P913"))
                 continue
             yield self._port(tree, element, key, direction)
 
@@ -121,7 +121,7 @@ class PortsOfTrees:
             choices,
         )
 
-    def _value(self, tree: str, element: Element, attribute: str, kind: PortType) -> Marked | None:
+    def _value(self, tree: str, element: Element, attribute: str, kind: PortType) -> MarkedValue | None:
         if attribute not in element.attributes:
             return None
         mark = element.place(attribute)
@@ -129,7 +129,7 @@ class PortsOfTrees:
             return from_value(read_value(element.get(attribute), kind), mark)
         except ValueError as error:
             self.faults.append(
-                Fault(mark, tree, f"{attribute!r} of {element.get('name')!r}: {error}", code="P911")
+                Diagnostic(mark, tree, f"{attribute!r} of {element.get('name')!r}: {error}", code="P911")
             )
             return None
 

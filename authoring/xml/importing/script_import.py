@@ -9,14 +9,14 @@ from typing import Final, Literal, NoReturn, TypeAlias, cast
 
 from ....files.expressions.syntax_tree import (
     Arithmetic,
-    Choice,
-    Comparison,
-    Literally,
+    ComparisonChain,
+    ComparisonLink,
+    Conditional,
+    LiteralValue,
     Logic,
     Name,
     Not,
     Part,
-    Related,
     Relation,
     Sign,
 )
@@ -75,11 +75,13 @@ class Statement:
         match self.value:
             case Name(name=name):
                 return f"{{{name}}}"
-            case Literally(value=str() as text) if "{" in text:
+            case LiteralValue(value=str() as text) if "{" in text:
                 return None
-            case Literally(value=value):
+            case LiteralValue(value=value):
                 return value
-            case Sign(symbol="-", operand=Literally(value=int() | float() as number)) if number is not True:
+            case Sign(symbol="-", operand=LiteralValue(value=int() | float() as number)) if (
+                number is not True
+            ):
                 return -number
             case _:
                 return None
@@ -193,7 +195,7 @@ class _Parser:
         at = self._take().at
         yes = self._nested()
         self._expect(":")
-        return Choice(at, test, yes, self._logic())
+        return Conditional(at, test, yes, self._logic())
 
     def _nested(self) -> Part:
         self._depth += 1
@@ -217,14 +219,14 @@ class _Parser:
         return left
 
     def _comparison(self) -> Part:
-        first, rest = self._sum(), list[Related]()
+        first, rest = self._sum(), list[ComparisonLink]()
         at = self._token.at
         while self._is("==", "!=", "<", "<=", ">", ">="):
             token = self._take()
-            rest.append(Related(token.at, cast("Relation", token.text), self._sum()))
+            rest.append(ComparisonLink(token.at, cast("Relation", token.text), self._sum()))
         if self._is(*_NO_COUNTERPART):
             self._unexpected("")
-        return Comparison(at, first, tuple(rest)) if rest else first
+        return ComparisonChain(at, first, tuple(rest)) if rest else first
 
     def _sum(self) -> Part:
         left = self._product()
@@ -259,18 +261,18 @@ class _Parser:
         self._take()
         match token.kind:
             case "hex":
-                return Literally(token.at, int(token.text, 16))
+                return LiteralValue(token.at, int(token.text, 16))
             case "number":
                 whole = token.text.isdigit() and len(token.text) < 20
-                return Literally(token.at, int(token.text) if whole else float(token.text))
+                return LiteralValue(token.at, int(token.text) if whole else float(token.text))
             case "text":
-                return Literally(token.at, token.text[1:-1])
+                return LiteralValue(token.at, token.text[1:-1])
             case _:
                 return self._name(token)
 
     def _name(self, token: _Token) -> Part:
         if token.text in ("true", "false"):
-            return Literally(token.at, token.text == "true")
+            return LiteralValue(token.at, token.text == "true")
         if token.text.startswith("@"):
             raise ScriptError("keys of the root's blackboard (@) have no counterpart", token.at)
         if token.text in _OUR_WORDS:

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ....files.marks import Fault, FileError, Mark
+from ....files.marks import Diagnostic, FileError, Mark
 from ....files.shipped_files import is_file
-from ....files.value_wording import nearest
+from ....files.value_wording import suggest_name
 from ....files.yaml.document import read_text
 from ....trees.mission import MAIN
 from ..format import btcpp_vocabulary
@@ -23,7 +23,7 @@ _HEAD = ("picktree", "library", "name", "scene", "goal", "include", "plugins", I
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class MetadataEntry:
     """One entry of the metadata, as `scene="three_bins"`."""
 
     key: str
@@ -32,7 +32,7 @@ class Said:
 
 
 @dataclass(slots=True)
-class Source:
+class XmlSource:
     """What was found. `main` is the name of the tree to begin with; empty for a library."""
 
     root: Element
@@ -41,16 +41,16 @@ class Source:
     """The BehaviorTree elements by their ID."""
     models: dict[str, Element] = field(default_factory=dict[str, Element])
     """The SubTree elements of the models by their ID."""
-    head: list[Said] = field(default_factory=list[Said])
+    head: list[MetadataEntry] = field(default_factory=list[MetadataEntry])
     included: set[str] = field(default_factory=set[str])
     """Names of the trees that the mission takes from other mission files."""
-    faults: list[Fault] = field(default_factory=list[Fault])
+    faults: list[Diagnostic] = field(default_factory=list[Diagnostic])
 
-    def said(self, key: str) -> tuple[Said, ...]:
+    def said(self, key: str) -> tuple[MetadataEntry, ...]:
         return tuple(said for said in self.head if said.key == key)
 
 
-def read_source(text: str, path: Path) -> Source:
+def read_source(text: str, path: Path) -> XmlSource:
     """Raises FileError when the file cannot be read at all; else all else is in the faults."""
     root = read_xml(text, str(path))
     return _Reader(path, root).read()
@@ -59,10 +59,10 @@ def read_source(text: str, path: Path) -> Source:
 class _Reader:
     def __init__(self, path: Path, root: Element) -> None:
         self._path = path
-        self._source = Source(root)
+        self._source = XmlSource(root)
         self._files: dict[str, str] = {}
 
-    def read(self) -> Source:
+    def read(self) -> XmlSource:
         root = self._source.root
         self._file(root, self._path, (self._path.name,))
         if not self._source.faults:
@@ -70,7 +70,7 @@ class _Reader:
         return self._source
 
     def _fault(self, mark: Mark, trail: str, message: str, hint: str = "", *, code: str) -> None:
-        self._source.faults.append(Fault(mark, trail, message, hint, code))
+        self._source.faults.append(Diagnostic(mark, trail, message, hint, code))
 
     def _file(self, root: Element, path: Path, trail: tuple[str, ...]) -> None:
         if root.name != "root":
@@ -88,7 +88,7 @@ class _Reader:
         for name in root.attributes:
             known = ("BTCPP_format", "main_tree_to_execute")
             if name not in (*known, "project_name") and not name.startswith(("xmlns", "xsi:")):
-                hint = nearest(name, known)
+                hint = suggest_name(name, known)
                 self._fault(root.place(name), "root", f"<root> has no attribute {name!r}", hint, code="P908")
         self._no_text(root, "root")
         for part in root.children:
@@ -101,7 +101,7 @@ class _Reader:
                     self._include(part, path, trail)
                 case name:
                     message = f"<{name}> has no meaning under <root>"
-                    self._fault(part.mark, "root", message, nearest(name, _PARTS), code="P905")
+                    self._fault(part.mark, "root", message, suggest_name(name, _PARTS), code="P905")
         for second in root.all("TreeNodesModel")[1:]:
             self._fault(second.mark, "root", "a second <TreeNodesModel> in one file", code="P905")
 
@@ -126,7 +126,7 @@ class _Reader:
         for name in element.attributes:
             if name not in known and name not in btcpp_vocabulary.IGNORED:
                 message = f"<{element.name}> has no attribute {name!r}"
-                self._fault(element.place(name), trail, message, nearest(name, known), code="P908")
+                self._fault(element.place(name), trail, message, suggest_name(name, known), code="P908")
 
     def _no_text(self, element: Element, trail: str) -> None:
         if element.text:
@@ -138,7 +138,7 @@ class _Reader:
             identity = model.get("ID")
             if model.name not in btcpp_vocabulary.ELEMENTS:
                 message = f"<{model.name}> has no meaning under <TreeNodesModel>"
-                hint = nearest(model.name, btcpp_vocabulary.ELEMENTS)
+                hint = suggest_name(model.name, btcpp_vocabulary.ELEMENTS)
                 self._fault(model.mark, "TreeNodesModel", message, hint, code="P905")
             elif not identity:
                 message = f"<{model.name}> needs the attribute 'ID'"
@@ -155,7 +155,7 @@ class _Reader:
                     if key == INCLUDED:
                         self._source.included.add(identity)
                     elif key in _HEAD and first:
-                        self._source.head.append(Said(key, value, entry.place(key)))
+                        self._source.head.append(MetadataEntry(key, value, entry.place(key)))
 
     # Other files.
 
@@ -201,7 +201,7 @@ class _Reader:
         main, trees = root.get("main_tree_to_execute"), self._source.trees
         if main:
             if main not in trees:
-                hint = nearest(main, trees)
+                hint = suggest_name(main, trees)
                 message = f"there is no tree {main!r}"
                 self._fault(root.place("main_tree_to_execute"), "root", message, hint, code="P914")
             return main

@@ -9,14 +9,14 @@ from ....files.expressions.syntax_tree import Not
 from ....trees.values.port_types import PortType
 from ..export.script_export import expression_text
 from ..format import btcpp_vocabulary
-from ..format.element import Element, Marked
-from .attributes import COMMON, Draft
+from ..format.element import Element, MarkedValue
+from .attributes import COMMON, NodeDraft
 from .script_import import ScriptError, read_expression, read_statements
 
 if TYPE_CHECKING:
-    from .node_import import NodeReader
+    from .node_import import XmlNodeReader
 
-Translation: TypeAlias = Callable[[Element, str], Draft]
+Translation: TypeAlias = Callable[[Element, str], NodeDraft]
 _ANY, _NUMBER = PortType("any"), PortType("float")
 _ELSE = {"FAILURE": "_failureIf", "SUCCESS": "_successIf", "SKIPPED": "_skipIf"}
 _LOOPS = {
@@ -28,7 +28,7 @@ _LOOPS = {
 class Translations:
     """Turns elements into other nodes; their children are read by `reader`, which keeps the faults."""
 
-    def __init__(self, reader: NodeReader) -> None:
+    def __init__(self, reader: XmlNodeReader) -> None:
         self._reader = reader
         self._ways: Mapping[str, Translation] = {
             "ScriptCondition": self._script_condition,
@@ -47,15 +47,15 @@ class Translations:
             return self._switch
         return self._ways.get(identity)
 
-    def _script_condition(self, element: Element, trail: str) -> Draft:
+    def _script_condition(self, element: Element, trail: str) -> NodeDraft:
         self._reader.only(element, ("code",), trail)
         self._reader.count(element, element.identity, 0, 0, trail)
-        draft = Draft.of("Condition", element.mark)
+        draft = NodeDraft.of("Condition", element.mark)
         if self._reader.needed(element, "code", trail):
             draft.put("if", self._reader.condition(element, "code", trail), element.place("code"))
         return draft
 
-    def _script(self, element: Element, trail: str) -> Draft:
+    def _script(self, element: Element, trail: str) -> NodeDraft:
         """One constant or copy is a SetBlackboard; anything else is done after an AlwaysSuccess."""
         self._reader.only(element, ("code",), trail)
         self._reader.count(element, element.identity, 0, 0, trail)
@@ -68,11 +68,11 @@ class Translations:
         first = next(iter(statements), None)
         single = first.constant() if first is not None and len(statements) == 1 else None
         if first is not None and single is not None:
-            draft = Draft.of("SetBlackboard", element.mark)
-            draft.put("value", Marked(mark, single), mark)
+            draft = NodeDraft.of("SetBlackboard", element.mark)
+            draft.put("value", MarkedValue(mark, single), mark)
             draft.put("output_key", f"{{{first.key}}}", mark)
             return draft
-        draft = Draft.of("AlwaysSuccess", element.mark)
+        draft = NodeDraft.of("AlwaysSuccess", element.mark)
         if statements and "_onSuccess" not in element.attributes:
             draft.put("_onSuccess", "; ".join(statement.text() for statement in statements), mark)
         elif statements:
@@ -80,26 +80,26 @@ class Translations:
             self._reader.fault(mark, trail, message, "write one assignment after the other", code="P910")
         return draft
 
-    def _set_blackboard(self, element: Element, trail: str) -> Draft:
+    def _set_blackboard(self, element: Element, trail: str) -> NodeDraft:
         self._reader.only(element, ("value", "output_key"), trail)
         self._reader.count(element, element.identity, 0, 0, trail)
-        draft = Draft.of("SetBlackboard", element.mark)
+        draft = NodeDraft.of("SetBlackboard", element.mark)
         self._reader.needed(element, "value", trail)
         self._reader.port(draft, "value", _ANY, element, "value", trail)
         key = self._reader.needed(element, "output_key", trail).strip("{} ")
         draft.put("output_key", f"{{{key}}}", element.place("output_key"))
         return draft
 
-    def _sleep(self, element: Element, trail: str) -> Draft:
+    def _sleep(self, element: Element, trail: str) -> NodeDraft:
         self._reader.only(element, ("msec",), trail)
         self._reader.count(element, element.identity, 0, 0, trail)
-        draft = Draft.of("Delay", element.mark)
+        draft = NodeDraft.of("Delay", element.mark)
         self._reader.needed(element, "msec", trail)
         self._reader.port(draft, "delay_msec", _NUMBER, element, "msec", trail)
-        draft.put("do", Marked(element.mark, "AlwaysSuccess"))
+        draft.put("do", MarkedValue(element.mark, "AlwaysSuccess"))
         return draft
 
-    def _precondition(self, element: Element, trail: str) -> Draft:
+    def _precondition(self, element: Element, trail: str) -> NodeDraft:
         self._reader.only(element, ("if", "else"), trail)
         self._reader.needed(element, "if", trail)
         status = element.get("else", "FAILURE")
@@ -111,7 +111,7 @@ class Translations:
         condition = self._negated(element, trail)
         child = self._child(element, trail)
         if child is None:
-            return Draft.of("AlwaysSuccess", element.mark)
+            return NodeDraft.of("AlwaysSuccess", element.mark)
         guarded = child.guarded(_ELSE.get(status, "_failureIf"), condition, element.place("if"))
         return self._apart(element, guarded)
 
@@ -123,27 +123,27 @@ class Translations:
             return "false"
         return expression_text(part.operand if isinstance(part, Not) else Not(part.at, part))
 
-    def _child(self, element: Element, trail: str) -> Draft | None:
+    def _child(self, element: Element, trail: str) -> NodeDraft | None:
         self._reader.count(element, element.identity, 1, 1, trail)
         return self._reader.node(element.children[0], trail) if element.children else None
 
-    def _apart(self, element: Element, child: Draft) -> Draft:
+    def _apart(self, element: Element, child: NodeDraft) -> NodeDraft:
         """The child in place of a decorator that vanishes; what stands at the decorator needs a node."""
         own = [key for key in element.attributes if key in COMMON and key not in btcpp_vocabulary.IGNORED]
         if not own:
             return child
-        outer = Draft.of("Sequence", element.mark)
-        outer.put("do", Marked(element.mark, items=[child.written()]))
+        outer = NodeDraft.of("Sequence", element.mark)
+        outer.put("do", MarkedValue(element.mark, items=[child.written()]))
         return outer
 
-    def _loop(self, element: Element, trail: str) -> Draft:
+    def _loop(self, element: Element, trail: str) -> NodeDraft:
         self._reader.only(element, ("queue", "if_empty", "value"), trail)
         if element.get("if_empty", "SUCCESS") != "SUCCESS":
             message = f"'if_empty': {element.get('if_empty')!r} has no counterpart"
             self._reader.fault(
                 element.place("if_empty"), trail, message, "an empty list is SUCCESS", code="P907"
             )
-        draft = Draft.of("ForEach", element.mark)
+        draft = NodeDraft.of("ForEach", element.mark)
         self._reader.needed(element, "queue", trail)
         self._reader.needed(element, "value", trail)
         self._reader.port(draft, "in", _LOOPS[element.identity], element, "queue", trail)
@@ -153,15 +153,15 @@ class Translations:
             draft.put("do", child.written())
         return draft
 
-    def _switch(self, element: Element, trail: str) -> Draft:
+    def _switch(self, element: Element, trail: str) -> NodeDraft:
         count = int(element.identity.removeprefix("Switch")[:4])
         cases = tuple(f"case_{index}" for index in range(1, count + 1))
         self._reader.only(element, ("variable", *cases), trail)
         self._reader.needed(element, "variable", trail)
-        draft = Draft.of("Switch", element.mark)
+        draft = NodeDraft.of("Switch", element.mark)
         self._reader.port(draft, "variable", _ANY, element, "variable", trail)
         self._reader.count(element, element.identity, count + 1, count + 1, trail)
-        table = Marked.mapping(element.mark)
+        table = MarkedValue.mapping(element.mark)
         for case, child in zip(cases, element.children, strict=False):
             label = self._reader.needed(element, case, trail)
             if table.get(label) is not None:
@@ -179,22 +179,22 @@ class Translations:
 
     # Our own nodes for what scripts cannot say.
 
-    def _check(self, element: Element, trail: str) -> Draft:
+    def _check(self, element: Element, trail: str) -> NodeDraft:
         self._reader.only(element, ("if",), trail)
         self._reader.count(element, element.identity, 0, 0, trail)
-        draft = Draft.of("Condition", element.mark)
+        draft = NodeDraft.of("Condition", element.mark)
         draft.put("if", self._reader.needed(element, "if", trail), element.place("if"))
         return draft
 
-    def _guarded(self, element: Element, trail: str) -> Draft:
+    def _guarded(self, element: Element, trail: str) -> NodeDraft:
         self._reader.only(element, tuple(btcpp_vocabulary.GUARDS.values()), trail)
         child = self._child(element, trail)
         if child is None:
-            return Draft.of("AlwaysSuccess", element.mark)
+            return NodeDraft.of("AlwaysSuccess", element.mark)
         given = {key: port for key, port in btcpp_vocabulary.GUARDS.items() if port in element.attributes}
         if any(child.body.get(key) for key in btcpp_vocabulary.GUARDS):
-            outer = Draft.of("Sequence", element.mark)
-            outer.put("do", Marked(element.mark, items=[child.written()]))
+            outer = NodeDraft.of("Sequence", element.mark)
+            outer.put("do", MarkedValue(element.mark, items=[child.written()]))
             child = outer
         entries = child.body.entries
         assert entries is not None

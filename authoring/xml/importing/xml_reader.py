@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final, NoReturn
 from xml.parsers import expat
 
-from ....files.marks import Fault, FileError, Mark
+from ....files.marks import Diagnostic, FileError, Mark
 from ..format.element import Element, one_line
 
 MAX_CHARACTERS: Final = 4_000_000
@@ -162,4 +162,4 @@ class _Reader:
         self._refuse(at, f"not valid XML: {message}", hint, code="P901")
 
     def _refuse(self, at: int, message: str, hint: str = "", *, code: str) -> NoReturn:
-        raise FileError([Fault(self._mark(at), "", message, hint, code)])
+        raise FileError([Diagnostic(self._mark(at), "", message, hint, code)])

@@ -71,7 +71,7 @@ engine's own. With these a peg goes into a wall by up to 1.5 mm rather than into
 hole; with more the everyday step would throw things about."""
 
 
-def checked(rate: int) -> int:
+def check_step_rate(rate: int) -> int:
     """A rate that the simulation can be stepped with, Hz. Raises PicktreeError for others."""
     known = [r for r in range(EVERYDAY, FINEST + 1, WHOLE) if RESOLUTION % r == 0]
     if rate not in known:
@@ -79,7 +79,7 @@ def checked(rate: int) -> int:
     return rate
 
 
-def tune(rate: int, client: int) -> None:
+def set_step_rate(rate: int, client: int) -> None:
     """Give the engine the step of that rate, and what suits it."""
     fine = rate > EVERYDAY
     pb.setTimeStep(1 / rate, client)

@@ -10,8 +10,8 @@ import numpy as np
 from ....errors import PicktreeError
 from ....world.values import Array, GripperState, JointState, Wrench
 from ...checkpoints.physics_state import GripperCommand, RobotReading
-from ...common.sensor_noise import BodyNoise
-from ...faults.device_faults import Ailments
+from ...common.sensor_noise import RobotSensorNoise
+from ...faults.device_faults import DeviceFaults
 from ..engine.pybullet_import import EVERYDAY, RESOLUTION
 from .robot_body import RobotBody, finite
 
@@ -20,10 +20,10 @@ PERIOD = 1 / EVERYDAY
 
 
 @dataclass(slots=True)
-class Senses:
+class IdealSensors:
     """The last step and what ideal sensors said after it; `protocols.Clock` as well."""
 
-    noise: BodyNoise
+    noise: RobotSensorNoise
     step: int
     """How many there were, of whatever length."""
     reading: RobotReading
@@ -60,7 +60,7 @@ class Senses:
 class PhysicsArm:
     """`protocols.Arm`"""
 
-    def __init__(self, senses: Senses, body: RobotBody, ailments: Ailments) -> None:
+    def __init__(self, senses: IdealSensors, body: RobotBody, ailments: DeviceFaults) -> None:
         self._senses = senses
         self._body = body
         self._ailments = ailments
@@ -94,7 +94,7 @@ class PhysicsArm:
 class PhysicsGripper:
     """`protocols.Gripper`"""
 
-    def __init__(self, senses: Senses, body: RobotBody) -> None:
+    def __init__(self, senses: IdealSensors, body: RobotBody) -> None:
         self._senses = senses
         self._body = body
         self._arm_joints = len(body.description.joints)
@@ -125,7 +125,7 @@ class PhysicsGripper:
 class PhysicsWrench:
     """`protocols.WrenchSensor`"""
 
-    def __init__(self, senses: Senses, ailments: Ailments) -> None:
+    def __init__(self, senses: IdealSensors, ailments: DeviceFaults) -> None:
         self._senses = senses
         self._ailments = ailments
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from ....errors import PicktreeError
 from ....robots.description import GripperDescription
-from ....robots.finger_linkage import LinkedFingers
+from ....robots.finger_linkage import LinkageFingers
 from ....world.values import Pose, Quaternion, Vector3, rotated
 from ...checkpoints.physics_state import GripperCommand
 from ..engine.pybullet_import import pb
@@ -73,7 +73,7 @@ class LinkageMotors:
         if linkage is None:
             raise PicktreeError("the gripper has no linkage")
         self._body, self._client = body, client
-        self._fingers = LinkedFingers(linkage)
+        self._fingers = LinkageFingers(linkage)
         self._speed = gripper.speed
         ratios = {linkage.drive: (1.0, 0.0)}
         ratios |= {f.joint: (f.multiplier, f.offset) for f in linkage.followers}

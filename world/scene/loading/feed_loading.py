@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
-from ....files.models.validation import Checker
-from ....files.value_wording import describe, nearest
+from ....files.models.validation import DocumentChecker
+from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document import Location
 from ...shapes import Box, Cylinder, Shape, Sphere, extents
 from ...values import Bounds, ObjectId, Pose
 from ..description import CatalogueEntry, Fixture, Spawn
-from ..feed import At, Belt, Clear, Delivery, Every, When
+from ..feed import AtIntervals, AtTimes, Belt, Delivery, When, WhenClear
 from ..scene_schema import FeedFile, FixtureFile, WhenFile
 from .scene_entries import body
 from .spawn_areas import check_area, check_crowding, check_kinds
@@ -26,7 +26,7 @@ SPREAD = 0.25
 
 
 def check_feed(
-    check: Checker,
+    check: DocumentChecker,
     n: int,
     entry: FeedFile,
     catalogue: Mapping[str, CatalogueEntry | None],
@@ -53,7 +53,7 @@ def check_feed(
 
 
 def _check_on_belt(
-    check: Checker,
+    check: DocumentChecker,
     loc: Location,
     entry: FeedFile,
     name: str,
@@ -62,7 +62,7 @@ def _check_on_belt(
 ) -> None:
     known = [each for each in bodies if _may_be_belt(check, bodies[each])]
     if name not in known:
-        hint = nearest(name, known) if known else "a fixture with 'belt'"
+        hint = suggest_name(name, known) if known else "a fixture with 'belt'"
         check.fault((*loc, "belt"), f"there is no belt {describe(name)}", hint, code="P420")
     for key in ("gap", "tumbled", "when"):
         with check.readable():
@@ -81,7 +81,9 @@ def _check_on_belt(
             _check_barrier(check, name, bodies[name].eye, size[0], widest)
 
 
-def _check_barrier(check: Checker, name: str, eye: float | None, length: float, widest: float) -> None:
+def _check_barrier(
+    check: DocumentChecker, name: str, eye: float | None, length: float, widest: float
+) -> None:
     """Whether items come to the light barrier from where they are set down."""
     least = -length / 2 + 2 * widest + 2 * APART
     if eye is not None and -length / 2 < eye < least:
@@ -91,7 +93,7 @@ def _check_barrier(check: Checker, name: str, eye: float | None, length: float, 
 
 
 def _check_room(
-    check: Checker, loc: Location, entry: FeedFile, kind: str, shape: Shape, width: float
+    check: DocumentChecker, loc: Location, entry: FeedFile, kind: str, shape: Shape, width: float
 ) -> None:
     """Whether an item lies on the belt and keeps apart from the next, however it is turned."""
     across = 2 * reach(shape, entry.lying)
@@ -122,7 +124,7 @@ def reach(shape: Shape, lying: float) -> float:
             return max(math.hypot(x, y) for x in (low[0], high[0]) for y in (low[1], high[1]))
 
 
-def _check_times(check: Checker, loc: Location, entry: FeedFile, when: WhenFile) -> None:
+def _check_times(check: DocumentChecker, loc: Location, entry: FeedFile, when: WhenFile) -> None:
     check.one_of((*loc, "when"), WhenFile.one_of)
     if when.at is None:
         return
@@ -139,7 +141,10 @@ def _check_times(check: Checker, loc: Location, entry: FeedFile, when: WhenFile)
 
 
 def check_belts(
-    check: Checker, bodies: Mapping[str, FixtureFile], feed: Sequence[FeedFile], workspace: Bounds | None
+    check: DocumentChecker,
+    bodies: Mapping[str, FixtureFile],
+    feed: Sequence[FeedFile],
+    workspace: Bounds | None,
 ) -> None:
     """Belts to which nothing comes or too much, or that stop where no arm reaches."""
     feeding: dict[str, int] = {}
@@ -169,7 +174,7 @@ def check_belts(
                 check.fault(loc, message, hint, code="P425", key=True, severity="warning")
 
 
-def _may_feed(check: Checker, entry: FeedFile, name: str, bodies: Mapping[str, FixtureFile]) -> bool:
+def _may_feed(check: DocumentChecker, entry: FeedFile, name: str, bodies: Mapping[str, FixtureFile]) -> bool:
     """Also one in which the belt's name is wrong, missing or cannot be read."""
     with check.readable():
         if entry.belt is None:
@@ -178,7 +183,7 @@ def _may_feed(check: Checker, entry: FeedFile, name: str, bodies: Mapping[str, F
     return True
 
 
-def _may_be_belt(check: Checker, entry: FixtureFile) -> bool:
+def _may_be_belt(check: DocumentChecker, entry: FixtureFile) -> bool:
     with check.readable():
         return entry.belt is not None or (entry.box is None and entry.bin is None)
     return True
@@ -207,7 +212,7 @@ def delivery(entry: FeedFile, bodies: Mapping[str, FixtureFile]) -> Delivery:
     )
     when = _when(entry.when)
     total = entry.total
-    if isinstance(when, At) and total is None:
+    if isinstance(when, AtTimes) and total is None:
         total = sum(entry.of.values()) * len(when.times)
     return Delivery(
         load=load,
@@ -229,11 +234,11 @@ def _top(name: str, entry: FixtureFile) -> tuple[tuple[float, float], tuple[floa
 
 def _when(when: WhenFile | None) -> When:
     if when is None:
-        return Clear()
+        return WhenClear()
     if when.every is not None:
-        return Every(when.every)
+        return AtIntervals(when.every)
     assert when.at is not None
-    return At(when.at)
+    return AtTimes(when.at)
 
 
 def _gap(entry: FeedFile) -> float:

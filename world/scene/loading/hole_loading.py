@@ -7,19 +7,19 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from ....files.expressions.expression import Expression
-from ....files.models.validation import Checker
+from ....files.models.validation import DocumentChecker
 from ....files.value_wording import listed
 from ....files.yaml.document import Location
-from ...belief.hole_matching import closest
+from ...belief.hole_matching import tightest_hole
 from ...shapes import Box, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose
 from ..description import CatalogueEntry
-from ..hole_geometry import THINNEST, Interlocked, apart, outline, parted
-from ..holes import CERTAIN, Hole, HoleForm, Uncertainty
+from ..hole_geometry import THINNEST, InterlockedHoles, outline, partition_top, wall_thickness
+from ..holes import CERTAIN, Hole, HoleForm, PlacementUncertainty
 from ..scene_schema import FixtureFile, HoleFile
 
 
-def check_holes(check: Checker, loc: Location, entry: FixtureFile, which: str | None) -> None:
+def check_holes(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
     """Faults of the holes of a fixture, and of what is not known of where it stands."""
     with check.readable():
         if which not in (None, "box", "marker") and entry.uncertainty is not None:
@@ -43,7 +43,7 @@ def check_holes(check: Checker, loc: Location, entry: FixtureFile, which: str | 
             _check_places(check, (*loc, "holes"), entry.box, _readable(check, entry.holes, entry.box[2]))
 
 
-def _check_form(check: Checker, loc: Location, entry: HoleFile) -> None:
+def _check_form(check: DocumentChecker, loc: Location, entry: HoleFile) -> None:
     which = check.one_of(loc, HoleFile.one_of)
     with check.readable():
         if which == "round" and entry.yaw is not None:
@@ -54,7 +54,7 @@ def _check_form(check: Checker, loc: Location, entry: HoleFile) -> None:
             check.fault((*loc, "slot"), "the slot is wider than it is long", hint, code="P430")
 
 
-def _readable(check: Checker, entries: Mapping[str, HoleFile], height: float) -> dict[str, Hole]:
+def _readable(check: DocumentChecker, entries: Mapping[str, HoleFile], height: float) -> dict[str, Hole]:
     """Those that could be read."""
     found: dict[str, Hole] = {}
     for name, entry in entries.items():
@@ -66,7 +66,7 @@ def _readable(check: Checker, entries: Mapping[str, HoleFile], height: float) ->
 
 
 def _check_places(
-    check: Checker, loc: Location, box: tuple[float, float, float], found: Mapping[str, Hole]
+    check: DocumentChecker, loc: Location, box: tuple[float, float, float], found: Mapping[str, Hole]
 ) -> None:
     x, y, z = box
     good: dict[str, Hole] = {}
@@ -93,13 +93,13 @@ def _check_places(
     clashes = [
         (one, other)
         for one, other in itertools.combinations(good, 2)
-        if apart(good[one], good[other]) < THINNEST - 1e-9
+        if wall_thickness(good[one], good[other]) < THINNEST - 1e-9
     ]
     for one, other in clashes:
         message = f"{one!r} and {other!r} leave no wall between them"
         hint = f"{1000 * THINNEST:g} mm at least, beside their chamfers"
         check.fault((*loc, other), message, hint, code="P434", key=True)
-    if not clashes and isinstance(cut := parted(Box(box), tuple(good.values())), Interlocked):
+    if not clashes and isinstance(cut := partition_top(Box(box), tuple(good.values())), InterlockedHoles):
         names = listed((str(hole.id) for hole in cut.holes), "and")
         hint = "move or turn one of them"
         check.fault(loc, f"no straight line parts the holes {names}", hint, code="P434", key=True)
@@ -111,7 +111,7 @@ def _inside(corners: Array, x: float, y: float) -> bool:
 
 
 def check_fits(
-    check: Checker,
+    check: DocumentChecker,
     rules: Sequence[tuple[Expression, str]],
     coming: Iterable[tuple[str, str]],
     catalogue: Mapping[str, CatalogueEntry | None],
@@ -133,7 +133,7 @@ def check_fits(
             continue
         told.add((n, kind))
         to = rules[n][1]
-        if closest(bored[to], entry.shape) is None:
+        if tightest_hole(bored[to], entry.shape) is None:
             misses = f"does not fit the hole {to!r}" if "/" in to else f"fits no hole of {to!r}"
             hint = _wanted(entry.shape)
             check.fault(("destinations", n, "to"), f"a {kind} {misses}", hint, code="P435")
@@ -157,11 +157,11 @@ def holes(name: str, entry: FixtureFile) -> tuple[Hole, ...]:
     return tuple(hole for hole in made if hole is not None)
 
 
-def uncertainty(entry: FixtureFile) -> Uncertainty:
+def uncertainty(entry: FixtureFile) -> PlacementUncertainty:
     """How far a box may really stand from where it should."""
     if entry.uncertainty is None:
         return CERTAIN
-    return Uncertainty(entry.uncertainty.position, entry.uncertainty.angle)
+    return PlacementUncertainty(entry.uncertainty.position, entry.uncertainty.angle)
 
 
 def _hole(hole_id: ObjectId, entry: HoleFile, height: float) -> Hole | None:

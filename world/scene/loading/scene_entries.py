@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from ....files.models.validation import Checker
+from ....files.models.validation import DocumentChecker
 from ....files.yaml.document import Location
 from ....files.yaml.yaml_errors import Unreadable, read_bytes
 from ...shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
@@ -97,7 +97,7 @@ FLAT = 1 / 3
 """A plate's height is at most this share of its shorter side."""
 
 
-def check_body(check: Checker, name: str, entry: FixtureFile) -> None:
+def check_body(check: DocumentChecker, name: str, entry: FixtureFile) -> None:
     """Faults of a fixture or a bin."""
     loc: Location = ("fixtures", name)
     which = check.one_of(loc, FixtureFile.one_of)
@@ -122,14 +122,14 @@ def check_body(check: Checker, name: str, entry: FixtureFile) -> None:
     check_holes(check, loc, entry, which)
 
 
-def _check_marker(check: Checker, loc: Location, entry: FixtureFile) -> None:
+def _check_marker(check: DocumentChecker, loc: Location, entry: FixtureFile) -> None:
     if entry.marker is not None and any(a < b for a, b in zip(entry.marker, SMALLEST, strict=True)):
         least = ", ".join(f"{1000 * size:.0f} mm" for size in SMALLEST)
         message, hint = "a target this small cannot be seen and touched well enough", f"at least [{least}]"
         check.fault((*loc, "marker"), message, hint, code="P440")
 
 
-def _check_walls(check: Checker, loc: Location, entry: FixtureFile, which: str | None) -> None:
+def _check_walls(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
     if which not in (None, "bin") and entry.wall is not None:
         check.fault((*loc, "wall"), "only a bin has walls", code="P112", key=True)
     if which == "bin" and entry.wall is None:
@@ -143,7 +143,7 @@ def _check_walls(check: Checker, loc: Location, entry: FixtureFile, which: str |
             check.fault((*loc, "wall"), message, "'bin' is the outside", code="P404")
 
 
-def _check_drive(check: Checker, loc: Location, entry: FixtureFile, which: str | None) -> None:
+def _check_drive(check: DocumentChecker, loc: Location, entry: FixtureFile, which: str | None) -> None:
     for key, value, hint in (
         ("speed", entry.speed, "how fast the belt runs, as 80 mm/s"),
         ("eye", entry.eye, "where the light barrier crosses the belt, from its middle, as 0.4 m"),
@@ -178,7 +178,7 @@ def body(name: str, entry: FixtureFile) -> Fixture | Bin:
     return Fixture(ObjectId(name), Box(entry.box), pose, entry.colour, bored, uncertainty(entry))
 
 
-def check_unknown(check: Checker, loc: Location, entry: UnknownFile) -> None:
+def check_unknown(check: DocumentChecker, loc: Location, entry: UnknownFile) -> None:
     """Faults of a body that the robot is not told of."""
     check.one_of(loc, UnknownFile.one_of)
     with check.readable():
@@ -187,7 +187,7 @@ def check_unknown(check: Checker, loc: Location, entry: UnknownFile) -> None:
             check.fault((*loc, "yaw"), message, "give one of them", code="P112", key=True)
 
 
-def unknown(name: str, entry: UnknownFile) -> Fixture:
+def hidden_body(name: str, entry: UnknownFile) -> Fixture:
     """Such a body without faults."""
     pose = Pose.from_rpy(entry.at, entry.rpy or (0.0, 0.0, entry.yaw or 0.0))
     shape: Shape
@@ -201,14 +201,14 @@ def unknown(name: str, entry: UnknownFile) -> Fixture:
     return Fixture(ObjectId(name), shape, pose, entry.colour)
 
 
-def check_camera(check: Checker, name: str, entry: CameraFile) -> None:
+def check_camera(check: DocumentChecker, name: str, entry: CameraFile) -> None:
     """Faults of a camera."""
     loc: Location = ("cameras", name)
     with check.readable():
         if np.allclose(entry.at, entry.look_at, atol=1e-6):
             hint = "'at' and 'look_at' must differ"
             check.fault((*loc, "look_at"), "the camera looks at itself", hint, code="P406")
-        elif looking(entry.at, entry.look_at, entry.up) is None:
+        elif look_at_frame(entry.at, entry.look_at, entry.up) is None:
             hint = "name what is up in the picture"
             check.fault((*loc, "up"), "'up' lies along the line of sight", hint, code="P406")
     with check.readable():
@@ -220,7 +220,7 @@ def check_camera(check: Checker, name: str, entry: CameraFile) -> None:
 
 def camera(name: str, entry: CameraFile) -> CameraDescription:
     """A camera without faults, with its optical frame."""
-    pose = looking(entry.at, entry.look_at, entry.up)
+    pose = look_at_frame(entry.at, entry.look_at, entry.up)
     assert pose is not None
     return CameraDescription(
         name=name,
@@ -236,7 +236,7 @@ def camera(name: str, entry: CameraFile) -> CameraDescription:
     )
 
 
-def looking(at: Vector3, target: Vector3, up: Vector3 | None) -> Pose | None:
+def look_at_frame(at: Vector3, target: Vector3, up: Vector3 | None) -> Pose | None:
     """The optical frame (x right, y down, z forward) at `at` that looks at `target`.
 
     None when `up` is along the line of sight. Without `up`, the world's z is up in the picture, or its x
@@ -256,7 +256,7 @@ def _unit(vector: Array) -> Array:
     return vector / np.linalg.norm(vector)
 
 
-def kind(check: Checker, name: str, entry: CatalogueFile) -> CatalogueEntry | None:
+def kind(check: DocumentChecker, name: str, entry: CatalogueFile) -> CatalogueEntry | None:
     """A kind of the catalogue; None when it has faults."""
     loc: Location = ("catalogue", name)
     form = check.one_of(loc, CatalogueFile.one_of)
@@ -271,7 +271,7 @@ def kind(check: Checker, name: str, entry: CatalogueFile) -> CatalogueEntry | No
     return None
 
 
-def _shape(check: Checker, loc: Location, entry: CatalogueFile) -> Shape | None:
+def _shape(check: DocumentChecker, loc: Location, entry: CatalogueFile) -> Shape | None:
     if entry.cylinder is not None:
         return Cylinder(entry.cylinder.radius, entry.cylinder.height)
     if entry.sphere is not None:

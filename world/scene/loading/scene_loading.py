@@ -11,26 +11,26 @@ import yaml
 from ....errors import PicktreeError
 from ....files.expressions.expression import Expression, ExpressionError
 from ....files.expressions.type_inference import INT, ValueType, check_types
-from ....files.models.validation import Checker
+from ....files.models.validation import DocumentChecker
 from ....files.shipped_files import find_file, shipped_names
 from ....files.yaml.document import (
+    Diagnostic,
     Document,
-    Fault,
     FileError,
     Location,
-    nearest,
+    merge_patch,
     open_document,
-    overlaid,
     read_document,
+    suggest_name,
 )
 from ...values import Bounds, ObjectId, Pose
-from ..calibration_results import Calibration, corrected
+from ..calibration_results import SceneCalibration, apply_calibration
 from ..description import (
     Bin,
     CatalogueEntry,
     Destination,
     Fixture,
-    Limits,
+    SafetyLimits,
     SceneDescription,
     SensorNoise,
     Spawn,
@@ -53,12 +53,12 @@ from ..scene_schema import (
 )
 from .feed_loading import belt, check_belts, check_feed, delivery
 from .hole_loading import check_fits, holes
-from .scene_entries import body, camera, check_body, check_camera, check_unknown, kind, unknown
+from .scene_entries import body, camera, check_body, check_camera, check_unknown, hidden_body, kind
 from .spawn_areas import check_spawn
 
 
 def condition(
-    check: Checker, loc: Location, text: str, names: Mapping[str, ValueType], *, code: str
+    check: DocumentChecker, loc: Location, text: str, names: Mapping[str, ValueType], *, code: str
 ) -> Expression | None:
     """The expression; None when it cannot be read or cannot be answered, with the fault at its character."""
     try:
@@ -88,7 +88,7 @@ class SceneCheck:
     """What was found in a scene file: the scene, None when there are errors, and all faults."""
 
     scene: SceneDescription | None
-    faults: tuple[Fault, ...]
+    faults: tuple[Diagnostic, ...]
     robot: Path | None = None
     """The file of its robot, where there is one."""
 
@@ -144,10 +144,10 @@ def _on_base(document: Document, depth: int) -> Document:
         path = find_file(name, SHIPPED, document.path, "scene")
     except PicktreeError as error:
         raise FileError([document.fault(("base",), str(error), code="P402")]) from None
-    return overlaid(_on_base(open_document(path, "scene"), depth - 1), document)
+    return merge_patch(_on_base(open_document(path, "scene"), depth - 1), document)
 
 
-def _own_faults(document: Document) -> list[Fault]:
+def _own_faults(document: Document) -> list[Diagnostic]:
     """What is wrong whatever the base says, which could not be read: nothing that it might have given."""
     return [fault for fault in _Parts(document).checker.faults if fault.code != "P105"]
 
@@ -157,7 +157,7 @@ class _Parts:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.checker = check = Checker(document)
+        self.checker = check = DocumentChecker(document)
         check.keys((*RestFile.model_fields, *SECTIONS))
         # Unknown keys were refused already.
         self.rest = check.read(RestFile, ignore=[k for k in document.data if k not in RestFile.model_fields])
@@ -213,11 +213,15 @@ class _Parts:
             robot=rest.robot if self.robot.parent == ROBOTS else str(self.robot.resolve()),
             fixtures=tuple(b for b in bodies if not isinstance(b, Bin)),
             bins=tuple(bins.values()),
-            cameras=tuple(corrected(camera(name, entry), known) for name, entry in self.cameras.items()),
+            cameras=tuple(
+                apply_calibration(camera(name, entry), known) for name, entry in self.cameras.items()
+            ),
             catalogue=tuple(k for k in self.catalogue.values() if k is not None),
             spawn=tuple(_spawn(entry) for entry in self.spawn),
             destinations=tuple(Destination(d.where, ObjectId(d.to)) for d in self.destinations),
-            limits=Limits(limits.force, Bounds(limits.workspace.min, limits.workspace.max), limits.payload),
+            limits=SafetyLimits(
+                limits.force, Bounds(limits.workspace.min, limits.workspace.max), limits.payload
+            ),
             thinking=Thinking(rest.thinking.collision_check, rest.thinking.image),
             noise=SensorNoise(
                 rest.sensors.encoder,
@@ -235,7 +239,7 @@ class _Parts:
             belts=tuple(belt(name, entry) for name, entry in self.bodies.items() if entry.belt is not None),
             deliveries=tuple(delivery(entry, self.bodies) for entry in self.feed),
             exchange=Exchange(rest.exchange.takes) if rest.exchange is not None else None,
-            unknown=tuple(unknown(name, entry) for name, entry in self.unknown.items()),
+            unknown=tuple(hidden_body(name, entry) for name, entry in self.unknown.items()),
             tool_error=Pose.from_rpy(rest.tool_error.offset, rest.tool_error.rpy),
             calibration=known,
         )
@@ -296,7 +300,7 @@ class _Parts:
             bored = self._holes()
             if rule.to not in bins and rule.to not in bored and rule.to.partition("/")[0] not in bins:
                 what = "bin or hole" if bored else "bin"
-                hint = nearest(rule.to, (*bins, *bored))
+                hint = suggest_name(rule.to, (*bins, *bored))
                 check.fault(("destinations", n, "to"), f"there is no {what} {rule.to!r}", hint, code="P416")
         with check.readable():
             loc, names = ("destinations", n, "where"), rule_names(self.kinds)
@@ -315,7 +319,7 @@ class _Parts:
             found = self.rest.calibration
             for name in found.cameras if found is not None else ():
                 if name not in self.cameras:
-                    hint = nearest(name, list(self.cameras))
+                    hint = suggest_name(name, list(self.cameras))
                     loc = ("calibration", "cameras", name)
                     check.fault(loc, f"there is no camera {name!r}", hint, code="P441", key=True)
 
@@ -359,10 +363,10 @@ def _text(own: Document, whole: Document) -> str:
     return yaml.safe_dump(data, default_flow_style=None, sort_keys=False, allow_unicode=True, width=110)
 
 
-def _calibration(found: CalibrationFile | None) -> Calibration | None:
+def _calibration(found: CalibrationFile | None) -> SceneCalibration | None:
     if found is None:
         return None
-    return Calibration(
+    return SceneCalibration(
         cameras=tuple((name, Pose.from_rpy(c.at, c.rpy)) for name, c in found.cameras.items()),
         tcp=Pose.from_rpy(found.tcp.offset, found.tcp.rpy),
         date=found.date,

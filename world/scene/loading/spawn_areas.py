@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ....files.models.validation import Checker
-from ....files.value_wording import describe, nearest
+from ....files.models.validation import DocumentChecker
+from ....files.value_wording import describe, suggest_name
 from ....files.yaml.document import Location
 from ...shapes import Box, Cylinder, Shape, Sphere, corners
 from ...values import Bounds
@@ -22,8 +22,8 @@ Outline = tuple[float, float]
 """Area of an item's footprint with half the gap around it, m², and its greatest reach from the centre, m."""
 
 
-class Load(Protocol):
-    """An entry of a file whose items are set down together. What could not be read raises `Unread`."""
+class ItemLoad(Protocol):
+    """An entry of a file whose items are set down together. What could not be read raises `UnreadPart`."""
 
     @property
     def of(self) -> dict[str, int]: ...
@@ -32,7 +32,7 @@ class Load(Protocol):
 
 
 def check_spawn(
-    check: Checker,
+    check: DocumentChecker,
     n: int,
     entry: SpawnFile,
     catalogue: Mapping[str, CatalogueEntry | None],
@@ -51,19 +51,19 @@ def check_spawn(
 
 
 def check_kinds(
-    check: Checker, loc: Location, entry: Load, catalogue: Mapping[str, CatalogueEntry | None]
+    check: DocumentChecker, loc: Location, entry: ItemLoad, catalogue: Mapping[str, CatalogueEntry | None]
 ) -> None:
     """Whether the catalogue has what the entry asks for."""
     with check.readable():
         for name in entry.of:
             if name not in catalogue:
-                hint = nearest(name, catalogue)
+                hint = suggest_name(name, catalogue)
                 message = f"the catalogue has no {describe(name)}"
                 check.fault((*loc, "of", name), message, hint, code="P410", key=True)
 
 
 def check_area(
-    check: Checker,
+    check: DocumentChecker,
     loc: Location,
     area: AreaFile,
     fixtures: Sequence[Fixture] | None,
@@ -80,7 +80,7 @@ def check_area(
 
 
 def _check_place(
-    check: Checker,
+    check: DocumentChecker,
     loc: Location,
     area: AreaFile,
     fixtures: Sequence[Fixture] | None,
@@ -100,9 +100,9 @@ def _check_place(
 
 
 def check_crowding(
-    check: Checker,
+    check: DocumentChecker,
     loc: Location,
-    entry: Load,
+    entry: ItemLoad,
     area: AreaFile,
     gap: float,
     catalogue: Mapping[str, CatalogueEntry | None],
