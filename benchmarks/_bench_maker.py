@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from picktree.planning.collision.clearances import CollisionMargins
+from picktree.planning.collision.collision_bodies import CollisionMargins
 from picktree.planning.collision.collision_checker import CollisionChecker
 from picktree.robots.model import RobotModel
 from picktree.world.belief.planning_scene import PlanningScene

@@ -28,8 +28,7 @@ from picktree.batch.plan.plan import BatchPlan, Job
 from picktree.batch.results.rows import JobRow
 from picktree.batch.workers.batch import Batch, RecordedJob
 from picktree.batch.workers.executor import Executor
-from picktree.batch.workers.local_executor import LocalExecutor
-from picktree.batch.workers.processes import children
+from picktree.batch.workers.local_executor import LocalExecutor, children
 
 COST = {"physics": 7.0, "kinematic": 2.0}
 """CPU seconds that a run of `sort_small` takes, for the forecast."""

@@ -22,7 +22,7 @@ from pathlib import Path
 from _bare_ompl import BarePlanner
 from _bench_maker import ARCHIVE, SCENES, WANTED, Problem, admitted, archive, beyond_limits, problems
 from _campaign import wilson
-from picktree.planning.collision.clearances import CollisionMargins
+from picktree.planning.collision.collision_bodies import CollisionMargins
 from picktree.planning.collision.trajectory_judge import TrajectoryVerifier
 from picktree.planning.requests import JointGoal, Request
 from picktree.planning.service.solver import RequestSolver

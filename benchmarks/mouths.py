@@ -23,8 +23,7 @@ from picktree.simulation.physics.bodies import add_scenery
 from picktree.simulation.physics.engine.pybullet_import import Client
 from picktree.simulation.physics.rgbd_camera import CameraRenderer, intrinsics
 from picktree.world.protocols import RgbdImage
-from picktree.world.scene.description import CameraDescription, SceneDescription
-from picktree.world.scene.holes import Hole
+from picktree.world.scene.description import CameraDescription, Hole, SceneDescription
 from picktree.world.scene.loading.scene_entries import look_at_frame
 from picktree.world.scene.loading.scene_loading import load_scene
 from picktree.world.values import Pose

@@ -17,17 +17,13 @@ from ..errors import PicktreeError
 from ..files.marks import FileError
 from .analyse.diff import diff
 from .analyse.explain import explain
-from .analyse.export import export
-from .analyse.layout import layout
+from .analyse.export import export, layout
 from .analyse.replay import replay
 from .analyse.report import report
-from .analyse.resim import resim
-from .analyse.snapshot import snapshot
-from .analyse.video import video
-from .analyse.whatif import whatif
-from .author.check import check
+from .analyse.resim import resim, whatif
+from .analyse.video import snapshot, video
+from .author.check import check, explain_code
 from .author.convert import convert
-from .author.explain_code import explain_code
 from .author.new import new
 from .author.nodes import nodes
 from .author.rehearse import rehearse

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 from ..world.trajectory import Trajectory
 from ..world.values import Array, Bounds, ObjectId, Pose, Vector3
+
+Direction: TypeAlias = Literal["out", "back", "up", "inwards", "left", "right", "outwards", "down"]
+"""`out`: where the depths shrink fastest; `back`: against the tool; `inwards`, `outwards`: towards the axis
+of the base and away from it; `left`, `right`: about that axis."""
+DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
+
 
 BUDGET = 20000
 """Collision checks that a request may spend unless it says otherwise."""

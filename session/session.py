@@ -47,8 +47,7 @@ from .assembly import TICK, assemble_world
 from .checkpoints import RunState, restore, take
 from .mission_edits import EditSource, FileWatch, MissionReload, Revisions
 from .observer import Operator, SessionWatcher
-from .recipe import LIMIT, Recipe
-from .request import RunOptions, RunRequest, make_folder, read_recipe
+from .recipe import LIMIT, Recipe, RunOptions, RunRequest, make_folder, read_recipe
 from .run_tally import RunCounters
 from .session_recording import SessionRecorder, Tap
 

@@ -26,7 +26,7 @@ MEASURING = {
     "logs/recording/recorder.py",
     "logs/recording/log_file.py",
     "logs/mcap/writer.py",
-    "session/request.py",
+    "session/recipe.py",
     "session/mission_edits.py",
     "commissioning/calibrate/job.py",
     "session/live/live_view.py",

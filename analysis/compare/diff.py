@@ -9,9 +9,19 @@ from ...logs.schema import topics
 from ..run import Run
 from .alignment import Alignment, align
 from .divergence import MessageDifference, first_difference
-from .run_outcome import ItemChange, RunOutcome, item_changes, outcome_of
+from .run_outcome import (
+    CountChange,
+    EndingChange,
+    ItemChange,
+    RunOutcome,
+    TimeSpent,
+    causes,
+    item_changes,
+    outcome_of,
+    time_spent,
+    ways,
+)
 from .run_settings import SetupDiff, compare_set_up
-from .time_spent import CountChange, EndingChange, TimeSpent, causes, time_spent, ways
 
 Verdict: TypeAlias = Literal["identical", "cut", "alike", "apart"]
 """`identical`: every simulated message is the same. `cut`: they are, until one log ends. `alike`: some values

@@ -12,7 +12,7 @@ from ...logs.optional_libraries import optional_import
 from ...world.journal import Plain
 from ..run import Run
 from .tables import row_types, table_rows
-from .tables.columns import TableSpec
+from .tables.row_types import TableSpec
 
 TABLES: tuple[TableSpec[Any], ...] = (
     TableSpec(

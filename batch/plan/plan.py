@@ -14,8 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
-from ...session.recipe import Recipe, installed_meshes, recipe_files
-from ...session.request import RunRequest, read_recipe
+from ...session.recipe import Recipe, RunRequest, installed_meshes, read_recipe, recipe_files
 from ...session.resume.recipe_archive import write_recipe
 from ...simulation.backends import Backend
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from ...analysis.export.tables.columns import Cell
 from ...analysis.export.tables.csv_file import said
+from ...analysis.export.tables.row_types import Cell
 from ...errors import PicktreeError
 from ...files.atomic_write import whole
 from ...logs.optional_libraries import optional_import

@@ -9,8 +9,8 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import parquet
 
-from ...analysis.export.tables.columns import Cell
 from ...analysis.export.tables.parquet_file import TYPES, field_of
+from ...analysis.export.tables.row_types import Cell
 from .tables import TableOf
 
 _GROUP = 100_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...analysis.export.tables.columns import Column, Kind
+from ...analysis.export.tables.row_types import Column, Kind
 from .views import VIEWS
 
 VERSION = 3

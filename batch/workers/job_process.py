@@ -32,7 +32,7 @@ from ...session.resume.recipe_archive import RecipeFile
 from ...session.session import Session
 from . import job_output
 from .executor import Event, JobFailed, JobFinished, JobOrder, JobStopped
-from .processes import die_with_parent, end_children, how_it_ended, resident
+from .local_executor import die_with_parent, end_children, how_it_ended, resident
 from .result_rows import collect_run_rows
 
 

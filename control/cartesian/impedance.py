@@ -13,9 +13,8 @@ from ...world.values import Array, JointState
 from ..commands import Controller, JointCommand, TorqueCommand
 from ..joints.joint_controllers import BrakeController
 from ..wrist.wrist_wrench import TcpWrench
-from .anchor_courses import CompliantMotion, ContactState, HoldPose
+from .anchor_courses import FIRM, SOFT, CartesianStiffness, CompliantMotion, ContactState, HoldPose
 from .soft_limits import SoftJointLimits
-from .stiffness import FIRM, SOFT, CartesianStiffness
 
 REFRESH = 0.05
 """Time between two computations of what depends on the inertia, s."""

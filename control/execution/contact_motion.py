@@ -13,10 +13,9 @@ from ...robots.model import RobotModel
 from ...world.causes import Failure, control, safety
 from ...world.protocols import Clock
 from ...world.values import Array, Pose
-from ..cartesian.anchor_courses import CompliantMotion
+from ..cartesian.anchor_courses import CartesianStiffness, CompliantMotion
 from ..cartesian.impedance import CartesianImpedance
 from ..cartesian.soft_limits import distance_to_workspace_edge
-from ..cartesian.stiffness import CartesianStiffness
 from ..contact.guarded_move import GuardedMove, GuardedMoveResult
 from ..joints.joint_controllers import HoldController
 from ..safety.motion_lease import Lease

@@ -16,8 +16,7 @@ from ...world.journal import Journal
 from ...world.protocols import Clock
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
-from ..cartesian.anchor_courses import CompliantMotion
-from ..cartesian.stiffness import FIRM, CartesianStiffness
+from ..cartesian.anchor_courses import FIRM, CartesianStiffness, CompliantMotion
 from ..contact.guarded_move import GuardedMoveResult
 from ..joints.joint_controllers import TrajectoryController, reversed_trajectory
 from ..joints.soft_contact import ContactThresholds, JointImpedanceResult

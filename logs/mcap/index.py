@@ -16,8 +16,7 @@ from mcap.records import (
     Statistics,
 )
 
-from .chunks import DAMAGE, stream
-from .record_stream import RecordFile
+from .chunks import DAMAGE, RecordFile, stream
 from .writer import MAGIC
 
 FOOTER = struct.Struct("<BQQQI")

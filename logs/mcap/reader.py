@@ -12,9 +12,8 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Metadata
 
 from ...errors import PicktreeError
-from .chunks import DAMAGE, ChunkContent, chunk_content, stream
+from .chunks import DAMAGE, ChunkContent, RecordFile, chunk_content, stream
 from .index import Contents, contents_of
-from .record_stream import RecordFile
 from .salvage import Loss, attachment, losses_of, salvaged
 from .writer import MAGIC
 

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from .chunks import DAMAGE, chunk_content, stream
+from .chunks import DAMAGE, RecordFile, chunk_content, stream
 from .index import DATA_END, ChunkAt, Contents, NamedAt
-from .record_stream import RecordFile
 from .writer import MAGIC
 
 _KNOWN = frozenset(range(Opcode.HEADER, Opcode.DATA_END + 1))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...world.scene.holes import Hole
+from ...world.scene.description import Hole
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, Pose, Vector3
 from .mesh_decimation import thinned
@@ -163,7 +163,7 @@ def part_mesh(shape: Shape, holes: tuple[Hole, ...], colour: tuple[float, float,
     """The surface of a part that never moves, in its own frame; a box may have holes."""
     if not holes or not isinstance(shape, Box):
         return shape_mesh(shape, colour)
-    from ...world.scene.fixture_surfaces import surface
+    from ...world.scene.hole_geometry import surface
 
     seen = surface(shape, holes)
     faces = np.arange(len(seen.corners), dtype=np.int64).reshape(-1, 3)

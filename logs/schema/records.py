@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from ...simulation.scoring.truth import HoleSeating
-from ...world.scene.holes import Hole
+from ...world.scene.description import Hole
 from ...world.shapes import Shape
 from ...world.values import Pose, Vector3
 from .arithmetic_record import Arithmetic

@@ -22,8 +22,7 @@ from ..motion.replanning import follow_with_replanning
 
 if TYPE_CHECKING:
     from ...cell.world import World
-    from ...world.scene.description import CameraDescription
-    from ...world.scene.holes import Hole
+    from ...world.scene.description import CameraDescription, Hole
 
 OFF = 0.008
 """How far a mouth may be from where it is believed to be, m."""

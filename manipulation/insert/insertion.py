@@ -11,8 +11,7 @@ import numpy as np
 
 from ...control.contact.hole_search import BelievedHole, HeldPeg
 from ...world.belief.hole_matching import find_hole, hole_clearance
-from ...world.scene.description import Fixture
-from ...world.scene.holes import Hole
+from ...world.scene.description import Fixture, Hole
 from ...world.shapes import Box, Cylinder, Shape, bottom, extents
 from ...world.values import Array, Pose
 

@@ -42,7 +42,7 @@ from .transfer_requests import approach
 if TYPE_CHECKING:
     from ...cell.world import World
     from ...planning.service.reachability import ReachResult
-    from ...world.scene.holes import Hole
+    from ...world.scene.description import Hole
 
 SCORE = 3.0
 """What one point of a grasp's score is worth as time, s: a tight opening costs as much as 1.5 s of way."""

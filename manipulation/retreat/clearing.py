@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 import numpy as np
 
 from ...control.joints.soft_contact import ContactThresholds, JointImpedanceResult
-from ...planning.requests import ContactPair, Scaling
-from ...planning.search.escape_directions import DIRECTIONS, Direction
+from ...planning.requests import DIRECTIONS, ContactPair, Direction, Scaling
 from ...world.causes import Failure
 from ...world.journal import JournalEvent
 from ...world.values import GRAVITY, Array, Vector3

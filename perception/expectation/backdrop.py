@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...world.raycasting import cast
-from ...world.scene.description import Bin, Fixture, SceneDescription
-from ...world.scene.holes import CERTAIN
+from ...world.scene.description import CERTAIN, Bin, Fixture, SceneDescription
 from ...world.shapes import Box, Shape, corners, top
 from ...world.values import Array, Pose
 from ..geometry.camera_geometry import PosedCamera

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ...world.protocols import RgbdImage
-from ...world.scene.holes import Hole
+from ...world.scene.description import Hole
 from ...world.values import Array, Pose
 from ..geometry.camera_geometry import PosedCamera
 

@@ -11,8 +11,7 @@ from scipy.spatial import ConvexHull
 
 from ...world.belief.hole_matching import fits_hole
 from ...world.raycasting import half_spaces
-from ...world.scene.description import CatalogueEntry, Fixture
-from ...world.scene.holes import Hole
+from ...world.scene.description import CatalogueEntry, Fixture, Hole
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere, top
 from ...world.values import Array, ObjectId
 

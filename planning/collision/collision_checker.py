@@ -16,8 +16,16 @@ from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.scene.description import Bin, Fixture
 from ...world.values import Array, Bounds, Vector3
 from ..requests import ContactPair
-from .clearances import GRIPPER, CollisionMargins, GeometryOwner
-from .collision_bodies import CoalShapes, CollisionBody, fixed_bodies, hull, movable_bodies
+from .collision_bodies import (
+    GRIPPER,
+    CoalShapes,
+    CollisionBody,
+    CollisionMargins,
+    GeometryOwner,
+    fixed_bodies,
+    hull,
+    movable_bodies,
+)
 from .robot_geometry import (
     FAINT,
     CollisionGeometry,

@@ -13,8 +13,7 @@ from ...robots.model import se3
 from ...world.shapes import Shape
 from ...world.values import Array, Pose
 from ..requests import ContactPair
-from .clearances import GRIPPER, GeometryOwner
-from .collision_bodies import CoalShapes, CollisionBody, distance_request
+from .collision_bodies import GRIPPER, CoalShapes, CollisionBody, GeometryOwner, distance_request
 
 
 @dataclass(frozen=True, slots=True, eq=False)

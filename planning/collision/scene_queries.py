@@ -12,8 +12,7 @@ from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.shapes import Shape
 from ...world.values import Array, Pose, Vector3
 from ..requests import ContactPair
-from .clearances import CollisionMargins
-from .collision_bodies import CollisionBody, fixed_bodies, movable_bodies
+from .collision_bodies import CollisionBody, CollisionMargins, fixed_bodies, movable_bodies
 from .fcl_shapes import FclDistance, FclPlacedSolid, bounds_apart, distance_between, place, solid
 
 

@@ -13,8 +13,7 @@ from ...world.belief.planning_scene import BeliefObject, PlanningScene
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
 from ..requests import ContactPair
-from .clearances import CollisionMargins, GeometryOwner
-from .collision_bodies import fixed_bodies, movable_bodies
+from .collision_bodies import CollisionMargins, GeometryOwner, fixed_bodies, movable_bodies
 from .fcl_shapes import FclSolid, hull, place, solid
 from .start_tolerance import LEAVING, SLACK, ZONE
 from .swept_volumes import LinkSolid, Pairs, RobotSweep, moments_of

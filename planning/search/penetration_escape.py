@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 from ...robots.model import RobotModel
 from ...world.values import Array
 from ..collision.collision_checker import CollisionChecker, Separation
-from .escape_directions import Direction
+from ..requests import Direction
 
 STEP = 0.005
 """Way of whatever moves most in a step, m."""

@@ -12,7 +12,7 @@ from ...world.belief.planning_scene import PlanningScene
 from ...world.causes import Failure
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Bounds, Pose
-from ..collision.clearances import CollisionMargins
+from ..collision.collision_bodies import CollisionMargins
 from ..collision.collision_checker import CollisionChecker
 from ..collision.start_tolerance import StartTolerance
 from ..collision.trajectory_check import is_trajectory_free

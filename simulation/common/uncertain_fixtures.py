@@ -6,8 +6,7 @@ import math
 from dataclasses import replace
 
 from ...world.random_streams import RandomStreams
-from ...world.scene.description import Fixture, SceneDescription
-from ...world.scene.holes import CERTAIN
+from ...world.scene.description import CERTAIN, Fixture, SceneDescription
 from ...world.values import Pose, quaternion_product
 
 

@@ -13,7 +13,7 @@ from ...world.values import Vector3
 from ..fault_files.device_entries import AtNode, AtTime, When
 from ..fault_files.item_entries import Bump, FaultTarget, Friction, Heavier, ItemFault, Larger, Remove
 from ..scoring.truth import TrueBody
-from .fault_interface import InjectableRobot
+from .device_faults import InjectableRobot
 
 
 def choose_target(

@@ -39,7 +39,7 @@ from ..fault_files.item_entries import (
     Remove,
     Slip,
 )
-from .fault_interface import InjectableRobot
+from .device_faults import InjectableRobot
 from .fault_sentences import begins, details, ends
 from .fault_states import FaultSchedule, FaultState, apply_item_fault, choose_target, told_of
 

@@ -13,8 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ...world.belief.hole_matching import Slack, hole_clearance
-from ...world.scene.description import Fixture
-from ...world.scene.holes import Hole
+from ...world.scene.description import Fixture, Hole
 from ...world.shapes import Box, Shape, bottom
 from ...world.values import Array, ObjectId, Pose
 

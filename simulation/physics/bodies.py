@@ -19,8 +19,7 @@ from ...errors import PicktreeError
 from ...world.colours import COLOURS
 from ...world.scene.calibration_results import PROUD, tile_body
 from ...world.scene.description import Bin, Fixture, SceneDescription
-from ...world.scene.fixture_surfaces import surface
-from ...world.scene.hole_geometry import convex_pieces
+from ...world.scene.hole_geometry import convex_pieces, surface
 from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, ObjectId, Pose, Vector3
 from ..common.footprints import floor_height

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ...world.belief.hole_matching import fits_hole
-from ...world.scene.description import CatalogueEntry, Fixture, Form
-from ...world.scene.holes import Hole
+from ...world.scene.description import CatalogueEntry, Fixture, Form, Hole
 from ...world.shapes import Box, Shape, Sphere, bottom
 from ...world.values import ObjectId, Pose, Vector3
 

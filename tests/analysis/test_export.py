@@ -15,9 +15,9 @@ from pyarrow import parquet
 
 from picktree.analysis import Run
 from picktree.analysis.export.exporting import TABLES, export
-from picktree.analysis.export.tables.columns import ColumnDoc, TableSpec, columns
 from picktree.analysis.export.tables.csv_file import read_csv, write_csv
 from picktree.analysis.export.tables.parquet_file import read_parquet, write_parquet
+from picktree.analysis.export.tables.row_types import ColumnDoc, TableSpec, columns
 from picktree.errors import PicktreeError
 from picktree.logs.optional_libraries import adding
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import HoldPose
+from picktree.control.cartesian.anchor_courses import CartesianStiffness, HoldPose
 from picktree.control.cartesian.impedance import CartesianImpedance
-from picktree.control.cartesian.stiffness import CartesianStiffness
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure
 from picktree.world.values import Array, Pose

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from picktree.planning.collision.clearances import CollisionMargins
-from picktree.planning.collision.collision_bodies import is_board
+from picktree.planning.collision.collision_bodies import CollisionMargins, is_board
 from picktree.planning.collision.collision_checker import CollisionChecker
 from picktree.planning.collision.start_tolerance import StartTolerance
 from picktree.planning.collision.trajectory_judge import TrajectoryVerifier

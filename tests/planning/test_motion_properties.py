@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from picktree.planning.collision import edges
-from picktree.planning.collision.clearances import CollisionMargins
+from picktree.planning.collision.collision_bodies import CollisionMargins
 from picktree.planning.collision.collision_checker import CollisionChecker
 from picktree.planning.collision.edges import EdgeSteps, bisection_order
 from picktree.planning.collision.start_tolerance import StartTolerance

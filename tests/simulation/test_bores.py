@@ -19,8 +19,7 @@ from picktree.simulation.physics.engine.pybullet_import import Client, pb
 from picktree.simulation.physics.penetration import Penetrations
 from picktree.simulation.scoring.truth import HoledFixtures, HoleSeating
 from picktree.simulation.spawning.spawn import SpawnedItem
-from picktree.world.scene.fixture_surfaces import surface
-from picktree.world.scene.hole_geometry import convex_pieces, outline
+from picktree.world.scene.hole_geometry import convex_pieces, outline, surface
 from picktree.world.scene.loading.scene_loading import load_scene, parse_scene
 from picktree.world.shapes import Box
 from picktree.world.values import Array, ObjectId, Pose

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from typing import TypeAlias
 
 from ..causes import Failure, world
-from ..scene.description import Fixture
-from ..scene.holes import Hole
+from ..scene.description import Fixture, Hole
 from ..shapes import Box, Cylinder, Shape, Sphere
 from ..values import Pose
 from .planning_scene import PlanningScene

@@ -13,9 +13,8 @@ from ....session.environment import SOURCES
 from ..diff import RunDiff
 from ..divergence import Divergence
 from ..message_fields import short_names, value_text
-from ..run_outcome import KILLED, ItemChange, ItemEnd, RunOutcome
+from ..run_outcome import KILLED, ItemChange, ItemEnd, RunOutcome, TimeChange, TimeUse
 from ..run_settings import FileChange, value_changes
-from ..time_spent import TimeChange, TimeUse
 from .divergence_text import first_value_lines, parting_lines
 
 

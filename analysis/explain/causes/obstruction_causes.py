@@ -15,10 +15,9 @@ from ....world.belief.planning_scene import BeliefObject
 from ....world.scene.description import Bin, Fixture
 from ....world.shapes import extents
 from ....world.values import ObjectId, Pose
-from ..investigation.case import Finding, Investigation
+from ..investigation.case import Finding, Investigation, reachable
 from ..investigation.explanation import CandidateChoice, FailureStory, number, word, words
 from ..investigation.number_wording import counted, listed, place, seconds
-from ..investigation.reachability import reachable
 
 OVER = 0.35
 """Height over a bin's rim, and width around an item, that hand and arm need, m."""

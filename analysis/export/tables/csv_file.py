@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
 
-from .columns import Cell, TableSpec, cells
+from .row_types import Cell, TableSpec, cells
 
 R = TypeVar("R")
 

@@ -10,7 +10,7 @@ from typing import TypeVar
 import pyarrow as pa
 from pyarrow import parquet
 
-from .columns import Column, TableSpec, cells
+from .row_types import Column, TableSpec, cells
 
 R = TypeVar("R")
 

@@ -13,9 +13,8 @@ from ....files.yaml.document import Location
 from ...belief.hole_matching import tightest_hole
 from ...shapes import Box, Cylinder, Shape, Sphere
 from ...values import Array, ObjectId, Pose
-from ..description import CatalogueEntry
+from ..description import CERTAIN, CatalogueEntry, Hole, HoleForm, PlacementUncertainty
 from ..hole_geometry import THINNEST, InterlockedHoles, outline, partition_top, wall_thickness
-from ..holes import CERTAIN, Hole, HoleForm, PlacementUncertainty
 from ..scene_schema import FixtureFile, HoleFile
 
 

@@ -30,6 +30,7 @@ from ..description import (
     CatalogueEntry,
     Destination,
     Fixture,
+    Hole,
     SafetyLimits,
     SceneDescription,
     SensorNoise,
@@ -38,7 +39,6 @@ from ..description import (
 )
 from ..destinations import can_hold, rule_names
 from ..feed import Exchange
-from ..holes import Hole
 from ..scene_schema import (
     SECTIONS,
     CalibrationFile,
