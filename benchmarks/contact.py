@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import TypeVar
 
 from picktree.cell.world import World
-from picktree.control.cartesian.anchor_courses import CartesianStiffness, CompliantMotion, ContactState
+from picktree.control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
 
 import numpy as np
 import pinocchio as pin

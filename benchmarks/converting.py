@@ -21,7 +21,7 @@ from typing import cast
 
 from _campaign import ROOT, Row, campaign
 from _file_mutants import mutant
-from picktree.authoring.xml.converting import convert_text
+from picktree.authoring.xml.conversion import convert_text
 from picktree.files.marks import FileError
 from picktree.trees.loading.registry import NodeRegistry
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from picktree.authoring.checking.check import check_mission
+from picktree.authoring.check import check_mission
 from picktree.files.yaml.document import parse_document
 from picktree.trees.loading.registry import NodeRegistry
 

@@ -47,7 +47,7 @@ ROOMS: dict[str, dict[str, tuple[str, ...]]] = {
     "skills": {"skills/*.py": ()},
     "recovery": {"recovery/*.py": ()},
     "scorer": {
-        f"simulation/{name}.py": () for name in ("scoring/scorer", "scoring/seats", "physics/penetration")
+        f"simulation/{name}.py": () for name in ("scoring/scorer", "scoring/truth", "physics/penetration")
     },
     "safety": {
         "control/safety/*.py": (),

@@ -44,7 +44,8 @@ _NO_PART_OF_A_RUN: Final = (
     "commissioning",
     "logs/episodes",
     "moved.py",
-    "session/live",
+    "session/live_view.py",
+    "session/real_time_pace.py",
     "session/resume",
 )
 """Modules and folders that decide nothing about a run: commands, batches, and readers of logs."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Protocol
 
-from ..authoring.checking.check import check_mission
+from ..authoring.check import check_mission
 from ..errors import PicktreeError
 from ..files.diagnostics.fault_rendering import fault_lines
 from ..files.yaml.document import Document, FileError, open_document, read_text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal
 
-from ..control.cartesian.anchor_courses import CartesianStiffness
+from ..control.cartesian.compliant_motion import CartesianStiffness
 from ..control.contact.hole_search import ExtractionMotion, InsertionMotion, InsertionParameters
 from ..manipulation.carry.hold_check import GripCheck, check_held_object, fail_as_slipped, is_released
 from ..manipulation.grasp.straight_lines import withdraw

@@ -45,7 +45,7 @@ def test_for_another_reason(): ...
 def test_last_line_says_what_is_missing_and_how_to_have_it(workers: str, tmp_path: Path) -> None:
     tests = tmp_path / "tests"
     tests.mkdir()
-    for name in ("conftest.py", "needs.py", "other_process.py"):
+    for name in ("conftest.py", "needs.py", "other_process.py", "recorded_runs.py"):
         shutil.copy(HERE / name, tests)
     (tests / "test_night.py").write_text(TESTS, encoding="utf-8")
     options = ["-n", workers, "--durations=3", "--import-mode=importlib", "-p", "no:cacheprovider"]

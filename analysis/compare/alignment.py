@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from ...logs.visits import Key, Visit, derived_visits
 from ..run import Run
 from .divergence import ComparedRuns, Divergence, find_parting
-from .node_matching import ItemMatch, NodeMatch, match_items, match_nodes
+from .matching import ItemMatch, NodeMatch, match_items, match_nodes
 from .visit_pair import EPSILON, VisitPair, differences
 
 

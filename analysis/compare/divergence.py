@@ -17,8 +17,8 @@ from ...logs.mcap.reader import RawMessage
 from ...logs.schema import topics
 from ...logs.visits import Visit
 from ..run import Run
+from .matching import NodeMatch
 from .message_fields import FieldDifference, decoded, first_field
-from .node_matching import NodeMatch
 from .visit_pair import EPSILON, Aspect, VisitPair
 
 

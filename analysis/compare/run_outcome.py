@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 from ...logs.visits import Visit, derived_visits
 from ..run import Run
 from .alignment import Alignment
-from .node_matching import Basis
+from .matching import Basis
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from ...authoring.checking.check import check_mission
+from ...authoring.check import check_mission
 from ...errors import PicktreeError
 from ...files.yaml.document import Diagnostic, FileError, open_document
 from ...robots.loading import load_robot

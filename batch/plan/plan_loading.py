@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from ...authoring.checking.check import MissionCheck, check_mission
+from ...authoring.check import MissionCheck, check_mission
 from ...errors import PicktreeError
 from ...files.models.validation import DocumentChecker
 from ...files.yaml.document import Diagnostic, Document, FileError, open_document

@@ -50,7 +50,7 @@ def export(
     answer = keep_stdout() if json else None
     import json as encoding
 
-    from ...analysis.export.exporting import export as write
+    from ...analysis.export.run_export import export as write
     from ...analysis.run import Run
 
     with Run(log) as run:

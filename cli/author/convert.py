@@ -18,7 +18,7 @@ def convert(
     ] = None,
 ) -> None:
     """Turn a mission into XML of BehaviorTree.CPP 4 and Groot2, and such XML into a mission."""
-    from ...authoring.xml.converting import convert as converted
+    from ...authoring.xml.conversion import convert as converted
 
     text = converted(file)
     if out is None:

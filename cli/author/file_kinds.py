@@ -25,7 +25,7 @@ def check_cell(document: Document) -> tuple[Diagnostic, ...]:
 
 
 def _mission(document: Document) -> Iterable[Diagnostic]:
-    from ...authoring.checking.check import check_mission
+    from ...authoring.check import check_mission
 
     return check_mission(document).faults
 

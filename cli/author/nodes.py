@@ -34,9 +34,9 @@ def nodes(
     """List the nodes that a mission may use; with a NAME its ports, causes and an example."""
     import orjson
 
-    from ...authoring.reference.markdown import markdown as reference_page
-    from ...authoring.reference.markdown import page, table
     from ...authoring.reference.node_reference import node_entry
+    from ...authoring.reference.reference_text import markdown as reference_page
+    from ...authoring.reference.reference_text import page, table
     from ..terminal.node_registries import registry
     from ..terminal.output import show
 

@@ -78,7 +78,7 @@ def export(
     json: Annotated[bool, typer.Option("--json", help="Print what was written as one JSON object.")] = False,
 ) -> None:
     """Write every table as a CSV or Parquet file, for pandas, DuckDB or a spreadsheet."""
-    from ...batch.results.exporting import export as write
+    from ...batch.results.batch_export import export as write
     from ...batch.results.store import NAME, Store
 
     with Store(folder / NAME) as store:

@@ -108,8 +108,8 @@ def run(
     seconds = None if limit is None else parse_limit(limit)
 
     from ...logs.recording.rotation import Rotation
-    from ...session.live.live_view import WallClockPacer
     from ...session.observer import PresetAnswers
+    from ...session.real_time_pace import WallClockPacer
     from ...session.recipe import LIMIT
     from ...session.session import RunRequest, Session
     from .operator_prompt import person
@@ -220,7 +220,7 @@ def _live_view(wanted: bool, port: int) -> Generator[Listener | None]:
     from ...logs.optional_libraries import optional_import
 
     with optional_import("live", "foxglove", "A live view"):
-        from ...session.live.live_view import LiveServer
+        from ...session.live_view import LiveServer
     with LiveServer(port) as live_view:
         print(f"live view at {live_view.url}", file=sys.stderr, flush=True)
         yield live_view

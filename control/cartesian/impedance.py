@@ -13,7 +13,7 @@ from ...world.values import Array, JointState
 from ..commands import Controller, JointCommand, TorqueCommand
 from ..joints.joint_controllers import BrakeController
 from ..wrist.wrist_wrench import TcpWrench
-from .anchor_courses import FIRM, SOFT, CartesianStiffness, CompliantMotion, ContactState, HoldPose
+from .compliant_motion import FIRM, SOFT, CartesianStiffness, CompliantMotion, ContactState, HoldPose
 from .soft_limits import SoftJointLimits
 
 REFRESH = 0.05

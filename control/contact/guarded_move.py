@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...world.values import Array, Pose
-from ..cartesian.anchor_courses import CompliantMotion, ContactState
+from ..cartesian.compliant_motion import CompliantMotion, ContactState
 
 ACCELERATION = 0.5
 """Of the anchor along its line, m/s²."""

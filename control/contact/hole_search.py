@@ -16,7 +16,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from ...world.values import Array
-from ..cartesian.anchor_courses import CompliantMotion, ContactState
+from ..cartesian.compliant_motion import CompliantMotion, ContactState
 from .search_patterns import (
     SettlingDetector,
     grid,

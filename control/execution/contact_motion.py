@@ -13,7 +13,7 @@ from ...robots.model import RobotModel
 from ...world.causes import Failure, control, safety
 from ...world.protocols import Clock
 from ...world.values import Array, Pose
-from ..cartesian.anchor_courses import CartesianStiffness, CompliantMotion
+from ..cartesian.compliant_motion import CartesianStiffness, CompliantMotion
 from ..cartesian.impedance import CartesianImpedance
 from ..cartesian.soft_limits import distance_to_workspace_edge
 from ..contact.guarded_move import GuardedMove, GuardedMoveResult

@@ -16,7 +16,7 @@ from ...world.journal import Journal
 from ...world.protocols import Clock
 from ...world.trajectory import Trajectory
 from ...world.values import Array, Vector3
-from ..cartesian.anchor_courses import FIRM, CartesianStiffness, CompliantMotion
+from ..cartesian.compliant_motion import FIRM, CartesianStiffness, CompliantMotion
 from ..contact.guarded_move import GuardedMoveResult
 from ..joints.joint_controllers import TrajectoryController, reversed_trajectory
 from ..joints.soft_contact import ContactThresholds, JointImpedanceResult

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...control.cartesian.anchor_courses import CartesianStiffness, CompliantMotion, ContactState
+from ...control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
 from ...control.wrist.contact_detection import ContactDetector
 from ...world.causes import Failure, grasp
 from ...world.journal import JournalEvent

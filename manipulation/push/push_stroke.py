@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ...control.cartesian.anchor_courses import CartesianStiffness
+from ...control.cartesian.compliant_motion import CartesianStiffness
 from ...planning.requests import JointGoal, LineGoal, NamedGoal, OffsetGoal, PoseGoal, Request
 from ...world.belief.planning_scene import BeliefObject
 from ...world.planar_geometry import PlanarOutline, PlanarPose, moved, outline, outline_distance, planar

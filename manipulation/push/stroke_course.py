@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from ...control.cartesian.anchor_courses import CompliantMotion, ContactState
+from ...control.cartesian.compliant_motion import CompliantMotion, ContactState
 from ...world.planar_geometry import PlanarPose
 from ...world.values import Array
 from .push_arcs import ArcPath

@@ -32,7 +32,7 @@ from .belts import PhysicsBelts
 from .bodies import add_fixed, add_obstacle
 from .cell_access import PhysicsCell
 from .crushing import CrushDetector
-from .engine.pybullet_import import (
+from .engine import (
     EVERYDAY,
     RESOLUTION,
     SOLVER_ITERATIONS,

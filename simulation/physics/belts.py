@@ -18,7 +18,7 @@ from ...world.shapes import Box
 from ...world.values import ObjectId
 from ..feed.belt_drive import BeltDrive, BeltState, check_belts
 from .bodies import FIXED_FRICTION
-from .engine.pybullet_import import pb
+from .engine import pb
 
 SET_BACK = 0.01
 """After so much way the slab is set back, m. Its ends lie off the belt's by half of that at most."""

@@ -24,7 +24,7 @@ from ...world.shapes import Box, ConvexMesh, Cylinder, Shape, Sphere
 from ...world.values import Array, ObjectId, Pose, Vector3
 from ..common.footprints import floor_height
 from ..spawning.spawn import SpawnedItem
-from .engine.pybullet_import import pb
+from .engine import pb
 
 if TYPE_CHECKING:
     from trimesh import Trimesh

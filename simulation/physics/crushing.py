@@ -9,7 +9,7 @@ from ...world.journal import JournalEvent
 from ...world.values import ObjectId
 from ..checkpoints.physics_state import PressedItem, RobotReading
 from ..scoring.truth import TrueBody
-from .engine.pybullet_import import pb
+from .engine import pb
 from .items import PhysicsItems
 from .robot.robot_body import RobotBody
 

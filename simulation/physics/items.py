@@ -15,7 +15,7 @@ from ..scoring.truth import TrueBody
 from ..spawning.inventory import Inventory, InventoryState, departed
 from ..spawning.spawn import SpawnedItem
 from .bodies import add_item, forget_contacts, set_friction, set_mass
-from .engine.pybullet_import import pb
+from .engine import pb
 from .robot.robot_body import finite
 from .sleeping_items import SleepingItems
 

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Collection, Mapping
 
 from ...world.values import ObjectId
-from .engine.pybullet_import import pb
+from .engine import pb
 
 WINDOW = 1.0
 """What was is kept for so long, s."""

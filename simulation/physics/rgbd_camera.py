@@ -16,7 +16,7 @@ from ...world.values import Pose
 from ..common.sensor_noise import mislabelled, noisy_colour, noisy_depth
 from ..faults.device_faults import DeviceFaults
 from .bodies import add_scenery
-from .engine.pybullet_import import Client, pb
+from .engine import Client, pb
 
 LIGHT = (0.3, 0.2, 1.0)
 """Direction towards the light, in the world."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 
 from ...world.values import ObjectId, Quaternion, Vector3
-from .engine.pybullet_import import pb
+from .engine import pb
 
 EVERY = 12
 """Steps between two looks at the items."""

@@ -14,7 +14,7 @@ from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
 from picktree.analysis import Run
-from picktree.analysis.export.exporting import TABLES, export
+from picktree.analysis.export.run_export import TABLES, export
 from picktree.analysis.export.tables.csv_file import read_csv, write_csv
 from picktree.analysis.export.tables.parquet_file import read_parquet, write_parquet
 from picktree.analysis.export.tables.row_types import ColumnDoc, TableSpec, columns

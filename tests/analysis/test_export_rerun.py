@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from picktree.analysis import Run
-from picktree.analysis.export.exporting import export
+from picktree.analysis.export.run_export import export
 from picktree.errors import PicktreeError
 from picktree.logs.run_result import RunResult
 

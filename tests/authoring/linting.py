@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from textwrap import dedent
 
-from picktree.authoring.checking.check import check_mission
+from picktree.authoring.check import check_mission
 from picktree.files.yaml.document import read_document
 from picktree.trees.loading.registry import NodeRegistry
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from textwrap import dedent
 
-from picktree.authoring.checking.check import MissionCheck, check_mission
+from picktree.authoring.check import MissionCheck, check_mission
 from picktree.files.yaml.document import parse_document
 from picktree.trees.mission import LIBRARY
 

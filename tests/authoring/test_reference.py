@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.checking.check import check_mission
-from picktree.authoring.reference.markdown import markdown, page, table
+from picktree.authoring.check import check_mission
 from picktree.authoring.reference.node_reference import node_entry
 from picktree.authoring.reference.port_wording import COMMON_DOCS
+from picktree.authoring.reference.reference_text import markdown, page, table
 from picktree.cli.terminal.node_registries import registry
 from picktree.files.expressions.expression import Expression
 from picktree.files.yaml.document import Document, read_document

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from picktree.batch.results.exporting import export
+from picktree.batch.results.batch_export import export
 from picktree.batch.results.rows import JobPickRow, JobRows
 from picktree.batch.results.store import Store
 from picktree.batch.results.tables import TABLES

@@ -288,7 +288,7 @@ def test_nothing_is_left_of_a_batch_that_is_killed_whose_cluster_was_on_the_loop
     try:
         until(lambda: (tmp_path / "tried-0").exists() and (tmp_path / "tried-1").exists())
         everything = below(batch.pid)
-        assert {"gcs_server", "raylet", "ray::Foreman"} <= {name(pid) for pid in everything}
+        assert {"gcs_server", "raylet", "ray::NodeWorker"} <= {name(pid) for pid in everything}
         assert _listening(everything) == {"127.0.0.1"}
     finally:
         batch.kill()

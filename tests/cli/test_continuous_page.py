@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.checking.check import check_mission
+from picktree.authoring.check import check_mission
 from picktree.cli.run.run import parse_parameters
 from picktree.files.yaml.document import parse_document
 from picktree.trees.loading.loader import load_mission

@@ -113,7 +113,7 @@ def test_the_python_of_its_page_runs(
     monkeypatch.chdir(tmp_path)
     exec(compile(found[1], "compare.md", "exec"), {})
     shown = capfd.readouterr().out
-    assert "Parting(time=" in shown and "Difference(tick=" in shown and "SUCCESS FAILURE" in shown
+    assert "Divergence(time=" in shown and "Difference(tick=" in shown and "SUCCESS FAILURE" in shown
 
 
 def test_what_is_no_log_is_refused(plain: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.analysis.export.exporting import TABLES
+from picktree.analysis.export.run_export import TABLES
 from picktree.cli.app import answer
 
 GOLDEN = Path(__file__).parents[1] / "logs" / "golden" / "small.mcap"

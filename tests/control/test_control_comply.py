@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import CartesianStiffness, CompliantMotion, ContactState
+from picktree.control.cartesian.compliant_motion import CartesianStiffness, CompliantMotion, ContactState
 from picktree.control.execution.contact_motion import CompliantMotionResult
 from picktree.errors import PicktreeError
 from picktree.simulation.physics.backend import PhysicsHardware

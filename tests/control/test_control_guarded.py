@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import CartesianStiffness
+from picktree.control.cartesian.compliant_motion import CartesianStiffness
 from picktree.errors import PicktreeError
 from picktree.world.causes import Failure
 from picktree.world.values import Pose

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import HoldPose
+from picktree.control.cartesian.compliant_motion import HoldPose
 from picktree.control.cartesian.impedance import CartesianImpedance, ContactReflex
 from picktree.control.cartesian.velocity_controller import JogController
 from picktree.control.joints.joint_controllers import BrakeController, HoldController, TrajectoryController

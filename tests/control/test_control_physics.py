@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import CartesianStiffness, HoldPose
+from picktree.control.cartesian.compliant_motion import CartesianStiffness, HoldPose
 from picktree.control.cartesian.impedance import CartesianImpedance
 from picktree.simulation.physics.backend import PhysicsHardware
 from picktree.world.causes import Failure

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import ContactState
+from picktree.control.cartesian.compliant_motion import ContactState
 from picktree.control.contact.hole_search import (
     LIFTED,
     BelievedHole,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from picktree.control.cartesian.anchor_courses import ContactState
+from picktree.control.cartesian.compliant_motion import ContactState
 from picktree.manipulation.push.push_arcs import ArcPath, straight
 from picktree.manipulation.push.pushed_object import PlanarEstimate, estimate_from_camera, fuse_estimates
 from picktree.manipulation.push.stroke_course import AWAY, PushMotion

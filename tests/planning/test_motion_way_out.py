@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from picktree.planning.collision.collision_checker import CollisionChecker
+from picktree.planning.requests import DIRECTIONS
 from picktree.planning.search.penetration_escape import (
-    DIRECTIONS,
     EscapeSearch,
     StepConstraints,
     least_distance,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.checking.check import check_mission
+from picktree.authoring.check import check_mission
 from picktree.authoring.rehearsal.rehearse import rehearse_files
 from picktree.cell.operator_desk import OperatorQuestion, OperatorRequests
 from picktree.files.yaml.document import parse_document

@@ -13,7 +13,7 @@ from picktree.errors import PicktreeError
 from picktree.simulation.backends import Backend
 from picktree.simulation.feed.bin_exchange import goes_with
 from picktree.simulation.physics.backend import PhysicsHardware
-from picktree.simulation.physics.engine.pybullet_import import pb
+from picktree.simulation.physics.engine import pb
 from picktree.simulation.scoring.scorer import score
 from picktree.simulation.scoring.truth import TrueBody
 from picktree.world.scene.feed import Exchange

@@ -72,9 +72,9 @@ def test_only_a_retreat_acknowledges() -> None:
         )
     ]
     assert sorted(said) == [
-        "recovery/safe_retreat.py",
         "control/safety/safety_monitor.py",
         "manipulation/retreat/clearing.py",
+        "recovery/safe_retreat.py",
     ]
 
 

@@ -8,7 +8,7 @@ from typing import get_args
 
 import pytest
 
-from picktree.authoring.checking.check import check_mission
+from picktree.authoring.check import check_mission
 from picktree.control.execution.jog_motion import StoppedBy
 from picktree.files.yaml.document import parse_document
 from picktree.trees.loading.loader import load_mission, parse_mission

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.checking.check import check_mission
+from picktree.authoring.check import check_mission
 from picktree.files.expressions.parser import FUNCTIONS
 from picktree.files.yaml.document import parse_document
 from picktree.trees.declaration import COMMON_KEYS

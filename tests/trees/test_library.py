@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.checking.check import check_mission
+from picktree.authoring.check import check_mission
 from picktree.files.yaml.document import load_document, parse_document
 from picktree.trees.loading.loader import examine
 from picktree.trees.loading.registry import NodeRegistry

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from picktree.authoring.checking.check import check_mission
+from picktree.authoring.check import check_mission
 from picktree.errors import PicktreeError
 from picktree.files.yaml.document import FileError, load_document, parse_document
 from picktree.session.recipe import mission_files, plugin_versions

@@ -11,7 +11,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "sort_by_colour.yam
 PROGRAM = f"""
 import sys
 from pathlib import Path
-from picktree.authoring.checking.check import check_mission
+from picktree.authoring.check import check_mission
 from picktree.files.yaml.document import open_document
 checked = check_mission(open_document(Path({str(EXAMPLE)!r}), "mission"))
 assert checked.mission is not None and "Grasp" in str(checked.mission.trees)

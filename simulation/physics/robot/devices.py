@@ -12,7 +12,7 @@ from ....world.values import Array, GripperState, JointState, Wrench
 from ...checkpoints.physics_state import GripperCommand, RobotReading
 from ...common.sensor_noise import RobotSensorNoise
 from ...faults.device_faults import DeviceFaults
-from ..engine.pybullet_import import EVERYDAY, RESOLUTION
+from ..engine import EVERYDAY, RESOLUTION
 from .robot_body import RobotBody, finite
 
 PERIOD = 1 / EVERYDAY

@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from ...errors import PicktreeError
-from ...files.expressions.expression import ExpressionError
-from ...files.expressions.type_inference import ValueType, check_types
-from ...files.yaml.document import Diagnostic, Document, FileError, suggest_name
-from ...trees.loading.loader import MissionReadResult, examine
-from ...trees.loading.registry import NodeRegistry
-from ...trees.loading.scene_names import SceneNames, load_surroundings
-from ...trees.mission import Mission, reachable
-from ...trees.values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
-from ...trees.wiring.circuit import ArrivingValue
-from ...trees.wiring.expression_checks import MissionExpression, expressions_of
-from ...trees.wiring.key_writers import PlacedNode, TreeKeys
-from ...trees.wiring.type_fit import DEFAULT
-from ...world.belief.facts import ASIDE
-from ..lint import lint
+from ..errors import PicktreeError
+from ..files.expressions.expression import ExpressionError
+from ..files.expressions.type_inference import ValueType, check_types
+from ..files.yaml.document import Diagnostic, Document, FileError, suggest_name
+from ..trees.loading.loader import MissionReadResult, examine
+from ..trees.loading.registry import NodeRegistry
+from ..trees.loading.scene_names import SceneNames, load_surroundings
+from ..trees.mission import Mission, reachable
+from ..trees.values.references import ATTRIBUTE_TYPES, ExpressionLocator, Reference
+from ..trees.wiring.circuit import ArrivingValue
+from ..trees.wiring.expression_checks import MissionExpression, expressions_of
+from ..trees.wiring.key_writers import PlacedNode, TreeKeys
+from ..trees.wiring.type_fit import DEFAULT
+from ..world.belief.facts import ASIDE
+from .lint import lint
 
 _CODE = "P240"
 

@@ -8,7 +8,7 @@ import weakref
 from collections.abc import Generator
 from contextlib import contextmanager
 
-from ....errors import PicktreeError
+from ...errors import PicktreeError
 
 __all__ = ["pb"]
 

@@ -1,1 +1,0 @@
-"""A mission checked as a whole."""

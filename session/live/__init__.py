@@ -1,1 +1,0 @@
-"""A run as it goes: its messages over a WebSocket, at the pace of a watch."""

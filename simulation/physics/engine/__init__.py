@@ -1,1 +1,0 @@
-"""pybullet, and how finely it is stepped."""
