@@ -27,12 +27,20 @@ from .expectation.backdrop import (
 from .expectation.hand_camera_pose import register_hand_camera
 from .expectation.robot_mask import HIGH, RobotMask, RobotShape, with_what_hangs_on
 from .fitting.blob_splitting import split_blob
-from .fitting.item_fitting import GOOD, HOVER, MODEL_SIGMA, Hypothesis, ItemFitter
+from .fitting.item_fitting import (
+    GOOD,
+    HOVER,
+    MODEL_SIGMA,
+    POOR,
+    Hypothesis,
+    ItemFitter,
+    detection_from,
+    is_clear,
+)
 from .fitting.known_object_fitting import ROUGH, TrackedSighting, track_objects
 from .fitting.view import BinView, BodyVisibility, Detection, PerceivedView, UnexplainedPatch
 from .geometry.camera_geometry import PosedCamera
 from .geometry.resting_poses import HoleMouths, stable_poses
-from .geometry.silhouette_fitting import StandingPose
 from .segmentation import blobs
 from .segmentation.blobs import (
     Blob,
@@ -53,11 +61,6 @@ FLAT = 0.002
 """A patch of colour whose top is lower than this over its support is paint, m."""
 PAINT = 0.0035
 """Colour that is painted there needs this much height to be something else, m."""
-SUBPIXEL = 0.12
-"""What the grid of pixels costs however many of them an outline has, pixels: along an edge that lies with
-the grid they all err alike."""
-FRAGMENT = 0.4
-"""A blob that fills less of the silhouette than this may be a part of anything."""
 OVER_RIM, OVER_HEAP = 0.03, 0.10
 """Depth over a bin that is not higher than this over its rim is of its heap, grey or of an item's colour:
 items may lean over the rim, m."""
@@ -76,8 +79,6 @@ GOOD_CUT, SHOWN_CUT = 2.5, 0.75
 and so much of its silhouette; else it is nothing, for another picture shows it better."""
 VAGUE = 0.012
 """A position that is less certain than this is none, m."""
-POOR = 4.0
-"""A misfit above this explains nothing."""
 POOR_IN_BIN = 2.6
 """The same in a bin, where leaning items are not forced into a shape."""
 
@@ -304,12 +305,12 @@ class _Finding:
         misfit = hypotheses[0].misfit if hypotheses else 9.0
         cut = cut_off(patch.rows, patch.columns, *self.picture.depth.shape) or self._beside_robot(blob)
         if self.moving and cut:
-            if hypotheses and _clear(hypotheses[0], GOOD_CUT) and hypotheses[0].shown > SHOWN_CUT:
+            if hypotheses and is_clear(hypotheses[0], GOOD_CUT) and hypotheses[0].shown > SHOWN_CUT:
                 self._settle(blob, hypotheses, floor)
             return
         if misfit > GOOD and not floor.in_bin:
             parts = split_blob(self.picture, self.fitter, blob, floor.height, misfit)
-            if parts is not None and (misfit >= POOR or all(_clear(part.hypotheses[0]) for part in parts)):
+            if parts is not None and (misfit >= POOR or all(is_clear(part.hypotheses[0]) for part in parts)):
                 for part in parts:
                     self._settle(part.blob, part.hypotheses, floor)
                 return
@@ -323,9 +324,9 @@ class _Finding:
             return None
         found = replace(self.fitter, rests=mouth.rests).explain(blob, mouth.height)
         stub = mouth.stub(found[0].stand.rest) if found else None
-        if stub is None or not _clear(found[0]):
+        if stub is None or not is_clear(found[0]):
             return None
-        seen = _detection(self.picture.sight, blob, found, SupportSurface(mouth.id, mouth.height, False))
+        seen = detection_from(self.picture.sight, blob, found, SupportSurface(mouth.id, mouth.height, False))
         # What the board hides of its outline leaves open where it is, and the hole tells.
         at = seen.pose.position if seen.sigma_position < mouth.sigma else (*mouth.at, seen.pose.position[2])
         pose = Pose(at, seen.pose.orientation).shifted((0.0, 0.0, -stub.sunk))
@@ -334,8 +335,8 @@ class _Finding:
 
     def _settle(self, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface) -> None:
         """Take the best hypothesis for true, or box the blob."""
-        if hypotheses and _clear(hypotheses[0], POOR_IN_BIN if floor.in_bin else POOR):
-            detection = _detection(self.picture.sight, blob, hypotheses, floor)
+        if hypotheses and is_clear(hypotheses[0], POOR_IN_BIN if floor.in_bin else POOR):
+            detection = detection_from(self.picture.sight, blob, hypotheses, floor)
             if detection.sigma_position < VAGUE:
                 self.detections.append(detection)
                 return
@@ -376,48 +377,3 @@ class _Seated:
 
     best: Hypothesis
     detection: Detection
-
-
-def _clear(hypothesis: Hypothesis, poor: float = POOR) -> bool:
-    """Whether it explains its blob, and the blob is enough to go by."""
-    return hypothesis.misfit < poor and hypothesis.shown >= FRAGMENT
-
-
-def _detection(
-    sight: PosedCamera, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface
-) -> Detection:
-    best = hypotheses[0]
-    rest = best.stand.rest
-    entry = rest.entry
-    turn = rest.turn
-    yaw = best.stand.yaw if not turn else (best.stand.yaw + turn / 2) % turn - turn / 2
-    stand = StandingPose(rest, best.stand.centre, yaw if turn else 0.0)
-    loose = math.sqrt(max(1.0, best.misfit)) / max(0.3, best.shown)
-    variance = best.covariance
-    position = math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose
-    angle = math.pi if not turn else min(math.pi, math.sqrt(float(variance[2, 2])) * loose)
-    pixel = float((stand.centre - sight.origin) @ sight.rotation[:, 2]) / sight.intrinsics.fx
-    position = math.hypot(position, SUBPIXEL * pixel)
-    return Detection(
-        entry.kind,
-        entry.form,
-        entry.shape,
-        blobs.NAMES[blob.patch.label],
-        Pose.from_rotation(stand.centre, stand.turned),
-        position + (0.0 if best.supported else 1e-3),
-        max(angle, 2e-3),
-        _confidence(hypotheses),
-        turn,
-        floor.place,
-    )
-
-
-def _confidence(hypotheses: list[Hypothesis]) -> float:
-    """High when the best explains the blob well, is seen whole, and no other kind does nearly as well."""
-    best = hypotheses[0]
-    fit = float(np.clip((POOR - best.misfit) / (POOR - 1.2), 0.05, 1.0))
-    others = [h.cost for h in hypotheses if h.stand.rest.entry.kind != best.stand.rest.entry.kind]
-    lead = min(others, default=math.inf) - best.cost
-    certain = 1.0 / (1.0 + math.exp(-min(lead, 60.0) / 4.0))
-    seen = 0.4 + 0.6 * best.shown
-    return round(fit * certain * seen * (1.0 if best.supported else 0.7), 4)

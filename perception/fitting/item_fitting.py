@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...world.raycasting import cast
-from ...world.values import Array
+from ...world.values import Array, Pose
+from ..expectation.backdrop import SupportSurface
 from ..geometry.camera_geometry import PosedCamera
 from ..geometry.resting_poses import StablePose
 from ..geometry.silhouette_fitting import OUTLIER, StandingPose, fit_outline, likely_turns, silhouette
-from ..segmentation.blobs import Blob
+from ..segmentation.blobs import NAMES, Blob
+from .view import Detection
 
 HEIGHT_GATE = 0.009
 """A rest whose top is further than this from the blob's is not tried, m."""
@@ -33,6 +35,13 @@ MODEL_SIGMA = 0.0004
 """What depth adds to its noise where surfaces are steep or edges rounded, m."""
 GOOD = 1.5
 """A misfit below this needs no other explanation; a perfect one is about 0.8."""
+POOR = 4.0
+"""A misfit above this explains nothing."""
+FRAGMENT = 0.4
+"""A blob that fills less of the silhouette than this may be a part of anything."""
+SUBPIXEL = 0.12
+"""What the grid of pixels costs however many of them an outline has, pixels: along an edge that lies with
+the grid they all err alike."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,3 +197,48 @@ class ItemFitter:
 def _rank(one: Hypothesis) -> float:
     """Lower is better: the cost, with a handicap for what floats and for unlikely faces."""
     return one.cost + (0.0 if one.supported else 12.0) + 10.0 * one.stand.rest.unlikely
+
+
+def is_clear(hypothesis: Hypothesis, poor: float = POOR) -> bool:
+    """Whether it explains its blob, and the blob is enough to go by."""
+    return hypothesis.misfit < poor and hypothesis.shown >= FRAGMENT
+
+
+def detection_from(
+    sight: PosedCamera, blob: Blob, hypotheses: list[Hypothesis], floor: SupportSurface
+) -> Detection:
+    best = hypotheses[0]
+    rest = best.stand.rest
+    entry = rest.entry
+    turn = rest.turn
+    yaw = best.stand.yaw if not turn else (best.stand.yaw + turn / 2) % turn - turn / 2
+    stand = StandingPose(rest, best.stand.centre, yaw if turn else 0.0)
+    loose = math.sqrt(max(1.0, best.misfit)) / max(0.3, best.shown)
+    variance = best.covariance
+    position = math.sqrt(max(float(variance[0, 0]), float(variance[1, 1]))) * loose
+    angle = math.pi if not turn else min(math.pi, math.sqrt(float(variance[2, 2])) * loose)
+    pixel = float((stand.centre - sight.origin) @ sight.rotation[:, 2]) / sight.intrinsics.fx
+    position = math.hypot(position, SUBPIXEL * pixel)
+    return Detection(
+        entry.kind,
+        entry.form,
+        entry.shape,
+        NAMES[blob.patch.label],
+        Pose.from_rotation(stand.centre, stand.turned),
+        position + (0.0 if best.supported else 1e-3),
+        max(angle, 2e-3),
+        _confidence(hypotheses),
+        turn,
+        floor.place,
+    )
+
+
+def _confidence(hypotheses: list[Hypothesis]) -> float:
+    """High when the best explains the blob well, is seen whole, and no other kind does nearly as well."""
+    best = hypotheses[0]
+    fit = float(np.clip((POOR - best.misfit) / (POOR - 1.2), 0.05, 1.0))
+    others = [h.cost for h in hypotheses if h.stand.rest.entry.kind != best.stand.rest.entry.kind]
+    lead = min(others, default=math.inf) - best.cost
+    certain = 1.0 / (1.0 + math.exp(-min(lead, 60.0) / 4.0))
+    seen = 0.4 + 0.6 * best.shown
+    return round(fit * certain * seen * (1.0 if best.supported else 0.7), 4)
