@@ -1,10 +1,12 @@
 """Time parameterisation: from a path to a trajectory within the joints' limits of velocity, acceleration,
 jerk and torque.
 
-The fastest profile of the path's speed comes from TOPP-RA (Pham and Pham, "A new approach to time-optimal
-path parameterization based on reachability analysis", IEEE Transactions on Robotics 34, 2018). Its
-acceleration jumps. Therefore the time law s(t), not the joints, is averaged over a short window. The path
-stays what was checked, and the acceleration becomes continuous.
+The fastest profile of the path's speed comes from TOPP-RA. Its acceleration jumps. Therefore the time law
+s(t), not the joints, is averaged over a short window. The path stays what was checked, and the acceleration
+becomes continuous.
+
+Pham and Pham, "A new approach to time-optimal path parameterization based on reachability analysis", IEEE
+Transactions on Robotics 34 (2018).
 """
 
 from __future__ import annotations
