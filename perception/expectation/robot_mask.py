@@ -164,8 +164,11 @@ def fill(mask: NDArray[np.uint8], pixels: Array) -> None:
 def with_what_hangs_on(
     robot: NDArray[np.bool_], height: Array, known: NDArray[np.bool_], above: float
 ) -> NDArray[np.bool_]:
-    """The mask and what is higher than `above`, touches it and is not far from it: cables, and what the model
-    lacks. What goes on beyond that may be something that stands behind the robot."""
+    """Add to the mask what is connected to it, higher than `above` m and at most HANGS pixels away.
+
+    These are cables, and parts that the model lacks. Anything that goes on beyond may be a body behind the
+    robot.
+    """
     high = known & (height > above) & ~robot
     if not robot.any() or int(high.sum()) < 4:
         return robot
@@ -183,13 +186,14 @@ class _Outline:
     """Outside of a mesh file, scaled."""
 
     points: Array
-    """The few vertices (k, 3) whose hull is nearly that of all, m; read-only."""
+    """Few vertices (k, 3) whose hull is nearly that of all, m; read-only."""
     convex: bool
-    """The hull is about all that there is of the mesh."""
+    """Whether the mesh fills nearly all of its hull."""
 
 
 def _outline(mesh: UrdfMesh) -> _Outline:
-    """Outline of the file as it is now. A process reads each file once, unless it was changed since."""
+    """Return the outline of the file's present content. A process reads each file once, unless it has
+    changed."""
     file = Path(mesh.path).stat()
     return _read(mesh.path, mesh.scale, file.st_mtime_ns, file.st_size)
 
@@ -209,7 +213,7 @@ def _read(path: str, scale: Vector3, changed: int, size: int) -> _Outline:
 
 
 def _furthest(points: Array) -> Array:
-    """The few of these points (n, 3) of a hull whose hull is nearly that of all."""
+    """Select a few of these points (n, 3) of a hull whose hull is nearly that of all."""
     k = np.arange(DIRECTIONS) + 0.5
     polar, turn = np.arccos(1 - 2 * k / DIRECTIONS), np.pi * (1 + 5**0.5) * k
     sphere = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
